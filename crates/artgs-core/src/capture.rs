@@ -1,0 +1,59 @@
+//! What the user photographed: posed RGBA images, with or without depth, of one object in two states.
+
+use crate::Camera;
+use glam::DVec3;
+
+/// Names of the two states, as files and replicas spell them.
+pub const STATE_NAMES: [&str; 2] = ["start", "end"];
+
+/// One posed image.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Path of the image relative to the capture, for messages.
+    pub name: String,
+    /// Pose and intrinsics; its size is the size of the images.
+    pub camera: Camera,
+    /// Straight (un-premultiplied) RGBA, row-major, `[height * width]`; alpha is the object mask.
+    pub rgba: Vec<[u8; 4]>,
+    /// Planar depth in scene units, `[height * width]`, 0 where there is none.
+    pub depth: Option<Vec<f32>>,
+}
+
+impl View {
+    /// Image width and height in pixels.
+    pub fn size(&self) -> (usize, usize) {
+        (self.camera.intrinsics.width as usize, self.camera.intrinsics.height as usize)
+    }
+}
+
+/// All views of the object in one state.
+#[derive(Clone, Debug, Default)]
+pub struct StateViews {
+    /// Views the method may learn from.
+    pub train: Vec<View>,
+    /// Held-out views, only for scoring pictures; may be empty.
+    pub test: Vec<View>,
+}
+
+/// Two states of one object in one world frame.
+#[derive(Clone, Debug, Default)]
+pub struct Capture {
+    /// Start and end.
+    pub states: [StateViews; 2],
+    /// What was odd but usable, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+impl Capture {
+    /// True if every training view of both states has depth.
+    pub fn has_depth(&self) -> bool {
+        self.states.iter().all(|s| s.train.iter().all(|v| v.depth.is_some()))
+    }
+
+    /// Largest distance of a training camera of either state from their mean, scene units (ArtGS' `cameras_extent`).
+    pub fn camera_extent(&self) -> f64 {
+        let eyes: Vec<DVec3> = self.states.iter().flat_map(|s| &s.train).map(|v| v.camera.position()).collect();
+        let mean = eyes.iter().sum::<DVec3>() / eyes.len().max(1) as f64;
+        eyes.iter().map(|e| (*e - mean).length()).fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,95 @@
+//! One-degree-of-freedom joints between a part and the static part, in the world frame.
+
+use crate::Rigid;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// How a part moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum JointKind {
+    /// Turns about a line; values in radians.
+    Revolute,
+    /// Slides along a direction; values in scene units.
+    Prismatic,
+    /// Turns about a line while sliding along it; values in radians.
+    Screw,
+}
+
+/// A joint with the values it has in the two observed states.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Joint {
+    /// How the part moves.
+    pub kind: JointKind,
+    /// Unit axis, world frame.
+    pub axis: DVec3,
+    /// A point of the axis, world frame; for prismatic joints any point, by custom one near the part.
+    pub origin: DVec3,
+    /// Slide along the axis per radian, scene units; 0 unless `kind` is `Screw`.
+    pub pitch: f64,
+    /// Values at the start and at the end state.
+    pub state_values: [f64; 2],
+    /// Lower and upper limit.
+    pub limits: [f64; 2],
+}
+
+impl Joint {
+    /// Reads a joint of the given kind off the motion from start to end; the value is 0 at the start.
+    /// What the kind cannot express (the turn of a prismatic, the slide of a revolute motion) is dropped.
+    pub fn from_motion(kind: JointKind, start_to_end: &Rigid) -> Self {
+        let screw = start_to_end.screw();
+        let (axis, origin, value, pitch) = match kind {
+            JointKind::Prismatic => {
+                let t = start_to_end.translation;
+                (t.normalize_or(DVec3::Z), DVec3::ZERO, t.length(), 0.0)
+            }
+            JointKind::Revolute => (screw.axis, screw.origin, screw.angle, 0.0),
+            JointKind::Screw => (screw.axis, screw.origin, screw.angle, screw.slide / screw.angle.max(1e-12)),
+        };
+        Self { kind, axis, origin, pitch, state_values: [0.0, value], limits: [0.0, value] }
+    }
+
+    /// Motion of the part when the joint goes by `amount` (radians or scene units).
+    pub fn motion(&self, amount: f64) -> Rigid {
+        match self.kind {
+            JointKind::Prismatic => Rigid::shift(self.axis * amount),
+            JointKind::Revolute => Rigid::about(self.axis, self.origin, amount),
+            JointKind::Screw => {
+                let m = Rigid::about(self.axis, self.origin, amount);
+                Rigid { translation: m.translation + self.axis * (self.pitch * amount), ..m }
+            }
+        }
+    }
+
+    /// Motion of the part from the start to the end state.
+    pub fn start_to_end(&self) -> Rigid {
+        self.motion(self.state_values[1] - self.state_values[0])
+    }
+
+    /// The same joint with its origin slid along the axis to the point closest to `point`.
+    pub fn with_origin_near(mut self, point: DVec3) -> Self {
+        self.origin = match self.kind {
+            JointKind::Prismatic => point,
+            _ => self.origin + self.axis * self.axis.dot(point - self.origin),
+        };
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_joint_reproduces_the_motion_it_was_read_from() {
+        let x = DVec3::new(0.3, -0.4, 0.9);
+        let axis = DVec3::new(1.0, 2.0, -1.0).normalize();
+        let hinge = Rigid::about(axis, DVec3::new(0.2, 0.0, 0.5), 1.3);
+        let slide = Rigid::shift(DVec3::new(0.0, -0.2, 0.1));
+        let screw = Rigid { translation: hinge.translation + axis * 0.05, ..hinge };
+        for (kind, m) in [(JointKind::Revolute, hinge), (JointKind::Prismatic, slide), (JointKind::Screw, screw)] {
+            let joint = Joint::from_motion(kind, &m).with_origin_near(DVec3::new(5.0, 1.0, 2.0));
+            assert!((joint.start_to_end().apply(x) - m.apply(x)).length() < 1e-12, "{kind:?}");
+        }
+    }
+}

@@ -1,0 +1,19 @@
+//! Nouns: plain data with small mathematics, shared by every other crate. No files, threads or random numbers.
+//!
+//! Frames, units and orders are fixed in `CONVENTIONS.md` at the root of the repository.
+
+pub mod camera;
+pub mod capture;
+pub mod joint;
+pub mod mesh;
+pub mod replica;
+pub mod rigid;
+pub mod splats;
+
+pub use camera::{Camera, Intrinsics};
+pub use capture::{Capture, STATE_NAMES, StateViews, View};
+pub use joint::{Joint, JointKind};
+pub use mesh::Mesh;
+pub use replica::{Replica, ReplicaError};
+pub use rigid::Rigid;
+pub use splats::Splats;

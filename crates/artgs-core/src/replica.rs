@@ -1,0 +1,231 @@
+//! The result: parts, joints and where their meshes are. Serialises to `replica.json`, version 1.
+
+use crate::{Joint, JointKind};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// Value of `format` in `replica.json`.
+pub const REPLICA_FORMAT: &str = "artgs-replica";
+/// Value of `version` in `replica.json`.
+pub const REPLICA_VERSION: u32 = 1;
+
+/// A reason why a replica cannot be used.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum ReplicaError {
+    /// The file is not a replica.
+    #[error("field `format` is {0:?}, expected {REPLICA_FORMAT:?}")]
+    Format(String),
+    /// Written by another version.
+    #[error("field `version` is {0}, this program reads version {REPLICA_VERSION}")]
+    Version(u32),
+    /// Inconsistent parts.
+    #[error("part {part}: {reason}")]
+    Part {
+        /// Index in `parts`.
+        part: usize,
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+/// A file per observed state, paths relative to the replica's folder.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PerState {
+    /// At the start state.
+    pub start: String,
+    /// At the end state.
+    pub end: String,
+}
+
+impl PerState {
+    /// By state index, 0 or 1.
+    pub fn get(&self, state: usize) -> &str {
+        if state == 0 { &self.start } else { &self.end }
+    }
+}
+
+/// Two joint values.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct StateValues {
+    start: f64,
+    end: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Limits {
+    lower: f64,
+    upper: f64,
+}
+
+/// A joint as `replica.json` spells it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JointRecord {
+    #[serde(rename = "type")]
+    kind: JointKind,
+    axis: [f64; 3],
+    origin: [f64; 3],
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pitch: f64,
+    state_values: StateValues,
+    limits: Limits,
+}
+
+fn is_zero(v: &f64) -> bool {
+    *v == 0.0
+}
+
+impl From<Joint> for JointRecord {
+    fn from(j: Joint) -> Self {
+        Self {
+            kind: j.kind,
+            axis: j.axis.to_array(),
+            origin: j.origin.to_array(),
+            pitch: j.pitch,
+            state_values: StateValues { start: j.state_values[0], end: j.state_values[1] },
+            limits: Limits { lower: j.limits[0], upper: j.limits[1] },
+        }
+    }
+}
+
+impl From<JointRecord> for Joint {
+    fn from(r: JointRecord) -> Self {
+        Self {
+            kind: r.kind,
+            axis: DVec3::from_array(r.axis),
+            origin: DVec3::from_array(r.origin),
+            pitch: r.pitch,
+            state_values: [r.state_values.start, r.state_values.end],
+            limits: [r.limits.lower, r.limits.upper],
+        }
+    }
+}
+
+/// One rigid part.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Part {
+    /// Position in `parts`; 0 is the static part.
+    pub id: usize,
+    /// `base` or `part_1`, ...
+    pub name: String,
+    /// Part it is attached to; none for the base.
+    pub parent: Option<usize>,
+    /// How it moves against its parent; none for the base.
+    pub joint: Option<JointRecord>,
+    /// Meshes in world coordinates of each state.
+    pub meshes: PerState,
+}
+
+/// An articulated object.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Replica {
+    /// Always [`REPLICA_FORMAT`].
+    pub format: String,
+    /// Always [`REPLICA_VERSION`].
+    pub version: u32,
+    /// Names of the states.
+    pub states: [String; 2],
+    /// Meshes of the whole object.
+    pub whole: PerState,
+    /// Parts, the static one first.
+    pub parts: Vec<Part>,
+}
+
+impl Replica {
+    /// A replica whose meshes lie at the standard paths `meshes/STATE/{whole,part_I}.ply`.
+    /// `joints[i]` belongs to part `i + 1`; every part hangs on the base.
+    pub fn new(joints: &[Joint]) -> Self {
+        let file =
+            |name: &str| PerState { start: format!("meshes/start/{name}.ply"), end: format!("meshes/end/{name}.ply") };
+        let part = |id: usize| Part {
+            id,
+            name: if id == 0 { "base".into() } else { format!("part_{id}") },
+            parent: (id > 0).then_some(0),
+            joint: (id > 0).then(|| joints[id - 1].into()),
+            meshes: file(&format!("part_{id}")),
+        };
+        Self {
+            format: REPLICA_FORMAT.into(),
+            version: REPLICA_VERSION,
+            states: crate::STATE_NAMES.map(String::from),
+            whole: file("whole"),
+            parts: (0..=joints.len()).map(part).collect(),
+        }
+    }
+
+    /// Joint of a part, if it has one.
+    pub fn joint(&self, part: usize) -> Option<Joint> {
+        self.parts.get(part)?.joint.map(Joint::from)
+    }
+
+    /// Checks format, version, numbering, parents, and that every joint is finite with a unit axis and ordered limits.
+    pub fn validate(&self) -> Result<(), ReplicaError> {
+        if self.format != REPLICA_FORMAT {
+            return Err(ReplicaError::Format(self.format.clone()));
+        }
+        if self.version != REPLICA_VERSION {
+            return Err(ReplicaError::Version(self.version));
+        }
+        for (index, part) in self.parts.iter().enumerate() {
+            let fail = |reason: &str| Err(ReplicaError::Part { part: index, reason: reason.into() });
+            if part.id != index {
+                return fail("field `id` is not its position in `parts`");
+            }
+            if part.parent.is_some_and(|p| p >= index) {
+                return fail("field `parent` must name an earlier part");
+            }
+            if part.parent.is_some() != part.joint.is_some() {
+                return fail("fields `parent` and `joint` must be given together");
+            }
+            let Some(joint) = self.joint(index) else { continue };
+            let values = [joint.state_values, joint.limits].concat();
+            if !joint.axis.is_finite() || !joint.origin.is_finite() || !joint.pitch.is_finite() {
+                return fail("field `joint` has a number that is not finite");
+            }
+            if values.iter().any(|v| !v.is_finite()) {
+                return fail("fields `state_values` and `limits` must be finite");
+            }
+            if (joint.axis.length() - 1.0).abs() > 1e-3 {
+                return fail("field `axis` is not a unit vector");
+            }
+            if joint.limits[0] > joint.limits[1] {
+                return fail("field `limits` has lower above upper");
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Rigid;
+
+    fn sample() -> Replica {
+        let hinge = Rigid::about(DVec3::Z, DVec3::new(0.1, 0.2, 0.0), 0.7);
+        Replica::new(&[Joint::from_motion(JointKind::Revolute, &hinge)])
+    }
+
+    #[test]
+    fn a_fresh_replica_is_valid() {
+        assert_eq!(sample().validate(), Ok(()));
+    }
+
+    #[test]
+    fn bad_axis_version_and_numbers_are_refused() {
+        let mut r = sample();
+        r.version = 7;
+        assert_eq!(r.validate(), Err(ReplicaError::Version(7)));
+        for spoil in [
+            (|j: &mut Joint| j.axis = DVec3::ZERO) as fn(&mut Joint),
+            |j| j.limits[1] = f64::NAN,
+            |j| j.limits = [1.0, 0.0],
+            |j| j.origin.x = f64::INFINITY,
+        ] {
+            let mut r = sample();
+            let mut joint = r.joint(1).unwrap();
+            spoil(&mut joint);
+            r.parts[1].joint = Some(joint.into());
+            assert!(matches!(r.validate(), Err(ReplicaError::Part { part: 1, .. })));
+        }
+    }
+}
