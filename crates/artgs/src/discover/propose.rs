@@ -1,0 +1,411 @@
+//! Finds which motions explain what moved: clusters of moved points, a wide search of hinges and slides for each,
+//! and a greedy choice of the motions that explain most.
+
+use super::field::{Field, NOWHERE};
+use super::observe::{Cloud, fit_plane};
+use super::register::{RegisterOptions, Searchable, register, register_one_sided};
+use artgs_core::Rigid;
+use glam::{Mat3, Quat, Vec3};
+use rayon::prelude::*;
+
+/// One state as the search sees it.
+pub struct Side<'a> {
+    /// Points with their search tree.
+    pub points: &'a Searchable<'a>,
+    /// Lookup of surfaces and empty space.
+    pub field: &'a Field,
+    /// Points that are not there in the other state.
+    pub moved: &'a [usize],
+}
+
+/// A motion with the cluster it was found from.
+#[derive(Clone, Debug)]
+pub struct Proposal {
+    /// Motion from start to end.
+    pub motion: Rigid,
+    /// Moved points of each state it explains and that nothing chosen earlier explains.
+    pub explained: [Vec<usize>; 2],
+    /// Worth of the explained points, in points.
+    pub gain: f64,
+}
+
+/// Lengths that steer the search, scene units.
+#[derive(Clone, Copy, Debug)]
+pub struct Scales {
+    /// Distance between neighbouring points.
+    pub spacing: f32,
+    /// Diagonal of the object.
+    pub diagonal: f32,
+}
+
+#[derive(Clone, Copy)]
+struct Pose {
+    rotation: Mat3,
+    translation: Vec3,
+}
+
+impl Pose {
+    fn rigid(&self) -> Rigid {
+        Rigid::from_matrix(self.rotation.as_dmat3(), self.translation.as_dvec3())
+    }
+}
+
+/// Worth of one point under a motion: near 1 on a surface that faces the same way, -1 in empty space, slightly negative where nothing was seen.
+fn worth(pose: &Pose, p: Vec3, n: Vec3, field: &Field, cloud: &Cloud, radius: f32) -> f32 {
+    let q = pose.rotation * p + pose.translation;
+    let (nearest, empty) = field.lookup(q);
+    if nearest != NOWHERE {
+        let d = cloud.points[nearest as usize].distance(q) / radius;
+        if d < 1.0 {
+            let facing = (pose.rotation * n).dot(cloud.normals[nearest as usize]).max(0.0);
+            return (1.0 - d * d) * facing;
+        }
+    }
+    if empty { -1.0 } else { -0.1 }
+}
+
+fn mean_worth(pose: &Pose, sample: &[(Vec3, Vec3)], field: &Field, cloud: &Cloud, radius: f32) -> f32 {
+    // A hopeless first third decides: the wide search spends most of its time on such poses.
+    let third = sample.len() / 3;
+    let mut sum = 0.0;
+    for (i, (p, n)) in sample.iter().enumerate() {
+        sum += worth(pose, *p, *n, field, cloud, radius);
+        if i == third && sum < -0.2 * third as f32 {
+            return -1.0;
+        }
+    }
+    sum / sample.len() as f32
+}
+
+/// Groups of moved points connected by steps of at most `reach`; largest first, groups under `least` points dropped.
+pub fn components(cloud: &Cloud, members: &[usize], reach: f32, least: usize) -> Vec<Vec<usize>> {
+    let cell = |p: Vec3| (p / reach).floor().as_ivec3().to_array();
+    let mut grid: std::collections::BTreeMap<[i32; 3], Vec<usize>> = std::collections::BTreeMap::new();
+    for &i in members {
+        grid.entry(cell(cloud.points[i])).or_default().push(i);
+    }
+    let mut seen = std::collections::BTreeSet::new();
+    let mut groups = Vec::new();
+    for &seed in members {
+        if !seen.insert(seed) {
+            continue;
+        }
+        let (mut group, mut next) = (vec![seed], 0);
+        while next < group.len() {
+            let p = cloud.points[group[next]];
+            next += 1;
+            let c = cell(p);
+            for d in 0..27 {
+                let key = [c[0] + d % 3 - 1, c[1] + d / 3 % 3 - 1, c[2] + d / 9 - 1];
+                for &j in grid.get(&key).map_or(&[][..], |v| v) {
+                    if cloud.points[j].distance(p) <= reach && seen.insert(j) {
+                        group.push(j);
+                    }
+                }
+            }
+        }
+        if group.len() >= least {
+            groups.push(group);
+        }
+    }
+    groups.sort_by_key(|g| std::cmp::Reverse(g.len()));
+    groups
+}
+
+/// Splits a group in two along its longest direction, at the widest sparse place near the middle.
+fn halves(cloud: &Cloud, group: &[usize]) -> [Vec<usize>; 2] {
+    let axes = principal_axes(cloud, group);
+    let mut sorted: Vec<(f32, usize)> = group.iter().map(|&i| (axes[0].dot(cloud.points[i]), i)).collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (lo, hi) = (sorted[0].0, sorted[sorted.len() - 1].0);
+    let bins = 40;
+    let mut counts = vec![0usize; bins];
+    for (x, _) in &sorted {
+        counts[(((x - lo) / (hi - lo).max(1e-12) * bins as f32) as usize).min(bins - 1)] += 1;
+    }
+    let cut = (bins / 4..3 * bins / 4).min_by_key(|&b| (counts[b], b.abs_diff(bins / 2))).unwrap_or(bins / 2);
+    let at = lo + (hi - lo) * (cut as f32 + 0.5) / bins as f32;
+    let split = sorted.partition_point(|(x, _)| *x < at);
+    [sorted[..split].iter().map(|s| s.1).collect(), sorted[split..].iter().map(|s| s.1).collect()]
+}
+
+/// Principal directions of a group, longest first.
+fn principal_axes(cloud: &Cloud, group: &[usize]) -> [Vec3; 3] {
+    let points: Vec<Vec3> = group.iter().map(|&i| cloud.points[i]).collect();
+    let (short, _) = fit_plane(&points);
+    let mean = points.iter().sum::<Vec3>() / points.len() as f32;
+    let (u, v) = short.any_orthonormal_pair();
+    let (mut uu, mut uv, mut vv) = (0.0f32, 0.0, 0.0);
+    for p in &points {
+        let (a, b) = ((*p - mean).dot(u), (*p - mean).dot(v));
+        uu += a * a;
+        uv += a * b;
+        vv += b * b;
+    }
+    let angle = 0.5 * (2.0 * uv).atan2(uu - vv);
+    let long = u * angle.cos() + v * angle.sin();
+    [long, short.cross(long), short]
+}
+
+/// Directions along which the object's faces look, most common first: peaks of the histogram of normals.
+fn face_directions(cloud: &Cloud, at_most: usize) -> Vec<Vec3> {
+    let mut peaks: Vec<(Vec3, f32)> = Vec::new();
+    let stride = (cloud.len() / 4000).max(1);
+    for n in cloud.normals.iter().step_by(stride) {
+        match peaks.iter_mut().find(|(d, _)| d.dot(*n).abs() > 0.985) {
+            Some((d, c)) => {
+                let s = if d.dot(*n) < 0.0 { -*n } else { *n };
+                *d = (*d * *c + s).normalize();
+                *c += 1.0;
+            }
+            None => peaks.push((*n, 1.0)),
+        }
+    }
+    peaks.sort_by(|a, b| b.1.total_cmp(&a.1));
+    peaks.into_iter().take(at_most).map(|p| p.0).collect()
+}
+
+fn distinct(directions: impl IntoIterator<Item = Vec3>) -> Vec<Vec3> {
+    let mut out: Vec<Vec3> = Vec::new();
+    for d in directions {
+        if d.is_finite() && d.length() > 0.5 && out.iter().all(|o| o.dot(d).abs() < 0.995) {
+            out.push(d);
+        }
+    }
+    out
+}
+
+/// Evenly spread directions on the half sphere.
+fn half_sphere(count: usize) -> Vec<Vec3> {
+    (0..count)
+        .map(|i| {
+            let z = (i as f32 + 0.5) / count as f32;
+            let (s, c) = (2.399_963_2 * i as f32).sin_cos();
+            let r = (1.0 - z * z).sqrt();
+            Vec3::new(r * c, r * s, z)
+        })
+        .collect()
+}
+
+/// Candidate motions of a cluster in its own state's frame: slides in all directions, hinges along likely directions
+/// through a grid of pivots across the cluster's box.
+fn candidate_poses(cloud: &Cloud, group: &[usize], faces: &[Vec3], diagonal: f32) -> Vec<Pose> {
+    let axes = principal_axes(cloud, group);
+    let mut poses = Vec::new();
+    let shifts = distinct(axes.into_iter().chain(faces.iter().copied()).chain(half_sphere(120)));
+    for d in &shifts {
+        for step in 1..=32 {
+            let t = *d * (diagonal * 0.6 * (step as f32 / 32.0).powf(1.3));
+            poses.push(Pose { rotation: Mat3::IDENTITY, translation: t });
+            poses.push(Pose { rotation: Mat3::IDENTITY, translation: -t });
+        }
+    }
+    for a in distinct(axes.into_iter().chain(faces.iter().copied())) {
+        let (u, v) = a.any_orthonormal_pair();
+        // Cells follow the box of the cluster seen along the axis, so turn the grid with the cluster.
+        let flat = |p: Vec3| (p.dot(u), p.dot(v));
+        let (mut sxx, mut sxy, mut syy, mut mx, mut my) = (0.0f32, 0.0f32, 0.0f32, 0.0f32, 0.0f32);
+        for &i in group {
+            let (x, y) = flat(cloud.points[i]);
+            mx += x / group.len() as f32;
+            my += y / group.len() as f32;
+        }
+        for &i in group {
+            let (x, y) = flat(cloud.points[i]);
+            sxx += (x - mx) * (x - mx);
+            sxy += (x - mx) * (y - my);
+            syy += (y - my) * (y - my);
+        }
+        let turn = 0.5 * (2.0 * sxy).atan2(sxx - syy);
+        let (gu, gv) = (u * turn.cos() + v * turn.sin(), v * turn.cos() - u * turn.sin());
+        let range = |d: Vec3| {
+            let mut xs: Vec<f32> = group.iter().map(|&i| cloud.points[i].dot(d)).collect();
+            xs.sort_unstable_by(f32::total_cmp);
+            let (lo, hi) = (xs[xs.len() / 100], xs[xs.len() - 1 - xs.len() / 100]);
+            let pad = 0.05 * (hi - lo) + 0.01 * diagonal;
+            (lo - pad, hi + pad)
+        };
+        let (ru, rv) = (range(gu), range(gv));
+        let cells = |r: (f32, f32)| (((r.1 - r.0) / (0.035 * diagonal)).ceil() as usize).clamp(3, 11);
+        let (nu, nv) = (cells(ru), cells(rv));
+        for i in 0..nu {
+            for j in 0..nv {
+                let x = ru.0 + (ru.1 - ru.0) * i as f32 / (nu - 1) as f32;
+                let y = rv.0 + (rv.1 - rv.0) * j as f32 / (nv - 1) as f32;
+                let pivot = gu * x + gv * y;
+                for step in 1..=30 {
+                    for sign in [1.0, -1.0] {
+                        let rotation =
+                            Mat3::from_quat(Quat::from_axis_angle(a, sign * step as f32 * 6f32.to_radians()));
+                        poses.push(Pose { rotation, translation: pivot - rotation * pivot });
+                    }
+                }
+            }
+        }
+    }
+    poses
+}
+
+fn sample_of(cloud: &Cloud, group: &[usize], count: usize) -> Vec<(Vec3, Vec3)> {
+    // Bit-reversed strides spread even the first third over the whole group.
+    let n = group.len();
+    let m = count.min(n);
+    (0..m)
+        .map(|i| {
+            let f = (i as f64 * 0.618_033_988_75).fract();
+            let k = group[((f * n as f64) as usize).min(n - 1)];
+            (cloud.points[k], cloud.normals[k])
+        })
+        .collect()
+}
+
+/// Best motions (own state to other state) of a cluster, refined by registration; best first.
+fn search(cloud: &Cloud, group: &[usize], other: &Side<'_>, faces: &[Vec3], scales: &Scales) -> Vec<Rigid> {
+    let poses = candidate_poses(cloud, group, faces, scales.diagonal);
+    let sample = sample_of(cloud, group, 160);
+    let radius = 0.035 * scales.diagonal;
+    let target = other.points.cloud;
+    let mut scored: Vec<(f32, usize)> = poses
+        .par_iter()
+        .enumerate()
+        .with_min_len(256)
+        .map(|(i, pose)| (mean_worth(pose, &sample, other.field, target, radius), i))
+        .collect();
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut kept: Vec<Rigid> = Vec::new();
+    let centre = sample.iter().map(|s| s.0).sum::<Vec3>() / sample.len() as f32;
+    for (value, i) in scored {
+        if value < 0.0 || kept.len() >= 40 {
+            break;
+        }
+        let pose = poses[i];
+        let differs = |k: &Rigid| {
+            let shift = (pose.rotation * centre + pose.translation).distance(k.apply(centre.as_dvec3()).as_vec3());
+            let angle = (k.inverse() * pose.rigid()).angle();
+            shift > radius || angle > 0.2
+        };
+        if kept.iter().all(differs) {
+            kept.push(pose.rigid());
+        }
+    }
+    let own = cloud.select(group);
+    let source = Searchable::new(&own);
+    let options = RegisterOptions {
+        first_reach: f64::from(0.05 * scales.diagonal),
+        last_reach: f64::from(1.5 * scales.spacing),
+        iterations: 25,
+        max_points: 400,
+    };
+    let fine = sample_of(cloud, group, 600);
+    let fine_radius = 1.6 * scales.spacing;
+    let mut refined: Vec<(f32, Rigid)> = kept
+        .par_iter()
+        .map(|guess| {
+            let motion = register_one_sided(&source, other.points, *guess, &options).motion;
+            let pose = Pose { rotation: motion.matrix().as_mat3(), translation: motion.translation.as_vec3() };
+            (mean_worth(&pose, &fine, other.field, target, fine_radius) - effort(&motion, centre, scales), motion)
+        })
+        .collect();
+    refined.sort_by(|a, b| b.0.total_cmp(&a.0));
+    refined.into_iter().filter(|r| r.0 > 0.05).take(6).map(|r| r.1).collect()
+}
+
+/// Between motions that explain the same, the smaller one is meant: 0 to about 0.1.
+fn effort(motion: &Rigid, centre: Vec3, scales: &Scales) -> f32 {
+    let shift = motion.apply(centre.as_dvec3()).as_vec3().distance(centre) / scales.diagonal;
+    0.06 * (motion.angle() as f32 / std::f32::consts::PI) + 0.04 * shift
+}
+
+/// Chooses motions greedily until nothing worth `least_gain` points remains or `at_most` are found.
+pub fn propose(sides: [&Side<'_>; 2], scales: &Scales, at_most: usize, least_gain: f64) -> Vec<Proposal> {
+    let mut open: [Vec<usize>; 2] = [sides[0].moved.to_vec(), sides[1].moved.to_vec()];
+    let faces = face_directions(sides[1].points.cloud, 6);
+    let mut found: Vec<Proposal> = Vec::new();
+    let reach = 2.6 * scales.spacing;
+    let least = 12usize.max((0.25 * least_gain) as usize);
+    let mut cache: Vec<(usize, Vec<usize>, Vec<Rigid>)> = Vec::new();
+    while found.len() < at_most {
+        let mut best: Option<Proposal> = None;
+        for s in 0..2 {
+            let cloud = sides[s].points.cloud;
+            let mut groups = components(cloud, &open[s], reach, least);
+            groups.truncate(24);
+            let whole = groups.clone();
+            for g in whole.iter().take(6).filter(|g| g.len() >= 4 * least) {
+                let parts = halves(cloud, g);
+                for p in parts {
+                    if p.len() >= 2 * least {
+                        groups.extend(halves(cloud, &p).into_iter().filter(|h| h.len() >= least));
+                    }
+                    groups.push(p);
+                }
+            }
+            for group in groups {
+                if group.len() < least {
+                    continue;
+                }
+                let motions = match cache.iter().find(|c| c.0 == s && c.1 == group) {
+                    Some(hit) => hit.2.clone(),
+                    None => {
+                        let m = search(cloud, &group, sides[1 - s], &faces, scales);
+                        cache.push((s, group.clone(), m.clone()));
+                        m
+                    }
+                };
+                for m in motions {
+                    let motion = if s == 0 { m } else { m.inverse() };
+                    let proposal = weigh(&sides, &open, motion, scales);
+                    if proposal.gain > best.as_ref().map_or(least_gain, |b| b.gain) {
+                        best = Some(proposal);
+                    }
+                }
+            }
+        }
+        let Some(best) = best else { break };
+        for s in 0..2 {
+            let taken: std::collections::BTreeSet<usize> = best.explained[s].iter().copied().collect();
+            open[s].retain(|i| !taken.contains(i));
+        }
+        found.push(best);
+    }
+    found
+}
+
+/// What a motion explains of the open points of both states.
+fn weigh(sides: &[&Side<'_>; 2], open: &[Vec<usize>; 2], motion: Rigid, scales: &Scales) -> Proposal {
+    let mut explained = [Vec::new(), Vec::new()];
+    let mut gain = 0.0f64;
+    for s in 0..2 {
+        let m = if s == 0 { motion } else { motion.inverse() };
+        let pose = Pose { rotation: m.matrix().as_mat3(), translation: m.translation.as_vec3() };
+        let (own, other) = (sides[s].points.cloud, sides[1 - s]);
+        let values: Vec<f32> = open[s]
+            .par_iter()
+            .with_min_len(512)
+            .map(|&i| {
+                worth(&pose, own.points[i], own.normals[i], other.field, other.points.cloud, 1.6 * scales.spacing)
+            })
+            .collect();
+        explained[s] = open[s].iter().zip(&values).filter(|(_, v)| **v > 0.3).map(|(i, _)| *i).collect();
+        gain += values.iter().filter(|v| **v > 0.0).map(|v| f64::from(*v)).sum::<f64>();
+    }
+    let centre =
+        explained[0].iter().map(|&i| sides[0].points.cloud.points[i]).sum::<Vec3>() / explained[0].len().max(1) as f32;
+    gain *= 1.0 - f64::from(effort(&motion, centre, scales));
+    Proposal { motion, explained, gain }
+}
+
+/// The motion registered on both states' explained points.
+pub fn polish(sides: [&Side<'_>; 2], proposal: &Proposal, scales: &Scales) -> Rigid {
+    let clouds = [0, 1].map(|s| sides[s].points.cloud.select(&proposal.explained[s]));
+    if clouds.iter().any(|c| c.len() < 12) {
+        return proposal.motion;
+    }
+    let options = RegisterOptions {
+        first_reach: f64::from(3.0 * scales.spacing),
+        last_reach: f64::from(scales.spacing),
+        iterations: 15,
+        max_points: 4000,
+    };
+    register(&Searchable::new(&clouds[0]), &Searchable::new(&clouds[1]), proposal.motion, None, &options).motion
+}
