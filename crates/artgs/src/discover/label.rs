@@ -1,6 +1,6 @@
 //! Which part each surface point belongs to: evidence from the other state under every motion, smoothed by belief propagation.
 
-use super::observe::{DepthView, Sightings};
+use super::observe::{Cloud, DepthView, Sightings};
 use super::register::Searchable;
 use crate::neighbours::PointTree;
 use artgs_core::Rigid;
@@ -18,13 +18,25 @@ pub struct LabelCosts {
     pub mismatch: f32,
     /// A surface is there in quite another colour.
     pub color: f32,
+    /// A point without sign of having moved, taken for movable right beside points that have.
+    pub idle: f32,
+    /// The same far away from all of them.
+    pub idle_far: f32,
     /// Two neighbours in different parts.
     pub smooth: f32,
 }
 
 impl Default for LabelCosts {
     fn default() -> Self {
-        Self { hidden_static: 0.25, hidden_moved: 0.4, mismatch: 0.5, color: 0.3, smooth: 0.25 }
+        Self {
+            hidden_static: 0.25,
+            hidden_moved: 0.4,
+            mismatch: 0.5,
+            color: 0.3,
+            idle: 0.02,
+            idle_far: 0.3,
+            smooth: 0.25,
+        }
     }
 }
 
@@ -105,6 +117,23 @@ pub fn neighbour_graph(
     edges.par_sort_unstable_by(|a, b| (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2)));
     edges.dedup_by_key(|e| (e.0, e.1));
     edges
+}
+
+/// Adds what it costs to take points that show no sign of having moved for movable: little beside the `evidence` of a
+/// part (indices of moved points it explains), more with the square of the distance, full at `range` scene units.
+/// A plane that slides along itself is otherwise as good an explanation of a wall as standing still.
+pub fn add_idle_costs(data: &mut [f32], cloud: &Cloud, evidence: &[Vec<usize>], range: f32, costs: &LabelCosts) {
+    let parts = evidence.len() + 1;
+    for (k, members) in evidence.iter().enumerate() {
+        let points: Vec<[f32; 3]> = members.iter().map(|&i| cloud.points[i].to_array()).collect();
+        let tree = PointTree::new(&points);
+        data.par_chunks_mut(parts).enumerate().with_min_len(512).for_each(|(i, row)| {
+            let far = tree.nearest(&cloud.points[i].to_array()).map_or(1.0, |(_, d2)| (d2 / (range * range)).min(1.0));
+            if far > 0.0 {
+                row[k + 1] += costs.idle + (costs.idle_far - costs.idle) * far;
+            }
+        });
+    }
 }
 
 /// Minimises data cost plus a Potts penalty over the graph by damped min-sum belief propagation.

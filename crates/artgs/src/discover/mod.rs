@@ -8,6 +8,7 @@ pub mod label;
 pub mod observe;
 pub mod propose;
 pub mod register;
+pub mod select;
 
 use artgs_core::{Joint, JointKind, Rigid, View};
 use field::Field;
@@ -37,7 +38,7 @@ pub struct DiscoverConfig {
 
 impl Default for DiscoverConfig {
     fn default() -> Self {
-        Self { spacing: 1.0 / 160.0, voxel: 1.0 / 110.0, least_share: 0.004, rounds: 4, revolute_deg: 3.0 }
+        Self { spacing: 1.0 / 160.0, voxel: 1.0 / 110.0, least_share: 0.004, rounds: 3, revolute_deg: 3.0 }
     }
 }
 
@@ -133,13 +134,12 @@ impl Scene {
         Ok(Self { states, scales: Scales { spacing, diagonal }, tolerance, lower, upper })
     }
 
-    /// Points of a state that are not there in the other one.
-    pub fn moved(&self, state: usize) -> Vec<usize> {
+    /// Points of a state that are not there in the other one, and points the other one says nothing about.
+    pub fn moved_and_unsure(&self, state: usize) -> (Vec<usize>, Vec<usize>) {
         let (own, other) = (&self.states[state].cloud, &self.states[1 - state].views);
-        (0..own.len())
-            .into_par_iter()
-            .filter(|&i| Sightings::of(other, own.points[i], self.tolerance).is_empty_space())
-            .collect()
+        let seen: Vec<Sightings> = own.points.par_iter().map(|p| Sightings::of(other, *p, self.tolerance)).collect();
+        let which = |f: fn(&Sightings) -> bool| (0..seen.len()).filter(|&i| f(&seen[i])).collect();
+        (which(|s| s.is_empty_space()), which(|s| !s.is_empty_space() && !s.is_surface()))
     }
 }
 
@@ -147,7 +147,8 @@ impl Scene {
 pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Result<Discovery, DiscoverError> {
     let clouds = [&scene.states[0].cloud, &scene.states[1].cloud];
     let search = [Searchable::new(clouds[0]), Searchable::new(clouds[1])];
-    let moved = [scene.moved(0), scene.moved(1)];
+    let [(moved_start, unsure_start), (moved_end, unsure_end)] = [0, 1].map(|s| scene.moved_and_unsure(s));
+    let (moved, unsure) = ([moved_start, moved_end], [unsure_start, unsure_end]);
     let total = moved[0].len() + moved[1].len();
     if total < 24 {
         return Err(DiscoverError::NothingMoved);
@@ -158,18 +159,17 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
         let (lower, upper) = (scene.lower - pad, scene.upper + pad);
         Field::new(clouds[s], &scene.states[s].views, lower, upper, voxel, scene.tolerance)
     });
-    let sides = [0, 1].map(|s| Side { points: &search[s], field: &fields[s], moved: &moved[s] });
+    let sides = [0, 1].map(|s| Side { points: &search[s], field: &fields[s], moved: &moved[s], unsure: &unsure[s] });
     let least = (config.least_share * total as f64).max(24.0);
-    let proposals = propose::propose([&sides[0], &sides[1]], &scene.scales, movable, least);
+    let pool = propose::propose([&sides[0], &sides[1]], &scene.scales, movable + 2, 60, least);
+    let chosen = select::select(scene, &search, &moved, &pool, movable);
+    for (i, p) in pool.iter().enumerate() { eprintln!("DBG {i} {} gain {:.0} effort {:.3} angle {:.1} t {:.3} n {} {}", if chosen.contains(&i) {'*'} else {' '}, p.gain, p.effort, p.motion.angle().to_degrees(), p.motion.translation, p.explained[0].len(), p.explained[1].len()); }
     let mut warnings = Vec::new();
-    if proposals.len() < movable {
-        warnings.push(format!(
-            "{movable} movable parts were asked for but only {} distinct motions were found",
-            proposals.len()
-        ));
+    if chosen.len() < movable {
+        let found = chosen.len();
+        warnings.push(format!("{movable} movable parts were asked for but only {found} distinct motions were found"));
     }
-    let motions: Vec<Rigid> =
-        proposals.iter().map(|p| propose::polish([&sides[0], &sides[1]], p, &scene.scales)).collect();
+    let motions: Vec<Rigid> = chosen.iter().map(|&c| pool[c].motion).collect();
     let mut parts: Vec<FoundPart> =
         motions.iter().map(|m| FoundPart { kind: JointKind::Screw, motion: *m, rms: f64::NAN }).collect();
     let graphs = [0, 1].map(|s| {
@@ -183,7 +183,7 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
                 .chain(parts.iter().map(|p| if s == 0 { p.motion } else { p.motion.inverse() }))
                 .collect();
             let costs = LabelCosts::default();
-            let data = label::data_costs(
+            let mut data = label::data_costs(
                 &search[s],
                 &search[1 - s],
                 &scene.states[1 - s].views,
@@ -192,7 +192,9 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
                 scene.scales.spacing,
                 &costs,
             );
-            label::propagate(&data, to_other.len(), &graphs[s], costs.smooth, 60)
+            let evidence = evidence(&data, to_other.len(), &moved[s]);
+            label::add_idle_costs(&mut data, clouds[s], &evidence, 0.08 * scene.scales.diagonal, &costs);
+            label::propagate(&data, to_other.len(), &graphs[s], costs.smooth, 40)
         });
         let last = round + 1 == config.rounds.max(1);
         for (k, part) in parts.iter_mut().enumerate() {
@@ -208,6 +210,19 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
         tolerance: scene.tolerance.into(),
         warnings,
     })
+}
+
+/// Moved points that each movable part explains best, by the data costs `[n * parts]`.
+fn evidence(data: &[f32], parts: usize, moved: &[usize]) -> Vec<Vec<usize>> {
+    let mut out = vec![Vec::new(); parts - 1];
+    for &i in moved {
+        let row = &data[i * parts..(i + 1) * parts];
+        let best = (1..parts).min_by(|&a, &b| row[a].total_cmp(&row[b]));
+        if let Some(k) = best.filter(|&k| row[k] < 0.3) {
+            out[k - 1].push(i);
+        }
+    }
+    out
 }
 
 /// Registers the points of one part; in the last round decides its joint and stays on it.

@@ -168,13 +168,13 @@ impl Cloud {
         out
     }
 
-    /// Keeps, of every occupied cube of edge `voxel` and direction octant, the point with the smoothest neighbourhood.
-    /// Two sides of a thin plate are kept apart by the octant of their normals. Sorted by cube.
+    /// Keeps, of every occupied cube of edge `voxel` and main direction, the point with the smoothest neighbourhood.
+    /// Two sides of a thin plate are kept apart by the main axis of their normals. Sorted by cube.
     pub fn thinned(&self, voxel: f32) -> Self {
         let key = |i: usize| {
             let (c, n) = ((self.points[i] / voxel).floor().as_ivec3(), self.normals[i]);
-            let octant = u8::from(n.x < 0.0) | u8::from(n.y < 0.0) << 1 | u8::from(n.z < 0.0) << 2;
-            (c.to_array(), octant)
+            let axis = n.abs().max_position();
+            (c.to_array(), 2 * axis as u8 + u8::from(n[axis] < 0.0))
         };
         let mut order: Vec<_> = (0..self.len()).map(|i| (key(i), i)).collect();
         order.par_sort_unstable();

@@ -1,5 +1,4 @@
-//! Finds which motions explain what moved: clusters of moved points, a wide search of hinges and slides for each,
-//! and a greedy choice of the motions that explain most.
+//! Candidate motions: clusters of moved points and a wide search of hinges and slides for each.
 
 use super::field::{Field, NOWHERE};
 use super::observe::{Cloud, fit_plane};
@@ -16,6 +15,28 @@ pub struct Side<'a> {
     pub field: &'a Field,
     /// Points that are not there in the other state.
     pub moved: &'a [usize],
+    /// Points that the other state neither shows nor looks through: they may have moved.
+    pub unsure: &'a [usize],
+}
+
+/// Worth of landing on a point that is there in both states, against 1 for one that moved and is not explained yet.
+const STALE: f32 = 0.35;
+/// Worth of landing on a point the other state cannot see.
+const UNSURE: f32 = 0.8;
+
+/// Flags of the points `members`.
+fn flags(len: usize, members: &[usize]) -> Vec<bool> {
+    let mut out = vec![false; len];
+    members.iter().for_each(|&i| out[i] = true);
+    out
+}
+
+/// Worth of landing on each point of a side while `open` of its moved points are unexplained.
+fn landing_worth(side: &Side<'_>, open: &[usize]) -> Vec<f32> {
+    let mut out = vec![STALE; side.points.cloud.len()];
+    side.unsure.iter().for_each(|&i| out[i] = UNSURE);
+    open.iter().for_each(|&i| out[i] = 1.0);
+    out
 }
 
 /// A motion with the cluster it was found from.
@@ -23,10 +44,12 @@ pub struct Side<'a> {
 pub struct Proposal {
     /// Motion from start to end.
     pub motion: Rigid,
-    /// Moved points of each state it explains and that nothing chosen earlier explains.
+    /// Moved points of each state it explains.
     pub explained: [Vec<usize>; 2],
     /// Worth of the explained points, in points.
     pub gain: f64,
+    /// Strain on credulity, 0 (rests) to 0.6; see `effort`.
+    pub effort: f32,
 }
 
 /// Lengths that steer the search, scene units.
@@ -51,26 +74,27 @@ impl Pose {
 }
 
 /// Worth of one point under a motion: near 1 on a surface that faces the same way, -1 in empty space, slightly negative where nothing was seen.
-fn worth(pose: &Pose, p: Vec3, n: Vec3, field: &Field, cloud: &Cloud, radius: f32) -> f32 {
+/// `landing` weighs the other state's points: moved points land on moved points.
+fn worth(pose: &Pose, p: Vec3, n: Vec3, field: &Field, cloud: &Cloud, landing: &[f32], radius: f32) -> f32 {
     let q = pose.rotation * p + pose.translation;
     let (nearest, empty) = field.lookup(q);
     if nearest != NOWHERE {
         let d = cloud.points[nearest as usize].distance(q) / radius;
         if d < 1.0 {
             let facing = (pose.rotation * n).dot(cloud.normals[nearest as usize]).max(0.0);
-            return (1.0 - d * d) * facing;
+            return (1.0 - d * d) * facing * landing[nearest as usize];
         }
     }
     if empty { -1.0 } else { -0.1 }
 }
 
-fn mean_worth(pose: &Pose, sample: &[(Vec3, Vec3)], field: &Field, cloud: &Cloud, radius: f32) -> f32 {
+fn mean_worth(pose: &Pose, sample: &[(Vec3, Vec3)], field: &Field, cloud: &Cloud, landing: &[f32], radius: f32) -> f32 {
     // A hopeless first third decides: the wide search spends most of its time on such poses.
     let third = sample.len() / 3;
     let mut sum = 0.0;
     for (i, (p, n)) in sample.iter().enumerate() {
-        sum += worth(pose, *p, *n, field, cloud, radius);
-        if i == third && sum < -0.2 * third as f32 {
+        sum += worth(pose, *p, *n, field, cloud, landing, radius);
+        if i == third && sum < 0.0 {
             return -1.0;
         }
     }
@@ -249,8 +273,7 @@ fn candidate_poses(cloud: &Cloud, group: &[usize], faces: &[Vec3], diagonal: f32
 fn sample_of(cloud: &Cloud, group: &[usize], count: usize) -> Vec<(Vec3, Vec3)> {
     // Bit-reversed strides spread even the first third over the whole group.
     let n = group.len();
-    let m = count.min(n);
-    (0..m)
+    (0..count.min(n))
         .map(|i| {
             let f = (i as f64 * 0.618_033_988_75).fract();
             let k = group[((f * n as f64) as usize).min(n - 1)];
@@ -259,23 +282,31 @@ fn sample_of(cloud: &Cloud, group: &[usize], count: usize) -> Vec<(Vec3, Vec3)> 
         .collect()
 }
 
-/// Best motions (own state to other state) of a cluster, refined by registration; best first.
-fn search(cloud: &Cloud, group: &[usize], other: &Side<'_>, faces: &[Vec3], scales: &Scales) -> Vec<Rigid> {
+/// Best motions (own state to other state) of a cluster, refined by registration, with their mean worth; best first.
+fn search(
+    cloud: &Cloud,
+    group: &[usize],
+    other: &Side<'_>,
+    landing: &[f32],
+    faces: &[Vec3],
+    scales: &Scales,
+) -> Vec<(f32, Rigid)> {
     let poses = candidate_poses(cloud, group, faces, scales.diagonal);
-    let sample = sample_of(cloud, group, 160);
+    let sample = sample_of(cloud, group, 120);
     let radius = 0.035 * scales.diagonal;
     let target = other.points.cloud;
+    let centre = sample.iter().map(|s| s.0).sum::<Vec3>() / sample.len() as f32;
     let mut scored: Vec<(f32, usize)> = poses
         .par_iter()
         .enumerate()
         .with_min_len(256)
-        .map(|(i, pose)| (mean_worth(pose, &sample, other.field, target, radius), i))
+        .map(|(i, pose)| (mean_worth(pose, &sample, other.field, target, landing, radius), i))
+        .filter(|s| s.0 > 0.0)
         .collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let mut kept: Vec<Rigid> = Vec::new();
-    let centre = sample.iter().map(|s| s.0).sum::<Vec3>() / sample.len() as f32;
-    for (value, i) in scored {
-        if value < 0.0 || kept.len() >= 40 {
+    for (_, i) in scored {
+        if kept.len() >= 40 {
             break;
         }
         let pose = poses[i];
@@ -297,102 +328,195 @@ fn search(cloud: &Cloud, group: &[usize], other: &Side<'_>, faces: &[Vec3], scal
         max_points: 400,
     };
     let fine = sample_of(cloud, group, 600);
-    let fine_radius = 1.6 * scales.spacing;
     let mut refined: Vec<(f32, Rigid)> = kept
         .par_iter()
         .map(|guess| {
             let motion = register_one_sided(&source, other.points, *guess, &options).motion;
             let pose = Pose { rotation: motion.matrix().as_mat3(), translation: motion.translation.as_vec3() };
-            (mean_worth(&pose, &fine, other.field, target, fine_radius) - effort(&motion, centre, scales), motion)
+            let value = mean_worth(&pose, &fine, other.field, target, landing, FINE_REACH * scales.spacing);
+            (value * (1.0 - effort(&motion, &fine, scales)), motion)
         })
         .collect();
     refined.sort_by(|a, b| b.0.total_cmp(&a.0));
-    refined.into_iter().filter(|r| r.0 > 0.05).take(6).map(|r| r.1).collect()
-}
-
-/// Between motions that explain the same, the smaller one is meant: 0 to about 0.1.
-fn effort(motion: &Rigid, centre: Vec3, scales: &Scales) -> f32 {
-    let shift = motion.apply(centre.as_dvec3()).as_vec3().distance(centre) / scales.diagonal;
-    0.06 * (motion.angle() as f32 / std::f32::consts::PI) + 0.04 * shift
-}
-
-/// Chooses motions greedily until nothing worth `least_gain` points remains or `at_most` are found.
-pub fn propose(sides: [&Side<'_>; 2], scales: &Scales, at_most: usize, least_gain: f64) -> Vec<Proposal> {
-    let mut open: [Vec<usize>; 2] = [sides[0].moved.to_vec(), sides[1].moved.to_vec()];
-    let faces = face_directions(sides[1].points.cloud, 6);
-    let mut found: Vec<Proposal> = Vec::new();
-    let reach = 2.6 * scales.spacing;
-    let least = 12usize.max((0.25 * least_gain) as usize);
-    let mut cache: Vec<(usize, Vec<usize>, Vec<Rigid>)> = Vec::new();
-    while found.len() < at_most {
-        let mut best: Option<Proposal> = None;
-        for s in 0..2 {
-            let cloud = sides[s].points.cloud;
-            let mut groups = components(cloud, &open[s], reach, least);
-            groups.truncate(24);
-            let whole = groups.clone();
-            for g in whole.iter().take(6).filter(|g| g.len() >= 4 * least) {
-                let parts = halves(cloud, g);
-                for p in parts {
-                    if p.len() >= 2 * least {
-                        groups.extend(halves(cloud, &p).into_iter().filter(|h| h.len() >= least));
-                    }
-                    groups.push(p);
-                }
-            }
-            for group in groups {
-                if group.len() < least {
-                    continue;
-                }
-                let motions = match cache.iter().find(|c| c.0 == s && c.1 == group) {
-                    Some(hit) => hit.2.clone(),
-                    None => {
-                        let m = search(cloud, &group, sides[1 - s], &faces, scales);
-                        cache.push((s, group.clone(), m.clone()));
-                        m
-                    }
-                };
-                for m in motions {
-                    let motion = if s == 0 { m } else { m.inverse() };
-                    let proposal = weigh(&sides, &open, motion, scales);
-                    if proposal.gain > best.as_ref().map_or(least_gain, |b| b.gain) {
-                        best = Some(proposal);
-                    }
-                }
-            }
+    let mut distinct: Vec<(f32, Rigid)> = Vec::new();
+    for r in refined.into_iter().filter(|r| r.0 > 0.03) {
+        let gap = |m: &Rigid, p: Vec3| m.apply(p.as_dvec3()).distance(r.1.apply(p.as_dvec3()));
+        let reach = f64::from(1.5 * scales.spacing);
+        if distinct.len() < 6 && distinct.iter().all(|d| fine.iter().any(|(p, _)| gap(&d.1, *p) > reach)) {
+            distinct.push(r);
         }
-        let Some(best) = best else { break };
-        for s in 0..2 {
-            let taken: std::collections::BTreeSet<usize> = best.explained[s].iter().copied().collect();
-            open[s].retain(|i| !taken.contains(i));
-        }
-        found.push(best);
     }
-    found
+    distinct
+}
+
+/// A point explains another if they are this many spacings apart or less.
+const FINE_REACH: f32 = 1.6;
+
+/// Between motions that explain the same, the one that moves and turns less and whose hinge lies on the part is meant.
+/// Two like doors can be mistaken for each other by everything but this. About 0.1 for an ordinary door, at most 0.6.
+fn effort(motion: &Rigid, sample: &[(Vec3, Vec3)], scales: &Scales) -> f32 {
+    let count = sample.len().max(1) as f32;
+    let moved = |p: Vec3| motion.apply(p.as_dvec3()).as_vec3();
+    let shift = sample.iter().map(|(p, _)| moved(*p).distance(*p)).sum::<f32>() / count / scales.diagonal;
+    let angle = motion.angle() as f32;
+    let mut far = 0.0;
+    if angle > 0.1 {
+        let screw = motion.screw();
+        let (axis, origin) = (screw.axis.as_vec3(), screw.origin.as_vec3());
+        let gap = sample.iter().map(|(p, _)| (*p - origin).cross(axis).length()).fold(f32::INFINITY, f32::min);
+        far = (gap / scales.diagonal).min(0.2) + (screw.slide.abs() as f32 / scales.diagonal).min(0.2);
+    }
+    (0.1 * angle / std::f32::consts::PI + 0.4 * shift + 0.8 * far).min(0.6)
+}
+
+/// Collects candidate motions, at most `pool` of them, all distinct and registered, those that explain most first.
+/// Groups of moved points are searched, the motion that explains most takes its points away, and the rest is searched
+/// again, `rounds` times or until nothing worth `least_gain` points remains.
+pub fn propose(sides: [&Side<'_>; 2], scales: &Scales, rounds: usize, pool: usize, least_gain: f64) -> Vec<Proposal> {
+    let mut open: [Vec<usize>; 2] = [sides[0].moved.to_vec(), sides[1].moved.to_vec()];
+    let all_open = open.clone();
+    let all_landing = [0, 1].map(|s| landing_worth(sides[s], &open[s]));
+    let faces = face_directions(sides[1].points.cloud, 6);
+    let mut cache = Vec::new();
+    let (mut motions, mut others): (Vec<Rigid>, Vec<Rigid>) = Default::default();
+    for _ in 0..rounds {
+        let landing = [0, 1].map(|s| landing_worth(sides[s], &open[s]));
+        let found = hypotheses(&sides, &open, &landing, &faces, scales, least_gain, &mut cache);
+        let weighed = found.iter().map(|m| weigh(&sides, &open, &landing, *m, scales));
+        let best = weighed.reduce(|a, b| if b.gain > a.gain { b } else { a });
+        motions.extend(best.iter().map(|b| b.motion));
+        others.extend(found);
+        let Some(best) = best.filter(|b| b.gain > least_gain) else { break };
+        for s in 0..2 {
+            let claimed = claim(&sides, &open[s], &best, s, scales);
+            open[s].retain(|&i| !claimed[i]);
+        }
+    }
+    // Winners of each round first: variants of a large part's motion must not crowd out a small part's.
+    let judge = |m: Rigid| weigh(&sides, &all_open, &all_landing, m, scales);
+    let mut rest: Vec<Proposal> = others.into_iter().map(judge).filter(|p| p.gain > 0.3 * least_gain).collect();
+    rest.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let winners: Vec<Proposal> = motions.into_iter().map(judge).collect();
+    let proposals = winners.into_iter().chain(rest);
+    let mut kept: Vec<Proposal> = Vec::new();
+    for mut p in proposals {
+        if kept.len() >= pool {
+            break;
+        }
+        p.motion = polish(sides, &p, scales);
+        if kept.iter().all(|k| !alike(&k.motion, &p, sides, scales)) {
+            kept.push(p);
+        }
+    }
+    kept
+}
+
+/// True if a motion takes the points explained by a proposal to the same places as the proposal does.
+fn alike(motion: &Rigid, proposal: &Proposal, sides: [&Side<'_>; 2], scales: &Scales) -> bool {
+    let [start, end] = &proposal.explained;
+    let (s, members) = if start.len() > end.len() { (0, start) } else { (1, end) };
+    let pick = |m: &Rigid| if s == 0 { *m } else { m.inverse() };
+    let (a, b) = (pick(motion), pick(&proposal.motion));
+    let sample = sample_of(sides[s].points.cloud, members, 50);
+    let gap = |p: Vec3| a.apply(p.as_dvec3()).distance(b.apply(p.as_dvec3()));
+    sample.iter().map(|(p, _)| gap(*p)).fold(0.0, f64::max) < f64::from(1.5 * scales.spacing)
+}
+
+/// Motions (own state to other state) searched for a group of a state.
+type Searched = (usize, Vec<usize>, Vec<(f32, Rigid)>);
+
+/// Motions from start to end for the groups of open points of both states. Groups that no single motion explains are
+/// cut in halves and quarters.
+fn hypotheses(
+    sides: &[&Side<'_>; 2],
+    open: &[Vec<usize>; 2],
+    landing: &[Vec<f32>; 2],
+    faces: &[Vec3],
+    scales: &Scales,
+    least_gain: f64,
+    cache: &mut Vec<Searched>,
+) -> Vec<Rigid> {
+    let least = 12usize.max((0.3 * least_gain) as usize);
+    let mut motions = Vec::new();
+    for s in 0..2 {
+        let cloud = sides[s].points.cloud;
+        let groups = components(cloud, &open[s], 2.6 * scales.spacing, least);
+        let mut queue: Vec<(Vec<usize>, usize)> = groups.into_iter().take(20).map(|g| (g, 0)).collect();
+        let mut next = 0;
+        while next < queue.len() {
+            let (group, depth) = queue[next].clone();
+            next += 1;
+            let hit = cache.iter().position(|c| c.0 == s && c.1 == group).unwrap_or_else(|| {
+                let found = search(cloud, &group, sides[1 - s], &landing[1 - s], faces, scales);
+                cache.push((s, group.clone(), found));
+                cache.len() - 1
+            });
+            let found = &cache[hit].2;
+            motions.extend(found.iter().map(|(_, m)| if s == 0 { *m } else { m.inverse() }));
+            let explained = found.first().map_or(0.0, |f| f.0);
+            if explained < 0.6 && depth < 2 && group.len() >= 4 * least {
+                queue.extend(halves(cloud, &group).into_iter().filter(|h| h.len() >= least).map(|h| (h, depth + 1)));
+            }
+        }
+    }
+    motions
+}
+
+/// Worth of the open points of state `s` under a motion from start to end.
+fn worths(
+    sides: &[&Side<'_>; 2],
+    open: &[usize],
+    landing: &[f32],
+    motion: &Rigid,
+    s: usize,
+    scales: &Scales,
+) -> Vec<f32> {
+    let m = if s == 0 { *motion } else { motion.inverse() };
+    let pose = Pose { rotation: m.matrix().as_mat3(), translation: m.translation.as_vec3() };
+    let (own, other) = (sides[s].points.cloud, sides[1 - s]);
+    let reach = FINE_REACH * scales.spacing;
+    open.par_iter()
+        .with_min_len(512)
+        .map(|&i| worth(&pose, own.points[i], own.normals[i], other.field, other.points.cloud, landing, reach))
+        .collect()
 }
 
 /// What a motion explains of the open points of both states.
-fn weigh(sides: &[&Side<'_>; 2], open: &[Vec<usize>; 2], motion: Rigid, scales: &Scales) -> Proposal {
+fn weigh(
+    sides: &[&Side<'_>; 2],
+    open: &[Vec<usize>; 2],
+    landing: &[Vec<f32>; 2],
+    motion: Rigid,
+    scales: &Scales,
+) -> Proposal {
     let mut explained = [Vec::new(), Vec::new()];
     let mut gain = 0.0f64;
     for s in 0..2 {
-        let m = if s == 0 { motion } else { motion.inverse() };
-        let pose = Pose { rotation: m.matrix().as_mat3(), translation: m.translation.as_vec3() };
-        let (own, other) = (sides[s].points.cloud, sides[1 - s]);
-        let values: Vec<f32> = open[s]
-            .par_iter()
-            .with_min_len(512)
-            .map(|&i| {
-                worth(&pose, own.points[i], own.normals[i], other.field, other.points.cloud, 1.6 * scales.spacing)
-            })
-            .collect();
-        explained[s] = open[s].iter().zip(&values).filter(|(_, v)| **v > 0.3).map(|(i, _)| *i).collect();
+        let values = worths(sides, &open[s], &landing[1 - s], &motion, s, scales);
+        explained[s] = open[s].iter().zip(&values).filter(|(_, v)| **v > 0.3 * STALE).map(|(i, _)| *i).collect();
         gain += values.iter().filter(|v| **v > 0.0).map(|v| f64::from(*v)).sum::<f64>();
     }
-    let centre =
-        explained[0].iter().map(|&i| sides[0].points.cloud.points[i]).sum::<Vec3>() / explained[0].len().max(1) as f32;
-    gain *= 1.0 - f64::from(effort(&motion, centre, scales));
-    Proposal { motion, explained, gain }
+    let cloud = sides[0].points.cloud;
+    let sample = sample_of(cloud, &explained[0], 300);
+    let effort = effort(&motion, &sample, scales);
+    Proposal { motion, explained, gain: gain * f64::from(1.0 - effort), effort }
+}
+
+/// Open points that a chosen motion takes: the explained ones, and those it moves to where nothing was seen
+/// if they hang together with explained ones (the inside of a drawer that was shut).
+fn claim(sides: &[&Side<'_>; 2], open: &[usize], proposal: &Proposal, s: usize, scales: &Scales) -> Vec<bool> {
+    let cloud = sides[s].points.cloud;
+    let any = vec![1.0; sides[1 - s].points.cloud.len()];
+    let values = worths(sides, open, &any, &proposal.motion, s, scales);
+    let possible: Vec<usize> = open.iter().zip(&values).filter(|(_, v)| **v > -0.5).map(|(i, _)| *i).collect();
+    let mut claimed = flags(cloud.len(), &proposal.explained[s]);
+    for group in components(cloud, &possible, 2.6 * scales.spacing, 1) {
+        let sure = group.iter().filter(|&&i| claimed[i]).count();
+        if 4 * sure >= group.len() {
+            group.iter().for_each(|&i| claimed[i] = true);
+        }
+    }
+    claimed
 }
 
 /// The motion registered on both states' explained points.
