@@ -1,1 +1,4 @@
-//! The method.
+//! The method: two captures of an articulated object to an interactable replica.
+
+pub mod observer;
+pub mod synth;
