@@ -17,7 +17,6 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
 
 /// Depth images count in this many steps per scene unit.
 pub(super) const DEPTH_SCALE: f64 = 1000.0;
@@ -52,13 +51,8 @@ pub enum SynthError {
     #[error("cabinet options: {0}")]
     Options(&'static str),
     /// A file could not be written.
-    #[error("cannot write {}: {reason}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// What the system or the encoder said.
-        reason: String,
-    },
+    #[error(transparent)]
+    File(#[from] artgs_io::FileError),
 }
 
 impl CabinetOptions {
@@ -143,7 +137,7 @@ fn cameras(cabinet: &Cabinet, options: &CabinetOptions, count: usize, phase: f64
 }
 
 fn round_depth(depth: f64) -> f32 {
-    (depth * DEPTH_SCALE).round().clamp(0.0, f64::from(u16::MAX)) as f32 / DEPTH_SCALE as f32
+    ((depth * DEPTH_SCALE).round().clamp(0.0, f64::from(u16::MAX)) / DEPTH_SCALE) as f32
 }
 
 /// A standard normal number (Box and Muller).

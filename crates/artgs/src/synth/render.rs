@@ -12,9 +12,9 @@ const SAMPLES: usize = 3;
 pub struct Rendering {
     /// Straight sRGB colour; alpha is the covered fraction of the pixel.
     pub rgba: Vec<[u8; 4]>,
-    /// Planar depth of the pixel centre, scene units, 0 where it sees nothing.
+    /// Planar depth of the pixel centre, scene units, 0 where it sees nothing or less than half the pixel is covered.
     pub depth: Vec<f64>,
-    /// 0 where the pixel centre sees nothing, else 1 + the part it sees.
+    /// 0 where there is no depth, else 1 + the part that the pixel centre sees.
     pub labels: Vec<u8>,
 }
 
@@ -63,6 +63,9 @@ pub fn render(cabinet: &Cabinet, state: usize, camera: &Camera) -> Rendering {
             let rgb = (sum / covered as f64 * 255.0).round().clamp(DVec3::ZERO, DVec3::splat(255.0));
             let alpha = (255.0 * covered as f64 / (SAMPLES * SAMPLES) as f64).round();
             out.rgba[index] = [rgb.x as u8, rgb.y as u8, rgb.z as u8, alpha as u8];
+        }
+        if covered * 2 < SAMPLES * SAMPLES {
+            (out.depth[index], out.labels[index]) = (0.0, 0);
         }
     }
     out

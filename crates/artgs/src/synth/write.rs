@@ -1,11 +1,12 @@
 //! The cabinet on disk, in the layout of the ArtGS benchmark.
 
 use super::{Cabinet, CabinetOptions, DEPTH_SCALE, SPLIT_NAMES, SynthError, cabinet_capture};
-use artgs_core::{Camera, Capture, Joint, JointKind, Mesh, STATE_NAMES, View};
-use image::{ExtendedColorType, ImageFormat};
+use artgs_core::{Capture, Joint, JointKind, Mesh, STATE_NAMES, View};
+use artgs_io::capture::opengl_pose;
+use artgs_io::image_io::{write_depth, write_rgba};
+use artgs_io::{FileError, write_atomic, write_mesh_ply};
 use rayon::prelude::*;
 use serde_json::{Value, json};
-use std::fmt::Display;
 use std::path::Path;
 
 /// Value of `input.generator` in the `gt/trans.json` of a cabinet.
@@ -33,18 +34,11 @@ fn depth_path(view: &View) -> String {
     view.name.replace("/rgba/", "/depth/")
 }
 
-fn write_view(folder: &Path, view: &View) -> Result<(), SynthError> {
+fn write_view(folder: &Path, view: &View) -> Result<(), FileError> {
     let k = &view.camera.intrinsics;
-    let save = |name: &str, bytes: &[u8], color| {
-        let path = folder.join(name);
-        make_parent(&path)?;
-        image::save_buffer_with_format(&path, bytes, k.width, k.height, color, ImageFormat::Png)
-            .map_err(|e| failed(&path, e))
-    };
-    save(&view.name, view.rgba.as_flattened(), ExtendedColorType::Rgba8)?;
+    write_rgba(&folder.join(&view.name), k.width, k.height, &view.rgba)?;
     let Some(depth) = &view.depth else { return Ok(()) };
-    let steps: Vec<u8> = depth.iter().flat_map(|d| ((d * DEPTH_SCALE as f32).round() as u16).to_ne_bytes()).collect();
-    save(&depth_path(view), &steps, ExtendedColorType::L16)
+    write_depth(&folder.join(depth_path(view)), k.width, k.height, depth, DEPTH_SCALE)
 }
 
 fn transforms(first: &View, views: &[View], state: usize) -> Value {
@@ -67,14 +61,6 @@ fn transforms(first: &View, views: &[View], state: usize) -> Value {
     })
 }
 
-/// Camera-to-world with y up and z backward, rows first.
-fn opengl_pose(camera: &Camera) -> [[f64; 4]; 4] {
-    let pose = camera.world_to_camera.inverse();
-    let (r, t) = (pose.matrix(), pose.translation);
-    let row = |i: usize| [r.x_axis[i], -r.y_axis[i], -r.z_axis[i], t[i]];
-    [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
-}
-
 fn truth(cabinet: &Cabinet, options: &CabinetOptions) -> Value {
     let entry = |(index, (joint, name)): (usize, (&Joint, &str))| {
         let (kind, values) = match joint.kind {
@@ -94,48 +80,18 @@ fn truth(cabinet: &Cabinet, options: &CabinetOptions) -> Value {
     json!({ "input": { "generator": GENERATOR, "options": options }, "trans_info": joints })
 }
 
-fn write_meshes(folder: &Path, cabinet: &Cabinet, state: usize) -> Result<(), SynthError> {
+fn write_meshes(folder: &Path, cabinet: &Cabinet, state: usize) -> Result<(), FileError> {
     let name = STATE_NAMES[state];
     let mut whole = Mesh::default();
     for part in 0..cabinet.parts.len() {
         let mesh = cabinet.mesh(part, state);
         let slot = if part == 0 { "static".to_string() } else { format!("dynamic_{}", part - 1) };
-        write_mesh(&folder.join(format!("gt/{name}/{name}_{slot}_rotate.ply")), &mesh)?;
+        write_mesh_ply(&folder.join(format!("gt/{name}/{name}_{slot}_rotate.ply")), &mesh)?;
         whole.append(&mesh);
     }
-    write_mesh(&folder.join(format!("gt/{name}/{name}_rotate.ply")), &whole)
+    write_mesh_ply(&folder.join(format!("gt/{name}/{name}_rotate.ply")), &whole)
 }
 
-fn write_mesh(path: &Path, mesh: &Mesh) -> Result<(), SynthError> {
-    let header = format!(
-        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
-         element face {}\nproperty list uchar int vertex_indices\nend_header\n",
-        mesh.vertices.len(),
-        mesh.triangles.len()
-    );
-    let mut bytes = header.into_bytes();
-    bytes.extend(mesh.vertices.as_flattened().iter().flat_map(|v| v.to_le_bytes()));
-    for triangle in &mesh.triangles {
-        bytes.push(3);
-        bytes.extend(triangle.iter().flat_map(|i| i.to_le_bytes()));
-    }
-    write_bytes(path, &bytes)
-}
-
-fn write_json(path: &Path, value: &Value) -> Result<(), SynthError> {
-    write_bytes(path, format!("{value:#}\n").as_bytes())
-}
-
-fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), SynthError> {
-    make_parent(path)?;
-    std::fs::write(path, bytes).map_err(|e| failed(path, e))
-}
-
-fn make_parent(path: &Path) -> Result<(), SynthError> {
-    let Some(parent) = path.parent() else { return Ok(()) };
-    std::fs::create_dir_all(parent).map_err(|e| failed(parent, e))
-}
-
-fn failed(path: &Path, reason: impl Display) -> SynthError {
-    SynthError::Write { path: path.to_path_buf(), reason: reason.to_string() }
+fn write_json(path: &Path, value: &Value) -> Result<(), FileError> {
+    write_atomic(path, format!("{value:#}\n").as_bytes())
 }
