@@ -56,7 +56,8 @@ pub enum SynthError {
 }
 
 impl CabinetOptions {
-    fn check(&self) -> Result<(), SynthError> {
+    /// Refuses what cannot be photographed; [`cabinet_capture`] and [`write_cabinet`] do the same.
+    pub fn check(&self) -> Result<(), SynthError> {
         let offsets = self.principal_offset.iter().all(|v| v.abs() < f64::from(self.size) / 2.0);
         match () {
             () if self.views == 0 => Err(SynthError::Options("`views` must be at least 1")),
