@@ -24,7 +24,7 @@ pub enum ReplicaFileError {
         source: ReplicaError,
     },
     /// It names a mesh that is not there.
-    #[error("{}: field `{field}`: there is no mesh {mesh}; run `artgs fit` again or restore the file", path.display())]
+    #[error("{}: field `{field}`: there is no mesh {mesh}; restore the file or make the replica again", path.display())]
     MissingMesh {
         /// The `replica.json`.
         path: PathBuf,
@@ -134,7 +134,7 @@ mod tests {
                 "meshes/start/hole.ply",
                 "field `whole.start`: there is no mesh meshes/start/hole",
             ),
-            ("{", "", "line 1"),
+            ("{", "", "line 2"),
         ] {
             let (dir, _) = folder();
             let path = dir.path().join(REPLICA_FILE);

@@ -4,7 +4,10 @@
 //! frame is its joint's frame: at the joint's origin, axes parallel to the world, joint value 0 at the start state.
 //!
 //! Limitations: a screw joint is written as a revolute one (URDF has no screw), its pitch in a comment. Collision
-//! meshes are the visual ones; engines replace them by their convex hulls, so hollow bodies collide as if filled.
+//! meshes are the visual ones unless the caller has convex pieces; engines replace each by its convex hull, so hollow
+//! bodies collide as if filled. PyBullet ignores contacts within a robot by default; MuJoCo ignores those between a body
+//! and its parent, but not where the parent is fixed to the world, so a drawer there needs convex pieces or an
+//! `<exclude>` pair against the cabinet it slides in.
 //! A mesh without volume (fewer than four points that span space) is drawn but does not collide; an empty one is
 //! not referred to, since engines refuse it.
 
@@ -53,8 +56,8 @@ impl Inertial {
 pub struct Link {
     /// Mesh file to draw, in the link frame, relative to the URDF; none for an empty part.
     pub visual: Option<String>,
-    /// Mesh file to collide with; none if it has no volume.
-    pub collision: Option<String>,
+    /// Mesh files to collide with, each taken as its convex hull; none if there is no volume.
+    pub collision: Vec<String>,
     /// Mass and inertia.
     pub inertial: Inertial,
 }
@@ -115,7 +118,7 @@ pub fn export_urdf(
         }
         links.push(Link {
             visual: (!mesh.is_empty()).then(|| file.clone()),
-            collision: has_volume(&mesh).then_some(file),
+            collision: has_volume(&mesh).then_some(file).into_iter().collect(),
             inertial: Inertial::of_box(&mesh, options.density),
         });
     }
@@ -192,15 +195,14 @@ fn write_link(out: &mut String, name: &str, link: &Link) {
         escape(name),
         triple(center)
     );
-    for (tag, file) in [("visual", &link.visual), ("collision", &link.collision)] {
-        if let Some(file) = file {
-            let file = escape(file);
-            let _ = writeln!(
-                out,
-                "    <{tag}>\n      <origin xyz=\"0 0 0\" rpy=\"0 0 0\"/>\n      <geometry><mesh filename=\"{file}\"/>\
-                 </geometry>\n    </{tag}>"
-            );
-        }
+    let visual = link.visual.iter().map(|file| ("visual", file));
+    for (tag, file) in visual.chain(link.collision.iter().map(|file| ("collision", file))) {
+        let file = escape(file);
+        let _ = writeln!(
+            out,
+            "    <{tag}>\n      <origin xyz=\"0 0 0\" rpy=\"0 0 0\"/>\n      <geometry><mesh filename=\"{file}\"/>\
+             </geometry>\n    </{tag}>"
+        );
     }
     *out += "  </link>\n";
 }

@@ -21,6 +21,7 @@ pub(super) fn entries(
 ) -> Result<Vec<Entry>, CaptureError> {
     let shown = file.display().to_string();
     let lens = lens(root, &shown)?;
+    warn_of_stale_angle(root, &lens, &shown, warnings)?;
     let depth_scale = positive(root, &shown, "depth_scale")?.unwrap_or(DEFAULT_DEPTH_SCALE);
     for key in ["k1", "k2", "k3", "k4", "p1", "p2"] {
         if number(root, &shown, key)?.is_some_and(|v| v != 0.0) {
@@ -90,6 +91,24 @@ fn lens(root: &Object, shown: &str) -> Result<Lens, CaptureError> {
     let y = get("fl_y")?.map(Focal::Pixels).or(angle_y.map(Focal::Angle));
     let (cx, cy) = (number(root, shown, "cx")?, number(root, shown, "cy")?);
     Ok(Lens { x, y, cx, cy, width: size("w")?, height: size("h")? })
+}
+
+/// Images that were rescaled often leave `camera_angle_x` and `fl_x` of two sizes; pixels win.
+fn warn_of_stale_angle(
+    root: &Object,
+    lens: &Lens,
+    shown: &str,
+    warnings: &mut Vec<String>,
+) -> Result<(), CaptureError> {
+    let (Focal::Pixels(f), Some(w)) = (lens.x, lens.width) else { return Ok(()) };
+    let Some(stated) = number(root, shown, "camera_angle_x")? else { return Ok(()) };
+    let angle = 2.0 * (f64::from(w) / (2.0 * f)).atan();
+    if (angle - stated).abs() > 0.01 * angle {
+        warnings.push(format!(
+            "{shown}: key `camera_angle_x` is {stated:.4}, but `fl_x` and `w` make {angle:.4}; `fl_x` is used"
+        ));
+    }
+    Ok(())
 }
 
 /// The image of a `file_path`, relative to the capture: an `rgba` folder beside the listed one or in it is preferred,

@@ -13,7 +13,7 @@ pub enum CaptureError {
     },
     /// The folder holds none of the known camera files.
     #[error(
-        "{}: not a capture, there is none of {looked_for}; see the documentation of the ArtGS and PARIS layouts",
+        "{}: not a capture, there is none of {looked_for}; give the folder of an ArtGS or PARIS capture",
         dir.display()
     )]
     NoLayout {

@@ -1,7 +1,7 @@
 //! Reads a capture folder: posed images of one object in two states, in one of two layouts.
 //!
-//! * ArtGS: `transforms_{train,test}_{start,end}.json`, each frame naming its image (`artgs_layout`).
-//! * PARIS: `{start,end}/camera_{train,test}.json`, `K` and one pose per image id (`paris_layout`).
+//! * ArtGS: `transforms_{train,test}_{start,end}.json`, each frame naming its image.
+//! * PARIS: `{start,end}/camera_{train,test}.json`, `K` and one pose per image id.
 //!
 //! Where both are complete, the first is read. Nothing is written into the folder and its `gt/` is never looked at.
 
