@@ -1,3 +1,6 @@
-//! The method.
+//! The method: two captures of an articulated object to an interactable replica.
+
 pub mod discover;
 pub mod neighbours;
+pub mod observer;
+pub mod synth;

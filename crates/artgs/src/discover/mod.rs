@@ -17,7 +17,7 @@ use label::LabelCosts;
 use observe::{Cloud, DepthView, Observation, Sightings};
 use propose::{Scales, Side};
 use rayon::prelude::*;
-use register::{RegisterOptions, Searchable};
+use register::{Match, RegisterOptions, Searchable};
 use serde::{Deserialize, Serialize};
 
 /// Settings of part discovery. Lengths are fractions of the object's diagonal unless said otherwise.
@@ -161,9 +161,20 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
     });
     let sides = [0, 1].map(|s| Side { points: &search[s], field: &fields[s], moved: &moved[s], unsure: &unsure[s] });
     let least = (config.least_share * total as f64).max(24.0);
-    let pool = propose::propose([&sides[0], &sides[1]], &scene.scales, movable + 2, 60, least);
+    let pool = propose::propose([&sides[0], &sides[1]], &scene.scales, movable + 2, 120, least);
     let chosen = select::select(scene, &search, &moved, &pool, movable);
-    for (i, p) in pool.iter().enumerate() { eprintln!("DBG {i} {} gain {:.0} effort {:.3} angle {:.1} t {:.3} n {} {}", if chosen.contains(&i) {'*'} else {' '}, p.gain, p.effort, p.motion.angle().to_degrees(), p.motion.translation, p.explained[0].len(), p.explained[1].len()); }
+    for (i, p) in pool.iter().enumerate() {
+        eprintln!(
+            "DBG {i} {} gain {:.0} effort {:.3} angle {:.1} t {:.3} n {} {}",
+            if chosen.contains(&i) { '*' } else { ' ' },
+            p.gain,
+            p.effort,
+            p.motion.angle().to_degrees(),
+            p.motion.translation,
+            p.explained[0].len(),
+            p.explained[1].len()
+        );
+    }
     let mut warnings = Vec::new();
     if chosen.len() < movable {
         let found = chosen.len();
@@ -246,7 +257,7 @@ fn refine(
     let spacing = f64::from(scales.spacing);
     let options =
         RegisterOptions { first_reach: 3.0 * spacing, last_reach: spacing, iterations: 20, max_points: 20_000 };
-    let free = register::register(&points[0], &points[1], part.motion, None, &options);
+    let free = register::register(Match::mutual(&points[0], &points[1]), part.motion, None, &options);
     *part = FoundPart { kind: JointKind::Screw, motion: free.motion, rms: free.rms };
     if last {
         let (kind, fit) = choose_joint(&points, &free, &options, config.revolute_deg);
@@ -261,7 +272,7 @@ fn choose_joint(
     options: &RegisterOptions,
     revolute_deg: f64,
 ) -> (JointKind, register::Registration) {
-    let fit = |kind, guess| register::register(&points[0], &points[1], guess, Some(kind), options);
+    let fit = |kind, guess| register::register(Match::mutual(&points[0], &points[1]), guess, Some(kind), options);
     let slide_guess = {
         // The shift of the part's centre, so that a small turn does not throw the slide off.
         let c = &points[0].cloud.points;

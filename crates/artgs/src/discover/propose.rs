@@ -2,7 +2,7 @@
 
 use super::field::{Field, NOWHERE};
 use super::observe::{Cloud, fit_plane};
-use super::register::{RegisterOptions, Searchable, register, register_one_sided};
+use super::register::{Match, RegisterOptions, Searchable, register};
 use artgs_core::Rigid;
 use glam::{Mat3, Quat, Vec3};
 use rayon::prelude::*;
@@ -304,19 +304,25 @@ fn search(
         .filter(|s| s.0 > 0.0)
         .collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let reach = |i: usize| poses[i].translation + poses[i].rotation * centre - centre;
+    let mut modest: Vec<(f32, usize)> =
+        scored.iter().map(|(v, i)| (v * modesty(0.4 * reach(*i).length() / scales.diagonal), *i)).collect();
+    modest.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let mut kept: Vec<Rigid> = Vec::new();
-    for (_, i) in scored {
-        if kept.len() >= 40 {
-            break;
-        }
-        let pose = poses[i];
-        let differs = |k: &Rigid| {
-            let shift = (pose.rotation * centre + pose.translation).distance(k.apply(centre.as_dvec3()).as_vec3());
-            let angle = (k.inverse() * pose.rigid()).angle();
-            shift > radius || angle > 0.2
-        };
-        if kept.iter().all(differs) {
-            kept.push(pose.rigid());
+    for (ranking, most) in [(&scored, 30), (&modest, 50)] {
+        for (_, i) in ranking {
+            if kept.len() >= most {
+                break;
+            }
+            let pose = poses[*i];
+            let differs = |k: &Rigid| {
+                let shift = (pose.rotation * centre + pose.translation).distance(k.apply(centre.as_dvec3()).as_vec3());
+                let angle = (k.inverse() * pose.rigid()).angle();
+                shift > 0.7 * radius || angle > 0.2
+            };
+            if kept.iter().all(differs) {
+                kept.push(pose.rigid());
+            }
         }
     }
     let own = cloud.select(group);
@@ -328,25 +334,36 @@ fn search(
         max_points: 400,
     };
     let fine = sample_of(cloud, group, 600);
-    let mut refined: Vec<(f32, Rigid)> = kept
+    let refined: Vec<(f32, f32, Rigid)> = kept
         .par_iter()
         .map(|guess| {
-            let motion = register_one_sided(&source, other.points, *guess, &options).motion;
+            let motion = register(Match::one_sided(&source, other.points), *guess, None, &options).motion;
             let pose = Pose { rotation: motion.matrix().as_mat3(), translation: motion.translation.as_vec3() };
             let value = mean_worth(&pose, &fine, other.field, target, landing, FINE_REACH * scales.spacing);
-            (value * (1.0 - effort(&motion, &fine, scales)), motion)
+            let effort = effort(&motion, &fine, scales);
+            (value * (1.0 - effort), value * modesty(effort), motion)
         })
+        .filter(|r| r.0 > 0.03)
         .collect();
-    refined.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut distinct: Vec<(f32, Rigid)> = Vec::new();
-    for r in refined.into_iter().filter(|r| r.0 > 0.03) {
-        let gap = |m: &Rigid, p: Vec3| m.apply(p.as_dvec3()).distance(r.1.apply(p.as_dvec3()));
-        let reach = f64::from(1.5 * scales.spacing);
-        if distinct.len() < 6 && distinct.iter().all(|d| fine.iter().any(|(p, _)| gap(&d.1, *p) > reach)) {
-            distinct.push(r);
+    let reach = f64::from(1.5 * scales.spacing);
+    for (rank, most) in [(0, 5), (1, 9)] {
+        let mut ranking = refined.clone();
+        ranking.sort_by(|a, b| if rank == 0 { b.0.total_cmp(&a.0) } else { b.1.total_cmp(&a.1) });
+        for r in ranking {
+            let gap = |m: &Rigid, p: Vec3| m.apply(p.as_dvec3()).distance(r.2.apply(p.as_dvec3()));
+            if distinct.len() < most && distinct.iter().all(|d| fine.iter().any(|(p, _)| gap(&d.1, *p) > reach)) {
+                distinct.push((r.0, r.2));
+            }
         }
     }
     distinct
+}
+
+/// Factor that ranks modest motions first; the second ranking keeps them from being crowded out by far-fetched ones
+/// that happen to land on a twin of the part.
+fn modesty(effort: f32) -> f32 {
+    (-15.0 * effort).exp()
 }
 
 /// A point explains another if they are this many spacings apart or less.
@@ -394,18 +411,27 @@ pub fn propose(sides: [&Side<'_>; 2], scales: &Scales, rounds: usize, pool: usiz
     }
     // Winners of each round first: variants of a large part's motion must not crowd out a small part's.
     let judge = |m: Rigid| weigh(&sides, &all_open, &all_landing, m, scales);
-    let mut rest: Vec<Proposal> = others.into_iter().map(judge).filter(|p| p.gain > 0.3 * least_gain).collect();
-    rest.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let rest: Vec<Proposal> = others.into_iter().map(judge).filter(|p| p.gain > 0.3 * least_gain).collect();
+    let ranked = |key: &dyn Fn(&Proposal) -> f64| {
+        let mut order: Vec<usize> = (0..rest.len()).collect();
+        order.sort_by(|&a, &b| key(&rest[b]).total_cmp(&key(&rest[a])));
+        order
+    };
+    let (by_gain, by_modesty) = (ranked(&|p| p.gain), ranked(&|p| p.gain * f64::from(modesty(p.effort))));
+    let alternating = by_gain.iter().zip(&by_modesty).flat_map(|(a, b)| [rest[*a].clone(), rest[*b].clone()]);
     let winners: Vec<Proposal> = motions.into_iter().map(judge).collect();
-    let proposals = winners.into_iter().chain(rest);
+    let proposals = winners.into_iter().chain(alternating);
     let mut kept: Vec<Proposal> = Vec::new();
     for mut p in proposals {
         if kept.len() >= pool {
             break;
         }
         p.motion = polish(sides, &p, scales);
-        if kept.iter().all(|k| !alike(&k.motion, &p, sides, scales)) {
-            kept.push(p);
+        let slide = straightened(sides, &p, scales).map(|motion| Proposal { motion, ..p.clone() });
+        for candidate in std::iter::once(p).chain(slide) {
+            if kept.iter().all(|k| !alike(&k.motion, &candidate, sides, scales)) {
+                kept.push(candidate);
+            }
         }
     }
     kept
@@ -419,7 +445,7 @@ fn alike(motion: &Rigid, proposal: &Proposal, sides: [&Side<'_>; 2], scales: &Sc
     let (a, b) = (pick(motion), pick(&proposal.motion));
     let sample = sample_of(sides[s].points.cloud, members, 50);
     let gap = |p: Vec3| a.apply(p.as_dvec3()).distance(b.apply(p.as_dvec3()));
-    sample.iter().map(|(p, _)| gap(*p)).fold(0.0, f64::max) < f64::from(1.5 * scales.spacing)
+    sample.iter().map(|(p, _)| gap(*p)).fold(0.0, f64::max) < f64::from(0.5 * scales.spacing)
 }
 
 /// Motions (own state to other state) searched for a group of a state.
@@ -519,17 +545,31 @@ fn claim(sides: &[&Side<'_>; 2], open: &[usize], proposal: &Proposal, s: usize, 
     claimed
 }
 
-/// The motion registered on both states' explained points.
-pub fn polish(sides: [&Side<'_>; 2], proposal: &Proposal, scales: &Scales) -> Rigid {
+/// The motion registered from the explained points of both states.
+fn polish(sides: [&Side<'_>; 2], proposal: &Proposal, scales: &Scales) -> Rigid {
     let clouds = [0, 1].map(|s| sides[s].points.cloud.select(&proposal.explained[s]));
-    if clouds.iter().any(|c| c.len() < 12) {
-        return proposal.motion;
-    }
+    let sources = [Searchable::new(&clouds[0]), Searchable::new(&clouds[1])];
+    let looking = |s: usize| (clouds[s].len() >= 12).then_some(&sources[s]);
+    let points =
+        Match { start: looking(0), end: looking(1), start_target: sides[0].points, end_target: sides[1].points };
     let options = RegisterOptions {
         first_reach: f64::from(3.0 * scales.spacing),
         last_reach: f64::from(scales.spacing),
         iterations: 15,
         max_points: 4000,
     };
-    register(&Searchable::new(&clouds[0]), &Searchable::new(&clouds[1]), proposal.motion, None, &options).motion
+    register(points, proposal.motion, None, &options).motion
+}
+
+/// A motion that hardly turns, as the slide that shifts the explained points alike; small parts leave the turn open.
+fn straightened(sides: [&Side<'_>; 2], proposal: &Proposal, scales: &Scales) -> Option<Rigid> {
+    if proposal.motion.angle() > 0.1 {
+        return None;
+    }
+    let s = usize::from(proposal.explained[1].len() > proposal.explained[0].len());
+    let members = &proposal.explained[s];
+    let centre = members.iter().map(|&i| sides[s].points.cloud.points[i]).sum::<Vec3>() / members.len().max(1) as f32;
+    let centre = if s == 0 { centre.as_dvec3() } else { proposal.motion.inverse().apply(centre.as_dvec3()) };
+    let slide = Rigid::shift(proposal.motion.apply(centre) - centre);
+    (slide.translation.length() > f64::from(scales.spacing)).then_some(slide)
 }

@@ -60,42 +60,40 @@ struct Pair {
     weight: f64,
 }
 
-/// Registers the part seen as `start` and `end`, beginning at `guess` (start to end). With `kind` the motion stays on
-/// the joint: three numbers for prismatic, five for revolute, six otherwise.
-pub fn register(
-    start: &Searchable<'_>,
-    end: &Searchable<'_>,
-    guess: Rigid,
-    kind: Option<JointKind>,
-    options: &RegisterOptions,
-) -> Registration {
-    run(start, end, guess, kind, options, true)
+/// What looks for partners, and where.
+#[derive(Clone, Copy)]
+pub struct Match<'a> {
+    /// Points of the start state that look for partners among `end_target`.
+    pub start: Option<&'a Searchable<'a>>,
+    /// Points of the end state that look for partners among `start_target`.
+    pub end: Option<&'a Searchable<'a>>,
+    /// Where points of the end state look; may show more than the part.
+    pub start_target: &'a Searchable<'a>,
+    /// Where points of the start state look; may show more than the part.
+    pub end_target: &'a Searchable<'a>,
 }
 
-/// Free registration in which only the points of `start` look for partners: `end` may show much more than the part.
-pub fn register_one_sided(
-    start: &Searchable<'_>,
-    end: &Searchable<'_>,
-    guess: Rigid,
-    options: &RegisterOptions,
-) -> Registration {
-    run(start, end, guess, None, options, false)
+impl<'a> Match<'a> {
+    /// Both states show the part and nothing else.
+    pub fn mutual(start: &'a Searchable<'a>, end: &'a Searchable<'a>) -> Self {
+        Self { start: Some(start), end: Some(end), start_target: start, end_target: end }
+    }
+
+    /// Only the points of `start` look for partners, in a state that may show more than the part.
+    pub fn one_sided(start: &'a Searchable<'a>, end_target: &'a Searchable<'a>) -> Self {
+        Self { start: Some(start), end: None, start_target: start, end_target }
+    }
 }
 
-fn run(
-    start: &Searchable<'_>,
-    end: &Searchable<'_>,
-    guess: Rigid,
-    kind: Option<JointKind>,
-    options: &RegisterOptions,
-    both_ways: bool,
-) -> Registration {
+/// Registers a part beginning at `guess` (start to end). With `kind` the motion stays on the joint: three numbers for
+/// prismatic, five for revolute, six otherwise.
+pub fn register(points: Match<'_>, guess: Rigid, kind: Option<JointKind>, options: &RegisterOptions) -> Registration {
     let mut motion = guess;
     let mut outcome = Registration { motion, rms: f64::INFINITY, pairs: 0 };
     let shrink = (options.last_reach / options.first_reach).powf(1.0 / (options.iterations.max(2) - 1) as f64);
     let mut reach = options.first_reach;
     for _ in 0..options.iterations {
-        let pairs = collect_pairs(start, end, &motion, reach, options.max_points, both_ways);
+        let pairs = collect_pairs(points, &motion, reach, options.max_points);
         if pairs.len() < 12 {
             return outcome;
         }
@@ -111,14 +109,7 @@ fn run(
     outcome
 }
 
-fn collect_pairs(
-    start: &Searchable<'_>,
-    end: &Searchable<'_>,
-    motion: &Rigid,
-    reach: f64,
-    max_points: usize,
-    both_ways: bool,
-) -> Vec<Pair> {
+fn collect_pairs(points: Match<'_>, motion: &Rigid, reach: f64, max_points: usize) -> Vec<Pair> {
     let limit = (reach * reach) as f32;
     let inverse = motion.inverse();
     let one_way = |from: &Searchable<'_>, to: &Searchable<'_>, m: &Rigid, forward: bool| -> Vec<Pair> {
@@ -146,9 +137,9 @@ fn collect_pairs(
             })
             .collect()
     };
-    let mut pairs = one_way(start, end, motion, true);
-    if both_ways {
-        pairs.extend(one_way(end, start, &inverse, false));
+    let mut pairs = points.start.map_or(Vec::new(), |from| one_way(from, points.end_target, motion, true));
+    if let Some(from) = points.end {
+        pairs.extend(one_way(from, points.start_target, &inverse, false));
     }
     pairs
 }
@@ -278,7 +269,8 @@ mod tests {
             } else {
                 off
             };
-            let found = register(&Searchable::new(&start), &Searchable::new(&end), guess, kind, &options);
+            let found =
+                register(Match::mutual(&Searchable::new(&start), &Searchable::new(&end)), guess, kind, &options);
             let x = DVec3::new(0.7, 0.4, 0.3);
             assert!((found.motion.apply(x) - truth.apply(x)).length() < 1e-5, "{kind:?}: {found:?}");
         }

@@ -35,6 +35,11 @@ pub fn select(
         chosen.push(c);
     }
     let mut best = energy(&table, &chosen, None);
+    eprintln!("DBG E {best} rest {}", energy(&table, &[], None));
+    for slot in 0..chosen.len() {
+        let rest: Vec<usize> = chosen.iter().enumerate().filter(|(i, _)| *i != slot).map(|(_, c)| *c).collect();
+        eprintln!("DBG without {} {}", chosen[slot], energy(&table, &rest, None));
+    }
     loop {
         let mut exchange = None;
         for slot in 0..chosen.len() {
