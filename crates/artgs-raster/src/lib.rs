@@ -1,7 +1,14 @@
 //! Pixels and gradients: renders Gaussians into colour, depth and alpha, and carries image gradients back.
 
+mod bin;
+mod blend;
+mod gather;
+mod project;
 mod rasterizer;
 pub mod reference;
+mod sh;
+mod simd;
+mod sort;
 pub mod types;
 
 pub use rasterizer::Rasterizer;
