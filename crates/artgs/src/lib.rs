@@ -1,1 +1,4 @@
 //! The method.
+
+pub mod articulation;
+pub mod canonical;
