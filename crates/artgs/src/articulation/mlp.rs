@@ -217,7 +217,7 @@ fn product_tile<S: Simd, const J: usize, const I: usize>(
 fn sums<S: Simd>(s: S, d: &[f32], out: &mut [f32]) {
     for (row, out) in d.chunks_exact(LANES).zip(out) {
         let mut sum = f32x8::splat(s, 0.0);
-        (0..LANES).step_by(WIDTH).for_each(|lane| sum = sum + load(s, row, lane));
+        (0..LANES).step_by(WIDTH).for_each(|lane| sum += load(s, row, lane));
         *out += sum.reduce_sum();
     }
 }

