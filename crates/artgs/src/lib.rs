@@ -1,5 +1,7 @@
 //! The method: two captures of an articulated object to an interactable replica.
 
+pub mod articulation;
+pub mod canonical;
 pub mod discover;
 pub mod neighbours;
 pub mod observer;
