@@ -1,4 +1,4 @@
 //! The method.
 
-// pub mod evaluate;
+pub mod evaluate;
 pub mod surface;

@@ -45,7 +45,7 @@ fn seen_color(view: &DepthView, point: DVec3, tolerance: f64) -> Option<Vec3> {
     let rgba = view.rgba?;
     let (uv, z) = view.camera.project(point);
     let k = &view.camera.intrinsics;
-    if !(z > 0.0 && uv.x >= 0.0 && uv.y >= 0.0 && uv.x < k.width.into() && uv.y < k.height.into()) {
+    if !(z > 0.0 && uv.x >= 0.0 && uv.y >= 0.0 && uv.x < f64::from(k.width) && uv.y < f64::from(k.height)) {
         return None;
     }
     let index = uv.y as usize * k.width as usize + uv.x as usize;

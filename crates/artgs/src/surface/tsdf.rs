@@ -282,7 +282,7 @@ mod tests {
             let k = view.intrinsics;
             let c = view.to_camera.apply(p);
             let (u, v) = (k.fx * c.x / c.z + k.cx, k.fy * c.y / c.z + k.cy);
-            if c.z <= 0.0 || u < 0.0 || v < 0.0 || u >= k.width.into() || v >= k.height.into() {
+            if c.z <= 0.0 || u < 0.0 || v < 0.0 || u >= f64::from(k.width) || v >= f64::from(k.height) {
                 continue;
             }
             let (code, slant) = view.sample(u as f32, v as f32);
