@@ -3,6 +3,8 @@
 pub mod articulation;
 pub mod canonical;
 pub mod discover;
+pub mod evaluate;
 pub mod neighbours;
 pub mod observer;
+pub mod surface;
 pub mod synth;
