@@ -2,7 +2,7 @@
 
 use super::field::{Field, NOWHERE};
 use super::observe::{Cloud, fit_plane};
-use super::register::{Match, RegisterOptions, Searchable, register};
+use super::register::{Match, RegisterOptions, Searchable, register, register_along};
 use artgs_core::Rigid;
 use glam::{Mat3, Quat, Vec3};
 use rayon::prelude::*;
@@ -422,13 +422,12 @@ pub fn propose(sides: [&Side<'_>; 2], scales: &Scales, rounds: usize, pool: usiz
     let winners: Vec<Proposal> = motions.into_iter().map(judge).collect();
     let proposals = winners.into_iter().chain(alternating);
     let mut kept: Vec<Proposal> = Vec::new();
-    for mut p in proposals {
+    for p in proposals {
         if kept.len() >= pool {
             break;
         }
-        p.motion = polish(sides, &p, scales);
-        let slide = straightened(sides, &p, scales).map(|motion| Proposal { motion, ..p.clone() });
-        for candidate in std::iter::once(p).chain(slide) {
+        for motion in variants(sides, &p, &faces, scales) {
+            let candidate = Proposal { motion, ..p.clone() };
             if kept.iter().all(|k| !alike(&k.motion, &candidate, sides, scales)) {
                 kept.push(candidate);
             }
@@ -545,8 +544,10 @@ fn claim(sides: &[&Side<'_>; 2], open: &[usize], proposal: &Proposal, s: usize, 
     claimed
 }
 
-/// The motion registered from the explained points of both states.
-fn polish(sides: [&Side<'_>; 2], proposal: &Proposal, scales: &Scales) -> Rigid {
+/// Variants of a proposal registered from its explained points of both states: free; where it hardly turns, the slide
+/// that shifts the points alike; and where that slide nearly follows a direction in which the object's faces look, the
+/// slide along it (a flat front says little about motion along itself).
+fn variants(sides: [&Side<'_>; 2], proposal: &Proposal, faces: &[Vec3], scales: &Scales) -> Vec<Rigid> {
     let clouds = [0, 1].map(|s| sides[s].points.cloud.select(&proposal.explained[s]));
     let sources = [Searchable::new(&clouds[0]), Searchable::new(&clouds[1])];
     let looking = |s: usize| (clouds[s].len() >= 12).then_some(&sources[s]);
@@ -558,18 +559,26 @@ fn polish(sides: [&Side<'_>; 2], proposal: &Proposal, scales: &Scales) -> Rigid 
         iterations: 15,
         max_points: 4000,
     };
-    register(points, proposal.motion, None, &options).motion
-}
-
-/// A motion that hardly turns, as the slide that shifts the explained points alike; small parts leave the turn open.
-fn straightened(sides: [&Side<'_>; 2], proposal: &Proposal, scales: &Scales) -> Option<Rigid> {
-    if proposal.motion.angle() > 0.1 {
-        return None;
+    let free = register(points, proposal.motion, None, &options).motion;
+    let mut out = vec![free];
+    if free.angle() > 0.1 {
+        return out;
     }
-    let s = usize::from(proposal.explained[1].len() > proposal.explained[0].len());
-    let members = &proposal.explained[s];
-    let centre = members.iter().map(|&i| sides[s].points.cloud.points[i]).sum::<Vec3>() / members.len().max(1) as f32;
-    let centre = if s == 0 { centre.as_dvec3() } else { proposal.motion.inverse().apply(centre.as_dvec3()) };
-    let slide = Rigid::shift(proposal.motion.apply(centre) - centre);
-    (slide.translation.length() > f64::from(scales.spacing)).then_some(slide)
+    let s = usize::from(clouds[1].len() > clouds[0].len());
+    let centre = (clouds[s].points.iter().sum::<Vec3>() / clouds[s].len().max(1) as f32).as_dvec3();
+    let centre = if s == 0 { centre } else { free.inverse().apply(centre) };
+    let shift = free.apply(centre) - centre;
+    if shift.length() < f64::from(scales.spacing) {
+        return out;
+    }
+    out.push(Rigid::shift(shift));
+    for face in faces {
+        let axis = face.as_dvec3().normalize();
+        let along = shift.dot(axis);
+        if along.abs() > 0.85 * shift.length() {
+            let amount = register_along(points, axis, along, &options);
+            out.push(Rigid::shift(axis * amount));
+        }
+    }
+    out
 }

@@ -92,12 +92,14 @@ pub fn register(points: Match<'_>, guess: Rigid, kind: Option<JointKind>, option
     let mut outcome = Registration { motion, rms: f64::INFINITY, pairs: 0 };
     let shrink = (options.last_reach / options.first_reach).powf(1.0 / (options.iterations.max(2) - 1) as f64);
     let mut reach = options.first_reach;
-    for _ in 0..options.iterations {
+    for iteration in 0..options.iterations {
         let pairs = collect_pairs(points, &motion, reach, options.max_points);
         if pairs.len() < 12 {
             return outcome;
         }
-        let pairs = reweighted(pairs);
+        // Large flat faces fit at once and would make everything that fixes the motion along them look like an outlier.
+        let closing = iteration + 4 >= options.iterations;
+        let pairs = reweighted(pairs, if closing { 0.0 } else { 0.3 * reach });
         let total: f64 = pairs.iter().map(|p| p.weight).sum();
         let square: f64 = pairs.iter().map(|p| p.weight * p.residual * p.residual).sum();
         outcome = Registration { motion, rms: (square / total.max(1e-300)).sqrt(), pairs: pairs.len() };
@@ -144,12 +146,34 @@ fn collect_pairs(points: Match<'_>, motion: &Rigid, reach: f64, max_points: usiz
     pairs
 }
 
-/// Tukey's biweight at 4.7 robust standard deviations.
-fn reweighted(mut pairs: Vec<Pair>) -> Vec<Pair> {
+/// Registers a slide along the fixed unit direction `axis`; only its amount is free.
+pub fn register_along(points: Match<'_>, axis: DVec3, amount: f64, options: &RegisterOptions) -> f64 {
+    let mut amount = amount;
+    let mut reach = options.first_reach;
+    let shrink = (options.last_reach / options.first_reach).powf(1.0 / (options.iterations.max(2) - 1) as f64);
+    for _ in 0..options.iterations {
+        let pairs = collect_pairs(points, &Rigid::shift(axis * amount), reach, options.max_points);
+        if pairs.len() < 12 {
+            break;
+        }
+        let (mut down, mut up) = (1e-12, 0.0);
+        for p in reweighted(pairs, 0.3 * reach) {
+            let slope = p.normal.dot(axis);
+            down += p.weight * slope * slope;
+            up += p.weight * slope * p.residual;
+        }
+        amount -= up / down;
+        reach *= shrink;
+    }
+    amount
+}
+
+/// Tukey's biweight at 4.7 robust standard deviations, but not below `least_cut`.
+fn reweighted(mut pairs: Vec<Pair>, least_cut: f64) -> Vec<Pair> {
     let mut sizes: Vec<f64> = pairs.iter().map(|p| p.residual.abs()).collect();
     let middle = sizes.len() / 2;
     let scale = 1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let cut = (4.7 * scale).max(1e-12);
+    let cut = (4.7 * scale).max(least_cut).max(1e-12);
     for p in &mut pairs {
         let u = p.residual / cut;
         p.weight *= if u.abs() < 1.0 { (1.0 - u * u).powi(2) } else { 0.0 };
