@@ -82,9 +82,13 @@ impl Level {
     #[inline]
     fn corners(&self, point: [f32; 3]) -> [(usize, f32); 8] {
         let position = point.map(|c| c * self.scale + 0.5);
-        let low = position.map(f32::floor);
-        let fraction: [f32; 3] = std::array::from_fn(|a| position[a] - low[a]);
-        let low = low.map(|c| c as i32 as u32);
+        // Rounds down without a call to the mathematics library.
+        let low = position.map(|c| {
+            let toward_zero = c as i32;
+            toward_zero - i32::from(c < toward_zero as f32)
+        });
+        let fraction: [f32; 3] = std::array::from_fn(|a| position[a] - low[a] as f32);
+        let low = low.map(|c| c as u32);
         let size = self.table.len() as u32;
         std::array::from_fn(|corner| {
             let bit = |a: usize| (corner >> a & 1) as u32;

@@ -107,6 +107,8 @@ impl Mlp {
     }
 }
 
+// No closures in the functions below: the compiler would call them outside the vectorised context.
+
 type V<S> = f32x8<S>;
 
 #[inline(always)]
@@ -140,7 +142,9 @@ fn linear_rows<S: Simd, const J: usize>(
     for lane in (0..LANES).step_by(2 * WIDTH) {
         let mut sum = [[f32x8::splat(s, 0.0); 2]; J];
         if let Some(bias) = bias {
-            (0..J).for_each(|q| sum[q] = [f32x8::splat(s, bias[q]); 2]);
+            for q in 0..J {
+                sum[q] = [f32x8::splat(s, bias[q]); 2];
+            }
         }
         for i in 0..inputs {
             let (a, b) = (load(s, x, i * LANES + lane), load(s, x, i * LANES + lane + WIDTH));
@@ -182,9 +186,17 @@ fn products<S: Simd>(s: S, d: &[f32], x: &[f32], inputs: usize, out: &mut [f32])
         for i in (0..inputs).step_by(4) {
             match (rows - j >= 2, inputs - i >= 4) {
                 (true, true) => product_tile::<S, 2, 4>(s, d, x, inputs, j, i, out),
-                (true, false) => (i..inputs).for_each(|i| product_tile::<S, 2, 1>(s, d, x, inputs, j, i, out)),
+                (true, false) => {
+                    for i in i..inputs {
+                        product_tile::<S, 2, 1>(s, d, x, inputs, j, i, out);
+                    }
+                }
                 (false, true) => product_tile::<S, 1, 4>(s, d, x, inputs, j, i, out),
-                (false, false) => (i..inputs).for_each(|i| product_tile::<S, 1, 1>(s, d, x, inputs, j, i, out)),
+                (false, false) => {
+                    for i in i..inputs {
+                        product_tile::<S, 1, 1>(s, d, x, inputs, j, i, out);
+                    }
+                }
             }
         }
     }
@@ -202,14 +214,21 @@ fn product_tile<S: Simd, const J: usize, const I: usize>(
 ) {
     let mut sum = [[f32x8::splat(s, 0.0); I]; J];
     for lane in (0..LANES).step_by(WIDTH) {
-        let right: [V<S>; I] = std::array::from_fn(|p| load(s, x, (i + p) * LANES + lane));
+        let mut right = [f32x8::splat(s, 0.0); I];
+        for p in 0..I {
+            right[p] = load(s, x, (i + p) * LANES + lane);
+        }
         for q in 0..J {
             let left = load(s, d, (j + q) * LANES + lane);
-            (0..I).for_each(|p| sum[q][p] = left.mul_add(right[p], sum[q][p]));
+            for p in 0..I {
+                sum[q][p] = left.mul_add(right[p], sum[q][p]);
+            }
         }
     }
     for q in 0..J {
-        (0..I).for_each(|p| out[(j + q) * inputs + i + p] += sum[q][p].reduce_sum());
+        for p in 0..I {
+            out[(j + q) * inputs + i + p] += sum[q][p].reduce_sum();
+        }
     }
 }
 
@@ -217,7 +236,9 @@ fn product_tile<S: Simd, const J: usize, const I: usize>(
 fn sums<S: Simd>(s: S, d: &[f32], out: &mut [f32]) {
     for (row, out) in d.chunks_exact(LANES).zip(out) {
         let mut sum = f32x8::splat(s, 0.0);
-        (0..LANES).step_by(WIDTH).for_each(|lane| sum += load(s, row, lane));
+        for lane in (0..LANES).step_by(WIDTH) {
+            sum += load(s, row, lane);
+        }
         *out += sum.reduce_sum();
     }
 }
