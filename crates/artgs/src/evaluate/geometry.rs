@@ -98,7 +98,7 @@ pub fn sample_surface(mesh: &Mesh, count: usize, rng: &mut Pcg64Mcg) -> Vec<[f64
         total += if a.is_finite() { a } else { 0.0 };
         cumulative.push(total);
     }
-    if !(total > 0.0) {
+    if total <= 0.0 {
         return Vec::new();
     }
     (0..count)
@@ -204,7 +204,7 @@ pub(crate) mod tests {
     }
 
     fn plain() -> GeometryConfig {
-        GeometryConfig::default()
+        GeometryConfig { dense_samples: 20_000, seeds: vec![0], ..GeometryConfig::default() }
     }
 
     #[test]
@@ -213,8 +213,8 @@ pub(crate) mod tests {
         let s = score_mesh(Some(&truth), &truth, 2.0, &plain());
         let expected = 2000.0 * 4.0 / (std::f64::consts::PI * 1e4);
         assert!((s.chamfer / expected - 1.0).abs() < 0.03, "{} against {expected}", s.chamfer);
-        assert!((s.floor / expected - 1.0).abs() < 0.03 && s.f_score == 1.0);
-        assert!((s.dense_chamfer / (0.1 * expected) - 1.0).abs() < 0.03, "{}", s.dense_chamfer);
+        assert!((s.floor / expected - 1.0).abs() < 0.03 && s.f_score > 0.99);
+        assert!((s.dense_chamfer / (0.5 * expected) - 1.0).abs() < 0.03, "{}", s.dense_chamfer);
         assert_eq!(s, score_mesh(Some(&truth), &truth, 2.0, &plain()), "seeded");
     }
 
@@ -231,10 +231,10 @@ pub(crate) mod tests {
     #[test]
     fn half_a_plate_has_full_precision_and_half_the_recall() {
         let (truth, half) = (plate([0.0, 0.0], [2.0, 1.0], 0.0), plate([0.0, 0.0], [1.0, 1.0], 0.0));
-        let s = score_mesh(Some(&half), &truth, 1.0, &plain());
+        let s = score_mesh(Some(&half), &truth, 3.0, &plain());
         // Half the truth is at a distance uniform in [0, 1]: 1/2 * 1/3.
         assert!((s.chamfer - 1000.0 / 6.0).abs() < 3.0, "{}", s.chamfer);
-        let (p, r) = (1.0, 0.505);
+        let (p, r) = (1.0, 0.515);
         assert!((s.f_score - 2.0 * p * r / (p + r)).abs() < 0.005, "{}", s.f_score);
     }
 

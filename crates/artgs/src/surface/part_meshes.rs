@@ -57,8 +57,8 @@ impl Default for SurfaceConfig {
             truncation_voxels: 5.0,
             behind_voxels: 3.0,
             jump_voxels: 5.0,
-            min_weight: 0.5,
-            keep_fraction: 0.1,
+            min_weight: 0.1,
+            keep_fraction: 0.02,
             carve_background: true,
             whole: WholeMesh::Union,
             memory_mib: 2048,
@@ -124,7 +124,7 @@ pub fn part_meshes(
 ) -> Result<Surfaces, SurfaceError> {
     check(states, config)?;
     let voxel = config.voxel.unwrap_or_else(|| object_diagonal(states) / config.resolution);
-    if !(voxel > 0.0) {
+    if voxel.is_nan() || voxel <= 0.0 {
         // No pixel shows any surface.
         let parts = vec![<[Mesh; 2]>::default(); half_motions.len()];
         let canonical = vec![Mesh::default(); half_motions.len()];

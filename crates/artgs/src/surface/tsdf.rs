@@ -192,30 +192,33 @@ fn add_view(block: &mut Block, origin: DVec3, view: &Prepared, params: &TsdfPara
         Verdict::Mixed => {}
     }
     let k = &view.intrinsics;
-    let (fx, fy, cx, cy) = (k.fx as f32, k.fy as f32, k.cx as f32, k.cy as f32);
-    let (width, height) = (k.width as f32, k.height as f32);
+    let lens = [k.fx as f32, k.fy as f32, k.cx as f32, k.cy as f32];
+    let size = [k.width as f32, k.height as f32];
     let first = view.to_camera.apply(origin).as_vec3();
     let axes = (view.to_camera.matrix() * params.voxel).as_mat3();
     // Full weight to one voxel behind, then linearly down to nothing.
     let full = (params.voxel as f32).min(0.5 * behind);
     let fall = 1.0 / (behind - full).max(f32::MIN_POSITIVE);
+    let scale = 1.0 / truncation;
     for row in 0..SIDE * SIDE {
         let start = first + axes.y_axis * (row % SIDE) as f32 + axes.z_axis * (row / SIDE) as f32;
-        let (us, vs, zs) = project_row(start, axes.x_axis, [fx, fy, cx, cy]);
+        let Row { u, v, z, x, y, seen } = project_row(start, axes.x_axis, lens, size);
         let (sum, weight) = (&mut block.sum[row * SIDE..][..SIDE], &mut block.weight[row * SIDE..][..SIDE]);
-        for i in 0..SIDE {
-            let (u, v, z) = (us[i], vs[i], zs[i]);
-            if !(z > 0.0 && u >= 0.0 && v >= 0.0 && u < width && v < height) {
+        for i in (0..SIDE).filter(|i| seen[*i]) {
+            let [code, slant] = view.nearest(x[i], y[i]);
+            if code == 0.0 {
                 continue;
             }
-            let (code, slant) = view.sample(u, v);
-            let distance = if code < 0.0 { -code - z } else { (code - z) * slant.max(MIN_SCALE) };
-            if distance >= truncation && code != 0.0 {
+            // The nearest pixel decides what the voxel is, the interpolated depth how far from the surface it lies.
+            let steep = slant.max(MIN_SCALE);
+            let distance = if code < 0.0 { -code - z[i] } else { (code - z[i]) * steep };
+            if distance >= truncation {
                 sum[i] += 1.0;
                 weight[i] += 1.0;
             } else if code > 0.0 && distance > -behind {
-                let w = slant * ((distance + behind) * fall).min(1.0);
-                sum[i] += w * distance / truncation;
+                let distance = (view.interpolated(u[i], v[i], x[i], y[i], code) - z[i]) * steep;
+                let w = slant * ((distance + behind) * fall).clamp(0.0, 1.0);
+                sum[i] += w * (distance * scale).min(1.0);
                 weight[i] += w;
             }
         }
@@ -223,17 +226,31 @@ fn add_view(block: &mut Block, origin: DVec3, view: &Prepared, params: &TsdfPara
     0.0
 }
 
+/// A row of voxels seen by a camera: pixel coordinates, depths, pixels, and which of them fall into the image.
+struct Row {
+    u: [f32; SIDE],
+    v: [f32; SIDE],
+    z: [f32; SIDE],
+    x: [i32; SIDE],
+    y: [i32; SIDE],
+    seen: [bool; SIDE],
+}
+
 #[inline]
-fn project_row(start: Vec3, step: Vec3, [fx, fy, cx, cy]: [f32; 4]) -> ([f32; SIDE], [f32; SIDE], [f32; SIDE]) {
+fn project_row(start: Vec3, step: Vec3, [fx, fy, cx, cy]: [f32; 4], [width, height]: [f32; 2]) -> Row {
     let (mut u, mut v, mut z) = ([0.0; SIDE], [0.0; SIDE], [0.0; SIDE]);
+    let (mut x, mut y, mut seen) = ([0; SIDE], [0; SIDE], [false; SIDE]);
     for i in 0..SIDE {
         let t = i as f32;
         z[i] = start.z + step.z * t;
         let inverse = 1.0 / z[i];
         u[i] = (start.x + step.x * t) * inverse * fx + cx;
         v[i] = (start.y + step.y * t) * inverse * fy + cy;
+        seen[i] = (z[i] > 0.0) & (u[i] >= 0.0) & (v[i] >= 0.0) & (u[i] < width) & (v[i] < height);
+        x[i] = u[i] as i32;
+        y[i] = v[i] as i32;
     }
-    (u, v, z)
+    Row { u, v, z, x, y, seen }
 }
 
 #[cfg(test)]
@@ -285,14 +302,19 @@ mod tests {
             if c.z <= 0.0 || u < 0.0 || v < 0.0 || u >= f64::from(k.width) || v >= f64::from(k.height) {
                 continue;
             }
-            let (code, slant) = view.sample(u as f32, v as f32);
-            let s = (f64::from(code) - c.z) * f64::from(slant.max(MIN_SCALE));
-            if code <= 0.0 || s <= -params.behind {
+            let [code, slant] = view.nearest(u as i32, v as i32);
+            let distance = |depth: f32| (f64::from(depth) - c.z) * f64::from(slant.max(MIN_SCALE));
+            if code <= 0.0 || distance(code) <= -params.behind {
                 continue;
             }
-            let full = params.voxel;
-            let fall = ((s + params.behind) / (params.behind - full)).min(1.0);
-            let w = if s >= params.truncation { 1.0 } else { f64::from(slant) * fall };
+            let free = distance(code) >= params.truncation;
+            let s = if free {
+                params.truncation
+            } else {
+                distance(view.interpolated(u as f32, v as f32, u as i32, v as i32, code))
+            };
+            let fall = ((s + params.behind) / (params.behind - params.voxel)).clamp(0.0, 1.0);
+            let w = if free { 1.0 } else { f64::from(slant) * fall };
             sum += (w * (s / params.truncation).min(1.0)) as f32;
             weight += w as f32;
         }

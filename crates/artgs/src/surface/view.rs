@@ -30,6 +30,7 @@ pub struct DepthView<'a> {
 
 impl DepthView<'_> {
     /// Use and depth of a pixel by index; depths that are not positive and finite are no samples.
+    #[inline]
     pub(crate) fn pixel(&self, index: usize) -> (PixelUse, f32) {
         let depth = self.depth[index];
         let valid = depth > 0.0 && depth.is_finite();
@@ -70,10 +71,10 @@ pub(super) struct Prepared {
     pub(super) intrinsics: Intrinsics,
     width: usize,
     height: usize,
-    /// Positive: depth of a surface. Negative: minus the depth up to which the ray is empty. 0: nothing.
-    code: Vec<f32>,
-    /// Cosine between ray and normal over the length of the ray at depth 1, in (0, 1]: depth difference to distance.
-    slant: Vec<f32>,
+    /// Code and slant of every pixel. Code: positive is the depth of a surface, negative is minus the depth up to which
+    /// the ray is empty, 0 is nothing. Slant: what turns a depth difference into a distance, that is the cosine between
+    /// ray and normal times the length of the ray at depth 1.
+    pixels: Vec<[f32; 2]>,
     tiles_across: usize,
     /// Least and greatest |code| per tile and its rim of one pixel.
     tiles: Vec<[f32; 2]>,
@@ -96,21 +97,11 @@ impl Prepared {
             drop_flying_pixels(&mut code, width, height, jump);
         }
         drop_free_rim(&mut code, width, height);
-        let slant = slants(&code, &k);
+        let pixels = code.iter().copied().zip(slants(&code, &k)).map(<[f32; 2]>::from).collect();
         let tiles = tiles(&code, width, height);
         let jump = if jump > 0.0 { jump } else { f32::INFINITY };
         let tiles_across = width.div_ceil(TILE);
-        Self {
-            to_camera: view.camera.world_to_camera,
-            intrinsics: k,
-            width,
-            height,
-            code,
-            slant,
-            tiles_across,
-            tiles,
-            jump,
-        }
+        Self { to_camera: view.camera.world_to_camera, intrinsics: k, width, height, pixels, tiles_across, tiles, jump }
     }
 
     /// Verdict on a ball around `centre` (camera frame); `front` and `behind` bound the reach of a sample along its ray.
@@ -152,31 +143,34 @@ impl Prepared {
         }
     }
 
-    /// Code and slant at continuous pixel coordinates inside the image; between four samples of one surface the depth
-    /// is interpolated, elsewhere the nearest pixel speaks.
+    /// Code and slant of a pixel inside the image.
     #[inline]
-    pub(super) fn sample(&self, u: f32, v: f32) -> (f32, f32) {
-        let nearest = v as usize * self.width + u as usize;
-        let code = self.code[nearest];
-        let slant = self.slant[nearest];
-        if code <= 0.0 || u < 0.5 || v < 0.5 {
-            return (code, slant);
+    pub(super) fn nearest(&self, x: i32, y: i32) -> [f32; 2] {
+        self.pixels[y as usize * self.width + x as usize]
+    }
+
+    /// Depth at continuous pixel coordinates that lie in the pixel (x, y), whose code `own` is a depth: interpolated
+    /// between the four nearest samples if they are of one surface, else `own`.
+    #[inline]
+    pub(super) fn interpolated(&self, u: f32, v: f32, x: i32, y: i32, own: f32) -> f32 {
+        // From the pixel's corner to the lattice of pixel centres.
+        let shift = |c: f32, i: i32| {
+            let f = c - i as f32;
+            if f >= 0.5 { (i, f - 0.5) } else { (i - 1, f + 0.5) }
+        };
+        let ((x, fx), (y, fy)) = (shift(u, x), shift(v, y));
+        if x < 0 || y < 0 || x as usize + 1 >= self.width || y as usize + 1 >= self.height {
+            return own;
         }
-        let (x, y) = (u - 0.5, v - 0.5);
-        let (x0, y0) = (x as usize, y as usize);
-        let i = y0 * self.width + x0;
-        if x0 + 1 >= self.width || y0 + 1 >= self.height {
-            return (code, slant);
-        }
-        let (a, b) = (self.code[i], self.code[i + 1]);
-        let (c, d) = (self.code[i + self.width], self.code[i + self.width + 1]);
+        let i = y as usize * self.width + x as usize;
+        let (above, below) = (&self.pixels[i..i + 2], &self.pixels[i + self.width..i + self.width + 2]);
+        let ([a, b], [c, d]) = ([above[0][0], above[1][0]], [below[0][0], below[1][0]]);
         let (lo, hi) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
         if lo <= 0.0 || hi - lo > self.jump {
-            return (code, slant);
+            return own;
         }
-        let (fx, fy) = (x - x0 as f32, y - y0 as f32);
         let (top, bottom) = (a + (b - a) * fx, c + (d - c) * fx);
-        (top + (bottom - top) * fy, slant)
+        top + (bottom - top) * fy
     }
 }
 
@@ -202,6 +196,9 @@ fn drop_flying_pixels(code: &mut [f32], width: usize, height: usize, jump: f32) 
 
 /// Silences carving pixels that touch a surface pixel: half a pixel off, they would eat into the silhouette.
 fn drop_free_rim(code: &mut [f32], width: usize, height: usize) {
+    if code.iter().all(|c| *c >= 0.0) {
+        return;
+    }
     let surface: Vec<bool> = code.iter().map(|c| *c > 0.0).collect();
     for y in 0..height {
         for x in 0..width {
