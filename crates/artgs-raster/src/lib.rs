@@ -1,5 +1,15 @@
 //! Pixels and gradients: renders Gaussians into colour, depth and alpha, and carries image gradients back.
 
+mod bin;
+mod blend;
+mod gather;
+mod project;
+mod rasterizer;
+pub mod reference;
+mod sh;
+mod simd;
+mod sort;
 pub mod types;
 
+pub use rasterizer::Rasterizer;
 pub use types::{Colors, Frame, FrameGrad, RenderOptions, ShFrames, SplatGrads, SplatView};

@@ -1,0 +1,118 @@
+//! Sums the gradients of the intersections per Gaussian and carries them to its parameters.
+
+use crate::bin::Bins;
+use crate::blend::Cell;
+use crate::project::{Flat, View};
+use crate::{Colors, SplatGrads, SplatView};
+use rayon::prelude::*;
+
+/// Gaussians handled by one task at least.
+const GRAIN: usize = 256;
+
+/// The gradients of consecutive Gaussians.
+struct Part<'a> {
+    first: usize,
+    sh_stride: usize,
+    means: &'a mut [[f32; 3]],
+    rotations: &'a mut [[f32; 4]],
+    log_scales: &'a mut [[f32; 3]],
+    logit_opacities: &'a mut [f32],
+    sh: &'a mut [f32],
+    mean2d: &'a mut [f32],
+    radii: &'a mut [f32],
+}
+
+/// Overwrites `grads`. Every sum runs in the order of the tiles, whichever thread does it.
+pub(crate) fn gather(
+    view: &View,
+    splats: &SplatView<'_>,
+    flats: &[Flat],
+    bins: &Bins,
+    cells: &[Cell],
+    grads: &mut SplatGrads,
+) {
+    let all = Part::new(splats, grads);
+    rayon::iter::split(all, Part::split).for_each(|part| part.fill(view, splats, flats, bins, cells));
+}
+
+impl<'a> Part<'a> {
+    fn new(splats: &SplatView<'_>, grads: &'a mut SplatGrads) -> Self {
+        let n = splats.means.len();
+        let sh_stride = match splats.colors {
+            Colors::Sh { degree, .. } => 3 * (degree + 1) * (degree + 1),
+            Colors::Fixed(_) => 0,
+        };
+        grads.means.resize(n, [0.0; 3]);
+        grads.rotations.resize(n, [0.0; 4]);
+        grads.log_scales.resize(n, [0.0; 3]);
+        grads.logit_opacities.resize(n, 0.0);
+        grads.sh.resize(n * sh_stride, 0.0);
+        grads.mean2d.resize(n, 0.0);
+        grads.radii.resize(n, 0.0);
+        Self {
+            first: 0,
+            sh_stride,
+            means: &mut grads.means,
+            rotations: &mut grads.rotations,
+            log_scales: &mut grads.log_scales,
+            logit_opacities: &mut grads.logit_opacities,
+            sh: &mut grads.sh,
+            mean2d: &mut grads.mean2d,
+            radii: &mut grads.radii,
+        }
+    }
+
+    fn split(self) -> (Self, Option<Self>) {
+        let n = self.means.len();
+        if n < 2 * GRAIN {
+            return (self, None);
+        }
+        let at = n / 2;
+        let (means, means_far) = self.means.split_at_mut(at);
+        let (rotations, rotations_far) = self.rotations.split_at_mut(at);
+        let (log_scales, log_scales_far) = self.log_scales.split_at_mut(at);
+        let (logit_opacities, logit_opacities_far) = self.logit_opacities.split_at_mut(at);
+        let (sh, sh_far) = self.sh.split_at_mut(at * self.sh_stride);
+        let (mean2d, mean2d_far) = self.mean2d.split_at_mut(at);
+        let (radii, radii_far) = self.radii.split_at_mut(at);
+        let (first, sh_stride) = (self.first, self.sh_stride);
+        let near = Self { first, sh_stride, means, rotations, log_scales, logit_opacities, sh, mean2d, radii };
+        let far = Self {
+            first: first + at,
+            sh_stride,
+            means: means_far,
+            rotations: rotations_far,
+            log_scales: log_scales_far,
+            logit_opacities: logit_opacities_far,
+            sh: sh_far,
+            mean2d: mean2d_far,
+            radii: radii_far,
+        };
+        (near, Some(far))
+    }
+
+    fn fill(self, view: &View, splats: &SplatView<'_>, flats: &[Flat], bins: &Bins, cells: &[Cell]) {
+        for k in 0..self.means.len() {
+            let i = self.first + k;
+            let d_sh = &mut self.sh[k * self.sh_stride..(k + 1) * self.sh_stride];
+            let mut total = Cell::default();
+            let mut drawn = false;
+            for place in bins.places(i) {
+                total.add(&cells[place]);
+                drawn = true;
+            }
+            let gradient = if drawn {
+                view.adjoint(splats, i, &total.sums(), &flats[i], d_sh)
+            } else {
+                d_sh.fill(0.0);
+                Default::default()
+            };
+            self.means[k] = gradient.mean;
+            self.rotations[k] = gradient.rotation;
+            self.log_scales[k] = gradient.log_scale;
+            self.logit_opacities[k] = gradient.logit_opacity;
+            self.mean2d[k] = gradient.mean2d;
+            self.radii[k] = if drawn { flats[i].radius } else { 0.0 };
+        }
+    }
+}

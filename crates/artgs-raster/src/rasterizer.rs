@@ -1,0 +1,197 @@
+//! The rasteriser: its workspaces and the order of its passes.
+
+use crate::bin::{Bins, Grid, NOT_DRAWN, TILE};
+use crate::blend::{self, Cell, TilePixels};
+use crate::gather::gather;
+use crate::project::{Flat, View};
+use crate::{Colors, Frame, FrameGrad, RenderOptions, SplatGrads, SplatView};
+use artgs_core::Camera;
+use rayon::prelude::*;
+
+/// Gaussians projected by one task at least.
+const GRAIN: usize = 256;
+
+/// Renders Gaussians and carries gradients back. Owns every workspace: once they have grown, a step allocates nothing.
+/// Runs on the current rayon pool; results do not depend on the number of threads.
+#[derive(Debug, Default)]
+pub struct Rasterizer {
+    frame: Frame,
+    flats: Vec<Flat>,
+    keys: Vec<u32>,
+    grid: Grid,
+    bins: Bins,
+    /// Pixels of the active tiles.
+    tiles: Vec<TilePixels>,
+    /// Gradients of the intersections, in the order of the tiles' lists.
+    cells: Vec<Cell>,
+}
+
+/// Cells of consecutive active tiles, for splitting among threads.
+struct Stretch<'a> {
+    bins: &'a Bins,
+    active: &'a [u32],
+    cells: &'a mut [Cell],
+}
+
+impl Rasterizer {
+    /// A rasteriser with empty workspaces.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The last rendering.
+    pub fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// Intersections of Gaussians with 16 x 16 tiles in the last rendering.
+    pub fn intersections(&self) -> usize {
+        self.bins.total()
+    }
+
+    /// Gaussian-pixel pairs the last rendering looked at (before finished pixels are left out): a measure of its work.
+    pub fn evaluations(&self) -> usize {
+        let blocks =
+            |tile: &u32| self.bins.list(*tile).iter().map(|e| (e.get() >> 28).count_ones() as usize).sum::<usize>();
+        self.bins.active.iter().map(blocks).sum::<usize>() * blend::BLOCK_PIXELS
+    }
+
+    /// Renders the Gaussians as the camera sees them. Gaussians with parameters that are not finite are left out.
+    ///
+    /// # Panics
+    /// If the arrays of `splats` differ in length.
+    pub fn forward(&mut self, splats: SplatView<'_>, camera: &Camera, options: &RenderOptions) -> &Frame {
+        check(&splats);
+        let view = View::new(camera, options);
+        self.project(&splats, &view);
+        self.grid = Grid::new(view.size);
+        self.bins.fill(&self.grid, &self.flats, &self.keys);
+        let Self { bins, grid, flats, tiles, .. } = self;
+        if tiles.len() < bins.active.len() {
+            tiles.resize_with(bins.active.len(), TilePixels::default);
+        }
+        bins.active.par_iter().zip(tiles.par_iter_mut()).for_each(|(&tile, pixels)| {
+            blend::forward(flats, bins.list(tile), grid.origin(tile as usize), options.background, pixels);
+        });
+        self.assemble(view.size, options.background);
+        &self.frame
+    }
+
+    fn project(&mut self, splats: &SplatView<'_>, view: &View) {
+        let n = splats.means.len();
+        self.flats.resize(n, Flat::default());
+        self.keys.resize(n, NOT_DRAWN);
+        let targets = self.flats.par_iter_mut().zip(self.keys.par_iter_mut()).enumerate().with_min_len(GRAIN);
+        targets.for_each(|(i, (flat, key))| {
+            *key = NOT_DRAWN;
+            if let Some(projected) = view.project(splats, i) {
+                // Positive floats order like their bits.
+                (*flat, *key) = (projected, projected.depth.to_bits());
+            }
+        });
+    }
+
+    /// Copies the tiles into the planes of the frame, the background where there is no tile.
+    fn assemble(&mut self, [width, height]: [usize; 2], background: [f32; 3]) {
+        let Self { frame, bins, grid, tiles, .. } = self;
+        let size = width * height;
+        (frame.width, frame.height) = (width, height);
+        frame.rgb.resize(3 * size, 0.0);
+        frame.depth.resize(size, 0.0);
+        frame.alpha.resize(size, 0.0);
+        if size == 0 {
+            return;
+        }
+        let (red, rest) = frame.rgb.split_at_mut(size);
+        let (green, blue) = rest.split_at_mut(size);
+        let [r, g, b] = background;
+        let planes = [(red, r), (green, g), (blue, b), (&mut frame.depth[..], 0.0), (&mut frame.alpha[..], 0.0)];
+        planes.into_par_iter().enumerate().for_each(|(plane, (pixels, empty))| {
+            pixels.par_chunks_mut(width * TILE).enumerate().for_each(|(tile_row, band)| {
+                band.fill(empty);
+                let first = bins.active.partition_point(|&t| (t as usize) < tile_row * grid.tiles[0]);
+                let last = bins.active.partition_point(|&t| (t as usize) < (tile_row + 1) * grid.tiles[0]);
+                for (&tile, pixels) in bins.active[first..last].iter().zip(&tiles[first..last]) {
+                    let left = grid.origin(tile as usize)[0];
+                    let right = width.min(left + TILE);
+                    for (row, line) in band.chunks_mut(width).enumerate() {
+                        pixels.copy_row(plane, row, &mut line[left..right]);
+                    }
+                }
+            });
+        });
+    }
+
+    /// Carries the gradient of a loss with respect to the last rendering to every parameter, overwriting `grads`.
+    /// Must follow a [`forward`](Self::forward) with the same arguments.
+    ///
+    /// # Panics
+    /// If the sizes of `splats`, `camera` or `d_frame` are not those of the last rendering.
+    pub fn backward(
+        &mut self,
+        splats: SplatView<'_>,
+        camera: &Camera,
+        options: &RenderOptions,
+        d_frame: &FrameGrad,
+        grads: &mut SplatGrads,
+    ) {
+        check(&splats);
+        let view = View::new(camera, options);
+        let size = self.frame.width * self.frame.height;
+        assert_eq!(view.size, [self.frame.width, self.frame.height], "backward follows a forward of the same camera");
+        assert_eq!(splats.means.len(), self.flats.len(), "backward follows a forward of the same Gaussians");
+        let sizes = [d_frame.rgb.len(), d_frame.depth.len(), d_frame.alpha.len()];
+        assert_eq!(sizes, [3 * size, size, size], "the gradient has the layout of the frame");
+        let Self { frame, flats, grid, bins, cells, .. } = self;
+        if cells.len() < bins.total() {
+            cells.resize(bins.total(), Cell::default());
+        }
+        let all = Stretch { bins, active: &bins.active, cells: &mut cells[..bins.total()] };
+        rayon::iter::split(all, Stretch::split).for_each(|stretch| {
+            stretch.for_each(|tile, cells| {
+                blend::backward(flats, bins.list(tile), grid.origin(tile as usize), frame, d_frame, cells);
+            });
+        });
+        gather(&view, &splats, flats, bins, cells, grads);
+    }
+}
+
+impl Stretch<'_> {
+    /// In two parts of about the same number of intersections.
+    fn split(self) -> (Self, Option<Self>) {
+        let Some((&first, _)) = self.active.split_first() else { return (self, None) };
+        if self.active.len() < 2 {
+            return (self, None);
+        }
+        let start = self.bins.start(first);
+        let middle = start + self.cells.len() / 2;
+        let at = self.active.partition_point(|&t| self.bins.start(t) < middle).clamp(1, self.active.len() - 1);
+        let (left, right) = self.active.split_at(at);
+        let (near, far) = self.cells.split_at_mut(self.bins.start(right[0]) - start);
+        let part = |active, cells| Self { bins: self.bins, active, cells };
+        (part(left, near), Some(part(right, far)))
+    }
+
+    fn for_each(self, mut visit: impl FnMut(u32, &mut [Cell])) {
+        let mut cells = self.cells;
+        for &tile in self.active {
+            let (mine, rest) = cells.split_at_mut(self.bins.list(tile).len());
+            visit(tile, mine);
+            cells = rest;
+        }
+    }
+}
+
+fn check(splats: &SplatView<'_>) {
+    let n = splats.means.len();
+    let lens = [splats.rotations.len(), splats.log_scales.len(), splats.logit_opacities.len()];
+    assert_eq!(lens, [n; 3], "one rotation, scale and opacity per Gaussian");
+    match splats.colors {
+        Colors::Fixed(c) => assert_eq!(c.len(), n, "one colour per Gaussian"),
+        Colors::Sh { sh, degree, frames } => {
+            assert!(degree <= 3, "harmonics of degree 0 to 3");
+            assert_eq!(sh.len(), n * 3 * (degree + 1) * (degree + 1), "one set of harmonics per Gaussian");
+            assert!(frames.is_none_or(|f| f.index.len() == n), "one frame per Gaussian");
+        }
+    }
+}
