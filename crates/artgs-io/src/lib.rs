@@ -1,1 +1,27 @@
-//! placeholder
+//! Bytes: reads captures, writes and reads images, meshes, splats, replicas and URDF. One file per format.
+//!
+//! Axis flips and unit conversions of foreign formats happen here and nowhere else; see `CONVENTIONS.md`.
+
+pub mod atomic;
+pub mod capture;
+pub mod error;
+pub mod ground_truth;
+pub mod image_io;
+pub mod mesh_obj;
+pub mod mesh_ply;
+mod ply;
+pub mod replica;
+pub mod splat_ply;
+pub mod summary;
+pub mod urdf;
+
+pub use atomic::write_atomic;
+pub use capture::{CaptureError, load_capture};
+pub use error::FileError;
+pub use ground_truth::{GroundTruth, load_ground_truth};
+pub use mesh_obj::write_mesh_obj;
+pub use mesh_ply::{read_mesh_ply, write_mesh_ply};
+pub use replica::{read_replica, write_replica};
+pub use splat_ply::{read_splat_ply, write_splat_ply};
+pub use summary::{CaptureSummary, summarize};
+pub use urdf::{Inertial, Link, UrdfOptions, export_urdf, link_mesh, write_urdf};

@@ -1,0 +1,110 @@
+//! Why a capture cannot be used.
+
+use std::path::PathBuf;
+
+/// Why a capture cannot be used; every message names the file, the frame and the key concerned and what to do.
+#[derive(Debug, thiserror::Error)]
+pub enum CaptureError {
+    /// There is no such folder.
+    #[error("{}: no such directory; give the folder that holds the capture", dir.display())]
+    DirectoryMissing {
+        /// What was asked for.
+        dir: PathBuf,
+    },
+    /// The folder holds none of the known camera files.
+    #[error(
+        "{}: not a capture, there is none of {looked_for}; give the folder of an ArtGS or PARIS capture",
+        dir.display()
+    )]
+    NoLayout {
+        /// The folder.
+        dir: PathBuf,
+        /// Camera files of every known layout.
+        looked_for: String,
+    },
+    /// Cameras of one state only.
+    #[error(
+        "{}: holds one state only: {} is there, {} is not; two states are needed, photograph the other one",
+        dir.display(), found.display(), missing.display()
+    )]
+    OneState {
+        /// The folder.
+        dir: PathBuf,
+        /// The camera file that is there.
+        found: PathBuf,
+        /// The camera file that is not.
+        missing: PathBuf,
+    },
+    /// A camera file cannot be read.
+    #[error("{}: cannot be read: {source}", file.display())]
+    Unreadable {
+        /// The camera file.
+        file: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A camera file is not JSON.
+    #[error("{}: not valid JSON at line {line}, column {column}: {reason}; correct or re-export the file", file.display())]
+    Json {
+        /// The camera file.
+        file: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What the parser says.
+        reason: String,
+    },
+    /// A key is missing or its value is unusable.
+    #[error("{place}: key `{key}`: {reason}")]
+    Key {
+        /// Camera file and frame.
+        place: String,
+        /// The key.
+        key: String,
+        /// What is wrong and what to do.
+        reason: String,
+    },
+    /// An image is missing, broken or does not fit.
+    #[error("{place}: {reason}")]
+    Image {
+        /// Camera file and frame.
+        place: String,
+        /// Which image, what is wrong and what to do.
+        reason: String,
+    },
+    /// No frame of a state shows the object.
+    #[error(
+        "{}: the mask (alpha) is empty in every frame: {frames}; alpha must be 255 on the object and 0 elsewhere",
+        file.display()
+    )]
+    EmptyMasks {
+        /// The camera file.
+        file: PathBuf,
+        /// Names of the frames.
+        frames: String,
+    },
+    /// Depth images without any depth.
+    #[error(
+        "{}: depth is zero on the object in every frame, first {frame}; check `depth_scale` and that depth images \
+         and colour images belong together, or remove the depth images",
+        file.display()
+    )]
+    NoDepth {
+        /// The camera file.
+        file: PathBuf,
+        /// The first frame with a depth image.
+        frame: String,
+    },
+    /// Too few training views.
+    #[error("{}: key `frames`: {usable} usable training views, at least 2 are needed; photograph more", file.display())]
+    TooFewViews {
+        /// The camera file.
+        file: PathBuf,
+        /// Views left.
+        usable: usize,
+    },
+    /// The objects of the two states are in different places.
+    #[error("no overlap between the states: {0}; both states must be posed in one world frame, align them first")]
+    NoOverlap(String),
+}

@@ -1,0 +1,97 @@
+//! Reads a capture folder: posed images of one object in two states, in one of two layouts.
+//!
+//! * ArtGS: `transforms_{train,test}_{start,end}.json`, each frame naming its image.
+//! * PARIS: `{start,end}/camera_{train,test}.json`, `K` and one pose per image id.
+//!
+//! Where both are complete, the first is read. Nothing is written into the folder and its `gt/` is never looked at.
+
+mod artgs_layout;
+mod check;
+mod error;
+mod json;
+mod paris_layout;
+mod pose;
+mod views;
+
+pub use error::CaptureError;
+
+use artgs_core::{Capture, STATE_NAMES, StateViews};
+use std::path::{Path, PathBuf};
+
+/// Names of the two splits, as files spell them.
+const SPLITS: [&str; 2] = ["train", "test"];
+
+/// Loads a capture folder. What is odd but usable lands in [`Capture::warnings`]; what is not is an error that names
+/// file, frame and key and says what to do. Views come in the order of their image paths.
+pub fn load_capture(dir: &Path) -> Result<Capture, CaptureError> {
+    if !dir.is_dir() {
+        return Err(CaptureError::DirectoryMissing { dir: dir.into() });
+    }
+    let layout = Layout::detect(dir)?;
+    let mut warnings = Vec::new();
+    let mut load = |state: usize| -> Result<StateViews, CaptureError> {
+        let [train, test] = [0, 1].map(|split| load_split(dir, layout, state, split, &mut warnings));
+        Ok(StateViews { train: train?, test: test? })
+    };
+    let states = [load(0)?, load(1)?];
+    check::depth_is_everywhere(&states, &mut warnings);
+    check::states_overlap(&states)?;
+    Ok(Capture { states, warnings })
+}
+
+/// How the folder is laid out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Layout {
+    ArtGs,
+    Paris,
+}
+
+impl Layout {
+    /// The camera file of a state and split, relative to the folder.
+    fn camera_file(self, state: usize, split: usize) -> PathBuf {
+        let (state, split) = (STATE_NAMES[state], SPLITS[split]);
+        match self {
+            Self::ArtGs => format!("transforms_{split}_{state}.json").into(),
+            Self::Paris => Path::new(state).join(format!("camera_{split}.json")),
+        }
+    }
+
+    fn detect(dir: &Path) -> Result<Self, CaptureError> {
+        let mut half = None;
+        let mut looked_for = Vec::new();
+        for layout in [Self::ArtGs, Self::Paris] {
+            let files = [0, 1].map(|state| layout.camera_file(state, 0));
+            match files.clone().map(|f| dir.join(f).is_file()) {
+                [true, true] => return Ok(layout),
+                [true, false] => half = half.or(Some((files[0].clone(), files[1].clone()))),
+                [false, true] => half = half.or(Some((files[1].clone(), files[0].clone()))),
+                [false, false] => {}
+            }
+            looked_for.extend(files.map(|f| f.display().to_string()));
+        }
+        Err(match half {
+            Some((found, missing)) => CaptureError::OneState { dir: dir.into(), found, missing },
+            None => CaptureError::NoLayout { dir: dir.into(), looked_for: looked_for.join(", ") },
+        })
+    }
+}
+
+fn load_split(
+    dir: &Path,
+    layout: Layout,
+    state: usize,
+    split: usize,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<artgs_core::View>, CaptureError> {
+    let file = layout.camera_file(state, split);
+    if split == 1 && !dir.join(&file).is_file() {
+        return Ok(Vec::new());
+    }
+    let root = json::read_object(&dir.join(&file), &file)?;
+    let mut entries = match layout {
+        Layout::ArtGs => artgs_layout::entries(dir, &file, &root, state, warnings)?,
+        Layout::Paris => paris_layout::entries(dir, &file, &root, state, SPLITS[split])?,
+    };
+    entries.sort_by(|a, b| a.sort_key.cmp(&b.sort_key));
+    views::load(dir, &file, &entries, split == 0, warnings)
+}

@@ -1,0 +1,204 @@
+//! Decodes the images of listed frames into views.
+
+use super::CaptureError;
+use crate::FileError;
+use crate::image_io::{RgbaImage, read_depth, read_rgba};
+use artgs_core::{Camera, Intrinsics, Rigid, View};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+
+/// Pixels below this alpha are background and lose their depth.
+const OBJECT_ALPHA: u8 = 128;
+
+/// A focal length as the file states it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Focal {
+    /// In pixels.
+    Pixels(f64),
+    /// Field of view, radians.
+    Angle(f64),
+}
+
+impl Focal {
+    fn pixels(self, extent: u32) -> f64 {
+        match self {
+            Self::Pixels(f) => f,
+            Self::Angle(a) => f64::from(extent) / (2.0 * (a / 2.0).tan()),
+        }
+    }
+}
+
+/// Intrinsics as far as a camera file states them; the images tell the rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Lens {
+    pub(super) x: Focal,
+    /// None: pixels are square.
+    pub(super) y: Option<Focal>,
+    /// None: the image centre.
+    pub(super) cx: Option<f64>,
+    pub(super) cy: Option<f64>,
+    pub(super) width: Option<u32>,
+    pub(super) height: Option<u32>,
+}
+
+impl Lens {
+    fn intrinsics(&self, width: u32, height: u32) -> Intrinsics {
+        let fx = self.x.pixels(width);
+        let fy = self.y.map_or(fx, |y| y.pixels(height));
+        let (cx, cy) = (self.cx.unwrap_or(f64::from(width) / 2.0), self.cy.unwrap_or(f64::from(height) / 2.0));
+        Intrinsics { fx, fy, cx, cy, width, height }
+    }
+}
+
+/// A frame as a camera file lists it.
+#[derive(Debug)]
+pub(super) struct Entry {
+    /// Camera file and frame, for messages.
+    pub(super) place: String,
+    /// What frames are ordered by.
+    pub(super) sort_key: String,
+    /// Colour image, relative to the capture.
+    pub(super) image: PathBuf,
+    /// Depth image, relative to the capture.
+    pub(super) depth: Option<PathBuf>,
+    /// Depth values per scene unit.
+    pub(super) depth_scale: f64,
+    pub(super) lens: Lens,
+    pub(super) world_to_camera: Rigid,
+}
+
+impl Entry {
+    fn fail(&self, reason: String) -> CaptureError {
+        CaptureError::Image { place: self.place.clone(), reason }
+    }
+
+    /// An unreadable file, named relative to the capture as all others are.
+    fn file_error(&self, name: &Path, error: FileError) -> CaptureError {
+        let name = name.display();
+        self.fail(match error {
+            FileError::Read { source, .. } | FileError::Write { source, .. } => format!("{name}: {source}"),
+            FileError::Malformed { reason, .. } => format!("{name}: {reason}"),
+        })
+    }
+}
+
+struct Decoded {
+    view: View,
+    has_alpha: bool,
+    was_16_bit: bool,
+    /// True if no pixel has any alpha.
+    empty: bool,
+}
+
+/// Decodes frames in parallel, keeping their order. Frames with an empty mask are left out with a warning.
+/// A training split must end up with two views.
+pub(super) fn load(
+    dir: &Path,
+    file: &Path,
+    entries: &[Entry],
+    training: bool,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<View>, CaptureError> {
+    let decoded: Vec<_> = entries.par_iter().map(|entry| decode(dir, entry)).collect();
+    let decoded = decoded.into_iter().collect::<Result<Vec<Decoded>, _>>()?;
+    same_size(entries, &decoded)?;
+    let names = |pick: fn(&Decoded) -> bool| -> Vec<&str> {
+        decoded.iter().filter(|d| pick(d)).map(|d| d.view.name.as_str()).collect()
+    };
+    let shown = file.display();
+    let empty = names(|d| d.empty);
+    if !empty.is_empty() && empty.len() == decoded.len() {
+        return Err(CaptureError::EmptyMasks { file: file.into(), frames: listing(&empty) });
+    }
+    for (odd, what) in [
+        (empty, "are left out, their mask (alpha) is empty"),
+        (names(|d| !d.has_alpha), "have no alpha; every pixel counts as object"),
+        (names(|d| d.was_16_bit), "have 16 bits per channel and were rounded to 8"),
+    ] {
+        if !odd.is_empty() {
+            warnings.push(format!("{shown}: {} of {} images {what}: {}", odd.len(), decoded.len(), listing(&odd)));
+        }
+    }
+    let views: Vec<View> = decoded.into_iter().filter(|d| !d.empty).map(|d| d.view).collect();
+    if training && views.len() < 2 {
+        return Err(CaptureError::TooFewViews { file: file.into(), usable: views.len() });
+    }
+    some_depth(file, &views)?;
+    Ok(views)
+}
+
+/// Up to five names and how many more there are.
+fn listing(names: &[&str]) -> String {
+    let head = names[..names.len().min(5)].join(", ");
+    if names.len() > 5 { format!("{head} and {} more", names.len() - 5) } else { head }
+}
+
+fn decode(dir: &Path, entry: &Entry) -> Result<Decoded, CaptureError> {
+    let image = read_rgba(&dir.join(&entry.image)).map_err(|e| entry.file_error(&entry.image, e))?;
+    let RgbaImage { width, height, pixels, has_alpha, was_16_bit } = image;
+    for (key, stated, found) in [("w", entry.lens.width, width), ("h", entry.lens.height, height)] {
+        if let Some(stated) = stated.filter(|s| *s != found) {
+            let name = entry.image.display();
+            return Err(entry.fail(format!(
+                "{name} is {width}x{height}, but key `{key}` says {stated}; rescale the image or correct the intrinsics"
+            )));
+        }
+    }
+    let depth = match &entry.depth {
+        Some(path) => Some(masked_depth(dir, entry, path, &pixels, width, height)?),
+        None => None,
+    };
+    let empty = pixels.iter().all(|p| p[3] == 0);
+    let camera = Camera { intrinsics: entry.lens.intrinsics(width, height), world_to_camera: entry.world_to_camera };
+    let view = View { name: entry.image.display().to_string(), camera, rgba: pixels, depth };
+    Ok(Decoded { view, has_alpha, was_16_bit, empty })
+}
+
+fn masked_depth(
+    dir: &Path,
+    entry: &Entry,
+    path: &Path,
+    rgba: &[[u8; 4]],
+    width: u32,
+    height: u32,
+) -> Result<Vec<f32>, CaptureError> {
+    let mut image = read_depth(&dir.join(path), entry.depth_scale).map_err(|e| entry.file_error(path, e))?;
+    if (image.width, image.height) != (width, height) {
+        let (w, h, path) = (image.width, image.height, path.display());
+        return Err(entry.fail(format!(
+            "depth image {path} is {w}x{h}, its colour image {width}x{height}; rescale the depth image (nearest)"
+        )));
+    }
+    for (depth, pixel) in image.depth.iter_mut().zip(rgba) {
+        if pixel[3] < OBJECT_ALPHA {
+            *depth = 0.0;
+        }
+    }
+    Ok(image.depth)
+}
+
+/// All images of a camera file share its intrinsics, so they must share one size.
+fn same_size(entries: &[Entry], decoded: &[Decoded]) -> Result<(), CaptureError> {
+    let Some(first) = decoded.first() else { return Ok(()) };
+    let (w, h) = first.view.size();
+    for (entry, d) in entries.iter().zip(decoded) {
+        let (w1, h1) = d.view.size();
+        if (w1, h1) != (w, h) {
+            return Err(entry.fail(format!(
+                "{} is {w1}x{h1}, but {} is {w}x{h}; all images of one camera file must have one size",
+                d.view.name, first.view.name
+            )));
+        }
+    }
+    Ok(())
+}
+
+fn some_depth(file: &Path, views: &[View]) -> Result<(), CaptureError> {
+    let mut with_depth = views.iter().filter_map(|v| Some((v, v.depth.as_ref()?))).peekable();
+    let Some((first, _)) = with_depth.peek() else { return Ok(()) };
+    let frame = first.name.clone();
+    if with_depth.all(|(_, depth)| depth.iter().all(|d| *d == 0.0)) {
+        return Err(CaptureError::NoDepth { file: file.into(), frame });
+    }
+    Ok(())
+}

@@ -1,0 +1,158 @@
+//! The benchmark's true joints and meshes: `gt/trans.json` and `gt/{start,end}/*_rotate.ply`.
+//!
+//! For scoring only: nothing that reconstructs may call this.
+
+use crate::error::read_bytes;
+use crate::{FileError, read_mesh_ply};
+use artgs_core::{Joint, JointKind, Mesh, STATE_NAMES};
+use glam::DVec3;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// The true articulated object.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GroundTruth {
+    /// Joints of the movable parts, in the order of `trans_info`. Value 0 at the start state.
+    pub joints: Vec<Joint>,
+    /// The whole object at start and end, world frame.
+    pub whole: [Mesh; 2],
+    /// The static part at start and end.
+    pub fixed: [Mesh; 2],
+    /// Movable parts at start and end, in the order of `joints`.
+    pub movable: Vec<[Mesh; 2]>,
+}
+
+/// Reads a `gt` folder. Degrees become radians, axis directions are normalised; a zero axis is an error.
+pub fn load_ground_truth(gt_dir: &Path) -> Result<GroundTruth, FileError> {
+    let joints = read_joints(&gt_dir.join("trans.json"))?;
+    let mesh = |state: usize, name: &str| read_mesh_ply(&mesh_path(gt_dir, state, name));
+    let both = |name: &str| Ok([mesh(0, name)?, mesh(1, name)?]);
+    let movable = (0..joints.len()).map(|i| {
+        let numbered = format!("_dynamic_{i}");
+        let single = joints.len() == 1 && !mesh_path(gt_dir, 0, &numbered).is_file();
+        both(if single { "_dynamic" } else { &numbered })
+    });
+    Ok(GroundTruth { movable: movable.collect::<Result<_, _>>()?, whole: both("")?, fixed: both("_static")?, joints })
+}
+
+/// `_rotate` in the names means turned to z-up.
+fn mesh_path(gt_dir: &Path, state: usize, name: &str) -> PathBuf {
+    let state = STATE_NAMES[state];
+    gt_dir.join(state).join(format!("{state}{name}_rotate.ply"))
+}
+
+fn read_joints(path: &Path) -> Result<Vec<Joint>, FileError> {
+    let bytes = read_bytes(path)?;
+    let root: Value = serde_json::from_slice(&bytes).map_err(|e| FileError::malformed(path, e.to_string()))?;
+    let joints = match root.get("trans_info") {
+        Some(Value::Array(list)) => {
+            list.iter().enumerate().map(|(i, v)| joint(v).map_err(|e| format!("trans_info[{i}]: {e}"))).collect()
+        }
+        Some(one @ Value::Object(_)) => joint(one).map(|j| vec![j]).map_err(|e| format!("trans_info: {e}")),
+        _ => Err("key `trans_info` must be an object or a list of objects".to_string()),
+    };
+    joints.map_err(|reason| FileError::malformed(path, reason))
+}
+
+fn joint(info: &Value) -> Result<Joint, String> {
+    let axis = info.get("axis").ok_or("key `axis` is missing")?;
+    let direction = vector(axis, "d")?;
+    let axis_length = direction.length();
+    if axis_length < 1e-9 {
+        return Err("key `axis.d` is zero; it must be a direction".into());
+    }
+    let (kind, name, unit) = match info.get("type").and_then(Value::as_str) {
+        Some("rotate") => (JointKind::Revolute, "rotate", std::f64::consts::PI / 180.0),
+        Some("translate") => (JointKind::Prismatic, "translate", 1.0),
+        _ => return Err("key `type` must be \"rotate\" or \"translate\"".into()),
+    };
+    let value = |key: &str| {
+        let number = info.get(name).and_then(|v| v.get(key)).and_then(Value::as_f64);
+        number.ok_or_else(|| format!("key `{name}.{key}` must be a number"))
+    };
+    let moved = (value("r")? - value("l")?) * unit;
+    Ok(Joint {
+        kind,
+        axis: direction / axis_length,
+        origin: vector(axis, "o")?,
+        pitch: 0.0,
+        state_values: [0.0, moved],
+        limits: [moved.min(0.0), moved.max(0.0)],
+    })
+}
+
+fn vector(axis: &Value, key: &str) -> Result<DVec3, String> {
+    let numbers: Option<Vec<f64>> =
+        axis.get(key).and_then(Value::as_array).and_then(|a| a.iter().map(Value::as_f64).collect());
+    match numbers.as_deref() {
+        Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
+        _ => Err(format!("key `axis.{key}` must be three numbers")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::write_mesh_ply;
+
+    fn point(x: f32) -> Mesh {
+        Mesh { vertices: vec![[x, 0.0, 0.0]], ..Mesh::default() }
+    }
+
+    fn folder(trans: &str, parts: &[&str]) -> tempfile::TempDir {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("trans.json"), trans).unwrap();
+        for state in 0..2 {
+            for (i, name) in ["", "_static"].iter().chain(parts).enumerate() {
+                write_mesh_ply(&mesh_path(dir.path(), state, name), &point((10 * state + i) as f32)).unwrap();
+            }
+        }
+        dir
+    }
+
+    const HINGE: &str =
+        r#"{"axis": {"o": [1, 2, 3], "d": [0, 0, -2]}, "type": "rotate", "rotate": {"l": 30, "r": -60}, "link": "x"}"#;
+    const SLIDE: &str = r#"{"axis": {"o": [0, 0, 0], "d": [0, 1, 0]}, "type": "translate",
+                            "translate": {"l": 0.1, "r": 0.35}}"#;
+
+    #[test]
+    fn one_part_as_an_object() {
+        let dir = folder(&format!(r#"{{"input": 3, "trans_info": {HINGE}}}"#), &["_dynamic"]);
+        let truth = load_ground_truth(dir.path()).unwrap();
+        let joint = truth.joints[0];
+        assert_eq!((joint.kind, joint.axis, joint.origin), (JointKind::Revolute, -DVec3::Z, DVec3::new(1.0, 2.0, 3.0)));
+        assert!((joint.state_values[1] + std::f64::consts::FRAC_PI_2).abs() < 1e-12 && joint.limits[1] == 0.0);
+        // -90 degrees about -z takes the x direction to y.
+        let moved = joint.start_to_end().apply(DVec3::new(2.0, 2.0, 0.0));
+        assert!((moved - DVec3::new(1.0, 3.0, 0.0)).length() < 1e-12, "{moved}");
+        assert_eq!(
+            (&truth.whole[1], &truth.fixed[0], &truth.movable),
+            (&point(10.0), &point(1.0), &vec![[point(2.0), point(12.0)]])
+        );
+    }
+
+    #[test]
+    fn several_parts_as_a_list() {
+        let dir = folder(&format!(r#"{{"trans_info": [{HINGE}, {SLIDE}]}}"#), &["_dynamic_0", "_dynamic_1"]);
+        let truth = load_ground_truth(dir.path()).unwrap();
+        let shift = truth.joints[1].start_to_end().translation;
+        assert!((shift - DVec3::new(0.0, 0.25, 0.0)).length() < 1e-12, "{shift}");
+        assert_eq!(truth.movable[1], [point(3.0), point(13.0)]);
+        std::fs::remove_file(dir.path().join("end/end_dynamic_1_rotate.ply")).unwrap();
+        assert!(load_ground_truth(dir.path()).unwrap_err().to_string().contains("end_dynamic_1_rotate.ply"));
+    }
+
+    #[test]
+    fn bad_entries_are_named() {
+        for (from, to, words) in [
+            ("-2", "0", "trans_info[1]: key `axis.d` is zero"),
+            ("\"rotate\",", "\"twist\",", "trans_info[1]: key `type`"),
+            ("\"l\"", "\"left\"", "trans_info[1]: key `rotate.l`"),
+            ("[1, 2, 3]", "[1, 2]", "trans_info[1]: key `axis.o`"),
+        ] {
+            let dir = folder(&format!(r#"{{"trans_info": [{SLIDE}, {}]}}"#, HINGE.replace(from, to)), &[]);
+            let message = load_ground_truth(dir.path()).unwrap_err().to_string();
+            assert!(message.contains("trans.json") && message.contains(words), "{message}");
+        }
+    }
+}
