@@ -4,6 +4,7 @@ pub mod articulation;
 pub mod canonical;
 pub mod discover;
 pub mod evaluate;
+pub mod fit;
 pub mod neighbours;
 pub mod observer;
 pub mod surface;

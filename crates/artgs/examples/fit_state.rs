@@ -1,0 +1,43 @@
+//! Fits one state of a capture and tells how well and how fast: `fit_state CAPTURE STATE [CONFIG.toml]`.
+#![allow(clippy::print_stdout, clippy::unwrap_used)]
+
+use artgs::fit::{SingleConfig, fit_single, score, score_views};
+use std::time::Instant;
+
+fn main() {
+    let mut args = std::env::args().skip(1);
+    let capture = artgs_io::load_capture(args.next().unwrap().as_ref()).unwrap();
+    let state: usize = args.next().unwrap().parse().unwrap();
+    let config: SingleConfig = match args.next().as_deref() {
+        Some("paper") => SingleConfig::paper(),
+        Some(file) => toml::from_str(&std::fs::read_to_string(file).unwrap()).unwrap(),
+        None => SingleConfig::default(),
+    };
+    let views = &capture.states[state];
+    let (start, mut first, mut last) = (Instant::now(), None, 0);
+    let splats = fit_single(&views.train, &config, 1, &mut |s| {
+        first.get_or_insert_with(Instant::now);
+        last = s.step;
+        if s.step % 100 == 0 || s.step == 1 {
+            println!(
+                "{:5} {:7.2?} loss {:.4} {:5.2} dB {} Gaussians",
+                s.step,
+                start.elapsed(),
+                s.loss,
+                s.psnr,
+                s.gaussians
+            );
+        }
+    })
+    .unwrap();
+    let stepping = first.unwrap().elapsed().as_secs_f64() / last as f64;
+    let mean = score::mean_score(&score_views(&splats, &views.test));
+    let depth = score::depth_error(&splats, &views.test);
+    println!(
+        "{:.2?} in all, {:.1} ms per step; held out: {:.2} dB, SSIM {:.4}, depth error {depth:.5?}",
+        start.elapsed(),
+        stepping * 1e3,
+        mean.psnr,
+        mean.ssim
+    );
+}

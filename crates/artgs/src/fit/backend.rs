@@ -1,0 +1,191 @@
+//! The seam between the training loop and the device it runs on: state goes up, steps run, state comes down.
+
+use super::FitError;
+use super::adam::{AdamConfig, SplatAdam, SplatRates};
+use super::densify::DensifyStats;
+use super::loss::{LossConfig, LossTerms};
+use super::schedule::LogLinear;
+use artgs_core::Splats;
+use serde::{Deserialize, Serialize};
+
+/// What lies between the stored Gaussians and those that are drawn.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Deformation {
+    /// Nothing: the stored Gaussians are drawn.
+    #[default]
+    None,
+}
+
+/// All that training changes. Whatever holds it can go on where another left off.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TrainState {
+    /// Steps done.
+    pub step: usize,
+    /// Gaussians in raw parameters.
+    pub splats: Splats,
+    /// Their optimiser.
+    pub adam: SplatAdam,
+    /// What was seen of them since the last densification.
+    pub stats: DensifyStats,
+    /// How they are moved before they are drawn.
+    pub deformation: Deformation,
+}
+
+impl TrainState {
+    /// Step 0.
+    pub fn new(splats: Splats) -> Self {
+        let (adam, stats) = (SplatAdam::new(&splats), DensifyStats::zeros(splats.len()));
+        Self { step: 0, splats, adam, stats, deformation: Deformation::None }
+    }
+}
+
+/// Learning rates as published, with a schedule for short runs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct RateConfig {
+    /// Rate of centres at the first step, per spatial scale; see [`RateConfig::extent_factor`].
+    pub position_from: f64,
+    /// Rate of centres at the horizon, per spatial scale.
+    pub position_to: f64,
+    /// Steps over which the rate of centres falls; 0: the length of the run.
+    pub position_horizon: usize,
+    /// Spatial scale relative to the extent of the cameras (largest distance from their mean). The published scale is
+    /// 5; benchmark cameras on a half sphere of radius 3.2 have an extent of 3.53, so 1.414 reproduces it.
+    pub extent_factor: f64,
+    /// Rate of raw quaternions.
+    pub rotation: f64,
+    /// Rate of log scales.
+    pub log_scale: f64,
+    /// Rate of logit opacities.
+    pub opacity: f64,
+    /// Rate of the constant harmonic.
+    pub sh_dc: f64,
+    /// Rate of the other harmonics.
+    pub sh_rest: f64,
+    /// All rates but that of centres fall log-linearly to this fraction at the end of the run; 1: constant.
+    pub final_fraction: f64,
+}
+
+impl RateConfig {
+    /// As published.
+    pub fn paper() -> Self {
+        Self {
+            position_from: 1.6e-4,
+            position_to: 1.6e-6,
+            position_horizon: 30_000,
+            extent_factor: 1.414,
+            rotation: 1e-3,
+            log_scale: 5e-3,
+            opacity: 0.05,
+            sh_dc: 2.5e-3,
+            sh_rest: 1.25e-4,
+            final_fraction: 1.0,
+        }
+    }
+
+    /// Rates at a step of a run of `total` steps, for cameras of the given extent (scene units).
+    pub fn at(&self, step: usize, total: usize, extent: f64) -> SplatRates {
+        let horizon = if self.position_horizon == 0 { total } else { self.position_horizon };
+        let scale = extent * self.extent_factor;
+        let position =
+            LogLinear { from: self.position_from * scale, to: self.position_to * scale, steps: horizon }.at(step);
+        let fall = LogLinear { from: 1.0, to: self.final_fraction, steps: total }.at(step);
+        SplatRates {
+            means: position as f32,
+            rotations: (self.rotation * fall) as f32,
+            log_scales: (self.log_scale * fall) as f32,
+            logit_opacities: (self.opacity * fall) as f32,
+            sh_dc: (self.sh_dc * fall) as f32,
+            sh_rest: (self.sh_rest * fall) as f32,
+        }
+    }
+}
+
+impl Default for RateConfig {
+    /// For short runs that start on the surface: bolder harmonics and scales, all rates falling.
+    fn default() -> Self {
+        Self {
+            position_to: 1.6e-6,
+            position_horizon: 0,
+            log_scale: 1e-2,
+            sh_dc: 1e-2,
+            sh_rest: 1e-3,
+            rotation: 5e-3,
+            final_fraction: 0.05,
+            ..Self::paper()
+        }
+    }
+}
+
+/// What a device needs to know to make a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrainConfig {
+    /// Length of the whole run, for schedules.
+    pub total: usize,
+    /// Weights of the losses.
+    pub loss: LossConfig,
+    /// Learning rates.
+    pub rates: RateConfig,
+    /// Optimiser constants.
+    pub adam: AdamConfig,
+    /// The active degree of harmonics rises by one every so many steps; 0: all at once.
+    pub sh_every: usize,
+    /// A new background colour each step; otherwise black.
+    pub random_background: bool,
+    /// Draw each view independently; otherwise all views in shuffled rounds.
+    pub with_replacement: bool,
+    /// Extent of the cameras, scene units: scales the rate of centres.
+    pub extent: f64,
+    /// Depth differences are divided by this inside the logarithm, scene units.
+    pub depth_unit: f32,
+    /// Gaussians nearer than this are not drawn, scene units.
+    pub near: f32,
+}
+
+impl TrainConfig {
+    /// Active degree of harmonics at a step, counted from 1.
+    pub fn sh_degree(&self, step: usize, stored: usize) -> usize {
+        if self.sh_every == 0 { stored } else { stored.min(step / self.sh_every) }
+    }
+}
+
+/// What one step was like.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepStats {
+    /// Number of the step, from 1.
+    pub step: usize,
+    /// Length of the run.
+    pub total: usize,
+    /// Loss of the view of this step, before the update.
+    pub loss: f64,
+    /// Peak signal to noise ratio of that view over its background, decibel.
+    pub psnr: f64,
+    /// Number of Gaussians.
+    pub gaussians: usize,
+    /// Terms of the loss.
+    pub terms: LossTerms,
+}
+
+/// A device that trains. Pixels never leave it.
+pub trait Backend {
+    /// Takes the state over.
+    fn upload(&mut self, state: TrainState) -> Result<(), FitError>;
+
+    /// Makes `steps` steps and reports each. Without `update_last` the last one only gathers statistics.
+    fn run(&mut self, steps: usize, update_last: bool, on_step: &mut dyn FnMut(StepStats)) -> Result<(), FitError>;
+
+    /// Gives the state back; nothing can be run before the next upload.
+    fn download(&mut self) -> Result<TrainState, FitError>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn published_rates_come_out_for_the_benchmarks_cameras() {
+        let rates = RateConfig::paper().at(10_000, 10_000, 3.5355);
+        assert!((rates.means / 1.72e-4 - 1.0).abs() < 5e-3, "{}", rates.means);
+        assert_eq!((rates.logit_opacities, rates.sh_dc, rates.log_scales), (0.05, 2.5e-3, 5e-3));
+    }
+}

@@ -1,0 +1,224 @@
+//! Training images, prepared once: resampled, kept small, with the rectangle the object fills.
+
+use artgs_core::{Camera, Intrinsics, View};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// A half-open rectangle of pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Rect {
+    /// First column.
+    pub x0: usize,
+    /// First row.
+    pub y0: usize,
+    /// One past the last column.
+    pub x1: usize,
+    /// One past the last row.
+    pub y1: usize,
+}
+
+impl Rect {
+    /// The whole image.
+    pub fn full(width: usize, height: usize) -> Self {
+        Self { x0: 0, y0: 0, x1: width, y1: height }
+    }
+
+    /// True if it holds no pixel.
+    pub fn is_empty(&self) -> bool {
+        self.x0 >= self.x1 || self.y0 >= self.y1
+    }
+
+    /// Number of pixels.
+    pub fn area(&self) -> usize {
+        (self.x1 - self.x0) * (self.y1 - self.y0)
+    }
+
+    /// Grown by `margin` pixels on every side, within the image.
+    pub fn grown(&self, margin: usize, width: usize, height: usize) -> Self {
+        Self {
+            x0: self.x0.saturating_sub(margin),
+            y0: self.y0.saturating_sub(margin),
+            x1: (self.x1 + margin).min(width),
+            y1: (self.y1 + margin).min(height),
+        }
+    }
+}
+
+/// How the depth of a coarse pixel is chosen among those it covers; depths are never averaged across edges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DepthPick {
+    /// The one at the middle (right and below for even factors), as the published code does.
+    Nearest,
+    /// The (lower) median of those that exist.
+    #[default]
+    Median,
+}
+
+/// One view as training sees it.
+#[derive(Clone, Debug)]
+pub struct TrainImage {
+    /// State it was taken in, 0 or 1.
+    pub state: usize,
+    /// Pose and intrinsics at the size of this image.
+    pub camera: Camera,
+    /// Width in pixels.
+    pub width: usize,
+    /// Height in pixels.
+    pub height: usize,
+    /// Straight colour and alpha, planes r, g, b, a: `[4][height * width]`.
+    pub planes: Vec<u8>,
+    /// Planar depth in scene units, `[height * width]`, 0 where there is none or the mask is below one half.
+    pub depth: Option<Vec<f32>>,
+    /// Smallest rectangle around all pixels with alpha above 0; empty if there are none.
+    pub object: Rect,
+    /// Number of pixels the mask covers but that have no depth.
+    pub without_depth: usize,
+}
+
+impl TrainImage {
+    /// Resamples a view by an integer factor: colour weighted by alpha, alpha averaged, depth picked.
+    /// Rows and columns that do not fill a coarse pixel are dropped at the right and bottom.
+    pub fn new(view: &View, state: usize, divisor: usize, pick: DepthPick) -> Self {
+        let (w, h) = view.size();
+        let d = divisor.clamp(1, w.min(h).max(1));
+        let (width, height) = (w / d, h / d);
+        let k = view.camera.intrinsics;
+        let s = d as f64;
+        let (fx, fy, cx, cy) = (k.fx / s, k.fy / s, k.cx / s, k.cy / s);
+        let intrinsics = Intrinsics { fx, fy, cx, cy, width: width as u32, height: height as u32 };
+        let rgba = shrink_rgba(&view.rgba, w, width, height, d);
+        let depth = view.depth.as_ref().map(|depth| shrink_depth(depth, &rgba, w, width, d, pick));
+        let object = occupied(&rgba, width);
+        let missing = |(p, z): &(&[u8; 4], &f32)| p[3] >= 128 && **z <= 0.0;
+        let without_depth = depth.as_ref().map_or(0, |depth| rgba.iter().zip(depth).filter(missing).count());
+        let planes = (0..4).flat_map(|c| rgba.iter().map(move |p| p[c])).collect();
+        let camera = Camera { intrinsics, ..view.camera };
+        Self { state, camera, width, height, planes, depth, object, without_depth }
+    }
+
+    /// Number of pixels.
+    pub fn area(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// One plane, 0 to 3 for r, g, b, a.
+    pub fn plane(&self, channel: usize) -> &[u8] {
+        &self.planes[channel * self.area()..(channel + 1) * self.area()]
+    }
+
+    /// Straight RGBA of one pixel.
+    pub fn pixel(&self, index: usize) -> [u8; 4] {
+        std::array::from_fn(|c| self.planes[c * self.area() + index])
+    }
+}
+
+/// Prepares all views of one state.
+pub fn prepare(views: &[View], state: usize, divisor: usize, pick: DepthPick) -> Vec<TrainImage> {
+    views.par_iter().map(|v| TrainImage::new(v, state, divisor, pick)).collect()
+}
+
+fn shrink_rgba(rgba: &[[u8; 4]], from_width: usize, width: usize, height: usize, d: usize) -> Vec<[u8; 4]> {
+    let mut out = Vec::with_capacity(width * height);
+    for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+        let mut sum = [0_u64; 4];
+        let mut plain = [0_u64; 3];
+        for row in 0..d {
+            let at = (y * d + row) * from_width + x * d;
+            for p in &rgba[at..at + d] {
+                let a = u64::from(p[3]);
+                for c in 0..3 {
+                    sum[c] += a * u64::from(p[c]);
+                    plain[c] += u64::from(p[c]);
+                }
+                sum[3] += a;
+            }
+        }
+        let n = (d * d) as u64;
+        let round = |v: u64, by: u64| ((v + by / 2) / by) as u8;
+        let color = |c: usize| if sum[3] > 0 { round(sum[c], sum[3]) } else { round(plain[c], n) };
+        out.push([color(0), color(1), color(2), round(sum[3], n)]);
+    }
+    out
+}
+
+fn shrink_depth(
+    depth: &[f32],
+    rgba: &[[u8; 4]],
+    from_width: usize,
+    width: usize,
+    d: usize,
+    pick: DepthPick,
+) -> Vec<f32> {
+    let mut found = Vec::with_capacity(d * d);
+    let choose = |(i, pixel): (usize, &[u8; 4])| {
+        if pixel[3] < 128 {
+            return 0.0;
+        }
+        let (y, x) = (i / width * d, i % width * d);
+        if pick == DepthPick::Nearest {
+            return depth[(y + d / 2) * from_width + x + d / 2].max(0.0);
+        }
+        found.clear();
+        for row in 0..d {
+            let at = (y + row) * from_width + x;
+            found.extend(depth[at..at + d].iter().filter(|&&v| v > 0.0));
+        }
+        found.sort_unstable_by(f32::total_cmp);
+        if found.is_empty() { 0.0 } else { found[(found.len() - 1) / 2] }
+    };
+    rgba.iter().enumerate().map(choose).collect()
+}
+
+/// Smallest rectangle around the pixels whose alpha is above 0.
+fn occupied(rgba: &[[u8; 4]], width: usize) -> Rect {
+    let mut r = Rect { x0: usize::MAX, y0: usize::MAX, x1: 0, y1: 0 };
+    for (i, _) in rgba.iter().enumerate().filter(|(_, p)| p[3] > 0) {
+        let (x, y) = (i % width, i / width);
+        r = Rect { x0: r.x0.min(x), y0: r.y0.min(y), x1: r.x1.max(x + 1), y1: r.y1.max(y + 1) };
+    }
+    if r.x1 == 0 { Rect::default() } else { r }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artgs_core::Rigid;
+
+    fn view() -> View {
+        let intrinsics = Intrinsics { fx: 8.0, fy: 9.0, cx: 2.5, cy: 2.0, width: 5, height: 4 };
+        let mut rgba = vec![[10, 20, 30, 0]; 20];
+        rgba[6] = [200, 100, 0, 255];
+        rgba[7] = [100, 0, 0, 255];
+        rgba[12] = [0, 60, 0, 255];
+        rgba[13] = [0, 60, 8, 255];
+        rgba[8] = [0, 60, 0, 100];
+        let mut depth = vec![0.0; 20];
+        depth[7] = 5.0;
+        depth[8] = 1.0;
+        depth[12] = 3.0;
+        depth[13] = 2.0;
+        let camera = Camera { intrinsics, world_to_camera: Rigid::IDENTITY };
+        View { name: String::new(), camera, rgba, depth: Some(depth) }
+    }
+
+    #[test]
+    fn shrinking_weights_colour_by_alpha_and_keeps_depth_sharp() {
+        let t = TrainImage::new(&view(), 1, 2, DepthPick::Median);
+        assert_eq!((t.width, t.height), (2, 2));
+        assert_eq!(t.pixel(0), [200, 100, 0, 64], "one opaque pixel of four keeps its colour");
+        assert_eq!(t.object, Rect { x0: 0, y0: 0, x1: 2, y1: 2 });
+        assert_eq!(t.depth.as_deref(), Some([0.0, 0.0, 0.0, 2.0].as_slice()), "below half alpha there is no depth");
+        let k = t.camera.intrinsics;
+        assert_eq!((k.fx, k.fy, k.cx, k.cy), (4.0, 4.5, 1.25, 1.0));
+        let nearest = TrainImage::new(&view(), 1, 2, DepthPick::Nearest).depth;
+        assert_eq!(nearest.as_deref(), Some([0.0; 4].as_slice()), "the middle pixel has no depth");
+    }
+
+    #[test]
+    fn full_size_is_untouched() {
+        let t = TrainImage::new(&view(), 0, 1, DepthPick::Median);
+        assert_eq!((0..20).map(|i| t.pixel(i)).collect::<Vec<_>>(), view().rgba);
+        assert_eq!(t.object, Rect { x0: 1, y0: 1, x1: 4, y1: 3 });
+    }
+}

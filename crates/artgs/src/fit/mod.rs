@@ -1,0 +1,58 @@
+//! Fitting Gaussians to photographs: losses, optimiser, densification, initialisation and the training loop.
+//!
+//! Data flow: [`images`] and [`region`] prepare the views, [`init`] places Gaussians, a [`backend`] steps them
+//! ([`loss`], [`ssim`], [`adam`]), [`densify`] changes their number, [`single`] is the loop around, [`score`] the test.
+
+pub mod adam;
+pub mod backend;
+pub mod cpu;
+pub mod densify;
+pub mod images;
+pub mod init;
+pub mod loss;
+pub mod region;
+pub mod schedule;
+pub mod score;
+pub mod single;
+pub mod ssim;
+
+pub use adam::{AdamConfig, Moments, SplatAdam, SplatRates};
+pub use backend::{Backend, Deformation, RateConfig, StepStats, TrainConfig, TrainState};
+pub use cpu::{CpuBackend, ViewSampler};
+pub use densify::{DensifyConfig, DensifyReport, DensifyStats};
+pub use images::{DepthPick, Rect, TrainImage};
+pub use init::{DepthInit, RandomInit};
+pub use loss::{DepthMode, ImageLoss, LossConfig, LossTerms};
+pub use region::Region;
+pub use schedule::LogLinear;
+pub use score::{ViewScore, psnr, render_view, score_views};
+pub use single::{InitKind, SingleConfig, fit_single};
+
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+
+/// A reason why Gaussians cannot be fitted.
+#[derive(Debug, thiserror::Error)]
+pub enum FitError {
+    /// Nothing to learn from.
+    #[error("there are no training views")]
+    NoViews,
+    /// A start from depth was asked for, but no pixel inside the masks has a depth.
+    #[error("no training view has a depth inside its mask")]
+    NoDepth,
+    /// No Gaussian to begin with, or none left.
+    #[error("there are no Gaussians to fit")]
+    Empty,
+    /// The nearest-neighbour search refused the points.
+    #[error("nearest neighbours of the initial points: {0}")]
+    Neighbours(String),
+    /// The device that trains failed.
+    #[error("training device: {0}")]
+    Device(String),
+}
+
+/// A standard normal variate (Box and Muller).
+fn normal(rng: &mut Pcg64Mcg) -> f32 {
+    let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
+    (radius * (std::f64::consts::TAU * rng.random::<f64>()).cos()) as f32
+}

@@ -1,0 +1,124 @@
+//! Fits known Gaussians from their own renderings, and a real capture where one is at hand.
+
+use artgs::fit::{DensifyConfig, InitKind, SingleConfig, fit_single, score_views};
+use artgs_core::{Camera, Intrinsics, Splats, View};
+use artgs_raster::{Rasterizer, RenderOptions, SplatView};
+use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+const SIZE: u32 = 64;
+
+/// Opaque blobs on a sphere that is neither at the origin nor of size 1.
+fn truth() -> Splats {
+    let mut rng = Pcg64Mcg::seed_from_u64(7);
+    let n = 400;
+    let mut splats = Splats::empty(0);
+    for i in 0..n {
+        let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(n);
+        let (a, r) = (f64::from(i) * 2.399_963, (1.0 - z * z).sqrt());
+        let p = DVec3::new(30.0, -10.0, 5.0) + 4.0 * DVec3::new(r * a.cos(), r * a.sin(), z);
+        splats.means.push(p.as_vec3().to_array());
+        splats.rotations.push([1.0, 0.0, 0.0, 0.0]);
+        splats.log_scales.push([0.35_f32.ln(); 3]);
+        splats.logit_opacities.push(3.0);
+        splats.sh.extend((0..3).map(|_| 3.0 * rng.random::<f32>() - 1.5));
+    }
+    splats
+}
+
+fn views(splats: &Splats, count: usize, phase: f64) -> Vec<View> {
+    let k = Intrinsics { fx: 90.0, fy: 90.0, cx: 32.0, cy: 32.0, width: SIZE, height: SIZE };
+    let mut rasterizer = Rasterizer::new();
+    let options = RenderOptions { sh_degree: 0, ..RenderOptions::default() };
+    let view = |i: usize| {
+        let a = i as f64 * 2.4 + phase;
+        let up = (i as f64 + 0.5) / count as f64 * 1.6 - 0.8;
+        let away = DVec3::new(a.cos() * (1.0 - up * up).sqrt(), a.sin() * (1.0 - up * up).sqrt(), up);
+        let middle = DVec3::new(30.0, -10.0, 5.0);
+        let camera = Camera::look_at(k, middle + 15.0 * away, middle, DVec3::Z);
+        let frame = rasterizer.forward(SplatView::from(splats), &camera, &options);
+        let n = frame.alpha.len();
+        let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let straight = |i: usize, c: usize| byte(frame.rgb[c * n + i] / frame.alpha[i].max(1e-3));
+        let rgba = (0..n).map(|i| [straight(i, 0), straight(i, 1), straight(i, 2), byte(frame.alpha[i])]).collect();
+        let depth = (0..n).map(|i| if frame.alpha[i] > 0.5 { frame.depth[i] / frame.alpha[i] } else { 0.0 }).collect();
+        View { name: format!("{i}"), camera, rgba, depth: Some(depth) }
+    };
+    (0..count).map(view).collect()
+}
+
+fn mean_psnr(splats: &Splats, views: &[View]) -> f64 {
+    artgs::fit::score::mean_score(&score_views(splats, views)).psnr
+}
+
+fn quick(init: InitKind) -> SingleConfig {
+    let mut config = SingleConfig { steps: 300, sh_degree: 0, init, ..SingleConfig::default() };
+    config.random.count = 2000;
+    config.depth.count = 600;
+    config.densify = DensifyConfig { after: 50, before: 250, late_after: 100, ..config.densify };
+    config
+}
+
+#[test]
+fn a_start_on_depth_comes_back_to_the_truth() {
+    let truth = truth();
+    let (train, test) = (views(&truth, 12, 0.0), views(&truth, 4, 1.1));
+    let config = quick(InitKind::Depth);
+    let mut psnr = Vec::new();
+    let splats = fit_single(&train, &config, 1, &mut |s| psnr.push(s.psnr)).unwrap();
+    assert_eq!(psnr.len(), 300);
+    let (before, after) = (
+        mean_psnr(&fit_single(&train, &SingleConfig { steps: 0, ..config }, 1, &mut |_| {}).unwrap(), &test),
+        mean_psnr(&splats, &test),
+    );
+    eprintln!("held out: {before:.2} dB at the start, {after:.2} dB after 300 steps, {} Gaussians", splats.len());
+    assert!(after > 30.0 && after > before + 4.0, "{before} {after}");
+}
+
+#[test]
+fn a_random_start_with_densification_learns_too_and_the_seed_decides_every_byte() {
+    let truth = truth();
+    let (train, test) = (views(&truth, 12, 0.0), views(&truth, 4, 1.1));
+    let config = SingleConfig {
+        densify: DensifyConfig {
+            before: 250,
+            after: 50,
+            every: 50,
+            reset_every: 0,
+            late_after: 50,
+            ..DensifyConfig::paper()
+        },
+        ..quick(InitKind::Random)
+    };
+    let fit = |threads: usize, seed: u64| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| fit_single(&train, &config, seed, &mut |_| {}).unwrap())
+    };
+    let splats = fit(2, 3);
+    let psnr = mean_psnr(&splats, &test);
+    eprintln!("random start: {psnr:.2} dB, {} Gaussians", splats.len());
+    assert!(psnr > 20.0, "{psnr}");
+    assert!(splats == fit(1, 3), "the number of threads shows");
+    assert!(splats != fit(2, 4));
+}
+
+#[test]
+fn a_real_capture_is_explained() {
+    let root = std::env::var("ARTGS_DATASETS").map_or_else(
+        |_| concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/datasets").into(),
+        std::path::PathBuf::from,
+    );
+    let dir = root.join("mini_fridge_habitat_200");
+    if !dir.is_dir() {
+        eprintln!("SKIPPED: no capture at {}; set ARTGS_DATASETS", dir.display());
+        return;
+    }
+    let capture = artgs_io::load_capture(&dir).unwrap();
+    let mut config = SingleConfig { steps: 150, ..SingleConfig::default() };
+    config.depth.count = 8000;
+    let splats = fit_single(&capture.states[0].train, &config, 1, &mut |_| {}).unwrap();
+    let psnr = mean_psnr(&splats, &capture.states[0].test);
+    eprintln!("150 steps: {psnr:.2} dB on held-out views, {} Gaussians", splats.len());
+    assert!(psnr > 26.0, "{psnr}");
+}
