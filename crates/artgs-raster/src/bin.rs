@@ -294,3 +294,62 @@ fn lay_out(runs: &mut [Run], tiles: usize, offsets: &mut Vec<u32>, active: &mut 
     }
     offsets.push(next);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::project::View;
+    use crate::{Colors, RenderOptions, SplatView};
+    use artgs_core::{Camera, Intrinsics};
+    use rand::{RngExt, SeedableRng};
+
+    /// Blocks of the image where some pixel passes the cut, by looking at every pixel.
+    fn blocks_by_pixels(g: &Flat, size: [usize; 2]) -> Vec<bool> {
+        let columns = size[0].div_ceil(BLOCK);
+        let mut blocks = vec![false; columns * size[1].div_ceil(BLOCK)];
+        for y in 0..size[1] {
+            for x in 0..size[0] {
+                let (dx, dy) = (x as f64 + 0.5 - f64::from(g.x), y as f64 + 0.5 - f64::from(g.y));
+                let quadratic = f64::from(g.xx) * dx * dx + f64::from(g.xy) * dx * dy + f64::from(g.yy) * dy * dy;
+                let drawn = quadratic + f64::from(g.log2_opacity) >= f64::from(LOG2_CUT);
+                blocks[y / BLOCK * columns + x / BLOCK] |= drawn;
+            }
+        }
+        blocks
+    }
+
+    #[test]
+    fn footprints_lose_no_pixel_and_waste_few_blocks() {
+        let size = [150, 93];
+        let k = Intrinsics { fx: 140.0, fy: 150.0, cx: 75.0, cy: 46.0, width: 150, height: 93 };
+        let camera = Camera::look_at(k, glam::DVec3::new(0.0, -2.0, 0.0), glam::DVec3::ZERO, glam::DVec3::Z);
+        let view = View::new(&camera, &RenderOptions::default());
+        let grid = Grid::new(size);
+        let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(5);
+        let (mut needed, mut listed, mut drawn) = (0, 0, 0);
+        for _ in 0..600 {
+            let splats = SplatView {
+                means: &[[0; 3].map(|_| rng.random_range(-1.1..1.1))],
+                rotations: &[[0; 4].map(|_| rng.random_range(-1.0..1.0))],
+                log_scales: &[[0; 3].map(|_| rng.random_range(-6.0..-0.5))],
+                logit_opacities: &[rng.random_range(-5.0..4.0)],
+                colors: Colors::Fixed(&[[0.0; 3]]),
+            };
+            let Some(g) = view.project(&splats, 0) else { continue };
+            drawn += 1;
+            let want = blocks_by_pixels(&g, size);
+            let columns = size[0].div_ceil(BLOCK);
+            let mut got = vec![false; want.len()];
+            grid.for_each_tile(&g, |tile, blocks| {
+                let [x, y] = grid.origin(tile).map(|p| p / BLOCK);
+                for b in (0..4).filter(|&b| blocks & block_bit(b) != 0) {
+                    got[(y + b / 2) * columns + x + b % 2] = true;
+                }
+            });
+            assert!(want.iter().zip(&got).all(|(w, g)| !w || *g), "a block is missing of {g:?}");
+            needed += want.iter().filter(|w| **w).count();
+            listed += got.iter().filter(|g| **g).count();
+        }
+        assert!(drawn > 400 && listed < needed + needed / 8, "{drawn} Gaussians, {listed} blocks for {needed}");
+    }
+}
