@@ -1,2 +1,27 @@
-//! Command line of artgs.
-fn main() {}
+//! `artgs`: photos of an articulated object in two states to an interactable replica.
+//!
+//! Exit codes: 0 done, 1 failed, 2 wrong usage or bad input.
+
+mod args;
+mod commands;
+mod demo;
+mod failure;
+mod folder;
+mod library;
+mod output;
+mod progress;
+
+use clap::Parser;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let cli = args::Cli::parse();
+    let json = cli.wants_json();
+    match commands::run(&cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            output::error(&failure, json);
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}

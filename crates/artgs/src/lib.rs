@@ -1,3 +1,11 @@
-//! The method.
+//! The method: two captures of an articulated object to an interactable replica.
 
+pub mod articulation;
+pub mod canonical;
+pub mod discover;
+pub mod evaluate;
 pub mod fit;
+pub mod neighbours;
+pub mod observer;
+pub mod surface;
+pub mod synth;

@@ -14,6 +14,7 @@ mod pose;
 mod views;
 
 pub use error::CaptureError;
+pub use pose::opengl_pose;
 
 use artgs_core::{Capture, STATE_NAMES, StateViews};
 use std::path::{Path, PathBuf};

@@ -2,7 +2,7 @@
 
 use super::CaptureError;
 use super::json::{block_and_column, key_error, matrix};
-use artgs_core::Rigid;
+use artgs_core::{Camera, Rigid};
 use glam::{DMat3, DVec3};
 use serde_json::Value;
 
@@ -20,6 +20,14 @@ pub(super) fn world_to_camera(value: &Value, place: &str, key: &str) -> Result<R
     let block = rotation(block).map_err(|reason| key_error(place, key, reason))?;
     let flip = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
     Ok(Rigid::from_matrix(block * flip, translation).inverse())
+}
+
+/// Camera-to-world matrix with OpenGL axes (y up, looks down -z), rows first: what capture files hold.
+pub fn opengl_pose(camera: &Camera) -> [[f64; 4]; 4] {
+    let pose = camera.world_to_camera.inverse();
+    let (r, t) = (pose.matrix(), pose.translation);
+    let row = |i: usize| [r.x_axis[i], -r.y_axis[i], -r.z_axis[i], t[i]];
+    [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
 }
 
 /// The rotation nearest to an almost orthonormal matrix.

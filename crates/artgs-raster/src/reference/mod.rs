@@ -20,7 +20,7 @@ const STEP: f64 = 1e-5;
 pub struct Checked {
     /// The rendering.
     pub frame: Frame,
-    /// Smallest relative distance of any decision of the pixel (alpha cut, stop) from flipping, `[height * width]`.
+    /// Smallest relative distance of any decision of the pixel (alpha cut, alpha cap, stop) from flipping, `[height * width]`.
     /// Where it is tiny, another correct implementation may decide otherwise and differ by up to 1/255.
     pub margin: Vec<f64>,
 }
@@ -55,7 +55,7 @@ pub fn render_checked(splats: SplatView<'_>, camera: &Camera, options: &RenderOp
 }
 
 /// Derivatives of `sum(d_frame * frame)` by central differences of step 1e-5, the decisions (order of depth, alpha
-/// cut, stop) held as they are. Every field of the result is filled.
+/// cut, stop, clamp of colours) held as they are. Every field of the result is filled.
 pub fn gradients(splats: SplatView<'_>, camera: &Camera, options: &RenderOptions, d_frame: &FrameGrad) -> SplatGrads {
     let mut raws = read(&splats, options);
     let plan = Plan::new(&raws, camera, options);
@@ -138,7 +138,8 @@ impl Plan {
             for &(_, i) in &order {
                 let Some(flat) = &plan.flats[i as usize] else { continue };
                 let alpha = flat.alpha(center(p, width));
-                plan.margin[p] = plan.margin[p].min((alpha / ALPHA_MIN - 1.0).abs());
+                let margin = (alpha / ALPHA_MIN - 1.0).abs().min((alpha / ALPHA_MAX - 1.0).abs());
+                plan.margin[p] = plan.margin[p].min(margin);
                 if alpha < ALPHA_MIN {
                     continue;
                 }
@@ -163,15 +164,10 @@ impl Plan {
     ) -> (DVec3, f64, f64) {
         let (mut color, mut depth, mut transmittance) = (DVec3::ZERO, 0.0, 1.0);
         for &i in &self.members[p] {
-            let flat = match replaced {
-                Some((j, flat)) if j == i as usize => flat,
-                _ => match &self.flats[i as usize] {
-                    Some(flat) => flat,
-                    None => continue,
-                },
-            };
+            let Some(drawn) = &self.flats[i as usize] else { continue };
+            let flat = replaced.filter(|r| r.0 == i as usize).map_or(drawn, |r| r.1);
             let weight = transmittance * flat.alpha(center(p, width)).min(ALPHA_MAX);
-            color += weight * flat.color;
+            color += weight * drawn.shown * flat.color;
             depth += weight * flat.depth;
             transmittance -= weight;
         }

@@ -27,7 +27,10 @@ pub(super) struct Flat {
     pub(super) covariance: DMat2,
     pub(super) opacity: f64,
     pub(super) depth: f64,
+    /// Before the clamp at zero.
     pub(super) color: DVec3,
+    /// 1 where the clamp lets a channel through, 0 where it does not.
+    pub(super) shown: DVec3,
 }
 
 impl Raw {
@@ -87,13 +90,16 @@ impl Raw {
             DVec2::new(full.x_axis.x + blur, full.x_axis.y),
             DVec2::new(full.y_axis.x, full.y_axis.y + blur),
         );
+        let color = self.shade((mean - camera.position()).normalize());
+        let open = |c: f64| if c > 0.0 || self.degree.is_none() { 1.0 } else { 0.0 };
         Some(Flat {
             center: DVec2::new(k.fx * p.x / p.z + k.cx, k.fy * p.y / p.z + k.cy),
             conic: covariance.inverse(),
             covariance,
             opacity: 1.0 / (1.0 + (-self.logit_opacity).exp()),
             depth: p.z,
-            color: self.shade((mean - camera.position()).normalize()),
+            color,
+            shown: DVec3::new(open(color.x), open(color.y), open(color.z)),
         })
     }
 
@@ -109,7 +115,7 @@ impl Raw {
                 sum += harmonic(l, m, d) * DVec3::new(self.color[i], self.color[i + 1], self.color[i + 2]);
             }
         }
-        sum.max(DVec3::ZERO)
+        sum
     }
 }
 

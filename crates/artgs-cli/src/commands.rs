@@ -1,0 +1,101 @@
+//! What each command does.
+
+use crate::args::{Cli, Command, Evaluate, Method, Reconstruct};
+use crate::failure::Failure;
+use crate::library::{Config, Settings};
+use crate::output::{Report, say};
+use crate::{demo, folder, library, progress};
+use anyhow::Context;
+use artgs::observer::{JsonLines, Tee};
+use serde_json::json;
+use std::num::NonZeroUsize;
+use std::path::Path;
+
+/// How results are shown.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Style {
+    /// JSON, one object per line, and nothing else on standard output.
+    pub(crate) json: bool,
+    /// No progress and no summary.
+    pub(crate) quiet: bool,
+}
+
+pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
+    let style = Style { json: cli.wants_json(), quiet: cli.quiet };
+    match &cli.command {
+        Command::Inspect(args) => library::inspect(&args.capture)?.show(style.json),
+        Command::Reconstruct(args) => reconstruct(args, style),
+        Command::Evaluate(args) => evaluate(args, style),
+        Command::Demo(args) => demo::run(args, style),
+    }
+}
+
+fn reconstruct(args: &Reconstruct, style: Style) -> Result<(), Failure> {
+    use_threads(args.method.threads)?;
+    let config = library::configure(&settings(&args.method, args.parts))?;
+    if !args.capture.is_dir() {
+        return Err(Failure::bad(format!("{}: no such folder", args.capture.display())));
+    }
+    folder::prepare(&args.out, args.earlier)?;
+    let summary = observed(&args.capture, &args.out, &config, args.earlier.resume, style)?;
+    if style.json {
+        return say(json!({ "event": "result", "out": args.out, "summary": summary.json }));
+    }
+    if !style.quiet {
+        summary.show(false)?;
+        say(format!("replica in {}", args.out.display()))?;
+    }
+    Ok(())
+}
+
+fn evaluate(args: &Evaluate, style: Style) -> Result<(), Failure> {
+    use_threads(args.threads)?;
+    for folder in [&args.out, &args.gt] {
+        if !folder.is_dir() {
+            return Err(Failure::bad(format!("{}: no such folder", folder.display())));
+        }
+    }
+    let scores = library::evaluate(&args.out, &args.gt)?;
+    if let Some(file) = args.json.as_ref().filter(|file| file.as_os_str() != "-") {
+        write_json(file, &scores)?;
+    }
+    scores.show(style.json)
+}
+
+/// Runs the method while showing its events and appending them to the folder's event file.
+pub(crate) fn observed(
+    capture: &Path,
+    out: &Path,
+    config: &Config,
+    resume: bool,
+    style: Style,
+) -> Result<Report, Failure> {
+    let path = out.join(folder::EVENTS);
+    let mut log = JsonLines::append(&path).with_context(|| format!("cannot write {}", path.display()))?;
+    let mut shown = progress::renderer(style);
+    let result = library::reconstruct(capture, out, config, resume, &mut Tee(&mut log, shown.as_mut()));
+    drop(shown);
+    let logged = log.finish().with_context(|| format!("cannot write {}", path.display()));
+    let summary = result?;
+    logged?;
+    Ok(summary)
+}
+
+/// The part of the method's configuration that flags set.
+pub(crate) fn settings(method: &Method, parts: Option<usize>) -> Settings {
+    Settings { preset: method.preset, file: method.config.clone(), parts, seed: method.seed }
+}
+
+/// Sizes the thread pool that everything shares.
+pub(crate) fn use_threads(count: Option<NonZeroUsize>) -> Result<(), Failure> {
+    let Some(count) = count else { return Ok(()) };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(count.get()).build_global();
+    pool.with_context(|| format!("cannot start {count} threads"))?;
+    Ok(())
+}
+
+/// Writes a report's JSON form to a file.
+pub(crate) fn write_json(path: &Path, report: &Report) -> Result<(), Failure> {
+    artgs_io::write_atomic(path, format!("{:#}\n", report.json).as_bytes()).map_err(anyhow::Error::from)?;
+    Ok(())
+}

@@ -1,0 +1,101 @@
+//! Output folders: never mixes a run with other people's files or, unasked, with an earlier run.
+
+use crate::args::Earlier;
+use crate::failure::Failure;
+use anyhow::Context;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::Path;
+
+/// Events of the runs in a folder; also what tells an output folder from any other.
+pub(crate) const EVENTS: &str = "events.jsonl";
+const REPLICA: &str = "replica.json";
+const STAGES: &str = "stages";
+
+/// Makes `out` ready for a run: missing, empty, or an output folder without results, with `--resume` or with
+/// `--force`, which removes what a later `--resume` would mistake for its own.
+pub(crate) fn prepare(out: &Path, earlier: Earlier) -> Result<(), Failure> {
+    let shown = out.display();
+    let mut empty = true;
+    match fs::read_dir(out) {
+        Ok(mut entries) => empty = entries.next().is_none(),
+        Err(error) if error.kind() == ErrorKind::NotFound => {}
+        Err(error) if error.kind() == ErrorKind::NotADirectory => {
+            return Err(Failure::bad(format!("{shown} is a file; give a folder to -o")));
+        }
+        Err(error) => return Err(Failure::bad(format!("{shown}: {error}"))),
+    }
+    let holds = |name: &str| out.join(name).exists();
+    if !empty && !holds(EVENTS) && !holds(REPLICA) {
+        return Err(Failure::bad(format!("{shown} holds files that artgs did not write; give an empty folder to -o")));
+    }
+    if earlier.force {
+        discard(out)?;
+    } else if !earlier.resume && (holds(STAGES) || holds(REPLICA)) {
+        return Err(Failure::bad(format!(
+            "{shown} holds an earlier run; add --resume to go on with it, or --force to discard it"
+        )));
+    }
+    fs::create_dir_all(out).with_context(|| format!("cannot make {shown}"))?;
+    Ok(())
+}
+
+fn discard(out: &Path) -> Result<(), Failure> {
+    let missing_is_fine = |result: std::io::Result<()>| match result {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    };
+    missing_is_fine(fs::remove_dir_all(out.join(STAGES)))
+        .and_then(|()| missing_is_fine(fs::remove_file(out.join(REPLICA))))
+        .and_then(|()| missing_is_fine(fs::remove_file(out.join(EVENTS))))
+        .with_context(|| format!("cannot discard the earlier run in {}", out.display()))?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRESH: Earlier = Earlier { resume: false, force: false };
+    const RESUME: Earlier = Earlier { resume: true, force: false };
+    const FORCE: Earlier = Earlier { resume: false, force: true };
+
+    #[test]
+    fn missing_and_empty_folders_are_taken() {
+        let root = tempfile::tempdir().unwrap();
+        let out = root.path().join("a/b");
+        prepare(&out, FRESH).unwrap();
+        prepare(&out, FRESH).unwrap();
+        assert!(out.is_dir());
+    }
+
+    #[test]
+    fn foreign_files_are_never_touched() {
+        let root = tempfile::tempdir().unwrap();
+        fs::write(root.path().join("thesis.tex"), "x").unwrap();
+        fs::create_dir(root.path().join(STAGES)).unwrap();
+        for earlier in [FRESH, RESUME, FORCE] {
+            let failure = prepare(root.path(), earlier).unwrap_err();
+            assert_eq!(failure.exit_code(), 2);
+            assert!(failure.to_string().contains("did not write"), "{failure}");
+            assert_eq!(prepare(&root.path().join("thesis.tex"), earlier).unwrap_err().exit_code(), 2);
+        }
+        assert!(root.path().join(STAGES).is_dir());
+    }
+
+    #[test]
+    fn an_earlier_run_is_resumed_or_discarded_only_on_request() {
+        let root = tempfile::tempdir().unwrap();
+        let out = root.path();
+        fs::write(out.join(EVENTS), "").unwrap();
+        prepare(out, FRESH).unwrap();
+        fs::create_dir(out.join(STAGES)).unwrap();
+        let failure = prepare(out, FRESH).unwrap_err();
+        assert!(failure.to_string().contains("--resume") && failure.exit_code() == 2, "{failure}");
+        prepare(out, RESUME).unwrap();
+        assert!(out.join(STAGES).is_dir());
+        prepare(out, FORCE).unwrap();
+        assert!(!out.join(STAGES).exists());
+        prepare(out, FRESH).unwrap();
+    }
+}

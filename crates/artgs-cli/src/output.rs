@@ -1,0 +1,47 @@
+//! Standard output and standard error. A reader that has gone away (`artgs inspect X | head`) is no error.
+
+use crate::failure::Failure;
+use anyhow::Context;
+use serde::Serialize;
+use serde_json::{Value, json};
+use std::fmt::Display;
+use std::io::{self, ErrorKind, Write};
+
+/// What a command found out, for people and for programs.
+pub(crate) struct Report {
+    pub(crate) text: String,
+    pub(crate) json: Value,
+}
+
+impl Report {
+    /// Reads both forms off a result.
+    pub(crate) fn new(result: &(impl Display + Serialize)) -> Result<Self, Failure> {
+        let json = serde_json::to_value(result).context("the result has no JSON form")?;
+        Ok(Self { text: result.to_string(), json })
+    }
+
+    /// Puts one of the forms on standard output.
+    pub(crate) fn show(&self, as_json: bool) -> Result<(), Failure> {
+        if as_json { say(format!("{:#}", self.json)) } else { say(self.text.trim_end()) }
+    }
+}
+
+/// A line on standard output.
+pub(crate) fn say(text: impl Display) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(anyhow::Error::new(error).context("cannot write to standard output").into())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The last words of a command that failed.
+pub(crate) fn error(failure: &Failure, json: bool) {
+    if json {
+        // Nobody is left to tell if this fails too.
+        let _ = say(json!({ "event": "error", "message": failure.to_string() }));
+    }
+    let _ = writeln!(io::stderr(), "error: {failure}");
+}

@@ -1,0 +1,24 @@
+//! Which Gaussian belongs to which part, and how the parts move.
+
+mod adam;
+pub mod assign;
+mod block;
+pub mod hash_grid;
+pub mod joints;
+pub mod mlp;
+mod quaternion;
+pub mod warp;
+
+pub use assign::{AssignConfig, PartAssignment};
+pub use hash_grid::{HashGrid, HashGridConfig};
+pub use joints::{MotionModel, MotionParameters};
+pub use warp::{DualQuaternion, Skin, Warp, WarpGradients, WarpInput};
+
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+
+/// A standard normal variate (Box and Muller).
+fn normal(rng: &mut Pcg64Mcg) -> f64 {
+    let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
+    radius * (std::f64::consts::TAU * rng.random::<f64>()).cos()
+}

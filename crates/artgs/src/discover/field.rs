@@ -1,0 +1,124 @@
+//! A voxel grid that answers, for any point in one state: how far is the nearest surface, which point is it, is it empty there.
+
+use super::observe::{Cloud, DepthView, Sightings};
+use glam::{IVec3, Vec3};
+use rayon::prelude::*;
+
+/// No surface point.
+pub const NOWHERE: u32 = u32::MAX;
+
+/// Lookup of surfaces and empty space of one state.
+pub struct Field {
+    origin: Vec3,
+    voxel: f32,
+    size: IVec3,
+    nearest: Vec<u32>,
+    empty: Vec<bool>,
+}
+
+impl Field {
+    /// Builds the grid over the box `lower..upper` with cubes of edge `voxel`.
+    pub fn new(cloud: &Cloud, views: &[DepthView], lower: Vec3, upper: Vec3, voxel: f32, tolerance: f32) -> Self {
+        let size = ((upper - lower) / voxel).ceil().as_ivec3() + 1;
+        let count = (size.x * size.y * size.z) as usize;
+        let mut field = Self { origin: lower, voxel, size, nearest: vec![NOWHERE; count], empty: vec![false; count] };
+        field.seed(cloud);
+        field.propagate(cloud);
+        let empty = (0..count)
+            .into_par_iter()
+            .with_min_len(4096)
+            .map(|i| {
+                let centre = field.centre(i);
+                Sightings::of(views, centre, tolerance.max(0.9 * voxel)).is_empty_space()
+            })
+            .collect();
+        field.empty = empty;
+        field
+    }
+
+    fn centre(&self, index: usize) -> Vec3 {
+        let (i, s) = (index as i32, self.size);
+        let cell = IVec3::new(i % s.x, i / s.x % s.y, i / (s.x * s.y));
+        self.origin + cell.as_vec3() * self.voxel
+    }
+
+    fn index(&self, point: Vec3) -> Option<usize> {
+        let c = ((point - self.origin) / self.voxel + 0.5).floor().as_ivec3();
+        let inside = c.cmpge(IVec3::ZERO).all() && c.cmplt(self.size).all();
+        inside.then(|| ((c.z * self.size.y + c.y) * self.size.x + c.x) as usize)
+    }
+
+    fn seed(&mut self, cloud: &Cloud) {
+        for (i, p) in cloud.points.iter().enumerate() {
+            let Some(cell) = self.index(*p) else { continue };
+            let centre = self.centre(cell);
+            let held = self.nearest[cell];
+            if held == NOWHERE || p.distance_squared(centre) < cloud.points[held as usize].distance_squared(centre) {
+                self.nearest[cell] = i as u32;
+            }
+        }
+    }
+
+    /// Chamfer-style propagation of the nearest point: two raster sweeps over the 13 preceding neighbours, run twice.
+    fn propagate(&mut self, cloud: &Cloud) {
+        let s = self.size;
+        let before: Vec<IVec3> = (0..13).map(|i| IVec3::new(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1)).collect();
+        let count = self.nearest.len();
+        for pass in 0..4 {
+            let forward = pass % 2 == 0;
+            for step in 0..count {
+                let cell = if forward { step } else { count - 1 - step };
+                let i = cell as i32;
+                let at = IVec3::new(i % s.x, i / s.x % s.y, i / (s.x * s.y));
+                let centre = self.origin + at.as_vec3() * self.voxel;
+                let mut best = self.nearest[cell];
+                let mut distance =
+                    if best == NOWHERE { f32::INFINITY } else { cloud.points[best as usize].distance_squared(centre) };
+                for offset in &before {
+                    let n = if forward { at + *offset } else { at - *offset };
+                    if n.cmplt(IVec3::ZERO).any() || n.cmpge(s).any() {
+                        continue;
+                    }
+                    let candidate = self.nearest[((n.z * s.y + n.y) * s.x + n.x) as usize];
+                    if candidate == NOWHERE || candidate == best {
+                        continue;
+                    }
+                    let d = cloud.points[candidate as usize].distance_squared(centre);
+                    if d < distance {
+                        (best, distance) = (candidate, d);
+                    }
+                }
+                self.nearest[cell] = best;
+            }
+        }
+    }
+
+    /// Index of the (nearly) nearest surface point, and whether the place is known to be empty.
+    /// Outside the grid there is nothing and it is empty.
+    pub fn lookup(&self, point: Vec3) -> (u32, bool) {
+        self.index(point).map_or((NOWHERE, true), |i| (self.nearest[i], self.empty[i]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lookup_finds_nearly_the_nearest_point() {
+        let mut cloud = Cloud::default();
+        for i in 0..200 {
+            let t = i as f32 * 0.37;
+            cloud.points.push(Vec3::new(t.sin(), (1.7 * t).cos(), (0.6 * t).sin()));
+        }
+        let field = Field::new(&cloud, &[], Vec3::splat(-1.2), Vec3::splat(1.2), 0.05, 0.01);
+        for i in 0..300 {
+            let t = i as f32 * 0.61;
+            let p = Vec3::new((1.3 * t).cos(), (0.9 * t).sin(), (2.1 * t).cos());
+            let best = cloud.points.iter().map(|q| q.distance(p)).fold(f32::INFINITY, f32::min);
+            let (index, empty) = field.lookup(p);
+            assert!(cloud.points[index as usize].distance(p) < best + 0.1 && !empty);
+        }
+        assert_eq!(field.lookup(Vec3::splat(5.0)), (NOWHERE, true));
+    }
+}

@@ -1,0 +1,299 @@
+//! What depth says about a state: oriented surface points, and which places were seen to be empty.
+
+use artgs_core::{Camera, View};
+use glam::{DVec2, Mat3, Vec3};
+use nalgebra::{Matrix3, SymmetricEigen};
+use rayon::prelude::*;
+
+/// One depth map with the lookups that visibility tests need.
+pub struct DepthView {
+    /// Pose and intrinsics.
+    pub camera: Camera,
+    /// Planar depth, 0 where there is none.
+    pub depth: Vec<f32>,
+    rotation: Mat3,
+    translation: Vec3,
+    nearest: Vec<f32>,
+    farthest: Vec<f32>,
+}
+
+/// What one view says about a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sight {
+    /// The view looks through the point at something behind it, or at nothing.
+    Through,
+    /// The view sees a surface there.
+    Surface,
+    /// Something in front hides the point, or the view does not cover it.
+    Hidden,
+}
+
+impl DepthView {
+    /// From depth and mask (`true` = object); pixels of the object without depth hide everything.
+    pub fn new(camera: Camera, depth: Vec<f32>, mask: &[bool]) -> Self {
+        let (w, h) = (camera.intrinsics.width as usize, camera.intrinsics.height as usize);
+        let (mut nearest, mut farthest) = (vec![0.0; w * h], vec![0.0; w * h]);
+        for y in 0..h {
+            for x in 0..w {
+                let (mut lo, mut hi) = (f32::INFINITY, 0.0f32);
+                for yy in y.saturating_sub(1)..(y + 2).min(h) {
+                    for xx in x.saturating_sub(1)..(x + 2).min(w) {
+                        let (d, object) = (depth[yy * w + xx], mask[yy * w + xx]);
+                        if d > 0.0 {
+                            lo = lo.min(d);
+                            hi = hi.max(d);
+                        } else if object {
+                            lo = 0.0;
+                        }
+                    }
+                }
+                (nearest[y * w + x], farthest[y * w + x]) = (lo, hi);
+            }
+        }
+        let m = camera.world_to_camera;
+        Self { camera, depth, rotation: m.matrix().as_mat3(), translation: m.translation.as_vec3(), nearest, farthest }
+    }
+
+    /// From a capture's view; `None` if it has no depth.
+    pub fn from_view(view: &View) -> Option<Self> {
+        let mask: Vec<bool> = view.rgba.iter().map(|p| p[3] >= 128).collect();
+        Some(Self::new(view.camera, view.depth.clone()?, &mask))
+    }
+
+    /// Pixel index and view depth of a world point, if it falls into the image.
+    pub fn locate(&self, point: Vec3) -> Option<(usize, f32)> {
+        let p = self.rotation * point + self.translation;
+        if p.z <= 0.0 {
+            return None;
+        }
+        let k = &self.camera.intrinsics;
+        let (u, v) = (k.fx as f32 * p.x / p.z + k.cx as f32, k.fy as f32 * p.y / p.z + k.cy as f32);
+        let inside = u >= 0.0 && v >= 0.0 && u < k.width as f32 && v < k.height as f32;
+        inside.then(|| (v as usize * k.width as usize + u as usize, p.z))
+    }
+
+    /// What the view says about a point. The 3x3 neighbourhood of its pixel must agree that it is looked through;
+    /// `tolerance` is in scene units.
+    pub fn sight(&self, point: Vec3, tolerance: f32) -> Sight {
+        let Some((pixel, z)) = self.locate(point) else { return Sight::Hidden };
+        if z < self.nearest[pixel] - tolerance {
+            Sight::Through
+        } else if z <= self.farthest[pixel] + tolerance {
+            Sight::Surface
+        } else {
+            Sight::Hidden
+        }
+    }
+}
+
+/// How many views look through a point and how many see a surface there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sightings {
+    /// Views that look through.
+    pub through: u32,
+    /// Views that see a surface.
+    pub surface: u32,
+}
+
+impl Sightings {
+    /// Collects the sight of all views.
+    pub fn of(views: &[DepthView], point: Vec3, tolerance: f32) -> Self {
+        let mut out = Self::default();
+        for view in views {
+            match view.sight(point, tolerance) {
+                Sight::Through => out.through += 1,
+                Sight::Surface => out.surface += 1,
+                Sight::Hidden => {}
+            }
+        }
+        out
+    }
+
+    /// Seen to be empty: at least two views look through, and clearly more than see a surface.
+    pub fn is_empty_space(&self) -> bool {
+        self.through >= 2 && self.through > 2 * self.surface
+    }
+
+    /// Seen to be occupied.
+    pub fn is_surface(&self) -> bool {
+        self.surface >= 1 && self.surface >= self.through
+    }
+}
+
+/// Oriented, coloured surface points.
+#[derive(Clone, Debug, Default)]
+pub struct Cloud {
+    /// Positions, world frame of the state.
+    pub points: Vec<Vec3>,
+    /// Unit normals towards the cameras.
+    pub normals: Vec<Vec3>,
+    /// sRGB in [0, 1].
+    pub colors: Vec<Vec3>,
+    /// Root mean square distance of the neighbourhood from its plane, scene units.
+    pub roughness: Vec<f32>,
+}
+
+impl Cloud {
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// True if there are none.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    fn push(&mut self, point: Vec3, normal: Vec3, color: Vec3, roughness: f32) {
+        self.points.push(point);
+        self.normals.push(normal);
+        self.colors.push(color);
+        self.roughness.push(roughness);
+    }
+
+    /// Concatenates another cloud.
+    pub fn append(&mut self, other: &Self) {
+        self.points.extend(&other.points);
+        self.normals.extend(&other.normals);
+        self.colors.extend(&other.colors);
+        self.roughness.extend(&other.roughness);
+    }
+
+    /// The points `indices`, in that order.
+    pub fn select(&self, indices: &[usize]) -> Self {
+        let mut out = Self::default();
+        for &i in indices {
+            out.push(self.points[i], self.normals[i], self.colors[i], self.roughness[i]);
+        }
+        out
+    }
+
+    /// Keeps, of every occupied cube of edge `voxel` and main direction, the point with the smoothest neighbourhood.
+    /// Two sides of a thin plate are kept apart by the main axis of their normals. Sorted by cube.
+    pub fn thinned(&self, voxel: f32) -> Self {
+        let key = |i: usize| {
+            let (c, n) = ((self.points[i] / voxel).floor().as_ivec3(), self.normals[i]);
+            let axis = n.abs().max_position();
+            (c.to_array(), 2 * axis as u8 + u8::from(n[axis] < 0.0))
+        };
+        let mut order: Vec<_> = (0..self.len()).map(|i| (key(i), i)).collect();
+        order.par_sort_unstable();
+        let mut keep = Vec::new();
+        for run in order.chunk_by(|a, b| a.0 == b.0) {
+            let best = run.iter().min_by(|a, b| self.roughness[a.1].total_cmp(&self.roughness[b.1]));
+            keep.extend(best.map(|b| b.1));
+        }
+        self.select(&keep)
+    }
+}
+
+/// Surface points of one view by back-projection, with normals from a plane through the 5x5 neighbourhood.
+/// `stride` skips pixels. Pixels whose neighbourhood is torn (fewer than 12 of 25 on the surface) are left out.
+pub fn surface_points(view: &DepthView, rgba: &[[u8; 4]], stride: usize) -> Cloud {
+    let k = view.camera.intrinsics;
+    let (w, h) = (k.width as usize, k.height as usize);
+    let eye = view.camera.position().as_vec3();
+    let world =
+        |x: usize, y: usize, d: f32| view.camera.unproject(DVec2::new(x as f64 + 0.5, y as f64 + 0.5), d.into());
+    let mut cloud = Cloud::default();
+    let mut patch = Vec::with_capacity(25);
+    for y in (2..h.saturating_sub(2)).step_by(stride) {
+        for x in (2..w.saturating_sub(2)).step_by(stride) {
+            let d = view.depth[y * w + x];
+            if d <= 0.0 {
+                continue;
+            }
+            // A surface seen at 80 degrees changes depth by 5.7 pixel footprints from pixel to pixel.
+            let reach = 2.0 * 5.7 * d / k.fx as f32;
+            let centre = world(x, y, d);
+            patch.clear();
+            for yy in y - 2..=y + 2 {
+                for xx in x - 2..=x + 2 {
+                    let dd = view.depth[yy * w + xx];
+                    if dd > 0.0 && (dd - d).abs() < reach {
+                        patch.push((world(xx, yy, dd) - centre).as_vec3());
+                    }
+                }
+            }
+            if patch.len() < 12 {
+                continue;
+            }
+            let (normal, roughness) = fit_plane(&patch);
+            let p = centre.as_vec3();
+            let normal = if normal.dot(eye - p) < 0.0 { -normal } else { normal };
+            let c = rgba[y * w + x];
+            let color = Vec3::new(c[0].into(), c[1].into(), c[2].into()) / 255.0;
+            cloud.push(p, normal, color, roughness);
+        }
+    }
+    cloud
+}
+
+/// Unit normal of the least-squares plane and the root mean square distance from it.
+pub fn fit_plane(points: &[Vec3]) -> (Vec3, f32) {
+    let mean = points.iter().sum::<Vec3>() / points.len() as f32;
+    let mut c = Matrix3::<f64>::zeros();
+    for p in points {
+        let d = (*p - mean).as_dvec3();
+        let v = nalgebra::Vector3::new(d.x, d.y, d.z);
+        c += v * v.transpose();
+    }
+    let eigen = SymmetricEigen::new(c / points.len() as f64);
+    let i = eigen.eigenvalues.imin();
+    let v = eigen.eigenvectors.column(i);
+    (Vec3::new(v[0] as f32, v[1] as f32, v[2] as f32), eigen.eigenvalues[i].max(0.0).sqrt() as f32)
+}
+
+/// All views of one state: depth maps and their thinned points.
+pub struct Observation {
+    /// Depth maps.
+    pub views: Vec<DepthView>,
+    /// Back-projected points, one per cube of the sampling distance.
+    pub cloud: Cloud,
+}
+
+impl Observation {
+    /// Back-projects all views and thins the points to one per `voxel`.
+    pub fn new(views: Vec<DepthView>, rgba: &[&[[u8; 4]]], voxel: f32) -> Self {
+        let clouds: Vec<Cloud> =
+            views.par_iter().zip(rgba).map(|(v, c)| surface_points(v, c, 1).thinned(voxel)).collect();
+        let mut cloud = Cloud::default();
+        clouds.iter().for_each(|c| cloud.append(c));
+        Self { views, cloud: cloud.thinned(voxel) }
+    }
+
+    /// Median size of a pixel on the object, scene units.
+    pub fn pixel_size(views: &[DepthView]) -> f32 {
+        let mut sizes: Vec<f32> = views
+            .iter()
+            .flat_map(|v| {
+                let fx = v.camera.intrinsics.fx as f32;
+                v.depth.iter().step_by(37).filter(|d| **d > 0.0).map(move |d| d / fx)
+            })
+            .collect();
+        sizes.sort_unstable_by(f32::total_cmp);
+        sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)
+    }
+
+    /// Typical disagreement between views about the depth of the same point: the median over flat points of the
+    /// distance along the normal between a point and the surface another view sees at its pixel.
+    pub fn depth_noise(&self) -> f32 {
+        let stride = (self.cloud.len() / 2000).max(1);
+        let mut errors: Vec<f32> = (0..self.cloud.len())
+            .step_by(stride)
+            .flat_map(|i| {
+                let (p, n) = (self.cloud.points[i], self.cloud.normals[i]);
+                self.views.iter().filter_map(move |v| {
+                    let (pixel, z) = v.locate(p)?;
+                    let d = v.depth[pixel];
+                    let towards = (v.camera.position().as_vec3() - p).normalize();
+                    let cosine = towards.dot(n);
+                    let footprint = z / v.camera.intrinsics.fx as f32;
+                    (d > 0.0 && cosine > 0.5 && (d - z).abs() < 20.0 * footprint).then(|| (d - z).abs() * cosine)
+                })
+            })
+            .collect();
+        errors.sort_unstable_by(f32::total_cmp);
+        errors.get(errors.len() / 2).copied().unwrap_or(0.0)
+    }
+}

@@ -1,0 +1,302 @@
+//! Motion of one part between the two states: symmetric point-to-plane registration, free or bound to a joint.
+
+use super::observe::Cloud;
+use crate::neighbours::PointTree;
+use artgs_core::{JointKind, Rigid};
+use glam::{DMat3, DVec3};
+use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
+use rayon::prelude::*;
+
+/// A cloud with a search tree.
+pub struct Searchable<'a> {
+    /// The points.
+    pub cloud: &'a Cloud,
+    tree: PointTree,
+}
+
+impl<'a> Searchable<'a> {
+    /// Builds the tree.
+    pub fn new(cloud: &'a Cloud) -> Self {
+        let points: Vec<[f32; 3]> = cloud.points.iter().map(|p| p.to_array()).collect();
+        Self { cloud, tree: PointTree::new(&points) }
+    }
+
+    /// Index of the nearest point and the squared distance, which is infinite for an empty cloud.
+    pub fn nearest(&self, point: glam::Vec3) -> (usize, f32) {
+        self.tree.nearest(&point.to_array()).unwrap_or((0, f32::INFINITY))
+    }
+}
+
+/// Settings of a registration.
+#[derive(Clone, Copy, Debug)]
+pub struct RegisterOptions {
+    /// Pairs farther apart than this are dropped in the first iteration, scene units.
+    pub first_reach: f64,
+    /// The same in the last iteration; shrinks geometrically in between.
+    pub last_reach: f64,
+    /// Gauss-Newton steps.
+    pub iterations: usize,
+    /// At most so many points of each side take part.
+    pub max_points: usize,
+}
+
+/// Outcome of a registration.
+#[derive(Clone, Copy, Debug)]
+pub struct Registration {
+    /// Motion from start to end.
+    pub motion: Rigid,
+    /// Root mean square distance to the planes over the pairs, scene units.
+    pub rms: f64,
+    /// Pairs in the last iteration.
+    pub pairs: usize,
+}
+
+#[derive(Clone, Copy)]
+struct Pair {
+    /// Point of the start state moved to the end state.
+    moved: DVec3,
+    normal: DVec3,
+    residual: f64,
+    weight: f64,
+}
+
+/// What looks for partners, and where.
+#[derive(Clone, Copy)]
+pub struct Match<'a> {
+    /// Points of the start state that look for partners among `end_target`.
+    pub start: Option<&'a Searchable<'a>>,
+    /// Points of the end state that look for partners among `start_target`.
+    pub end: Option<&'a Searchable<'a>>,
+    /// Where points of the end state look; may show more than the part.
+    pub start_target: &'a Searchable<'a>,
+    /// Where points of the start state look; may show more than the part.
+    pub end_target: &'a Searchable<'a>,
+}
+
+impl<'a> Match<'a> {
+    /// Both states show the part and nothing else.
+    pub fn mutual(start: &'a Searchable<'a>, end: &'a Searchable<'a>) -> Self {
+        Self { start: Some(start), end: Some(end), start_target: start, end_target: end }
+    }
+
+    /// Only the points of `start` look for partners, in a state that may show more than the part.
+    pub fn one_sided(start: &'a Searchable<'a>, end_target: &'a Searchable<'a>) -> Self {
+        Self { start: Some(start), end: None, start_target: start, end_target }
+    }
+}
+
+/// Registers a part beginning at `guess` (start to end). With `kind` the motion stays on the joint: three numbers for
+/// prismatic, five for revolute, six otherwise.
+pub fn register(points: Match<'_>, guess: Rigid, kind: Option<JointKind>, options: &RegisterOptions) -> Registration {
+    let mut motion = guess;
+    let mut outcome = Registration { motion, rms: f64::INFINITY, pairs: 0 };
+    let shrink = (options.last_reach / options.first_reach).powf(1.0 / (options.iterations.max(2) - 1) as f64);
+    let mut reach = options.first_reach;
+    for iteration in 0..options.iterations {
+        let pairs = collect_pairs(points, &motion, reach, options.max_points);
+        if pairs.len() < 12 {
+            return outcome;
+        }
+        // Large flat faces fit at once and would make everything that fixes the motion along them look like an outlier.
+        let closing = iteration + 4 >= options.iterations;
+        let pairs = reweighted(pairs, if closing { 0.0 } else { 0.3 * reach });
+        let total: f64 = pairs.iter().map(|p| p.weight).sum();
+        let square: f64 = pairs.iter().map(|p| p.weight * p.residual * p.residual).sum();
+        outcome = Registration { motion, rms: (square / total.max(1e-300)).sqrt(), pairs: pairs.len() };
+        let centre = pairs.iter().map(|p| p.moved).sum::<DVec3>() / pairs.len() as f64;
+        motion = advance(&motion, kind, &pairs, centre);
+        outcome.motion = motion;
+        reach *= shrink;
+    }
+    outcome
+}
+
+fn collect_pairs(points: Match<'_>, motion: &Rigid, reach: f64, max_points: usize) -> Vec<Pair> {
+    let limit = (reach * reach) as f32;
+    let inverse = motion.inverse();
+    let one_way = |from: &Searchable<'_>, to: &Searchable<'_>, m: &Rigid, forward: bool| -> Vec<Pair> {
+        let stride = from.cloud.len().div_ceil(max_points).max(1);
+        let count = from.cloud.len().div_ceil(stride);
+        (0..count)
+            .into_par_iter()
+            .with_min_len(256)
+            .filter_map(|c| {
+                let i = c * stride;
+                let (p, n) = (from.cloud.points[i].as_dvec3(), from.cloud.normals[i].as_dvec3());
+                let image = m.apply(p);
+                let (j, d2) = to.nearest(image.as_vec3());
+                if d2 > limit {
+                    return None;
+                }
+                let (q, nq) = (to.cloud.points[j].as_dvec3(), to.cloud.normals[j].as_dvec3());
+                if m.turn(n).dot(nq) < 0.7 {
+                    return None;
+                }
+                let weight = 1.0 / (1.0 + (f64::from(to.cloud.roughness[j]) / (0.25 * reach)).powi(2));
+                let (moved, normal, other) =
+                    if forward { (image, nq, q) } else { (motion.apply(q), motion.turn(nq), p) };
+                Some(Pair { moved, normal, residual: normal.dot(moved - other), weight })
+            })
+            .collect()
+    };
+    let mut pairs = points.start.map_or(Vec::new(), |from| one_way(from, points.end_target, motion, true));
+    if let Some(from) = points.end {
+        pairs.extend(one_way(from, points.start_target, &inverse, false));
+    }
+    pairs
+}
+
+/// Registers a slide along the fixed unit direction `axis`; only its amount is free.
+pub fn register_along(points: Match<'_>, axis: DVec3, amount: f64, options: &RegisterOptions) -> f64 {
+    let mut amount = amount;
+    let mut reach = options.first_reach;
+    let shrink = (options.last_reach / options.first_reach).powf(1.0 / (options.iterations.max(2) - 1) as f64);
+    for _ in 0..options.iterations {
+        let pairs = collect_pairs(points, &Rigid::shift(axis * amount), reach, options.max_points);
+        if pairs.len() < 12 {
+            break;
+        }
+        let (mut down, mut up) = (1e-12, 0.0);
+        for p in reweighted(pairs, 0.3 * reach) {
+            let slope = p.normal.dot(axis);
+            down += p.weight * slope * slope;
+            up += p.weight * slope * p.residual;
+        }
+        amount -= up / down;
+        reach *= shrink;
+    }
+    amount
+}
+
+/// Tukey's biweight at 4.7 robust standard deviations, but not below `least_cut`.
+fn reweighted(mut pairs: Vec<Pair>, least_cut: f64) -> Vec<Pair> {
+    let mut sizes: Vec<f64> = pairs.iter().map(|p| p.residual.abs()).collect();
+    let middle = sizes.len() / 2;
+    let scale = 1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let cut = (4.7 * scale).max(least_cut).max(1e-12);
+    for p in &mut pairs {
+        let u = p.residual / cut;
+        p.weight *= if u.abs() < 1.0 { (1.0 - u * u).powi(2) } else { 0.0 };
+    }
+    pairs
+}
+
+/// One Gauss-Newton step. Twists are about `centre`: column of `omega`, then of `v`.
+fn advance(motion: &Rigid, kind: Option<JointKind>, pairs: &[Pair], centre: DVec3) -> Rigid {
+    let (mut a, mut b) = (Matrix6::<f64>::zeros(), Vector6::<f64>::zeros());
+    for p in pairs {
+        let m = (p.moved - centre).cross(p.normal);
+        let j = Vector6::new(m.x, m.y, m.z, p.normal.x, p.normal.y, p.normal.z);
+        a += p.weight * j * j.transpose();
+        b -= p.weight * p.residual * j;
+    }
+    match kind {
+        Some(JointKind::Prismatic) => {
+            let v = solve(&a.fixed_view::<3, 3>(3, 3).clone_owned().resize(3, 3, 0.0), b.fixed_rows::<3>(3).as_slice());
+            Rigid::shift(motion.translation + DVec3::new(v[0], v[1], v[2]))
+        }
+        Some(JointKind::Revolute) => advance_hinge(motion, &a, &b, centre),
+        _ => {
+            let x = solve(&a.resize(6, 6, 0.0), b.as_slice());
+            let (omega, v) = (DVec3::new(x[0], x[1], x[2]), DVec3::new(x[3], x[4], x[5]));
+            let turn = Rigid::about(omega.normalize_or(DVec3::Z), centre, omega.length());
+            Rigid::shift(v) * turn * *motion
+        }
+    }
+}
+
+/// Step on the five numbers of a hinge: two tilts of the axis, two shifts of the pivot, the angle.
+fn advance_hinge(motion: &Rigid, a: &Matrix6<f64>, b: &Vector6<f64>, centre: DVec3) -> Rigid {
+    let screw = motion.screw();
+    let (axis, angle) = (screw.axis, screw.angle);
+    let pivot = screw.origin + axis * axis.dot(centre - screw.origin);
+    let (e1, e2) = axis.any_orthonormal_pair();
+    let i_minus_r = DMat3::IDENTITY - motion.matrix();
+    let about_pivot = |omega: DVec3| (omega, (pivot - centre).cross(omega));
+    let twists = [
+        about_pivot(i_minus_r * e1),
+        about_pivot(i_minus_r * e2),
+        (DVec3::ZERO, i_minus_r * e1),
+        (DVec3::ZERO, i_minus_r * e2),
+        about_pivot(axis),
+    ];
+    let columns = DMatrix::from_fn(6, 5, |r, c| {
+        let (omega, v) = twists[c];
+        if r < 3 { omega[r] } else { v[r - 3] }
+    });
+    let reduced = columns.transpose() * a * &columns;
+    let right = columns.transpose() * b;
+    let x = solve(&reduced, right.as_slice());
+    let tilt = e1 * x[0] + e2 * x[1];
+    let turned = Rigid::about(tilt.normalize_or(DVec3::Z), DVec3::ZERO, tilt.length()).turn(axis);
+    Rigid::about(turned.normalize(), pivot + e1 * x[2] + e2 * x[3], angle + x[4])
+}
+
+/// Solves with a slight damping, so that directions the planes do not fix stay where they are.
+fn solve(a: &DMatrix<f64>, b: &[f64]) -> Vec<f64> {
+    let n = b.len();
+    let mut damped = a.clone();
+    for i in 0..n {
+        damped[(i, i)] += 1e-6 * a[(i, i)] + 1e-12 * a.trace() / n as f64 + 1e-300;
+    }
+    damped.cholesky().map_or(vec![0.0; n], |c| c.solve(&DVector::from_column_slice(b)).as_slice().to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    /// Points on three faces of a box.
+    fn corner() -> Cloud {
+        let mut c = Cloud::default();
+        for i in 0..30 {
+            for j in 0..30 {
+                let (u, v) = (i as f32 / 30.0, j as f32 / 30.0);
+                for (p, n) in [
+                    (Vec3::new(u, v, 0.0), Vec3::NEG_Z),
+                    (Vec3::new(u, 0.0, 0.5 * v), Vec3::NEG_Y),
+                    (Vec3::new(0.0, u, 0.5 * v), Vec3::NEG_X),
+                ] {
+                    c.points.push(p);
+                    c.normals.push(n);
+                    c.colors.push(Vec3::ONE);
+                    c.roughness.push(0.0);
+                }
+            }
+        }
+        c
+    }
+
+    fn moved(cloud: &Cloud, m: &Rigid) -> Cloud {
+        let mut out = cloud.clone();
+        for i in 0..cloud.len() {
+            out.points[i] = m.apply(cloud.points[i].as_dvec3()).as_vec3();
+            out.normals[i] = m.turn(cloud.normals[i].as_dvec3()).as_vec3();
+        }
+        out
+    }
+
+    #[test]
+    fn recovers_free_hinged_and_sliding_motions() {
+        let start = corner();
+        let axis = DVec3::new(0.1, 0.0, 1.0).normalize();
+        let hinge = Rigid::about(axis, DVec3::new(0.0, 1.0, 0.2), 0.8);
+        let slide = Rigid::shift(DVec3::new(0.03, -0.3, 0.1));
+        let free = Rigid { translation: hinge.translation + axis * 0.1, ..hinge };
+        let options = RegisterOptions { first_reach: 0.1, last_reach: 0.02, iterations: 30, max_points: 4000 };
+        for (truth, kind) in [(hinge, Some(JointKind::Revolute)), (slide, Some(JointKind::Prismatic)), (free, None)] {
+            let end = moved(&start, &truth);
+            let off = Rigid::about(DVec3::new(0.0, 0.6, 0.8), DVec3::ZERO, 0.03) * truth;
+            let guess = if kind == Some(JointKind::Prismatic) {
+                Rigid::shift(truth.translation + DVec3::splat(0.02))
+            } else {
+                off
+            };
+            let found =
+                register(Match::mutual(&Searchable::new(&start), &Searchable::new(&end)), guess, kind, &options);
+            let x = DVec3::new(0.7, 0.4, 0.3);
+            assert!((found.motion.apply(x) - truth.apply(x)).length() < 1e-5, "{kind:?}: {found:?}");
+        }
+    }
+}

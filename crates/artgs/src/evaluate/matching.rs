@@ -1,0 +1,179 @@
+//! Which predicted part is which true part.
+
+use super::joints::{Motion, joint_errors};
+use artgs_core::Joint;
+
+/// Bound and stand-in for an angle error, degrees; the other terms are scaled to compare with it.
+const ANGLE_BOUND: f64 = 90.0;
+/// Bound of the distance and of the surface term.
+const TERM_BOUND: f64 = 100.0;
+/// Price of a wrong type.
+const TYPE_PRICE: f64 = 50.0;
+
+/// Cost of taking a predicted for a true part, finite and at least 0. `diagonal` is the true object's;
+/// lengths count relative to it and `chamfer` (squared scene units, not scaled; none: no mesh) to its square:
+///
+/// `min(axis angle, 90) + min(10 distance, 100) + motion + 50 [wrong type] + min(1000 chamfer, 100)`
+///
+/// with a motion in degrees, at most 180, or as `min(100 length, 100)`. A part without a joint pays the bounds.
+pub fn pair_cost(predicted: Option<&Joint>, truth: &Joint, chamfer: Option<f64>, diagonal: f64) -> f64 {
+    let unit = if diagonal > 0.0 { diagonal } else { 1.0 };
+    let bounded = |v: f64, bound: f64| if v <= bound { v.max(0.0) } else { bound };
+    let surface = bounded(chamfer.map_or(f64::INFINITY, |c| 1000.0 * c / (unit * unit)), TERM_BOUND);
+    let Some(predicted) = predicted else { return ANGLE_BOUND + 2.0 * TERM_BOUND + TYPE_PRICE + surface };
+    let errors = joint_errors(predicted, truth);
+    let motion = match errors.motion {
+        Motion::Degrees(d) => bounded(d, 180.0),
+        Motion::Length(l) => bounded(100.0 * l / unit, TERM_BOUND),
+    };
+    let wrong = if errors.type_ok { 0.0 } else { TYPE_PRICE };
+    let position = bounded(errors.axis_position_x10.unwrap_or(0.0) / unit, TERM_BOUND);
+    bounded(errors.axis_angle_deg, ANGLE_BOUND) + position + motion + wrong + surface
+}
+
+/// For every true part (columns) the predicted part (rows) that takes it, so that the sum of costs is least and as many
+/// as possible are taken; none for true parts left over.
+pub fn match_parts(costs: &[Vec<f64>], truths: usize) -> Vec<Option<usize>> {
+    let mut out = vec![None; truths];
+    for (row, column) in hungarian(costs, truths).into_iter().enumerate() {
+        if let Some(column) = column {
+            out[column] = Some(row);
+        }
+    }
+    out
+}
+
+/// Least-cost assignment of rows to distinct columns of a dense matrix with `columns` columns, by shortest augmenting
+/// paths in O(n^3). With more rows than columns the dearest rows stay without. Costs that are not finite count as 1e12.
+pub fn hungarian(costs: &[Vec<f64>], columns: usize) -> Vec<Option<usize>> {
+    let rows = costs.len();
+    let cost = |r: usize, c: usize| if costs[r][c].is_finite() { costs[r][c] } else { 1e12 };
+    if rows <= columns {
+        return assign(rows, columns, cost).into_iter().map(Some).collect();
+    }
+    let mut out = vec![None; rows];
+    for (column, row) in assign(columns, rows, |c, r| cost(r, c)).into_iter().enumerate() {
+        out[row] = Some(column);
+    }
+    out
+}
+
+/// Column of every row, for at most as many rows as columns. `u`, `v` are the dual prices; index 0 is a sentinel.
+fn assign(rows: usize, columns: usize, cost: impl Fn(usize, usize) -> f64) -> Vec<usize> {
+    let (mut u, mut v) = (vec![0.0; rows + 1], vec![0.0; columns + 1]);
+    let (mut row_of, mut previous) = (vec![0usize; columns + 1], vec![0usize; columns + 1]);
+    for row in 1..=rows {
+        row_of[0] = row;
+        let mut column = 0;
+        let (mut slack, mut done) = (vec![f64::INFINITY; columns + 1], vec![false; columns + 1]);
+        while row_of[column] != 0 {
+            done[column] = true;
+            let r = row_of[column];
+            let (mut delta, mut next) = (f64::INFINITY, 0);
+            for c in (1..=columns).filter(|c| !done[*c]) {
+                let reduced = cost(r - 1, c - 1) - u[r] - v[c];
+                if reduced < slack[c] {
+                    (slack[c], previous[c]) = (reduced, column);
+                }
+                if slack[c] < delta {
+                    (delta, next) = (slack[c], c);
+                }
+            }
+            for c in 0..=columns {
+                if done[c] {
+                    u[row_of[c]] += delta;
+                    v[c] -= delta;
+                } else {
+                    slack[c] -= delta;
+                }
+            }
+            column = next;
+        }
+        while column != 0 {
+            row_of[column] = row_of[previous[column]];
+            column = previous[column];
+        }
+    }
+    let mut out = vec![0; rows];
+    for c in 1..=columns {
+        if row_of[c] != 0 {
+            out[row_of[c] - 1] = c - 1;
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artgs_core::JointKind;
+    use glam::DVec3;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    /// Least cost over all ways to give each row its own column.
+    fn brute(costs: &[Vec<f64>], taken: &mut Vec<usize>) -> f64 {
+        let Some(row) = costs.get(taken.len()) else { return 0.0 };
+        let mut best = f64::INFINITY;
+        for c in 0..row.len() {
+            if !taken.contains(&c) {
+                taken.push(c);
+                best = best.min(row[c] + brute(costs, taken));
+                taken.pop();
+            }
+        }
+        best
+    }
+
+    #[test]
+    fn as_cheap_as_trying_everything() {
+        let mut rng = Pcg64Mcg::seed_from_u64(3);
+        for (rows, columns) in [(1, 1), (3, 3), (5, 5), (3, 6), (0, 2)] {
+            for _ in 0..20 {
+                let costs: Vec<Vec<f64>> =
+                    (0..rows).map(|_| (0..columns).map(|_| rng.random_range(-5.0..9.0)).collect()).collect();
+                let out = hungarian(&costs, columns);
+                let total: f64 = out.iter().enumerate().map(|(r, c)| costs[r][c.unwrap()]).sum();
+                assert!((total - brute(&costs, &mut vec![])).abs() < 1e-9);
+                let flipped: Vec<Vec<f64>> = (0..columns).map(|c| costs.iter().map(|r| r[c]).collect()).collect();
+                let back = hungarian(&flipped, rows);
+                let again: f64 = back.iter().enumerate().filter_map(|(c, r)| r.map(|r| costs[r][c])).sum();
+                assert!((total - again).abs() < 1e-9 && back.iter().flatten().count() == rows);
+            }
+        }
+    }
+
+    #[test]
+    fn not_a_number_never_wins() {
+        let costs = vec![vec![f64::NAN, 3.0], vec![1.0, f64::INFINITY]];
+        assert_eq!(match_parts(&costs, 2), [Some(1), Some(0)]);
+    }
+
+    #[test]
+    fn missing_and_extra_parts_stay_alone() {
+        assert_eq!(match_parts(&[vec![5.0, 1.0]], 2), [None, Some(0)]);
+        assert_eq!(match_parts(&[vec![5.0], vec![1.0], vec![3.0]], 1), [Some(1)]);
+        assert_eq!(match_parts(&[], 2), [None, None]);
+    }
+
+    #[test]
+    fn costs_are_finite_and_price_type_motion_and_surface() {
+        let joint = |kind, axis: DVec3, value| Joint {
+            kind,
+            axis,
+            origin: DVec3::ZERO,
+            pitch: 0.0,
+            state_values: [0.0, value],
+            limits: [0.0, value],
+        };
+        let slide = joint(JointKind::Prismatic, DVec3::X, 0.2);
+        let turn = joint(JointKind::Revolute, DVec3::X, 0.2);
+        assert!(pair_cost(Some(&slide), &slide, Some(0.0), 2.0) < 1e-9);
+        assert!((pair_cost(Some(&slide), &slide, Some(0.004), 2.0) - 1.0).abs() < 1e-9);
+        assert!((pair_cost(Some(&turn), &slide, Some(0.0), 2.0) - 60.0).abs() < 1e-9, "type 50, motion 100 * 0.2 / 2");
+        let broken = joint(JointKind::Revolute, DVec3::NAN, f64::NAN);
+        assert!(
+            pair_cost(Some(&broken), &turn, None, 0.0).is_finite() && pair_cost(None, &turn, None, 0.0).is_finite()
+        );
+    }
+}

@@ -1,0 +1,338 @@
+//! Everything measured about one replica.
+
+use super::geometry::{GeometryConfig, MeshScore, chamfer, sample_surface, score_mesh};
+use super::joints::{JointErrors, Motion, joint_errors};
+use super::matching::{match_parts, pair_cost};
+use crate::surface::PartMeshes;
+use artgs_core::{Joint, JointKind, Mesh, Replica};
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+use serde::{Deserialize, Serialize};
+
+/// The true object. `joints[i]` and `movable[i]` belong together; meshes in world coordinates of both states.
+#[derive(Clone, Debug, Default)]
+pub struct Truth {
+    /// Joints of the movable parts.
+    pub joints: Vec<Joint>,
+    /// The whole object.
+    pub whole: [Mesh; 2],
+    /// The static part.
+    pub fixed: [Mesh; 2],
+    /// The movable parts.
+    pub movable: Vec<[Mesh; 2]>,
+}
+
+/// Settings of an evaluation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EvaluateConfig {
+    /// How surfaces are compared.
+    pub geometry: GeometryConfig,
+    /// Samples per mesh for matching parts.
+    pub matching_samples: usize,
+}
+
+impl Default for EvaluateConfig {
+    fn default() -> Self {
+        Self { geometry: GeometryConfig::default(), matching_samples: 2000 }
+    }
+}
+
+/// One true movable part.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PartScore {
+    /// Position among the true movable parts.
+    pub truth: usize,
+    /// Matched part of the replica; none if it is missing.
+    pub part: Option<usize>,
+    /// True kind of joint.
+    pub true_kind: JointKind,
+    /// Predicted kind of joint.
+    pub kind: Option<JointKind>,
+    /// Errors of the joint; none if the part or its joint is missing.
+    pub joint: Option<JointErrors>,
+    /// CD-m and its company.
+    pub mesh: MeshScore,
+}
+
+/// Means over the true movable parts that were found. Which ones those are is in [`Counts`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct JointMeans {
+    /// Axis angle, degrees.
+    pub axis_angle_deg: Option<f64>,
+    /// Axis position x 10, over parts that truly turn.
+    pub axis_position_x10: Option<f64>,
+    /// Motion of parts that truly turn, degrees.
+    pub motion_deg: Option<f64>,
+    /// Motion of parts that truly slide, scene units.
+    pub motion_length: Option<f64>,
+    /// Axis position x 10 as ArtGS averages it: sliding parts count 0.
+    pub paper_axis_position_x10: Option<f64>,
+    /// Motion as ArtGS averages it: degrees and lengths mixed.
+    pub paper_motion: Option<f64>,
+}
+
+/// How many of what.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Counts {
+    /// True movable parts.
+    pub truths: usize,
+    /// Movable parts of the replica.
+    pub predicted: usize,
+    /// True movable parts with a matched part that has a joint.
+    pub found: usize,
+    /// True movable parts without one.
+    pub missing: usize,
+    /// Movable parts of the replica without a true part.
+    pub extra: usize,
+    /// Found parts with the wrong kind of joint.
+    pub wrong_type: usize,
+    /// Meshes, of either state, that are missing or empty though the truth has them.
+    pub missing_meshes: usize,
+}
+
+/// All scores of a replica. Its `Display` is a table in the layout of the paper.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Scores {
+    /// Per true movable part.
+    pub parts: Vec<PartScore>,
+    /// CD-w and its company.
+    pub whole: MeshScore,
+    /// CD-s and its company.
+    pub fixed: MeshScore,
+    /// Mean over the true movable parts, missing ones included at 1000.
+    pub movable: MeshScore,
+    /// Means of the joints.
+    pub joints: JointMeans,
+    /// Counts.
+    pub counts: Counts,
+}
+
+/// Scores a replica, whose meshes are `meshes`, against the truth. Parts are matched by [`pair_cost`]; part 0 is the
+/// static one. Missing meshes score 1000, missing joints no error but a count. Deterministic.
+pub fn evaluate(replica: &Replica, meshes: &PartMeshes, truth: &Truth, config: &EvaluateConfig) -> Scores {
+    let none = <[Mesh; 2]>::default();
+    let moving: Vec<usize> = (1..replica.parts.len().max(meshes.parts.len())).collect();
+    let matched = match_movable(replica, meshes, &moving, truth, config);
+    let diagonals = [0, 1].map(|s| diagonal(&truth.whole[s]));
+    let score = |guess: Option<&[Mesh; 2]>, true_mesh: &[Mesh; 2]| {
+        MeshScore::new([0, 1].map(|s| score_mesh(guess.map(|m| &m[s]), &true_mesh[s], diagonals[s], &config.geometry)))
+    };
+    let mut absent = 0;
+    let mut count_absent = |guess: Option<&[Mesh; 2]>, true_mesh: &[Mesh; 2]| {
+        absent += (0..2).filter(|s| !true_mesh[*s].is_empty() && guess.is_none_or(|m| m[*s].is_empty())).count();
+    };
+    let mut parts = Vec::new();
+    for (index, true_joint) in truth.joints.iter().enumerate() {
+        let part = matched[index];
+        let (guess, true_mesh) = (part.and_then(|p| meshes.parts.get(p)), truth.movable.get(index).unwrap_or(&none));
+        let joint = part.and_then(|p| replica.joint(p));
+        count_absent(guess, true_mesh);
+        parts.push(PartScore {
+            truth: index,
+            part,
+            true_kind: true_joint.kind,
+            kind: joint.map(|j| j.kind),
+            joint: joint.map(|j| joint_errors(&j, true_joint)),
+            mesh: score(guess, true_mesh),
+        });
+    }
+    count_absent(meshes.parts.first(), &truth.fixed);
+    count_absent(Some(&meshes.whole), &truth.whole);
+    let found = parts.iter().filter(|p| p.joint.is_some()).count();
+    let counts = Counts {
+        truths: parts.len(),
+        predicted: moving.len(),
+        found,
+        missing: parts.len() - found,
+        extra: moving.len() - matched.iter().flatten().count(),
+        wrong_type: parts.iter().filter(|p| p.joint.is_some_and(|j| !j.type_ok)).count(),
+        missing_meshes: absent,
+    };
+    Scores {
+        whole: score(Some(&meshes.whole), &truth.whole),
+        fixed: score(meshes.parts.first(), &truth.fixed),
+        movable: MeshScore::mean_of(&parts.iter().map(|p| p.mesh).collect::<Vec<_>>()),
+        joints: joint_means(&parts),
+        parts,
+        counts,
+    }
+}
+
+/// Part of the replica for every true movable part.
+fn match_movable(
+    replica: &Replica,
+    meshes: &PartMeshes,
+    moving: &[usize],
+    truth: &Truth,
+    config: &EvaluateConfig,
+) -> Vec<Option<usize>> {
+    let sample = |mesh: Option<&[Mesh; 2]>| {
+        [0, 1].map(|s| {
+            let mut rng = Pcg64Mcg::seed_from_u64(s as u64);
+            mesh.map(|m| sample_surface(&m[s], config.matching_samples, &mut rng)).unwrap_or_default()
+        })
+    };
+    let true_points: Vec<_> = (0..truth.joints.len()).map(|i| sample(truth.movable.get(i))).collect();
+    let size = 0.5 * (diagonal(&truth.whole[0]) + diagonal(&truth.whole[1]));
+    let costs: Vec<Vec<f64>> = moving
+        .iter()
+        .map(|part| {
+            let (joint, points) = (replica.joint(*part), sample(meshes.parts.get(*part)));
+            let pair = |(true_joint, t): (&Joint, &[Vec<[f64; 3]>; 2])| {
+                let distance = chamfer(&points[0], &t[0]).zip(chamfer(&points[1], &t[1])).map(|(a, b)| 0.5 * (a + b));
+                pair_cost(joint.as_ref(), true_joint, distance, size)
+            };
+            truth.joints.iter().zip(&true_points).map(pair).collect()
+        })
+        .collect();
+    match_parts(&costs, truth.joints.len()).into_iter().map(|row| row.map(|r| moving[r])).collect()
+}
+
+fn joint_means(parts: &[PartScore]) -> JointMeans {
+    let errors: Vec<JointErrors> = parts.iter().filter_map(|p| p.joint).collect();
+    let mean = |pick: &dyn Fn(&JointErrors) -> Option<f64>| {
+        let values: Vec<f64> = errors.iter().filter_map(pick).collect();
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    };
+    JointMeans {
+        axis_angle_deg: mean(&|e| Some(e.axis_angle_deg)),
+        axis_position_x10: mean(&|e| e.axis_position_x10),
+        motion_deg: mean(&|e| matches!(e.motion, Motion::Degrees(_)).then(|| e.motion.value())),
+        motion_length: mean(&|e| matches!(e.motion, Motion::Length(_)).then(|| e.motion.value())),
+        paper_axis_position_x10: mean(&|e| Some(e.axis_position_x10.unwrap_or(0.0))),
+        paper_motion: mean(&|e| Some(e.motion.value())),
+    }
+}
+
+/// Diagonal of the bounding box of the vertices, 0 without any.
+fn diagonal(mesh: &Mesh) -> f64 {
+    let bound = |pick: fn(f32, f32) -> f32, start: f32| {
+        mesh.vertices.iter().fold([start; 3], |b, v| [pick(b[0], v[0]), pick(b[1], v[1]), pick(b[2], v[2])])
+    };
+    let (lo, hi) = (bound(f32::min, f32::INFINITY), bound(f32::max, f32::NEG_INFINITY));
+    let size = (0..3).map(|a| f64::from(hi[a]) - f64::from(lo[a])).map(|d| d * d).sum::<f64>().sqrt();
+    if mesh.vertices.is_empty() || !size.is_finite() { 0.0 } else { size }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::geometry::{MISSING, tests::plate};
+    use super::*;
+    use glam::DVec3;
+
+    fn quick() -> EvaluateConfig {
+        let geometry =
+            GeometryConfig { samples: 2000, dense_samples: 4000, seeds: vec![0], ..GeometryConfig::default() };
+        EvaluateConfig { geometry, matching_samples: 300 }
+    }
+
+    fn joint(kind: JointKind, axis: DVec3, value: f64) -> Joint {
+        let values = [0.0, value];
+        Joint { kind, axis, origin: DVec3::new(0.5, 0.0, 0.0), pitch: 0.0, state_values: values, limits: values }
+    }
+
+    /// A static plate, two drawers that move alike, and a door.
+    fn object() -> Truth {
+        let drawer = joint(JointKind::Prismatic, DVec3::Y, 0.3);
+        let door = joint(JointKind::Revolute, DVec3::X, 1.0);
+        let joints = vec![drawer, drawer, door];
+        let fixed = plate([0.0, 0.0], [1.0, 1.0], 0.0);
+        let movable: Vec<[Mesh; 2]> = joints
+            .iter()
+            .enumerate()
+            .map(|(i, j)| {
+                let start = plate([0.0, 0.0], [0.4, 0.4], 0.3 * (i + 1) as f32);
+                let end = start.moved(&j.start_to_end());
+                [start, end]
+            })
+            .collect();
+        let whole = [0, 1].map(|s| {
+            let mut all = fixed.clone();
+            movable.iter().for_each(|m| all.append(&m[s]));
+            all
+        });
+        Truth { joints, whole, fixed: [fixed.clone(), fixed], movable }
+    }
+
+    /// The truth as a replica whose movable parts are the true ones in the given order.
+    fn replica_of(truth: &Truth, order: &[usize]) -> (Replica, PartMeshes) {
+        let joints: Vec<Joint> = order.iter().map(|i| truth.joints[*i]).collect();
+        let mut parts = vec![truth.fixed.clone()];
+        parts.extend(order.iter().map(|i| truth.movable[*i].clone()));
+        (Replica::new(&joints), PartMeshes { parts, whole: truth.whole.clone() })
+    }
+
+    #[test]
+    fn the_truth_in_any_order_is_perfect() {
+        let truth = object();
+        for order in [[0, 1, 2], [2, 0, 1], [1, 2, 0]] {
+            let (replica, meshes) = replica_of(&truth, &order);
+            let s = evaluate(&replica, &meshes, &truth, &quick());
+            for (index, part) in s.parts.iter().enumerate() {
+                // Only the meshes tell the two drawers apart.
+                assert_eq!(part.part.map(|p| order[p - 1]), Some(index));
+            }
+            assert!(s.joints.axis_angle_deg.unwrap() < 1e-9 && s.joints.motion_deg.unwrap() < 1e-6);
+            assert!(s.joints.motion_length.unwrap() < 1e-9 && s.joints.axis_position_x10.unwrap() < 1e-9);
+            for m in [&s.whole, &s.fixed, &s.movable] {
+                assert!((m.mean.chamfer / m.mean.floor - 1.0).abs() < 0.1 && m.mean.f_score > 0.9, "{m:?}");
+            }
+            let c = Counts { truths: 3, predicted: 3, found: 3, ..Counts::default() };
+            assert_eq!(s.counts, c);
+        }
+    }
+
+    #[test]
+    fn a_missing_part_costs_a_thousand_and_is_counted() {
+        let truth = object();
+        let (replica, meshes) = replica_of(&truth, &[0, 2]);
+        let s = evaluate(&replica, &meshes, &truth, &quick());
+        assert_eq!((s.parts[1].part, s.parts[1].joint), (None, None));
+        assert!(s.parts[1].mesh.start.chamfer == MISSING && (s.movable.mean.chamfer - MISSING / 3.0).abs() < 1.0);
+        assert_eq!((s.counts.found, s.counts.missing, s.counts.extra, s.counts.missing_meshes), (2, 1, 0, 2));
+        let text = s.to_string();
+        assert!(text.contains("missing") && text.contains("1000.00"), "{text}");
+    }
+
+    #[test]
+    fn extra_parts_are_counted_and_do_not_disturb() {
+        let truth = object();
+        let (replica, meshes) = replica_of(&truth, &[0, 1, 1, 2]);
+        let s = evaluate(&replica, &meshes, &truth, &quick());
+        assert_eq!((s.counts.found, s.counts.extra, s.counts.missing), (3, 1, 0));
+        assert!(s.movable.mean.chamfer < 2.0 * s.movable.mean.floor);
+    }
+
+    #[test]
+    fn a_wrong_type_is_reported_with_its_errors() {
+        let truth = object();
+        let (_, meshes) = replica_of(&truth, &[0, 1, 2]);
+        let mut joints = truth.joints.clone();
+        joints[2] = joint(JointKind::Prismatic, DVec3::X, 0.1);
+        let s = evaluate(&Replica::new(&joints), &meshes, &truth, &quick());
+        let part = &s.parts[2];
+        assert_eq!((part.part, part.kind, s.counts.wrong_type), (Some(3), Some(JointKind::Prismatic), 1));
+        let errors = part.joint.unwrap();
+        assert!(!errors.type_ok && errors.axis_angle_deg < 1e-9);
+        assert!((errors.motion.value() - 1f64.to_degrees()).abs() < 1e-9);
+        assert!(s.to_string().contains("prismatic, not revolute"), "{s}");
+    }
+
+    #[test]
+    fn scores_survive_json() {
+        let truth = object();
+        let (replica, meshes) = replica_of(&truth, &[0, 1, 2]);
+        let s = evaluate(&replica, &meshes, &truth, &quick());
+        let back: Scores = serde_json::from_str(&serde_json::to_string(&s).unwrap()).unwrap();
+        assert_eq!(back.counts, s.counts);
+        assert!((back.whole.mean.chamfer - s.whole.mean.chamfer).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_empty_replica_is_scored_not_refused() {
+        let s = evaluate(&Replica::new(&[]), &PartMeshes::default(), &object(), &quick());
+        assert_eq!((s.counts.missing, s.counts.missing_meshes), (3, 10));
+        assert!(s.whole.mean.chamfer == MISSING && s.joints == JointMeans::default());
+    }
+}

@@ -1,0 +1,215 @@
+//! How stages speak: they hand events to an [`Observer`] and never print.
+
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write};
+use std::path::Path;
+
+/// Something that happened during a run. As JSON: an object whose key `event` names the variant in snake case.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum Event {
+    /// A stage begins.
+    StageStarted {
+        /// Name of the stage.
+        stage: Cow<'static, str>,
+    },
+    /// A stage is `step` of `total` steps along.
+    Progress {
+        /// Name of the stage.
+        stage: Cow<'static, str>,
+        /// Steps done.
+        step: usize,
+        /// Steps there will be; 0 where that is not known.
+        total: usize,
+        /// Value that the stage minimises.
+        loss: Option<f64>,
+        /// Peak signal-to-noise ratio on training pixels, dB.
+        psnr: Option<f64>,
+        /// Number of Gaussians.
+        gaussians: Option<usize>,
+    },
+    /// A stage is complete and its files are written.
+    StageFinished {
+        /// Name of the stage.
+        stage: Cow<'static, str>,
+        /// Wall-clock time, seconds.
+        seconds: f64,
+        /// True if the files of an earlier run were taken instead of computing.
+        reused: bool,
+    },
+    /// Something is odd, and the run goes on.
+    Warning {
+        /// What, where, and what to do about it.
+        message: String,
+    },
+    /// Something worth knowing.
+    Note {
+        /// One sentence.
+        message: String,
+    },
+}
+
+impl Event {
+    /// A stage begins.
+    pub fn started(stage: &'static str) -> Self {
+        Self::StageStarted { stage: stage.into() }
+    }
+
+    /// A stage is `step` of `total` steps along; numbers that only some stages have are added by the caller.
+    pub fn progress(stage: &'static str, step: usize, total: usize) -> Self {
+        Self::Progress { stage: stage.into(), step, total, loss: None, psnr: None, gaussians: None }
+    }
+
+    /// A stage is complete.
+    pub fn finished(stage: &'static str, seconds: f64, reused: bool) -> Self {
+        Self::StageFinished { stage: stage.into(), seconds, reused }
+    }
+
+    /// Something is odd.
+    pub fn warning(message: impl Into<String>) -> Self {
+        Self::Warning { message: message.into() }
+    }
+
+    /// Something worth knowing.
+    pub fn note(message: impl Into<String>) -> Self {
+        Self::Note { message: message.into() }
+    }
+}
+
+/// Receives the events of a run, in order, on the thread that runs it.
+pub trait Observer {
+    /// Takes one event. Must return quickly: stages call it between optimiser steps.
+    fn event(&mut self, event: Event);
+}
+
+/// Ignores everything.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NullObserver;
+
+impl Observer for NullObserver {
+    fn event(&mut self, _: Event) {}
+}
+
+/// Keeps everything.
+impl Observer for Vec<Event> {
+    fn event(&mut self, event: Event) {
+        self.push(event);
+    }
+}
+
+/// Hands every event to two observers, the first one first.
+pub struct Tee<'a>(pub &'a mut dyn Observer, pub &'a mut dyn Observer);
+
+impl Observer for Tee<'_> {
+    fn event(&mut self, event: Event) {
+        self.0.event(event.clone());
+        self.1.event(event);
+    }
+}
+
+/// Writes one JSON object per line and flushes after each, so that a reader can follow a run.
+/// Numbers that are not finite become `null`.
+#[derive(Debug)]
+pub struct JsonLines<W: Write> {
+    sink: W,
+    failure: Option<io::Error>,
+}
+
+impl JsonLines<File> {
+    /// Appends to a file, which is created if it does not exist.
+    pub fn append(path: &Path) -> io::Result<Self> {
+        Ok(Self::new(OpenOptions::new().create(true).append(true).open(path)?))
+    }
+}
+
+impl<W: Write> JsonLines<W> {
+    /// Writes to `sink`.
+    pub fn new(sink: W) -> Self {
+        Self { sink, failure: None }
+    }
+
+    /// The sink, or the first error: after it nothing more was written.
+    pub fn finish(self) -> io::Result<W> {
+        self.failure.map_or(Ok(self.sink), Err)
+    }
+
+    fn write(&mut self, event: &Event) -> io::Result<()> {
+        let mut line = serde_json::to_vec(event)?;
+        line.push(b'\n');
+        self.sink.write_all(&line)?;
+        self.sink.flush()
+    }
+}
+
+impl<W: Write> Observer for JsonLines<W> {
+    fn event(&mut self, event: Event) {
+        if self.failure.is_none() {
+            self.failure = self.write(&event).err();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> Vec<Event> {
+        vec![
+            Event::started("single"),
+            Event::Progress {
+                stage: "single".into(),
+                step: 10,
+                total: 100,
+                loss: Some(0.25),
+                psnr: None,
+                gaussians: Some(1234),
+            },
+            Event::finished("single", 1.5, false),
+            Event::warning("no depth in \"end\"\nuse more views"),
+        ]
+    }
+
+    #[test]
+    fn json_lines_read_back_as_the_same_events() {
+        let (mut lines, mut kept) = (JsonLines::new(Vec::new()), Vec::new());
+        for event in sample() {
+            Tee(&mut lines, &mut kept).event(event);
+        }
+        let text = String::from_utf8(lines.finish().unwrap()).unwrap();
+        let back: Vec<Event> = text.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+        assert_eq!(back, sample());
+        assert_eq!(kept, sample());
+        assert_eq!(text.lines().next(), Some(r#"{"event":"stage_started","stage":"single"}"#));
+    }
+
+    #[test]
+    fn a_file_is_continued_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("events.jsonl");
+        for _ in 0..2 {
+            let mut lines = JsonLines::append(&path).unwrap();
+            lines.event(Event::note("hello"));
+            lines.finish().unwrap();
+        }
+        assert_eq!(std::fs::read_to_string(path).unwrap().lines().count(), 2);
+    }
+
+    #[test]
+    fn a_full_disk_is_reported_at_the_end_and_not_a_panic() {
+        struct Full;
+        impl Write for Full {
+            fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+                Err(io::ErrorKind::StorageFull.into())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        let mut lines = JsonLines::new(Full);
+        lines.event(Event::note("a"));
+        lines.event(Event::note("b"));
+        assert!(lines.finish().is_err_and(|e| e.kind() == io::ErrorKind::StorageFull));
+    }
+}

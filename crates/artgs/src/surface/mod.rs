@@ -1,0 +1,20 @@
+//! Depth maps to meshes: sparse TSDF fusion, marching cubes, cleaning, vertex colours, and the meshes of every part.
+
+pub mod clean;
+pub mod marching_cubes;
+pub mod paint;
+pub mod part_meshes;
+pub mod tsdf;
+pub mod view;
+
+pub use clean::clean;
+pub use marching_cubes::marching_cubes;
+pub use paint::paint;
+pub use part_meshes::{
+    BACKGROUND, LabelledDepth, PartMeshes, SurfaceConfig, SurfaceError, Surfaces, WholeMesh, fuse, part_meshes,
+};
+pub use tsdf::{Tsdf, TsdfParams};
+pub use view::{DepthView, PixelUse};
+
+#[cfg(test)]
+pub(crate) mod testing;

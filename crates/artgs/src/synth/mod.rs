@@ -1,0 +1,148 @@
+//! A procedural cabinet with a door and a drawer, photographed in two states, with everything known about it:
+//! for tests, for the demo, and for trying the program without a camera.
+
+mod render;
+mod scene;
+#[cfg(test)]
+mod tests;
+mod write;
+
+pub use render::{Rendering, render};
+pub use scene::{Cabinet, CabinetPart, Cuboid, Material};
+pub use write::{GENERATOR, write_cabinet};
+
+use artgs_core::{Camera, Capture, Intrinsics, STATE_NAMES, StateViews, View};
+use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Depth images count in this many steps per scene unit.
+pub(super) const DEPTH_SCALE: f64 = 1000.0;
+
+/// How the cabinet is photographed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CabinetOptions {
+    /// Training views per state, at least 1.
+    pub views: usize,
+    /// Held-out views per state; may be 0.
+    pub test_views: usize,
+    /// Width and height, pixels, 16 to 4096.
+    pub size: u32,
+    /// Seed of textures and depth noise.
+    pub seed: u64,
+    /// Standard deviation of the noise of the depth images, scene units; 0 leaves only the rounding to 0.001.
+    pub depth_noise: f64,
+    /// Principal point minus image centre, pixels.
+    pub principal_offset: [f64; 2],
+}
+
+impl Default for CabinetOptions {
+    fn default() -> Self {
+        Self { views: 40, test_views: 8, size: 200, seed: 0, depth_noise: 0.0, principal_offset: [0.0; 2] }
+    }
+}
+
+/// A reason why no capture was made.
+#[derive(Debug, thiserror::Error)]
+pub enum SynthError {
+    /// The options ask for something impossible.
+    #[error("cabinet options: {0}")]
+    Options(&'static str),
+    /// A file could not be written.
+    #[error(transparent)]
+    File(#[from] artgs_io::FileError),
+}
+
+impl CabinetOptions {
+    /// Refuses what cannot be photographed; [`cabinet_capture`] and [`write_cabinet`] do the same.
+    pub fn check(&self) -> Result<(), SynthError> {
+        let offsets = self.principal_offset.iter().all(|v| v.abs() < f64::from(self.size) / 2.0);
+        match () {
+            () if self.views == 0 => Err(SynthError::Options("`views` must be at least 1")),
+            () if !(16..=4096).contains(&self.size) => Err(SynthError::Options("`size` must be 16 to 4096 pixels")),
+            () if !(0.0..1.0).contains(&self.depth_noise) => {
+                Err(SynthError::Options("`depth_noise` must be in [0, 1)"))
+            }
+            () if !offsets => {
+                Err(SynthError::Options("`principal_offset` must leave the principal point in the image"))
+            }
+            () => Ok(()),
+        }
+    }
+
+    /// Intrinsics that just hold the cabinet, seen from [`DISTANCE`].
+    fn intrinsics(&self, radius: f64) -> Intrinsics {
+        let size = f64::from(self.size);
+        let focal = 0.5 * size / (radius / DISTANCE).asin().tan();
+        let [dx, dy] = self.principal_offset;
+        let (cx, cy) = (size / 2.0 + dx, size / 2.0 + dy);
+        Intrinsics { fx: focal, fy: focal, cx, cy, width: self.size, height: self.size }
+    }
+}
+
+/// Distance of the cameras from the middle of the cabinet, scene units.
+const DISTANCE: f64 = 2.5;
+
+/// Photographs the cabinet. Depth is rounded as the files round it, so that the capture equals the one read back.
+pub fn cabinet_capture(options: &CabinetOptions) -> Result<(Capture, Cabinet), SynthError> {
+    options.check()?;
+    let cabinet = Cabinet::new(options.seed);
+    let mut capture = Capture::default();
+    for state in 0..2 {
+        let shoot = |split: usize, count: usize| photograph(&cabinet, options, state, split, count);
+        capture.states[state] = StateViews { train: shoot(0, options.views), test: shoot(1, options.test_views) };
+    }
+    Ok((capture, cabinet))
+}
+
+/// Names of the splits, as files spell them.
+const SPLIT_NAMES: [&str; 2] = ["train", "test"];
+
+fn photograph(cabinet: &Cabinet, options: &CabinetOptions, state: usize, split: usize, count: usize) -> Vec<View> {
+    let folder = format!("{}/{}/rgba", STATE_NAMES[state], SPLIT_NAMES[split]);
+    let set = 2 * state + split;
+    let cameras = cameras(cabinet, options, count, set as f64 / 4.0);
+    let shoot = |(index, camera): (usize, Camera)| {
+        let mut rng = Pcg64Mcg::seed_from_u64(options.seed.wrapping_mul(4) + set as u64 + ((index as u64) << 32));
+        let picture = render(cabinet, state, &camera);
+        let measured = |d: &f64| if *d > 0.0 { round_depth(d + options.depth_noise * gaussian(&mut rng)) } else { 0.0 };
+        View {
+            name: format!("{folder}/{index:04}.png"),
+            camera,
+            depth: Some(picture.depth.iter().map(measured).collect()),
+            rgba: picture.rgba,
+        }
+    };
+    cameras.into_par_iter().enumerate().map(shoot).collect()
+}
+
+/// Cameras on a spiral from 10 degrees below to 75 degrees above, all around but denser before the front.
+/// `phase` in [0, 1) turns and shifts the spiral.
+fn cameras(cabinet: &Cabinet, options: &CabinetOptions, count: usize, phase: f64) -> Vec<Camera> {
+    let (middle, radius) = cabinet.ball();
+    let front = cabinet.placement.turn(DVec3::NEG_Y);
+    let facing = front.y.atan2(front.x);
+    let (low, high) = ((-10_f64).to_radians().sin(), 75_f64.to_radians().sin());
+    let golden = (5_f64.sqrt() - 1.0) / 2.0;
+    let at = |index: usize| {
+        let sin = low + (high - low) * (index as f64 + 0.25 + 0.5 * phase) / count as f64;
+        let turn = std::f64::consts::TAU * ((index as f64 * golden + phase).fract() - 0.5);
+        let azimuth = facing + turn - 0.55 * turn.sin();
+        let flat = (1.0 - sin * sin).sqrt();
+        let eye = middle + DISTANCE * DVec3::new(flat * azimuth.cos(), flat * azimuth.sin(), sin);
+        Camera::look_at(options.intrinsics(radius), eye, middle, DVec3::Z)
+    };
+    (0..count).map(at).collect()
+}
+
+fn round_depth(depth: f64) -> f32 {
+    ((depth * DEPTH_SCALE).round().clamp(0.0, f64::from(u16::MAX)) / DEPTH_SCALE) as f32
+}
+
+/// A standard normal number (Box and Muller).
+fn gaussian(rng: &mut Pcg64Mcg) -> f64 {
+    let (u, v): (f64, f64) = (rng.random(), rng.random());
+    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+}
