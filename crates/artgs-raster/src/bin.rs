@@ -1,6 +1,6 @@
 //! Which Gaussians touch which tiles, front to back, and back from a Gaussian to its places in the tiles' lists.
 
-use crate::project::Flat;
+use crate::project::{Flat, LOG2_CUT, SLACK, SLACK_PIXELS};
 use crate::sort::sort_pairs;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -16,6 +16,8 @@ pub(crate) const NOT_DRAWN: u32 = u32::MAX;
 /// Gaussians are distributed in at most this many independent runs.
 const RUNS: usize = 16;
 const RUN_MIN: usize = 1024;
+/// Gaussians fetched together: in order of depth they lie anywhere, and one wait for memory then serves many.
+const BATCH: usize = 32;
 
 /// One Gaussian in the list of a tile; atomic only so that runs can be written side by side without locks.
 #[derive(Debug, Default)]
@@ -27,11 +29,11 @@ pub(crate) const fn block_bit(block: usize) -> u32 {
     1 << (28 + block)
 }
 
-/// Tiles and blocks of an image.
+/// The image and its tiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Grid {
     pub(crate) tiles: [usize; 2],
-    blocks: [usize; 2],
+    size: [usize; 2],
 }
 
 /// A consecutive run of the Gaussians in order of depth.
@@ -71,11 +73,8 @@ impl Entry {
 }
 
 impl Grid {
-    pub(crate) fn new([width, height]: [usize; 2]) -> Self {
-        Self {
-            tiles: [width.div_ceil(TILE), height.div_ceil(TILE)],
-            blocks: [width.div_ceil(BLOCK), height.div_ceil(BLOCK)],
-        }
+    pub(crate) fn new(size: [usize; 2]) -> Self {
+        Self { tiles: size.map(|n| n.div_ceil(TILE)), size }
     }
 
     /// Top left pixel of a tile.
@@ -83,57 +82,99 @@ impl Grid {
         [tile % self.tiles[0] * TILE, tile / self.tiles[0] * TILE]
     }
 
-    /// First and last block along an axis with a pixel centre in `center +- half`.
+    /// First and last block along an axis with a pixel centre in `low..=high`.
+    #[inline(always)]
     fn block_range(&self, axis: usize, low: f32, high: f32) -> Option<[usize; 2]> {
-        let last = self.blocks[axis] as f32 - 1.0;
-        let (a, b) = (((low - 0.5).ceil() / BLOCK as f32).floor(), ((high - 0.5).floor() / BLOCK as f32).floor());
-        (a <= last && b >= 0.0 && a <= b).then(|| [a.max(0.0) as usize, b.min(last) as usize])
-    }
-
-    /// First and last block of row `row` that the ellipse of the Gaussian reaches.
-    fn blocks_in_row(&self, g: &Flat, row: usize) -> Option<[usize; 2]> {
-        let top = (row * BLOCK) as f32 + 0.5 - g.y;
-        let bottom = top + (BLOCK - 1) as f32;
-        let (low, high) = (top.max(-g.half[1]), bottom.min(g.half[1]));
-        if low > high {
-            return None;
-        }
-        // The right border is concave in dy and peaks where the gradient has no y; the left one is its mirror image.
-        let peak = -g.xy / (2.0 * g.yy) * g.half[0];
-        let reach = 4.0 * -g.xx * (g.log2_opacity - crate::project::LOG2_CUT + 1e-3);
-        let border = |dy: f32, side: f32| {
-            let root = (reach - g.discriminant * dy * dy).max(0.0).sqrt();
-            (g.xy * dy + side * root) / (-2.0 * g.xx)
-        };
-        let right = border(peak.max(low).min(high), 1.0).min(g.half[0]) + 0.01;
-        let left = border((-peak).max(low).min(high), -1.0).max(-g.half[0]) - 0.01;
-        self.block_range(0, g.x + left, g.x + right)
+        let size = self.size[axis] as f32;
+        let low = (low - 0.5).max(0.0).min(size);
+        let below = low as usize;
+        let first = below + usize::from(low > below as f32);
+        // One past the last pixel: truncation is the floor of what is not negative.
+        let end = (high + 0.5).max(0.0).min(size) as usize;
+        (first < end).then(|| [first / BLOCK, (end - 1) / BLOCK])
     }
 
     /// Calls `hit(tile, blocks)` for every tile the Gaussian touches, in order of tiles.
+    #[inline(always)]
     fn for_each_tile(&self, g: &Flat, mut hit: impl FnMut(usize, u32)) {
-        let Some([first, last]) = self.block_range(1, g.y - g.half[1], g.y + g.half[1]) else { return };
-        for tile_row in first / 2..=last / 2 {
-            let rows = [0, 1].map(|half| {
-                let row = 2 * tile_row + half;
-                if (first..=last).contains(&row) { self.blocks_in_row(g, row) } else { None }
-            });
-            let Some(left) = rows.iter().flatten().map(|r| r[0]).min() else { continue };
-            let right = rows.iter().flatten().map(|r| r[1]).max().unwrap_or(left);
-            for tile_column in left / 2..=right / 2 {
-                let mut blocks = 0;
-                for (half, range) in rows.iter().enumerate() {
-                    let Some([from, to]) = range else { continue };
-                    for k in 0..2 {
-                        let column = 2 * tile_column + k;
-                        blocks |= u32::from(*from <= column && column <= *to) * block_bit(2 * half + k);
-                    }
-                }
+        let Some([top, bottom]) = self.block_range(1, g.y - g.half[1], g.y + g.half[1]) else { return };
+        let Some([left, right]) = self.block_range(0, g.x - g.half[0], g.x + g.half[0]) else { return };
+        let ellipse = Ellipse::new(g);
+        let row_range = |row: usize| {
+            if row < top || row > bottom {
+                None
+            } else if top == bottom || left == right {
+                // The box of the ellipse says it all.
+                Some([left, right])
+            } else {
+                let [from, to] = ellipse.span((row * BLOCK) as f32 + 0.5)?;
+                self.block_range(0, from, to)
+            }
+        };
+        for tile_row in top / 2..=bottom / 2 {
+            let rows = [row_range(2 * tile_row), row_range(2 * tile_row + 1)];
+            let ([a, b], [c, d]) = match rows {
+                [Some(upper), Some(lower)] => (upper, lower),
+                [Some(upper), None] => (upper, [usize::MAX, 0]),
+                [None, Some(lower)] => ([usize::MAX, 0], lower),
+                [None, None] => continue,
+            };
+            for tile_column in a.min(c) / 2..=b.max(d) / 2 {
+                let column = 2 * tile_column;
+                let bit = |from: usize, to: usize, k: usize, block: usize| {
+                    u32::from((from <= column + k) & (column + k <= to)) * block_bit(block)
+                };
+                let blocks = bit(a, b, 0, 0) | bit(a, b, 1, 1) | bit(c, d, 0, 2) | bit(c, d, 1, 3);
                 if blocks != 0 {
                     hit(tile_row * self.tiles[0] + tile_column, blocks);
                 }
             }
         }
+    }
+}
+
+/// Region where a Gaussian's alpha reaches 1/255.
+struct Ellipse {
+    x: f32,
+    y: f32,
+    half: [f32; 2],
+    /// Height of the rightmost point over the centre; the leftmost one is its mirror image.
+    peak: f32,
+    /// The borders at height `dy` are `slope dy +- sqrt(reach - curvature dy^2)`.
+    slope: f32,
+    reach: f32,
+    curvature: f32,
+}
+
+impl Ellipse {
+    #[inline(always)]
+    fn new(g: &Flat) -> Self {
+        let inverse = -0.5 / g.xx;
+        Self {
+            x: g.x,
+            y: g.y,
+            half: g.half,
+            peak: -0.5 * g.xy / g.yy * g.half[0],
+            slope: g.xy * inverse,
+            reach: 2.0 * inverse * (g.log2_opacity - LOG2_CUT + SLACK),
+            curvature: g.discriminant * inverse * inverse,
+        }
+    }
+
+    /// Horizontal extent within the row of blocks whose first pixel centres are at height `top`.
+    #[inline(always)]
+    fn span(&self, top: f32) -> Option<[f32; 2]> {
+        let low = (top - self.y).max(-self.half[1]);
+        let high = (top + (BLOCK - 1) as f32 - self.y).min(self.half[1]);
+        if low > high {
+            return None;
+        }
+        // The right border is concave in dy: over an interval it is farthest at the point nearest to its peak.
+        let root = |dy: f32| (self.reach - self.curvature * dy * dy).max(0.0).sqrt();
+        let (l, r) = ((-self.peak).max(low).min(high), self.peak.max(low).min(high));
+        let left = (self.slope * l - root(l)).max(-self.half[0]);
+        let right = (self.slope * r + root(r)).min(self.half[0]);
+        Some([self.x + left - SLACK_PIXELS, self.x + right + SLACK_PIXELS])
     }
 }
 
@@ -187,17 +228,17 @@ impl Bins {
         &self.entries[self.start(tile)..self.start(tile + 1)]
     }
 
-    /// Places of a Gaussian in the lists of all tiles, in order of tiles; empty where not drawn.
-    pub(crate) fn places(&self, gaussian: usize) -> impl Iterator<Item = usize> + '_ {
+    /// The intersections of a Gaussian in order of tiles, the first number of each being its place in the lists of all
+    /// tiles; empty where not drawn.
+    #[inline(always)]
+    pub(crate) fn hits(&self, gaussian: usize) -> &[[u32; 2]] {
         let rank = self.ranks[gaussian];
-        let hits = if rank == NOT_DRAWN {
-            &[]
-        } else {
-            let run = &self.runs[rank as usize / self.run_len];
-            let k = rank as usize % self.run_len;
-            &run.hits[run.starts[k] as usize..run.starts[k + 1] as usize]
-        };
-        hits.iter().map(|hit| hit[0] as usize)
+        if rank == NOT_DRAWN {
+            return &[];
+        }
+        let run = &self.runs[rank as usize / self.run_len];
+        let k = rank as usize % self.run_len;
+        &run.hits[run.starts[k] as usize..run.starts[k + 1] as usize]
     }
 }
 
@@ -208,12 +249,18 @@ impl Run {
         starts.clear();
         cursors.clear();
         cursors.resize(tiles, 0);
-        for &[_, i] in order {
-            starts.push(hits.len() as u32);
-            grid.for_each_tile(&flats[i as usize], |tile, blocks| {
-                cursors[tile] += 1;
-                hits.push([tile as u32, i | blocks]);
-            });
+        let mut batch = [Flat::default(); BATCH];
+        for order in order.chunks(BATCH) {
+            for (flat, &[_, i]) in batch.iter_mut().zip(order) {
+                *flat = flats[i as usize];
+            }
+            for (flat, &[_, i]) in batch.iter().zip(order) {
+                starts.push(hits.len() as u32);
+                grid.for_each_tile(flat, |tile, blocks| {
+                    cursors[tile] += 1;
+                    hits.push([tile as u32, i | blocks]);
+                });
+            }
         }
         starts.push(hits.len() as u32);
     }
@@ -246,4 +293,63 @@ fn lay_out(runs: &mut [Run], tiles: usize, offsets: &mut Vec<u32>, active: &mut 
         }
     }
     offsets.push(next);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::project::View;
+    use crate::{Colors, RenderOptions, SplatView};
+    use artgs_core::{Camera, Intrinsics};
+    use rand::{RngExt, SeedableRng};
+
+    /// Blocks of the image where some pixel passes the cut, by looking at every pixel.
+    fn blocks_by_pixels(g: &Flat, size: [usize; 2]) -> Vec<bool> {
+        let columns = size[0].div_ceil(BLOCK);
+        let mut blocks = vec![false; columns * size[1].div_ceil(BLOCK)];
+        for y in 0..size[1] {
+            for x in 0..size[0] {
+                let (dx, dy) = (x as f64 + 0.5 - f64::from(g.x), y as f64 + 0.5 - f64::from(g.y));
+                let quadratic = f64::from(g.xx) * dx * dx + f64::from(g.xy) * dx * dy + f64::from(g.yy) * dy * dy;
+                let drawn = quadratic + f64::from(g.log2_opacity) >= f64::from(LOG2_CUT);
+                blocks[y / BLOCK * columns + x / BLOCK] |= drawn;
+            }
+        }
+        blocks
+    }
+
+    #[test]
+    fn footprints_lose_no_pixel_and_waste_few_blocks() {
+        let size = [150, 93];
+        let k = Intrinsics { fx: 140.0, fy: 150.0, cx: 75.0, cy: 46.0, width: 150, height: 93 };
+        let camera = Camera::look_at(k, glam::DVec3::new(0.0, -2.0, 0.0), glam::DVec3::ZERO, glam::DVec3::Z);
+        let view = View::new(&camera, &RenderOptions::default());
+        let grid = Grid::new(size);
+        let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(5);
+        let (mut needed, mut listed, mut drawn) = (0, 0, 0);
+        for _ in 0..600 {
+            let splats = SplatView {
+                means: &[[0; 3].map(|_| rng.random_range(-1.1..1.1))],
+                rotations: &[[0; 4].map(|_| rng.random_range(-1.0..1.0))],
+                log_scales: &[[0; 3].map(|_| rng.random_range(-6.0..-0.5))],
+                logit_opacities: &[rng.random_range(-5.0..4.0)],
+                colors: Colors::Fixed(&[[0.0; 3]]),
+            };
+            let Some(g) = view.project(&splats, 0) else { continue };
+            drawn += 1;
+            let want = blocks_by_pixels(&g, size);
+            let columns = size[0].div_ceil(BLOCK);
+            let mut got = vec![false; want.len()];
+            grid.for_each_tile(&g, |tile, blocks| {
+                let [x, y] = grid.origin(tile).map(|p| p / BLOCK);
+                for b in (0..4).filter(|&b| blocks & block_bit(b) != 0) {
+                    got[(y + b / 2) * columns + x + b % 2] = true;
+                }
+            });
+            assert!(want.iter().zip(&got).all(|(w, g)| !w || *g), "a block is missing of {g:?}");
+            needed += want.iter().filter(|w| **w).count();
+            listed += got.iter().filter(|g| **g).count();
+        }
+        assert!(drawn > 400 && listed < needed + needed / 8, "{drawn} Gaussians, {listed} blocks for {needed}");
+    }
 }

@@ -98,24 +98,28 @@ fn centers<S: Simd>(s: S, origin: [usize; 2], block: usize) -> (Lanes<S>, Lanes<
     (Lanes::from_slice(s, &x), Lanes::from_slice(s, &y))
 }
 
-/// The entries of a batch that touch the block, by index of Gaussian and position in the batch.
+/// The Gaussians of a batch that touch the block, and their positions in the batch.
 struct Selection {
-    index: [u32; BATCH],
-    position: [u32; BATCH],
+    flats: [Flat; BATCH],
+    positions: [u32; BATCH],
     len: usize,
 }
 
 impl Selection {
     #[inline(always)]
-    fn new(batch: &[Entry], block: usize) -> Self {
-        let mut this = Self { index: [0; BATCH], position: [0; BATCH], len: 0 };
+    fn new() -> Self {
+        Self { flats: [Flat::default(); BATCH], positions: [0; BATCH], len: 0 }
+    }
+
+    #[inline(always)]
+    fn fill(&mut self, flats: &[Flat], batch: &[Entry], block: usize) {
+        self.len = 0;
         for (position, entry) in batch.iter().enumerate() {
             let entry = entry.get();
-            this.index[this.len] = entry & INDEX;
-            this.position[this.len] = position as u32;
-            this.len += usize::from(entry & block_bit(block) != 0);
+            self.flats[self.len] = flats[(entry & INDEX) as usize];
+            self.positions[self.len] = position as u32;
+            self.len += usize::from(entry & block_bit(block) != 0);
         }
-        this
     }
 }
 
@@ -174,10 +178,10 @@ fn forward_block<S: Simd>(
     let mut t = [one; VECTORS];
     let (mut red, mut green, mut blue, mut depth) =
         ([zero; VECTORS], [zero; VECTORS], [zero; VECTORS], [zero; VECTORS]);
+    let mut chosen = Selection::new();
     for batch in list.chunks(BATCH) {
-        let chosen = Selection::new(batch, block);
-        for &i in &chosen.index[..chosen.len] {
-            let g = &flats[i as usize];
+        chosen.fill(flats, batch, block);
+        for g in &chosen.flats[..chosen.len] {
             let exponent = Exponent::new(s, g, x, y);
             let (r, gr, b, z) = (
                 Lanes::splat(s, g.rgb[0]),
@@ -244,10 +248,11 @@ fn backward_block<S: Simd>(
         }
         rest[k] = Lanes::from_slice(s, &pulls.0[4][at..at + WIDTH]);
     }
+    let mut chosen = Selection::new();
     for (batch, cells) in list.chunks(BATCH).zip(cells.chunks_mut(BATCH)) {
-        let chosen = Selection::new(batch, block);
+        chosen.fill(flats, batch, block);
         for n in 0..chosen.len {
-            let g = &flats[chosen.index[n] as usize];
+            let g = &chosen.flats[n];
             let exponent = Exponent::new(s, g, x, y);
             let (r, gr, b, z) = (
                 Lanes::splat(s, g.rgb[0]),
@@ -289,7 +294,7 @@ fn backward_block<S: Simd>(
                 let sum_x = sum * exponent.dx;
                 let moments =
                     [sum, sum_x, sum_y, sum_x * exponent.dx, sum_y * exponent.dx, sum_yy, red, green, blue, depth];
-                let cell = &mut cells[chosen.position[n] as usize].0;
+                let cell = &mut cells[chosen.positions[n] as usize].0;
                 (Lanes::from_slice(s, cell) + sums(&moments)).store_slice(cell);
             }
         }

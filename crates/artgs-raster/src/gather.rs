@@ -2,12 +2,14 @@
 
 use crate::bin::Bins;
 use crate::blend::Cell;
-use crate::project::{Flat, View};
+use crate::project::{Flat, Gradient, View};
 use crate::{Colors, SplatGrads, SplatView};
 use rayon::prelude::*;
 
 /// Gaussians handled by one task at least.
 const GRAIN: usize = 256;
+/// Gaussians whose intersections are fetched together, so that one wait for memory serves many.
+const BATCH: usize = 32;
 
 /// The gradients of consecutive Gaussians.
 struct Part<'a> {
@@ -91,28 +93,41 @@ impl<'a> Part<'a> {
         (near, Some(far))
     }
 
-    fn fill(self, view: &View, splats: &SplatView<'_>, flats: &[Flat], bins: &Bins, cells: &[Cell]) {
-        for k in 0..self.means.len() {
-            let i = self.first + k;
-            let d_sh = &mut self.sh[k * self.sh_stride..(k + 1) * self.sh_stride];
-            let mut total = Cell::default();
-            let mut drawn = false;
-            for place in bins.places(i) {
-                total.add(&cells[place]);
-                drawn = true;
+    fn fill(mut self, view: &View, splats: &SplatView<'_>, flats: &[Flat], bins: &Bins, cells: &[Cell]) {
+        for start in (0..self.means.len()).step_by(BATCH) {
+            let count = BATCH.min(self.means.len() - start);
+            let mut hits: [&[[u32; 2]]; BATCH] = [&[]; BATCH];
+            for (k, hits) in hits[..count].iter_mut().enumerate() {
+                *hits = bins.hits(self.first + start + k);
             }
-            let gradient = if drawn {
-                view.adjoint(splats, i, &total.sums(), &flats[i], d_sh)
-            } else {
-                d_sh.fill(0.0);
-                Default::default()
-            };
-            self.means[k] = gradient.mean;
-            self.rotations[k] = gradient.rotation;
-            self.log_scales[k] = gradient.log_scale;
-            self.logit_opacities[k] = gradient.logit_opacity;
-            self.mean2d[k] = gradient.mean2d;
-            self.radii[k] = if drawn { flats[i].radius } else { 0.0 };
+            let mut totals = [Cell::default(); BATCH];
+            for (total, hits) in totals.iter_mut().zip(&hits[..count]) {
+                for hit in *hits {
+                    total.add(&cells[hit[0] as usize]);
+                }
+            }
+            for k in 0..count {
+                let at = start + k;
+                if hits[k].is_empty() {
+                    self.write(at, Gradient::default());
+                    self.sh[at * self.sh_stride..(at + 1) * self.sh_stride].fill(0.0);
+                } else {
+                    let i = self.first + at;
+                    let d_sh = &mut self.sh[at * self.sh_stride..(at + 1) * self.sh_stride];
+                    let gradient = view.adjoint(splats, i, &totals[k].sums(), &flats[i], d_sh);
+                    self.write(at, gradient);
+                }
+            }
         }
+    }
+
+    #[inline(always)]
+    fn write(&mut self, at: usize, gradient: Gradient) {
+        self.means[at] = gradient.mean;
+        self.rotations[at] = gradient.rotation;
+        self.log_scales[at] = gradient.log_scale;
+        self.logit_opacities[at] = gradient.logit_opacity;
+        self.mean2d[at] = gradient.mean2d;
+        self.radii[at] = gradient.radius;
     }
 }

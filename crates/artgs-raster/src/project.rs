@@ -8,6 +8,10 @@ use std::f32::consts::{LN_2, LOG2_E};
 /// Gaussians are drawn where their alpha is at least 1/255: base-2 exponent of that cut.
 pub(crate) const LOG2_CUT: f32 = -7.994_353_4;
 
+/// What footprints are widened by, in log2(alpha) and in pixels, so that rounding loses no pixel.
+pub(crate) const SLACK: f32 = 1e-3;
+pub(crate) const SLACK_PIXELS: f32 = 0.01;
+
 /// A Gaussian on the image, one cache line:
 /// `log2(alpha) = log2_opacity + xx dx^2 + xy dx dy + yy dy^2` with `dx`, `dy` from the centre to the pixel.
 #[derive(Clone, Copy, Debug, Default)]
@@ -25,8 +29,6 @@ pub(crate) struct Flat {
     pub(crate) half: [f32; 2],
     /// `4 xx yy - xy^2`, without the cancellation.
     pub(crate) discriminant: f32,
-    /// Three standard deviations, rounded up.
-    pub(crate) radius: f32,
 }
 
 /// A camera and its options in the form the projection needs.
@@ -66,6 +68,8 @@ pub(crate) struct Gradient {
     pub(crate) log_scale: [f32; 3],
     pub(crate) logit_opacity: f32,
     pub(crate) mean2d: f32,
+    /// Three standard deviations in pixels, rounded up.
+    pub(crate) radius: f32,
 }
 
 /// What the projection passes through on its way.
@@ -126,15 +130,13 @@ impl View {
             return None;
         }
         // alpha >= 1/255 within the Mahalanobis distance sqrt(2 ln(255 opacity)); the slack covers rounding.
-        let distance_squared = 2.0 * LN_2 * (reach + 1e-3);
-        let half = [xx, yy].map(|v| (distance_squared * v).sqrt() + 0.01);
+        let distance_squared = 2.0 * LN_2 * (reach + SLACK);
+        let half = [xx, yy].map(|v| (distance_squared * v).sqrt() + SLACK_PIXELS);
         let beside = (0..2).any(|k| center[k] + half[k] < 0.5 || center[k] - half[k] > self.size[k] as f32 - 0.5);
         if beside {
             return None;
         }
         let inverse = LOG2_E / chain.determinant;
-        let mean_variance = 0.5 * (xx + yy);
-        let spread = (mean_variance * mean_variance - chain.determinant).max(0.1).sqrt();
         Some(Flat {
             x: center.x,
             y: center.y,
@@ -146,7 +148,6 @@ impl View {
             depth,
             half,
             discriminant: LOG2_E * inverse,
-            radius: (3.0 * (mean_variance + spread).sqrt()).ceil(),
         })
     }
 
@@ -208,6 +209,8 @@ impl View {
         let (log_scale, d_to_image, d_rotation) = chain.spread_adjoint(sandwich(conic, sums.second));
         let mut d_mean = self.position_adjoint(&chain, d_center, d_to_image, sums.depth);
         d_mean += self.color_adjoint(splats, i, sums.rgb, flat, d_sh);
+        let mean_variance = 0.5 * (xx + yy);
+        let spread = (mean_variance * mean_variance - chain.determinant).max(0.1).sqrt();
         let half_size = Vec2::new(self.size[0] as f32, self.size[1] as f32) / 2.0;
         Gradient {
             mean: d_mean.to_array(),
@@ -215,6 +218,7 @@ impl View {
             log_scale: log_scale.to_array(),
             logit_opacity: sums.g / (1.0 + splats.logit_opacities[i].exp()),
             mean2d: (d_center * half_size).length(),
+            radius: (3.0 * (mean_variance + spread).sqrt()).ceil(),
         }
     }
 

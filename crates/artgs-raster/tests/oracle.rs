@@ -138,7 +138,7 @@ fn gradients_stop_at_the_limits_of_the_jacobian() {
 }
 
 #[test]
-#[ignore = "minutes: many random scenes"]
+#[ignore = "ten seconds: many random scenes"]
 fn fuzz() {
     for seed in 1000..1400 {
         let mut random = rng(seed);
