@@ -4,15 +4,12 @@ use artgs::fit::{DensifyConfig, InitKind, SingleConfig, fit_single, score_views}
 use artgs_core::{Camera, Intrinsics, Splats, View};
 use artgs_raster::{Rasterizer, RenderOptions, SplatView};
 use glam::DVec3;
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
 
 const SIZE: u32 = 64;
 
 /// Opaque blobs on a sphere that is neither at the origin nor of size 1.
 fn truth() -> Splats {
-    let mut rng = Pcg64Mcg::seed_from_u64(7);
-    let n = 400;
+    let n = 600;
     let mut splats = Splats::empty(0);
     for i in 0..n {
         let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(n);
@@ -22,7 +19,8 @@ fn truth() -> Splats {
         splats.rotations.push([1.0, 0.0, 0.0, 0.0]);
         splats.log_scales.push([0.35_f32.ln(); 3]);
         splats.logit_opacities.push(3.0);
-        splats.sh.extend((0..3).map(|_| 3.0 * rng.random::<f32>() - 1.5));
+        let stripes = |c: f64| (1.4 * (0.9 * c * p.x + 0.7 * p.y - c * p.z).sin()) as f32;
+        splats.sh.extend([stripes(0.5), stripes(1.0), stripes(1.5)]);
     }
     splats
 }
@@ -56,7 +54,7 @@ fn quick(init: InitKind) -> SingleConfig {
     let mut config = SingleConfig { steps: 300, sh_degree: 0, init, ..SingleConfig::default() };
     config.random.count = 2000;
     config.depth.count = 600;
-    config.densify = DensifyConfig { after: 50, before: 250, late_after: 100, ..config.densify };
+    config.densify.every = 0;
     config
 }
 
@@ -65,40 +63,33 @@ fn a_start_on_depth_comes_back_to_the_truth() {
     let truth = truth();
     let (train, test) = (views(&truth, 12, 0.0), views(&truth, 4, 1.1));
     let config = quick(InitKind::Depth);
-    let mut psnr = Vec::new();
-    let splats = fit_single(&train, &config, 1, &mut |s| psnr.push(s.psnr)).unwrap();
-    assert_eq!(psnr.len(), 300);
+    let mut steps = 0;
+    let splats = fit_single(&train, &config, 1, &mut |s| steps = s.step).unwrap();
+    assert_eq!(steps, 300);
     let (before, after) = (
         mean_psnr(&fit_single(&train, &SingleConfig { steps: 0, ..config }, 1, &mut |_| {}).unwrap(), &test),
         mean_psnr(&splats, &test),
     );
     eprintln!("held out: {before:.2} dB at the start, {after:.2} dB after 300 steps, {} Gaussians", splats.len());
-    assert!(after > 30.0 && after > before + 4.0, "{before} {after}");
+    assert!(after > 27.5 && after > before + 7.0, "{before} {after}");
 }
 
 #[test]
 fn a_random_start_with_densification_learns_too_and_the_seed_decides_every_byte() {
     let truth = truth();
     let (train, test) = (views(&truth, 12, 0.0), views(&truth, 4, 1.1));
-    let config = SingleConfig {
-        densify: DensifyConfig {
-            before: 250,
-            after: 50,
-            every: 50,
-            reset_every: 0,
-            late_after: 50,
-            ..DensifyConfig::paper()
-        },
-        ..quick(InitKind::Random)
-    };
+    let densify =
+        DensifyConfig { after: 50, before: 201, late_after: 50, max_gaussians: 5000, ..DensifyConfig::paper() };
+    let config = SingleConfig { steps: 400, densify, ..quick(InitKind::Random) };
     let fit = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| fit_single(&train, &config, seed, &mut |_| {}).unwrap())
     };
     let splats = fit(2, 3);
     let psnr = mean_psnr(&splats, &test);
-    eprintln!("random start: {psnr:.2} dB, {} Gaussians", splats.len());
-    assert!(psnr > 20.0, "{psnr}");
+    let before = mean_psnr(&fit_single(&train, &SingleConfig { steps: 0, ..config }, 3, &mut |_| {}).unwrap(), &test);
+    eprintln!("random start: {psnr:.2} dB from {before:.2} dB, {} Gaussians", splats.len());
+    assert!(psnr > 18.0 && psnr > before + 8.0, "{before} {psnr}");
     assert!(splats == fit(1, 3), "the number of threads shows");
     assert!(splats != fit(2, 4));
 }
@@ -120,5 +111,5 @@ fn a_real_capture_is_explained() {
     let splats = fit_single(&capture.states[0].train, &config, 1, &mut |_| {}).unwrap();
     let psnr = mean_psnr(&splats, &capture.states[0].test);
     eprintln!("150 steps: {psnr:.2} dB on held-out views, {} Gaussians", splats.len());
-    assert!(psnr > 26.0, "{psnr}");
+    assert!(psnr > 34.0, "{psnr}");
 }

@@ -145,7 +145,7 @@ pub struct TrainConfig {
 impl TrainConfig {
     /// Active degree of harmonics at a step, counted from 1.
     pub fn sh_degree(&self, step: usize, stored: usize) -> usize {
-        if self.sh_every == 0 { stored } else { stored.min(step / self.sh_every) }
+        step.checked_div(self.sh_every).map_or(stored, |degree| degree.min(stored))
     }
 }
 

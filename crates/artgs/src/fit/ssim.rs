@@ -163,11 +163,22 @@ fn sweep<S: Simd>(simd: S, plane: &Plane, b: &mut Buffers, first: usize, grad: &
     sum
 }
 
+/// The weights times `factor`, one vector each. Vector code here keeps out of closures: they are compiled apart, without
+/// the instructions that [`dispatch`] turned on.
+#[inline(always)]
+fn splat_taps<S: Simd>(simd: S, taps: &[f32; TAPS], factor: f32) -> [S::f32s; TAPS] {
+    let mut out = [S::f32s::splat(simd, 0.0); TAPS];
+    for k in 0..TAPS {
+        out[k] = S::f32s::splat(simd, taps[k] * factor);
+    }
+    out
+}
+
 /// Horizontal blur of a padded row into `out`.
 #[inline(always)]
 fn blur_row<S: Simd>(simd: S, taps: &[f32; TAPS], padded: &[f32], out: &mut [f32]) {
     let lanes = S::f32s::LEN;
-    let weights = taps.map(|w| S::f32s::splat(simd, w));
+    let weights = splat_taps(simd, taps, 1.0);
     for (i, out) in out.chunks_exact_mut(lanes).enumerate() {
         let at = &padded[i * lanes..i * lanes + lanes + TAPS - 1];
         let mut sum = S::f32s::from_slice(simd, &at[..lanes]) * weights[0];
@@ -239,10 +250,13 @@ fn slopes<S: Simd>(simd: S, plane: &Plane, b: &mut Buffers, row: usize, own: boo
     let (stride, lanes) = (b.stride, S::f32s::LEN);
     let bounds = (plane.reach.y0, plane.reach.y1);
     let rows: [[&[f32]; TAPS]; 4] = std::array::from_fn(|m| column(&b.blurred[m], &b.zeros, stride, row, bounds));
-    let weights = plane.taps.map(|w| S::f32s::splat(simd, w));
+    let weights = splat_taps(simd, &plane.taps, 1.0);
     let [by_mean, by_square, by_product] = &mut b.slopes;
     for i in (0..stride).step_by(2 * lanes) {
-        let [mx, my, s, q] = [0, 1, 2, 3].map(|m| blur_column(simd, &weights, &rows[m], i));
+        let mx = blur_column(simd, &weights, &rows[0], i);
+        let my = blur_column(simd, &weights, &rows[1], i);
+        let s = blur_column(simd, &weights, &rows[2], i);
+        let q = blur_column(simd, &weights, &rows[3], i);
         for h in 0..2 {
             let at = i + h * lanes;
             let (v, dm, ds, dq) = similarity(simd, mx[h], my[h], s[h], q[h]);
@@ -271,7 +285,7 @@ fn similarity<S: Simd>(
     s: S::f32s,
     q: S::f32s,
 ) -> (S::f32s, S::f32s, S::f32s, S::f32s) {
-    let [c1, c2, one] = [C1, C2, 1.0].map(|c| S::f32s::splat(simd, c));
+    let (c1, c2, one) = (S::f32s::splat(simd, C1), S::f32s::splat(simd, C2), S::f32s::splat(simd, 1.0));
     let product = mx * my;
     let squares = mx * mx + my * my;
     let a1 = product + product + c1;
@@ -291,7 +305,7 @@ fn gradient<S: Simd>(simd: S, plane: &Plane, b: &mut Buffers, row: usize, grad: 
     let bounds = (plane.rect.y0, plane.rect.y1);
     let rows: [[&[f32]; TAPS]; 3] =
         std::array::from_fn(|m| column(&b.blurred_slopes[m], &b.zeros, stride, row, bounds));
-    let weights = plane.taps.map(|w| S::f32s::splat(simd, w * factor));
+    let weights = splat_taps(simd, &plane.taps, factor);
     let at = row * plane.width;
     let (x, y) = (&plane.x[at + plane.reach.x0..at + plane.reach.x1], &plane.y[at + plane.reach.x0..]);
     let n = x.len();
@@ -299,7 +313,9 @@ fn gradient<S: Simd>(simd: S, plane: &Plane, b: &mut Buffers, row: usize, grad: 
     px[..n].copy_from_slice(x);
     py[..n].copy_from_slice(&y[..n]);
     for i in (0..stride).step_by(2 * lanes) {
-        let [dm, ds, dq] = [0, 1, 2].map(|m| blur_column(simd, &weights, &rows[m], i));
+        let dm = blur_column(simd, &weights, &rows[0], i);
+        let ds = blur_column(simd, &weights, &rows[1], i);
+        let dq = blur_column(simd, &weights, &rows[2], i);
         for h in 0..2 {
             let j = i + h * lanes;
             let x = S::f32s::from_slice(simd, &px[j..j + lanes]);
