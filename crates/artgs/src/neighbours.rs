@@ -4,6 +4,7 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::num::NonZero;
 
 /// A search tree over fixed points. Searching an empty tree finds nothing.
+#[derive(Debug)]
 pub struct PointTree(Option<ImmutableKdTree<f32, 3>>);
 
 impl PointTree {

@@ -1,26 +1,26 @@
 //! Adam for small parameter vectors.
 
-pub(super) const BETA: [f64; 2] = [0.9, 0.999];
-pub(super) const EPSILON: f64 = 1e-15;
+pub(crate) const BETA: [f64; 2] = [0.9, 0.999];
+pub(crate) const EPSILON: f64 = 1e-15;
 
 /// Bias corrections `1 - beta^t` after `t` steps.
-pub(super) fn corrections(step: u32) -> [f64; 2] {
+pub(crate) fn corrections(step: u32) -> [f64; 2] {
     BETA.map(|beta| 1.0 - beta.powf(f64::from(step)))
 }
 
 /// First and second moments of a parameter vector, in f64 whatever the parameters are.
 #[derive(Clone, Debug)]
-pub(super) struct Adam {
+pub(crate) struct Adam {
     moments: Vec<[f64; 2]>,
 }
 
 impl Adam {
-    pub(super) fn new(len: usize) -> Self {
+    pub(crate) fn new(len: usize) -> Self {
         Self { moments: vec![[0.0; 2]; len] }
     }
 
     /// Folds in the gradient of parameter `i` and returns the step in units of the learning rate, to be subtracted.
-    pub(super) fn update(&mut self, i: usize, gradient: f64, corrections: [f64; 2]) -> f64 {
+    pub(crate) fn update(&mut self, i: usize, gradient: f64, corrections: [f64; 2]) -> f64 {
         let [m, v] = &mut self.moments[i];
         *m += (1.0 - BETA[0]) * (gradient - *m);
         *v += (1.0 - BETA[1]) * (gradient * gradient - *v);

@@ -39,6 +39,15 @@ impl MotionModel {
             Self::Screw => 8,
         }
     }
+
+    /// True if parameter `i` is a length (scene units): part of a translation, a pivot or a slide.
+    pub fn is_length(self, i: usize) -> bool {
+        match self {
+            Self::Free => i >= 4,
+            Self::Prismatic => true,
+            Self::Hinge | Self::Screw => (3..6).contains(&i) || i == 7,
+        }
+    }
 }
 
 fn array<const N: usize>(values: &[f64]) -> [f64; N] {

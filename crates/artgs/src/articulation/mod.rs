@@ -1,6 +1,6 @@
 //! Which Gaussian belongs to which part, and how the parts move.
 
-mod adam;
+pub(crate) mod adam;
 pub mod assign;
 mod block;
 pub mod hash_grid;

@@ -28,7 +28,7 @@ impl DualQuaternion {
         Self { real: conjugate(self.real), dual: conjugate(self.dual) }
     }
 
-    fn add_scaled(&mut self, other: &Self, scale: f64) {
+    pub(crate) fn add_scaled(&mut self, other: &Self, scale: f64) {
         for c in 0..4 {
             self.real[c] += scale * other.real[c];
             self.dual[c] += scale * other.dual[c];

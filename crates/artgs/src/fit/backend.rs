@@ -2,6 +2,7 @@
 
 use super::FitError;
 use super::adam::{AdamConfig, SplatAdam, SplatRates};
+use super::deform::Articulated;
 use super::densify::DensifyStats;
 use super::loss::{LossConfig, LossTerms};
 use super::schedule::LogLinear;
@@ -9,15 +10,26 @@ use artgs_core::Splats;
 use serde::{Deserialize, Serialize};
 
 /// What lies between the stored Gaussians and those that are drawn.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub enum Deformation {
     /// Nothing: the stored Gaussians are drawn.
     #[default]
     None,
+    /// The stored Gaussians are canonical; they are drawn at the state of each photograph.
+    Articulated(Box<Articulated>),
+}
+
+impl Deformation {
+    /// Follows a change of the set of Gaussians: the new one `i` descends from the old one `parents[i]`.
+    pub fn follow(&mut self, parents: &[usize]) {
+        if let Self::Articulated(articulated) = self {
+            articulated.follow(parents);
+        }
+    }
 }
 
 /// All that training changes. Whatever holds it can go on where another left off.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct TrainState {
     /// Steps done.
     pub step: usize,
@@ -132,7 +144,7 @@ pub struct TrainConfig {
     pub sh_every: usize,
     /// A new background colour each step; otherwise black.
     pub random_background: bool,
-    /// Draw each view independently; otherwise all views in shuffled rounds.
+    /// Draw each view independently, with both states equally likely; otherwise all views in shuffled rounds.
     pub with_replacement: bool,
     /// Extent of the cameras, scene units: scales the rate of centres.
     pub extent: f64,
@@ -171,7 +183,8 @@ pub trait Backend {
     /// Takes the state over.
     fn upload(&mut self, state: TrainState) -> Result<(), FitError>;
 
-    /// Makes `steps` steps and reports each. Without `update_last` the last one only gathers statistics.
+    /// Makes `steps` steps and reports each. Without `update_last` the last one leaves the Gaussians
+    /// as they are and only gathers statistics; what moves them is updated all the same.
     fn run(&mut self, steps: usize, update_last: bool, on_step: &mut dyn FnMut(StepStats)) -> Result<(), FitError>;
 
     /// Gives the state back; nothing can be run before the next upload.

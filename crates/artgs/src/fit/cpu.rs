@@ -2,8 +2,10 @@
 
 use super::FitError;
 use super::backend::{Backend, Deformation, StepStats, TrainConfig, TrainState};
+use super::deform::DeformWorkspace;
 use super::images::TrainImage;
-use super::loss::{ImageLoss, opacity_entropy};
+use super::loss::{ImageLoss, LossTerms, opacity_entropy};
+use crate::articulation::Warp;
 use artgs_raster::{Rasterizer, RenderOptions, SplatGrads, SplatView};
 use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_pcg::Pcg64Mcg;
@@ -14,19 +16,30 @@ pub struct ViewSampler {
     rng: Pcg64Mcg,
     order: Vec<usize>,
     next: usize,
-    with_replacement: bool,
+    /// Views of each state there is, for drawing with replacement; empty: without.
+    states: Vec<Vec<usize>>,
 }
 
 impl ViewSampler {
-    /// A sampler of `count` views (at least one).
-    pub fn new(count: usize, with_replacement: bool, seed: u64) -> Self {
-        Self { rng: Pcg64Mcg::seed_from_u64(seed), order: (0..count).collect(), next: count, with_replacement }
+    /// A sampler of views (at least one), given the state of each.
+    pub fn new(states: &[usize], with_replacement: bool, seed: u64) -> Self {
+        let of_state = |s: usize| -> Vec<usize> { (0..states.len()).filter(|&v| states[v] == s).collect() };
+        let groups = if with_replacement { vec![of_state(0), of_state(1)] } else { Vec::new() };
+        Self {
+            rng: Pcg64Mcg::seed_from_u64(seed),
+            order: (0..states.len()).collect(),
+            next: states.len(),
+            states: groups.into_iter().filter(|g| !g.is_empty()).collect(),
+        }
     }
 
-    /// Index of the next view: all of them in a random order before any comes again, unless with replacement.
+    /// Index of the next view: all of them in a random order before any comes again, or with replacement, states
+    /// being equally likely.
     pub fn view(&mut self) -> usize {
-        if self.with_replacement {
-            return self.rng.random_range(0..self.order.len());
+        if let Some(first) = self.states.first() {
+            let group =
+                if self.states.len() > 1 { &self.states[self.rng.random_range(0..self.states.len())] } else { first };
+            return group[self.rng.random_range(0..group.len())];
         }
         if self.next >= self.order.len() {
             self.order.shuffle(&mut self.rng);
@@ -52,6 +65,8 @@ pub struct CpuBackend {
     rasterizer: Rasterizer,
     loss: ImageLoss,
     grads: SplatGrads,
+    warp: Warp,
+    work: DeformWorkspace,
 }
 
 impl CpuBackend {
@@ -60,7 +75,8 @@ impl CpuBackend {
         if images.is_empty() {
             return Err(FitError::NoViews);
         }
-        let sampler = ViewSampler::new(images.len(), config.with_replacement, seed);
+        let states: Vec<usize> = images.iter().map(|image| image.state).collect();
+        let sampler = ViewSampler::new(&states, config.with_replacement, seed);
         Ok(Self {
             images,
             config,
@@ -69,37 +85,59 @@ impl CpuBackend {
             rasterizer: Rasterizer::new(),
             loss: ImageLoss::new(),
             grads: SplatGrads::default(),
+            warp: Warp::new(true),
+            work: DeformWorkspace::default(),
         })
     }
 
     /// One view: draw, compare, carry back, gather statistics, update.
     fn step(&mut self, update: bool) -> StepStats {
-        let Self { images, config, state, sampler, rasterizer, loss, grads } = self;
-        let step = state.step + 1;
-        let image = &images[sampler.view()];
-        let background = if config.random_background { sampler.color() } else { [0.0; 3] };
-        let sh_degree = config.sh_degree(step, state.splats.sh_degree);
-        let options = RenderOptions { sh_degree, background, near: config.near, ..RenderOptions::default() };
-        let view = match state.deformation {
-            Deformation::None => SplatView::from(&state.splats),
-        };
-        let frame = rasterizer.forward(view, &image.camera, &options);
-        let terms = loss.evaluate(frame, image, background, &config.loss, config.depth_unit);
-        rasterizer.backward(view, &image.camera, &options, &loss.grad, grads);
+        let view = self.sampler.view();
+        let background = if self.config.random_background { self.sampler.color() } else { [0.0; 3] };
+        let (terms, total) = self.differentiate(view, background);
+        let Self { config, state, grads, work, .. } = self;
         state.stats.add(grads);
-        let mut total = terms.total;
-        if config.loss.opacity_entropy > 0.0 {
-            let weight = config.loss.opacity_entropy;
-            let entropy = opacity_entropy(&state.splats.logit_opacities, weight, &mut grads.logit_opacities);
-            total += f64::from(weight) * entropy;
-        }
+        state.step += 1;
+        let step = state.step;
         if update {
             let rates = config.rates.at(step, config.total, config.extent);
+            let sh_degree = config.sh_degree(step, state.splats.sh_degree);
             state.adam.step(&mut state.splats, grads, &rates, sh_degree, &config.adam);
         }
-        state.step = step;
+        if let Deformation::Articulated(articulated) = &mut state.deformation {
+            articulated.update(step, work);
+        }
         let psnr = -10.0 * terms.mse.max(1e-12).log10();
         StepStats { step, total: config.total, loss: total, psnr, gaussians: state.splats.len(), terms }
+    }
+
+    /// Loss of one view at the next step: terms of the image and the sum of all. Leaves the gradient by the stored
+    /// Gaussians in `grads` and that by the motions in `work`.
+    fn differentiate(&mut self, view: usize, background: [f32; 3]) -> (LossTerms, f64) {
+        let Self { images, config, state, rasterizer, loss, grads, warp, work, .. } = self;
+        let (image, splats, step) = (&images[view], &state.splats, state.step + 1);
+        let sh_degree = config.sh_degree(step, splats.sh_degree);
+        let options = RenderOptions { sh_degree, background, near: config.near, ..RenderOptions::default() };
+        let drawn = match &mut state.deformation {
+            Deformation::None => SplatView::from(splats),
+            Deformation::Articulated(articulated) => {
+                articulated.forward(splats, image.state, step, work);
+                articulated.view(splats, work)
+            }
+        };
+        let frame = rasterizer.forward(drawn, &image.camera, &options);
+        let terms = loss.evaluate(frame, image, background, &config.loss, config.depth_unit);
+        rasterizer.backward(drawn, &image.camera, &options, &loss.grad, grads);
+        let mut total = terms.total;
+        if let Deformation::Articulated(articulated) = &mut state.deformation {
+            total += articulated.backward(splats, image.state, step, warp, grads, work);
+        }
+        if config.loss.opacity_entropy > 0.0 {
+            let weight = config.loss.opacity_entropy;
+            let entropy = opacity_entropy(&splats.logit_opacities, weight, &mut grads.logit_opacities);
+            total += f64::from(weight) * entropy;
+        }
+        (terms, total)
     }
 }
 
@@ -134,14 +172,21 @@ mod tests {
 
     #[test]
     fn rounds_show_every_view_once() {
-        let mut sampler = ViewSampler::new(7, false, 5);
+        let mut sampler = ViewSampler::new(&[0; 7], false, 5);
         for _ in 0..3 {
             let mut round: Vec<usize> = (0..7).map(|_| sampler.view()).collect();
             round.sort_unstable();
             assert_eq!(round, [0, 1, 2, 3, 4, 5, 6]);
         }
-        let mut sampler = ViewSampler::new(7, true, 5);
+        let mut sampler = ViewSampler::new(&[0; 7], true, 5);
         let draws: Vec<usize> = (0..700).map(|_| sampler.view()).collect();
         assert!((0..7).all(|v| draws.iter().filter(|&&d| d == v).count() > 60));
+    }
+
+    #[test]
+    fn drawing_with_replacement_treats_states_alike() {
+        let mut sampler = ViewSampler::new(&[0, 1, 1, 1], true, 5);
+        let first = (0..1000).filter(|_| sampler.view() == 0).count();
+        assert!((450..550).contains(&first), "{first}");
     }
 }

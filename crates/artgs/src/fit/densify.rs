@@ -142,7 +142,7 @@ pub struct DensifyReport {
 
 /// Changes the set at `step`: clones, splits, prunes; the optimiser's moments follow, `stats` start anew. `extent` is
 /// the size of the scene (largest distance of a camera from their mean) that sizes are relative to. Survivors keep
-/// their order, followed by clones, then by halves.
+/// their order, followed by clones, then by halves. Also returns which of the old Gaussians each new one descends from.
 pub fn densify(
     splats: &mut Splats,
     adam: &mut SplatAdam,
@@ -151,7 +151,7 @@ pub fn densify(
     step: usize,
     config: &DensifyConfig,
     rng: &mut Pcg64Mcg,
-) -> DensifyReport {
+) -> (DensifyReport, Vec<usize>) {
     let n = splats.len();
     let chosen = choose(stats, config, n);
     let large = |s: &Splats, i: usize, limit: f32| s.log_scales[i].iter().any(|v| v.exp() > limit * extent);
@@ -176,10 +176,16 @@ pub fn densify(
     let keep: Vec<usize> = (0..splats.len()).filter(|&i| (i >= n || !gone[i]) && !prune(i)).collect();
     let pruned = parents - split.len() + 2 * split.len() - keep.len();
     let rows: Vec<Option<usize>> = keep.iter().map(|&i| (i < n).then_some(i)).collect();
+    let origin = |i: usize| match i - n.min(i) {
+        _ if i < n => i,
+        new if new < cloned.len() => cloned[new],
+        new => split[(new - cloned.len()) % split.len()],
+    };
+    let origins = keep.iter().map(|&i| origin(i)).collect();
     *adam = adam.select(&rows);
     *splats = splats.select(keep);
     *stats = DensifyStats::zeros(splats.len());
-    DensifyReport { cloned: cloned.len(), split: split.len(), pruned }
+    (DensifyReport { cloned: cloned.len(), split: split.len(), pruned }, origins)
 }
 
 /// Gaussians to multiply, in order: those above the threshold, or the foremost of them if there is no room for all.
@@ -250,7 +256,9 @@ mod tests {
     fn clones_splits_and_prunes_by_the_rules() {
         let (mut splats, mut adam, mut stats) = scene();
         let mut rng = Pcg64Mcg::seed_from_u64(1);
-        let report = densify(&mut splats, &mut adam, &mut stats, 1.0, 600, &DensifyConfig::paper(), &mut rng);
+        let (report, origins) =
+            densify(&mut splats, &mut adam, &mut stats, 1.0, 600, &DensifyConfig::paper(), &mut rng);
+        assert_eq!(origins, [0, 3, 4, 0, 1, 1]);
         assert_eq!(report, DensifyReport { cloned: 1, split: 1, pruned: 1 });
         assert_eq!(splats.means[..4], [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 0.0, 0.0]]);
         assert_eq!(splats.len(), 6);
@@ -269,7 +277,7 @@ mod tests {
         let (mut splats, mut adam, mut stats) = scene();
         let config = DensifyConfig { max_gaussians: 6, ..DensifyConfig::paper() };
         let mut rng = Pcg64Mcg::seed_from_u64(1);
-        let report = densify(&mut splats, &mut adam, &mut stats, 1.0, 3100, &config, &mut rng);
+        let (report, _) = densify(&mut splats, &mut adam, &mut stats, 1.0, 3100, &config, &mut rng);
         assert_eq!((report.cloned + report.split, report.pruned), (1, 3));
         assert!(splats.means.iter().all(|m| m[0] < 2.0), "faint, wide on screen and huge ones are gone");
     }

@@ -1,11 +1,13 @@
 //! Fitting Gaussians to photographs: losses, optimiser, densification, initialisation and the training loop.
 //!
 //! Data flow: [`images`] and [`region`] prepare the views, [`init`] places Gaussians, a [`backend`] steps them
-//! ([`loss`], [`ssim`], [`adam`]), [`densify`] changes their number, [`single`] is the loop around, [`score`] the test.
+//! ([`deform`], [`loss`], [`ssim`], [`chamfer`], [`adam`]), [`densify`] changes their number, [`single`] is the loop around, [`score`] the test.
 
 pub mod adam;
 pub mod backend;
+pub mod chamfer;
 pub mod cpu;
+pub mod deform;
 pub mod densify;
 pub mod images;
 pub mod init;
@@ -18,15 +20,17 @@ pub mod ssim;
 
 pub use adam::{AdamConfig, Moments, SplatAdam, SplatRates};
 pub use backend::{Backend, Deformation, RateConfig, StepStats, TrainConfig, TrainState};
+pub use chamfer::ChamferTargets;
 pub use cpu::{CpuBackend, ViewSampler};
+pub use deform::{Articulated, DeformConfig, Membership};
 pub use densify::{DensifyConfig, DensifyReport, DensifyStats};
 pub use images::{DepthPick, Rect, TrainImage};
 pub use init::{DepthInit, RandomInit};
 pub use loss::{DepthMode, ImageLoss, LossConfig, LossTerms};
 pub use region::Region;
 pub use schedule::LogLinear;
-pub use score::{ViewScore, psnr, render_view, score_views};
-pub use single::{InitKind, SingleConfig, fit_single};
+pub use score::{ViewScore, psnr, render_view, score_splats, score_views};
+pub use single::{InitKind, RunPlan, SingleConfig, fit_single, train};
 
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -46,6 +50,12 @@ pub enum FitError {
     /// The nearest-neighbour search refused the points.
     #[error("nearest neighbours of the initial points: {0}")]
     Neighbours(String),
+    /// Parts, labels and joints to begin with do not fit together.
+    #[error("articulated start: {0}")]
+    Start(String),
+    /// There is no canonical start.
+    #[error("canonical start: {0}")]
+    Canonical(#[from] crate::canonical::CanonicalError),
     /// The device that trains failed.
     #[error("training device: {0}")]
     Device(String),

@@ -35,10 +35,16 @@ pub fn over_black(view: &View) -> Vec<f32> {
 
 /// Scores every view at full size; renderings are clamped to [0, 1].
 pub fn score_views(splats: &Splats, views: &[View]) -> Vec<ViewScore> {
+    score_splats(SplatView::from(splats), splats.sh_degree, views)
+}
+
+/// Like [`score_views`], drawing borrowed Gaussians with harmonics up to `sh_degree`.
+pub fn score_splats(splats: SplatView<'_>, sh_degree: usize, views: &[View]) -> Vec<ViewScore> {
+    let options = RenderOptions { sh_degree, ..RenderOptions::default() };
     let (mut rasterizer, mut ssim) = (Rasterizer::new(), Ssim::new());
     let (mut picture, mut unused) = (Vec::new(), Vec::new());
     let score = |view: &View| {
-        let frame = render_view(&mut rasterizer, splats, &view.camera);
+        let frame = rasterizer.forward(splats, &view.camera, &options);
         picture.clear();
         picture.extend(frame.rgb.iter().map(|v| v.clamp(0.0, 1.0)));
         unused.resize(picture.len(), 0.0);

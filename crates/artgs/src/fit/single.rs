@@ -171,28 +171,57 @@ pub fn fit_single(
     train_single(&mut backend, TrainState::new(splats), config, extent as f32, &mut rng, on_step)
 }
 
-/// Runs a backend from one change of the set of Gaussians to the next until `config.steps` are done.
+/// Length of a run, and when it changes the set of Gaussians.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunPlan {
+    /// Number of steps, one view each.
+    pub steps: usize,
+    /// Update Gaussians also at steps that change their set and at the last step.
+    pub update_always: bool,
+    /// Adaptive density control.
+    pub densify: DensifyConfig,
+    /// Extent of the cameras, scene units, that sizes are relative to.
+    pub extent: f32,
+}
+
+/// Runs a backend through the first stage.
 pub fn train_single(
     backend: &mut dyn Backend,
-    mut state: TrainState,
+    state: TrainState,
     config: &SingleConfig,
     extent: f32,
     rng: &mut Pcg64Mcg,
     on_step: &mut dyn FnMut(StepStats),
 ) -> Result<Splats, FitError> {
-    let change = |step: &usize| config.densify.acts_at(*step) || config.densify.resets_at(*step);
-    while state.step < config.steps {
+    let SingleConfig { steps, update_always, densify, .. } = *config;
+    let plan = RunPlan { steps, update_always, densify, extent };
+    Ok(train(backend, state, &plan, rng, on_step)?.splats)
+}
+
+/// Runs a backend from one change of the set of Gaussians to the next until `plan.steps` are done.
+pub fn train(
+    backend: &mut dyn Backend,
+    mut state: TrainState,
+    plan: &RunPlan,
+    rng: &mut Pcg64Mcg,
+    on_step: &mut dyn FnMut(StepStats),
+) -> Result<TrainState, FitError> {
+    let control = &plan.densify;
+    let change = |step: &usize| control.acts_at(*step) || control.resets_at(*step);
+    while state.step < plan.steps {
         let from = state.step;
-        let to = (from + 1..config.steps).find(change).unwrap_or(config.steps);
+        let to = (from + 1..plan.steps).find(change).unwrap_or(plan.steps);
         backend.upload(state)?;
-        backend.run(to - from, config.update_always, on_step)?;
+        backend.run(to - from, plan.update_always, on_step)?;
         state = backend.download()?;
-        if config.densify.acts_at(to) {
-            densify(&mut state.splats, &mut state.adam, &mut state.stats, extent, to, &config.densify, rng);
+        if control.acts_at(to) {
+            let TrainState { splats, adam, stats, deformation, .. } = &mut state;
+            let (_, origins) = densify(splats, adam, stats, plan.extent, to, control, rng);
+            deformation.follow(&origins);
         }
-        if config.densify.resets_at(to) {
-            reset_opacities(&mut state.splats, &mut state.adam, &config.densify);
+        if control.resets_at(to) {
+            reset_opacities(&mut state.splats, &mut state.adam, control);
         }
     }
-    Ok(state.splats)
+    Ok(state)
 }

@@ -1,0 +1,68 @@
+//! The published method from two separately fitted states on.
+
+use super::config::ArticulateConfig;
+use super::run::articulate;
+use super::trained::Trained;
+use super::types::{TypeConfig, predict_types, still_start};
+use crate::articulation::MotionModel;
+use crate::canonical::{CanonicalConfig, canonical_init};
+use crate::fit::{FitError, StepStats};
+use artgs_core::{Splats, View};
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+use serde::{Deserialize, Serialize};
+
+/// Settings of the stages.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PaperConfig {
+    /// Canonical Gaussians and part centres.
+    pub canonical: CanonicalConfig,
+    /// Kinds of joints.
+    pub types: TypeConfig,
+    /// Joint optimisation.
+    pub articulate: ArticulateConfig,
+}
+
+impl Default for PaperConfig {
+    /// As published.
+    fn default() -> Self {
+        Self { canonical: CanonicalConfig::paper(), types: TypeConfig::paper(), articulate: ArticulateConfig::paper() }
+    }
+}
+
+/// Which optimisation a step belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Kinds of joints.
+    Types,
+    /// Joint optimisation.
+    Joint,
+}
+
+/// What the published method gives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PaperResult {
+    /// The object; labels are the most probable parts.
+    pub trained: Trained,
+    /// Predicted models of the movable parts, `[K - 1]`.
+    pub models: Vec<MotionModel>,
+}
+
+/// Canonical start, kinds of joints and joint optimisation for `parts` parts, the static one included. `single` are the
+/// Gaussians of each state alone. The same seed gives the same bytes.
+pub fn paper_pipeline(
+    views: [&[View]; 2],
+    single: &[Splats; 2],
+    parts: usize,
+    config: &PaperConfig,
+    seed: u64,
+    on_step: &mut dyn FnMut(Stage, StepStats),
+) -> Result<PaperResult, FitError> {
+    let canonical = canonical_init(single, parts, &config.canonical, &mut Pcg64Mcg::seed_from_u64(seed))?;
+    let models = predict_types(views, &canonical, &config.types, seed, &mut |s| on_step(Stage::Types, s))?;
+    let start = still_start(&canonical, &models, seed);
+    let targets = Some(&canonical.cd_targets);
+    let trained = articulate(views, start, targets, &config.articulate, seed, &mut |s| on_step(Stage::Joint, s))?;
+    Ok(PaperResult { trained, models })
+}

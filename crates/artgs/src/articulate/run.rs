@@ -1,0 +1,155 @@
+//! The optimisation from a start to a trained object.
+
+use super::config::ArticulateConfig;
+use super::trained::Trained;
+use crate::articulation::{MotionModel, MotionParameters, PartAssignment};
+use crate::fit::images::prepare;
+use crate::fit::single::camera_extent;
+use crate::fit::{
+    Articulated, ChamferTargets, CpuBackend, DeformConfig, Deformation, FitError, Membership, Region, RunPlan,
+    StepStats, TrainImage, TrainState, train,
+};
+use artgs_core::{Splats, View};
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+use std::sync::Arc;
+
+/// What is known of the parts of the canonical Gaussians.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SkinStart {
+    /// Part of every Gaussian, `[n]`, below K. They stay; clones and halves inherit them.
+    Labels(Vec<u16>),
+    /// Where the parts are, `[K]` each, the static one first; Gaussians are assigned by training.
+    Centres {
+        /// Centres, scene units.
+        centres: Vec<[f32; 3]>,
+        /// Radii, positive, scene units.
+        radii: Vec<f32>,
+    },
+}
+
+/// Where the joint optimisation begins.
+#[derive(Clone, Debug)]
+pub struct Start {
+    /// Canonical Gaussians.
+    pub splats: Splats,
+    /// Their parts.
+    pub skin: SkinStart,
+    /// Half motions of the movable parts, `[K - 1]`: part `k` has entry `k - 1`.
+    pub joints: Vec<MotionParameters>,
+}
+
+impl Start {
+    fn check(&self) -> Result<(), FitError> {
+        let (n, parts) = (self.splats.len(), self.joints.len() + 1);
+        let wrong = match &self.skin {
+            _ if n == 0 => return Err(FitError::Empty),
+            SkinStart::Labels(labels) if labels.len() != n => format!("{} labels for {n} Gaussians", labels.len()),
+            SkinStart::Labels(labels) => match labels.iter().find(|&&l| usize::from(l) >= parts) {
+                Some(label) => format!("label {label}, but there are {parts} parts"),
+                None => return Ok(()),
+            },
+            SkinStart::Centres { centres, radii } if centres.len() != parts || radii.len() != parts => {
+                format!("{} centres and {} radii for {parts} parts", centres.len(), radii.len())
+            }
+            SkinStart::Centres { radii, .. } if !radii.iter().all(|r| r.is_finite() && *r > 0.0) => {
+                "a radius that is not positive".into()
+            }
+            SkinStart::Centres { .. } => return Ok(()),
+        };
+        Err(FitError::Start(wrong))
+    }
+
+    fn membership(&self, config: &ArticulateConfig, rng: &mut Pcg64Mcg) -> Membership {
+        match &self.skin {
+            SkinStart::Labels(labels) => Membership::Labels(labels.clone()),
+            SkinStart::Centres { centres, radii } => {
+                let bounds = bounds(&self.splats.means);
+                let module = PartAssignment::new(config.assign.clone(), centres, radii, bounds, rng);
+                Membership::Learned(Box::new(module))
+            }
+        }
+    }
+}
+
+/// Least and greatest coordinates.
+fn bounds(points: &[[f32; 3]]) -> [[f32; 3]; 2] {
+    let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for (p, a) in points.iter().flat_map(|p| (0..3).map(move |a| (p, a))) {
+        low[a] = low[a].min(p[a]);
+        high[a] = high[a].max(p[a]);
+    }
+    [low, high]
+}
+
+/// Trains canonical Gaussians, and as configured parts and motions, on the views of both states, on the processor.
+/// `cd_targets`, centres of Gaussians fitted to each state alone, are for the Chamfer term and may be left out.
+/// The same seed gives the same bytes.
+pub fn articulate(
+    views: [&[View]; 2],
+    start: Start,
+    cd_targets: Option<&[Vec<[f32; 3]>; 2]>,
+    config: &ArticulateConfig,
+    seed: u64,
+    on_step: &mut dyn FnMut(StepStats),
+) -> Result<Trained, FitError> {
+    start.check()?;
+    if views.iter().any(|v| v.is_empty()) {
+        return Err(FitError::NoViews);
+    }
+    let images = [0, 1].map(|state| prepare(views[state], state, config.image_divisor, config.depth_pick)).concat();
+    let half_side = half_side(&images);
+    let extent = camera_extent(&images).max(half_side);
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let state = train_state(start, cd_targets, config, half_side, &mut rng);
+    let mut backend = CpuBackend::new(images, config.train(extent, half_side), seed.wrapping_add(1))?;
+    let ArticulateConfig { steps, update_always, densify, .. } = *config;
+    let plan = RunPlan { steps, update_always, densify, extent: extent as f32 };
+    let state = train(&mut backend, state, &plan, &mut rng, on_step)?;
+    Ok(finish(state))
+}
+
+/// Half the longest side of the region that the object fills in either state, scene units.
+fn half_side(images: &[TrainImage]) -> f64 {
+    let of_state = |state: usize| -> Vec<TrainImage> { images.iter().filter(|i| i.state == state).cloned().collect() };
+    let [a, b] = [0, 1].map(|state| Region::of(&of_state(state)));
+    Region { low: a.low.min(b.low), high: a.high.max(b.high) }.half_side()
+}
+
+/// Step 0 of an optimisation.
+pub(super) fn train_state(
+    start: Start,
+    cd_targets: Option<&[Vec<[f32; 3]>; 2]>,
+    config: &ArticulateConfig,
+    half_side: f64,
+    rng: &mut Pcg64Mcg,
+) -> TrainState {
+    let membership = start.membership(config, rng);
+    let slides = start.joints.iter().any(|j| j.model() == MotionModel::Prismatic);
+    let wanted = config.chamfer > 0.0 && !(config.chamfer_not_if_prismatic && slides);
+    let targets = cd_targets.filter(|_| wanted).map(|points| Arc::new(ChamferTargets::new(points)));
+    let deform = DeformConfig {
+        exact: config.exact,
+        rotate_sh: config.rotate_sh,
+        learn_joints: config.learn_joints,
+        joint_rate: config.joint_rate,
+        assign_rate: config.assign_rate,
+        length_unit: config.length_unit(half_side),
+        chamfer: config.chamfer,
+        chamfer_steps: [config.chamfer_after, config.chamfer_before],
+        centre_after: config.centre_after,
+    };
+    let noise = rand::RngExt::random(rng);
+    let articulated = Articulated::new(membership, start.joints, targets, deform, noise);
+    TrainState { deformation: Deformation::Articulated(Box::new(articulated)), ..TrainState::new(start.splats) }
+}
+
+fn finish(state: TrainState) -> Trained {
+    match state.deformation {
+        Deformation::Articulated(articulated) => {
+            let labels = articulated.labels(&state.splats);
+            Trained { splats: state.splats, labels, joints: articulated.joints }
+        }
+        Deformation::None => Trained { labels: vec![0; state.splats.len()], splats: state.splats, joints: Vec::new() },
+    }
+}

@@ -1,0 +1,79 @@
+//! Kinds of joints from a short optimisation of free motions.
+
+use super::config::ArticulateConfig;
+use super::run::{SkinStart, Start, articulate};
+use crate::articulation::{AssignConfig, MotionModel, MotionParameters};
+use crate::canonical::Canonical;
+use crate::fit::{FitError, LossConfig, StepStats};
+use artgs_core::View;
+use glam::DVec3;
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+use serde::{Deserialize, Serialize};
+
+/// Settings of the prediction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TypeConfig {
+    /// The optimisation; its number of steps is for a single movable part.
+    pub train: ArticulateConfig,
+    /// Number of steps for several movable parts.
+    pub steps_for_many: usize,
+    /// A part whose half motion turns by more than this (degrees) is taken for revolute.
+    pub half_angle_deg: f64,
+}
+
+impl TypeConfig {
+    /// The second stage as published: images of an eighth of the size, colour loss only.
+    pub fn paper() -> Self {
+        let third = ArticulateConfig::paper();
+        Self {
+            train: ArticulateConfig {
+                steps: 3000,
+                image_divisor: 8,
+                loss: LossConfig { depth: 0.0, ..third.loss },
+                assign: AssignConfig { centre_weight: 0.0, ..third.assign },
+                chamfer: 0.0,
+                ..third
+            },
+            steps_for_many: 5000,
+            half_angle_deg: 10.0,
+        }
+    }
+}
+
+impl Default for TypeConfig {
+    fn default() -> Self {
+        Self::paper()
+    }
+}
+
+/// Predicts the kind of every movable part's motion, `[K - 1]`: `Prismatic`, or `Free` for those that turn (published
+/// code does not hold them to a hinge).
+pub fn predict_types(
+    views: [&[View]; 2],
+    canonical: &Canonical,
+    config: &TypeConfig,
+    seed: u64,
+    on_step: &mut dyn FnMut(StepStats),
+) -> Result<Vec<MotionModel>, FitError> {
+    let parts = canonical.centres.len();
+    let steps = if parts > 2 { config.steps_for_many } else { config.train.steps };
+    let train = ArticulateConfig { steps, ..config.train.clone() };
+    let start = still_start(canonical, &vec![MotionModel::Free; parts.saturating_sub(1)], seed);
+    let trained = articulate(views, start, None, &train, seed, on_step)?;
+    let limit = config.half_angle_deg.to_radians();
+    let kind = |joint: &MotionParameters| {
+        if joint.half_motion().angle() > limit { MotionModel::Free } else { MotionModel::Prismatic }
+    };
+    Ok(trained.joints.iter().map(kind).collect())
+}
+
+/// Parts that hardly move yet, assigned by their centres.
+pub fn still_start(canonical: &Canonical, models: &[MotionModel], seed: u64) -> Start {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let pivot = |k: usize| DVec3::from_array(canonical.centres[k].map(f64::from));
+    let joints = models.iter().enumerate().map(|(i, &m)| MotionParameters::still(m, pivot(i + 1), &mut rng)).collect();
+    let skin = SkinStart::Centres { centres: canonical.centres.clone(), radii: canonical.radii.clone() };
+    Start { splats: canonical.splats.clone(), skin, joints }
+}
