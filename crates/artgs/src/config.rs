@@ -106,7 +106,10 @@ impl Config {
                 return bad(field, value.to_string(), "a fraction of the object's diagonal between 0 and 0.2");
             }
         }
-        for (field, value) in [("single.image_divisor", self.single.image_divisor), ("articulate.image_divisor", self.articulate.image_divisor)] {
+        for (field, value) in [
+            ("single.image_divisor", self.single.image_divisor),
+            ("articulate.image_divisor", self.articulate.image_divisor),
+        ] {
             if value == 0 {
                 return bad(field, value.to_string(), "images are divided by this, so it is 1 or more");
             }

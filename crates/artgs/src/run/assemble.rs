@@ -4,7 +4,7 @@ use super::{Built, Error, ViewMeans};
 use crate::articulate::{Trained, score_state};
 use crate::fit::score::mean_score;
 use crate::surface::PartMeshes;
-use artgs_core::{Capture, Joint, Mesh, Replica, Rigid, STATE_NAMES, View};
+use artgs_core::{Capture, Joint, Mesh, Replica, Rigid, View};
 use artgs_io::{UrdfOptions, export_urdf, write_mesh_ply, write_replica, write_splat_ply};
 use glam::DVec3;
 use std::path::Path;
@@ -73,10 +73,7 @@ pub(super) fn score_pictures(capture: &Capture, trained: &Trained, rotate_sh: bo
     // Every fourth training view is enough to tell overfitting.
     let some = |views: &[View]| views.iter().step_by(4).cloned().collect::<Vec<_>>();
     let states = [0, 1];
-    (
-        states.map(|s| means(&capture.states[s].test, s)),
-        states.map(|s| means(&some(&capture.states[s].train), s)),
-    )
+    (states.map(|s| means(&capture.states[s].test, s)), states.map(|s| means(&some(&capture.states[s].train), s)))
 }
 
 /// Largest resident memory so far, MiB; only Linux tells without further crates.
@@ -84,9 +81,4 @@ pub(super) fn peak_memory_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
     Some(line.trim().trim_end_matches("kB").trim().parse::<f64>().ok()? / 1024.0)
-}
-
-/// Name of a state for people.
-pub(super) fn state_name(state: usize) -> &'static str {
-    STATE_NAMES[state]
 }

@@ -57,7 +57,9 @@ impl Error {
     /// True if the user has to change the capture, the settings or the command.
     pub fn is_bad_input(&self) -> bool {
         match self {
-            Self::PartsMissing | Self::OtherSettings(_) | Self::Config(_) | Self::Discover(_) | Self::Replica(_) => true,
+            Self::PartsMissing | Self::OtherSettings(_) | Self::Config(_) | Self::Discover(_) | Self::Replica(_) => {
+                true
+            }
             Self::Fit(_) | Self::Surface(_) | Self::File(_) => false,
         }
     }
@@ -160,8 +162,7 @@ pub fn evaluate(out: &Path, gt: &Path) -> Result<Scores, Error> {
     }
     let whole = [mesh(replica.whole.get(0))?, mesh(replica.whole.get(1))?];
     let truth = artgs_io::load_ground_truth(gt)?;
-    let truth =
-        Truth { joints: truth.joints, whole: truth.whole, fixed: truth.fixed, movable: truth.movable };
+    let truth = Truth { joints: truth.joints, whole: truth.whole, fixed: truth.fixed, movable: truth.movable };
     let meshes = PartMeshes { parts, whole };
     Ok(crate::evaluate::evaluate(&replica, &meshes, &truth, &EvaluateConfig::default()))
 }

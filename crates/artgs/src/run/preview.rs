@@ -75,7 +75,8 @@ pub(super) fn write_preview(root: &Path, capture: &Capture, built: &Built, rotat
             axes(&mut canvas, at(2), &view.camera, built, state);
         }
     }
-    let bytes: Vec<[u8; 3]> = canvas.pixels.iter().map(|p| p.map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)).collect();
+    let bytes: Vec<[u8; 3]> =
+        canvas.pixels.iter().map(|p| p.map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)).collect();
     artgs_io::image_io::write_rgb(&root.join("preview.png"), canvas.width as u32, canvas.height as u32, &bytes)?;
     Ok(())
 }
@@ -152,7 +153,8 @@ fn axes(canvas: &mut Canvas, tile: (usize, usize), camera: &Camera, built: &Buil
         let centre = points.iter().sum::<DVec3>() / points.len() as f64;
         let joint = Joint::from_motion(part.kind, &part.motion).with_origin_near(centre);
         let along = |p: &DVec3| (*p - joint.origin).dot(joint.axis);
-        let (lo, hi) = points.iter().map(along).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        let (lo, hi) =
+            points.iter().map(along).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
         let margin = 0.15 * (hi - lo);
         let (from, to) = match joint.kind {
             JointKind::Prismatic => (0.0, joint.state_values[1]),

@@ -9,10 +9,8 @@ use crate::config::Config;
 use crate::discover::{self, DepthPicture, Discovery, FoundPart, Scene};
 use crate::fit::{StepStats, single::fit_single};
 use crate::observer::{Event, Observer};
-use crate::surface::part_meshes::{LabelledDepth, part_meshes};
-use crate::surface::PartMeshes;
+use crate::surface::{LabelledDepth, PartMeshes, part_meshes};
 use artgs_core::{Capture, Splats, View};
-use rayon::prelude::*;
 use std::borrow::Cow;
 use std::path::Path;
 use std::time::Instant;
@@ -76,7 +74,9 @@ impl<'a> Run<'a> {
     ) -> Result<T, Error> {
         self.observer.event(Event::started(name));
         let begun = Instant::now();
-        if self.resume && let Some(result) = load(&self.folder) {
+        if self.resume
+            && let Some(result) = load(&self.folder)
+        {
             self.observer.event(Event::finished(name, begun.elapsed().as_secs_f64(), true));
             return Ok(result);
         }
@@ -136,7 +136,7 @@ impl<'a> Run<'a> {
             let [start, end] = run.train_views();
             let pictures = [(start, &depths[0]), (end, &depths[1])].map(|(views, depths)| {
                 let pairs = views.iter().zip(depths);
-                pairs.map(|(view, depth)| DepthPicture { view, depth }).collect::<Vec<_>>()
+                pairs.map(|(view, depth)| DepthPicture { view, depth: &**depth }).collect::<Vec<_>>()
             });
             let scene = Scene::new([&pictures[0], &pictures[1]], &run.config.discover)?;
             let found = discover::discover(&scene, parts - 1, &run.config.discover)?;
@@ -200,26 +200,30 @@ impl<'a> Run<'a> {
         found: &Discovery,
         built: &Built,
     ) -> Result<PartMeshes, Error> {
-        self.stage("surface", |_| None, |run| {
-            let views = run.train_views();
-            let plain: Vec<Vec<&[f32]>> = depths.iter().map(|d| d.iter().map(|d| &**d).collect()).collect();
-            let labels =
-                [0, 1].map(|s| label_pixels(views[s], &plain[s], &found.clouds[s], &found.labels[s]));
-            let labelled = [0, 1].map(|s| {
-                let parts = views[s].par_iter().zip(&plain[s]).zip(&labels[s]);
-                let one = |((v, depth), labels): ((&'a View, _), _)| labelled_depth(v, depth, labels);
-                parts.map(one).collect::<Vec<LabelledDepth>>()
-            });
-            let halves = built.half_motions();
-            Ok(part_meshes([&labelled[0], &labelled[1]], &halves, &run.config.surface)?.meshes)
-        })
+        self.stage(
+            "surface",
+            |_| None,
+            |run| {
+                let views = run.train_views();
+                let plain: Vec<Vec<&[f32]>> = depths.iter().map(|d| d.iter().map(|d| &**d).collect()).collect();
+                let labels = [0, 1].map(|s| label_pixels(views[s], &plain[s], &found.clouds[s], &found.labels[s]));
+                let labelled = [0, 1].map(|s| {
+                    let pixels = views[s].iter().zip(&plain[s]).zip(&labels[s]);
+                    pixels.map(|((v, depth), l)| labelled_depth(v, depth, l)).collect::<Vec<LabelledDepth>>()
+                });
+                let halves = built.half_motions();
+                Ok(part_meshes([&labelled[0], &labelled[1]], &halves, &run.config.surface)?.meshes)
+            },
+        )
     }
 
     /// Part meshes from renderings of each part alone.
     pub(super) fn rendered_surface(&mut self, built: &Built) -> Result<PartMeshes, Error> {
-        self.stage("surface", |_| None, |run| {
-            Ok(part_meshes_from_renderings(&built.trained, run.train_views(), &run.config.surface))
-        })
+        self.stage(
+            "surface",
+            |_| None,
+            |run| Ok(part_meshes_from_renderings(&built.trained, run.train_views(), &run.config.surface)),
+        )
     }
 
     /// Everything a user opens.
@@ -228,16 +232,20 @@ impl<'a> Run<'a> {
             let _ = mesh;
             self.warn(format!("part {part} has no surface: no view shows enough of it"));
         }
-        self.stage("assemble", |_| None, |run| {
-            let rotate = run.config.articulate.rotate_sh;
-            assemble::write_replica_files(&run.folder.root, built, meshes)?;
-            assemble::write_splats(&run.folder.root, &built.trained)?;
-            super::preview::write_preview(&run.folder.root, run.capture, built, rotate)?;
-            run.summary.parts = built.parts.len() + 1;
-            run.summary.gaussians = built.trained.splats.len();
-            (run.summary.test, run.summary.train) = assemble::score_pictures(run.capture, &built.trained, rotate);
-            Ok(())
-        })?;
+        self.stage(
+            "assemble",
+            |_| None,
+            |run| {
+                let rotate = run.config.articulate.rotate_sh;
+                assemble::write_replica_files(&run.folder.root, built, meshes)?;
+                assemble::write_splats(&run.folder.root, &built.trained)?;
+                super::preview::write_preview(&run.folder.root, run.capture, built, rotate)?;
+                run.summary.parts = built.parts.len() + 1;
+                run.summary.gaussians = built.trained.splats.len();
+                (run.summary.test, run.summary.train) = assemble::score_pictures(run.capture, &built.trained, rotate);
+                Ok(())
+            },
+        )?;
         self.summary.total_seconds = self.begun.elapsed().as_secs_f64();
         self.summary.peak_memory_mib = assemble::peak_memory_mib();
         self.folder.write_json(&self.folder.root.join("metrics.json"), &self.summary)?;
