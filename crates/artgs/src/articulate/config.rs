@@ -122,7 +122,7 @@ impl ArticulateConfig {
 impl Default for ArticulateConfig {
     fn default() -> Self {
         Self {
-            steps: 1500,
+            steps: 900,
             depth_pick: DepthPick::Median,
             with_replacement: false,
             update_always: true,
@@ -132,10 +132,10 @@ impl Default for ArticulateConfig {
             exact: true,
             rotate_sh: true,
             learn_joints: false,
-            joint_rate: LogLinear { from: 1e-3, to: 1e-5, steps: 1500 },
-            assign_rate: LogLinear { from: 5e-3, to: 5e-4, steps: 1500 },
+            joint_rate: LogLinear { from: 1e-3, to: 1e-5, steps: 900 },
+            assign_rate: LogLinear { from: 5e-3, to: 5e-4, steps: 900 },
             assign: AssignConfig {
-                temperature_steps: 1000,
+                temperature_steps: 600,
                 steps_per_level: 100,
                 centre_weight: 0.0,
                 ..AssignConfig::light()

@@ -1,6 +1,7 @@
 //! Which part each surface point belongs to: evidence from the other state under every motion, smoothed by belief propagation.
 
 use super::observe::{Cloud, DepthView, Sightings};
+use super::propose::components;
 use super::register::Searchable;
 use crate::neighbours::PointTree;
 use artgs_core::Rigid;
@@ -22,6 +23,8 @@ pub struct LabelCosts {
     pub idle: f32,
     /// The same far away from all of them.
     pub idle_far: f32,
+    /// The same, far away, for a point whose place the other state does not show: what it hangs together with decides.
+    pub idle_unsure: f32,
     /// Two neighbours in different parts.
     pub smooth: f32,
 }
@@ -29,13 +32,14 @@ pub struct LabelCosts {
 impl Default for LabelCosts {
     fn default() -> Self {
         Self {
-            hidden_static: 0.25,
-            hidden_moved: 0.4,
+            hidden_static: 0.3,
+            hidden_moved: 0.32,
             mismatch: 0.5,
             color: 0.3,
-            idle: 0.02,
+            idle: 0.01,
             idle_far: 0.3,
-            smooth: 0.25,
+            idle_unsure: 0.05,
+            smooth: 0.35,
         }
     }
 }
@@ -122,7 +126,15 @@ pub fn neighbour_graph(
 /// Adds what it costs to take points that show no sign of having moved for movable: little beside the `evidence` of a
 /// part (indices of moved points it explains), more with the square of the distance, full at `range` scene units.
 /// A plane that slides along itself is otherwise as good an explanation of a wall as standing still.
-pub fn add_idle_costs(data: &mut [f32], cloud: &Cloud, evidence: &[Vec<usize>], range: f32, costs: &LabelCosts) {
+/// `unsure` flags points whose place the other state does not show.
+pub fn add_idle_costs(
+    data: &mut [f32],
+    cloud: &Cloud,
+    evidence: &[Vec<usize>],
+    unsure: &[bool],
+    range: f32,
+    costs: &LabelCosts,
+) {
     let parts = evidence.len() + 1;
     for (k, members) in evidence.iter().enumerate() {
         let points: Vec<[f32; 3]> = members.iter().map(|&i| cloud.points[i].to_array()).collect();
@@ -130,7 +142,8 @@ pub fn add_idle_costs(data: &mut [f32], cloud: &Cloud, evidence: &[Vec<usize>], 
         data.par_chunks_mut(parts).enumerate().with_min_len(512).for_each(|(i, row)| {
             let far = tree.nearest(&cloud.points[i].to_array()).map_or(1.0, |(_, d2)| (d2 / (range * range)).min(1.0));
             if far > 0.0 {
-                row[k + 1] += costs.idle + (costs.idle_far - costs.idle) * far;
+                let (near, away) = if unsure[i] { (0.0, costs.idle_unsure) } else { (costs.idle, costs.idle_far) };
+                row[k + 1] += near + (away - near) * far;
             }
         });
     }
@@ -183,9 +196,35 @@ pub fn propagate(data: &[f32], parts: usize, edges: &[(u32, u32, f32)], smooth: 
         .collect()
 }
 
+/// Gives islands of a movable part back to the static one: groups of its points, connected by steps of at most `reach`
+/// (scene units), for which the other state speaks no better under the part's motion than at rest.
+pub fn drop_islands(labels: &mut [u16], data: &[f32], parts: usize, cloud: &Cloud, reach: f32) {
+    for part in 1..parts {
+        let members: Vec<usize> = (0..labels.len()).filter(|&i| usize::from(labels[i]) == part).collect();
+        for group in components(cloud, &members, reach, 1) {
+            let margin = |i: &usize| (data[i * parts] - data[i * parts + part]).clamp(-0.5, 0.5);
+            let support: f32 = group.iter().map(margin).sum();
+            if support < 2.0 || support < 0.04 * group.len() as f32 {
+                group.iter().for_each(|&i| labels[i] = 0);
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_island_without_support_goes_back_to_the_static_part() {
+        let mut cloud = Cloud::default();
+        cloud.points.extend((0..60).map(|i| Vec3::new(i as f32 + if i < 30 { 0.0 } else { 50.0 }, 0.0, 0.0)));
+        // The first thirty are better explained by moving, the others equally well by both.
+        let data: Vec<f32> = (0..60).flat_map(|i| [if i < 30 { 1.0 } else { 0.0 }, 0.0]).collect();
+        let mut labels = vec![1; 60];
+        drop_islands(&mut labels, &data, 2, &cloud, 1.5);
+        assert!(labels[..30].iter().all(|l| *l == 1) && labels[30..].iter().all(|l| *l == 0));
+    }
 
     #[test]
     fn propagation_fills_gaps_and_removes_specks() {

@@ -192,6 +192,11 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
         let c = clouds[s];
         label::neighbour_graph(&c.points, &c.normals, &c.colors, 10, scene.scales.spacing)
     });
+    let is_unsure = [0, 1].map(|s| {
+        let mut flags = vec![false; clouds[s].len()];
+        unsure[s].iter().for_each(|&i| flags[i] = true);
+        flags
+    });
     let mut labels = [Vec::new(), Vec::new()];
     for round in 0..config.rounds.max(1) {
         labels = [0, 1].map(|s| {
@@ -208,9 +213,12 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
                 scene.scales.spacing,
                 &costs,
             );
+            let spoken = data.clone();
             let evidence = evidence(&data, to_other.len(), &moved[s]);
-            label::add_idle_costs(&mut data, clouds[s], &evidence, 0.08 * scene.scales.diagonal, &costs);
-            label::propagate(&data, to_other.len(), &graphs[s], costs.smooth, 40)
+            label::add_idle_costs(&mut data, clouds[s], &evidence, &is_unsure[s], 0.15 * scene.scales.diagonal, &costs);
+            let mut labels = label::propagate(&data, to_other.len(), &graphs[s], costs.smooth, 60);
+            label::drop_islands(&mut labels, &spoken, to_other.len(), clouds[s], 1.8 * scene.scales.spacing);
+            labels
         });
         let last = round + 1 == config.rounds.max(1);
         for (k, part) in parts.iter_mut().enumerate() {
@@ -260,8 +268,8 @@ fn refine(
     }
     let points = [Searchable::new(&own[0]), Searchable::new(&own[1])];
     let spacing = f64::from(scales.spacing);
-    let options =
-        RegisterOptions { first_reach: 3.0 * spacing, last_reach: spacing, iterations: 20, max_points: 20_000 };
+    let (iterations, max_points) = if last { (20, 20_000) } else { (12, 4000) };
+    let options = RegisterOptions { first_reach: 3.0 * spacing, last_reach: spacing, iterations, max_points };
     let free = register::register(Match::mutual(&points[0], &points[1]), part.motion, None, &options);
     *part = FoundPart { kind: JointKind::Screw, motion: free.motion, rms: free.rms };
     if last {

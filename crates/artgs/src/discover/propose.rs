@@ -327,28 +327,41 @@ fn search(
     }
     let own = cloud.select(group);
     let source = Searchable::new(&own);
-    let options = RegisterOptions {
-        first_reach: f64::from(0.05 * scales.diagonal),
-        last_reach: f64::from(1.5 * scales.spacing),
-        iterations: 25,
-        max_points: 400,
-    };
     let fine = sample_of(cloud, group, 600);
-    let refined: Vec<(f32, f32, Rigid)> = kept
-        .par_iter()
-        .map(|guess| {
+    let register_all = |guesses: &[Rigid], iterations: usize, max_points: usize| -> Vec<(f32, f32, Rigid)> {
+        let options = RegisterOptions {
+            first_reach: f64::from(0.05 * scales.diagonal),
+            last_reach: f64::from(1.5 * scales.spacing),
+            iterations,
+            max_points,
+        };
+        let judged = guesses.par_iter().map(|guess| {
             let motion = register(Match::one_sided(&source, other.points), *guess, None, &options).motion;
             let pose = Pose { rotation: motion.matrix().as_mat3(), translation: motion.translation.as_vec3() };
             let value = mean_worth(&pose, &fine, other.field, target, landing, FINE_REACH * scales.spacing);
             let effort = effort(&motion, &fine, scales);
             (value * (1.0 - effort), value * modesty(effort), motion)
-        })
-        .filter(|r| r.0 > 0.03)
-        .collect();
+        });
+        judged.filter(|r| r.0 > 0.03).collect()
+    };
+    // Most guesses show after a rough registration that they lead nowhere.
+    let rough = best_by_both(register_all(&kept, 10, 150), 10, 18, &fine, scales);
+    let refined = register_all(&rough.iter().map(|r| r.1).collect::<Vec<_>>(), 16, 400);
+    best_by_both(refined, 5, 9, &fine, scales)
+}
+
+/// The first `by_worth` distinct motions ranked by the first number, then by the second until there are `in_all`.
+fn best_by_both(
+    judged: Vec<(f32, f32, Rigid)>,
+    by_worth: usize,
+    in_all: usize,
+    fine: &[(Vec3, Vec3)],
+    scales: &Scales,
+) -> Vec<(f32, Rigid)> {
     let mut distinct: Vec<(f32, Rigid)> = Vec::new();
     let reach = f64::from(1.5 * scales.spacing);
-    for (rank, most) in [(0, 5), (1, 9)] {
-        let mut ranking = refined.clone();
+    for (rank, most) in [(0, by_worth), (1, in_all)] {
+        let mut ranking = judged.clone();
         ranking.sort_by(|a, b| if rank == 0 { b.0.total_cmp(&a.0) } else { b.1.total_cmp(&a.1) });
         for r in ranking {
             let gap = |m: &Rigid, p: Vec3| m.apply(p.as_dvec3()).distance(r.2.apply(p.as_dvec3()));
@@ -418,14 +431,21 @@ pub fn propose(sides: [&Side<'_>; 2], scales: &Scales, rounds: usize, pool: usiz
         order
     };
     let (by_gain, by_modesty) = (ranked(&|p| p.gain), ranked(&|p| p.gain * f64::from(modesty(p.effort))));
-    let alternating = by_gain.iter().zip(&by_modesty).flat_map(|(a, b)| [rest[*a].clone(), rest[*b].clone()]);
     let winners: Vec<Proposal> = motions.into_iter().map(judge).collect();
+    let mut taken = vec![false; rest.len()];
+    let alternating = by_gain.iter().zip(&by_modesty).flat_map(|(a, b)| [*a, *b]);
+    let alternating = alternating.filter(|&i| !std::mem::replace(&mut taken[i], true)).map(|i| rest[i].clone());
     let proposals = winners.into_iter().chain(alternating);
+    let mut raw: Vec<Rigid> = Vec::new();
     let mut kept: Vec<Proposal> = Vec::new();
     for p in proposals {
         if kept.len() >= pool {
             break;
         }
+        if raw.iter().any(|m| alike(m, &p, sides, scales)) {
+            continue;
+        }
+        raw.push(p.motion);
         for motion in variants(sides, &p, &faces, scales) {
             let candidate = Proposal { motion, ..p.clone() };
             if kept.iter().all(|k| !alike(&k.motion, &candidate, sides, scales)) {
@@ -557,7 +577,7 @@ fn variants(sides: [&Side<'_>; 2], proposal: &Proposal, faces: &[Vec3], scales: 
         first_reach: f64::from(3.0 * scales.spacing),
         last_reach: f64::from(scales.spacing),
         iterations: 15,
-        max_points: 4000,
+        max_points: 800,
     };
     let free = register(points, proposal.motion, None, &options).motion;
     let mut out = vec![free];

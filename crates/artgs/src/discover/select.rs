@@ -59,7 +59,7 @@ fn tabulate(scene: &Scene, search: &[Searchable<'_>; 2], moved: &[Vec<usize>; 2]
     const IDLE_COST: f32 = 0.05;
     const SAMPLE: usize = 5000;
     // What is hidden inside in one state says little against a motion: a twin of the part would show it everything.
-    let costs = LabelCosts { hidden_moved: 0.1, ..LabelCosts::default() };
+    let costs = LabelCosts { hidden_static: 0.25, hidden_moved: 0.1, ..LabelCosts::default() };
     let mut table = Table { columns: pool.len() + 1, costs: Vec::new(), weights: Vec::new() };
     for s in 0..2 {
         let cloud = search[s].cloud;

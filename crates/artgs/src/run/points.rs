@@ -31,7 +31,7 @@ pub struct StartConfig {
 
 impl Default for StartConfig {
     fn default() -> Self {
-        Self { spacing: 0.8, spread: 0.5, flatness: 0.2, opacity: 0.9, sh_degree: 2 }
+        Self { spacing: 1.0, spread: 0.5, flatness: 0.2, opacity: 0.9, sh_degree: 2 }
     }
 }
 
