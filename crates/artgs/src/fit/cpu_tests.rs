@@ -55,7 +55,8 @@ fn images() -> Vec<TrainImage> {
     let image = |state: usize| {
         let eye = DVec3::new(0.4 - state as f64, 0.2, 6.0);
         let camera = Camera::look_at(k, eye, DVec3::ZERO, DVec3::Y);
-        let view = View { name: String::new(), camera, rgba: vec![[0, 0, 0, 255]; 1600], depth: Some(vec![20.0; 1600]) };
+        let view =
+            View { name: String::new(), camera, rgba: vec![[0, 0, 0, 255]; 1600], depth: Some(vec![20.0; 1600]) };
         TrainImage::new(&view, state, 1, DepthPick::Median)
     };
     vec![image(0), image(1)]
@@ -107,7 +108,8 @@ fn backend(membership: Membership, config: DeformConfig) -> CpuBackend {
     };
     // One target each: a change of neighbour would disturb a difference quotient.
     let targets = Arc::new(ChamferTargets::new(&[vec![[0.5, -0.3, 0.2]], vec![[-0.4, -0.3, 0.2]]]));
-    let articulated = Articulated::new(membership, joints(), Some(targets), config, 1);
+    let middles = vec![DVec3::new(0.3, -0.2, 0.5), DVec3::new(-0.4, 0.1, 0.2), DVec3::X];
+    let articulated = Articulated::new(membership, joints(), middles, Some(targets), config, 1);
     let mut backend = CpuBackend::new(images(), train, 1).unwrap();
     let deformation = Deformation::Articulated(Box::new(articulated));
     backend.upload(TrainState { deformation, ..TrainState::new(splats()) }).unwrap();
