@@ -43,7 +43,7 @@ fn main() {
 
 fn report(stage: &str, s: artgs::fit::StepStats, clock: &mut Instant) {
     assert!(s.loss.is_finite(), "loss of step {}", s.step);
-    if s.step % 100 == 0 {
+    if s.step.is_multiple_of(100) {
         let each = clock.elapsed().as_secs_f64() * 10.0;
         println!("{stage} {:5} {each:6.2} ms loss {:.4} {:5.2} dB {:6}", s.step, s.loss, s.psnr, s.gaussians);
         *clock = Instant::now();

@@ -1,5 +1,7 @@
 //! Recovers joints and parts of a known object from its renderings at both states.
 
+#![allow(clippy::unwrap_used)]
+
 use artgs::articulate::{ArticulateConfig, SkinStart, Start, Trained, articulate, score_state};
 use artgs::articulation::{MotionModel, MotionParameters};
 use artgs::fit::{DensifyConfig, FitError, LogLinear, RateConfig, score};
@@ -95,7 +97,7 @@ fn a_tilted_joint_finds_back() {
     for model in [MotionModel::Hinge, MotionModel::Free, MotionModel::Screw] {
         let joints = vec![MotionParameters::from_motion(model, &wrong)];
         let start = Start { splats: truth.splats.clone(), skin: SkinStart::Labels(truth.labels.clone()), joints };
-        let found = run(&truth, start, &gentle(300), 1);
+        let found = run(&truth, start, &gentle(500), 1);
         let errors = (tilt(&found, &truth), open(&found, &truth));
         eprintln!("{model:?}: axis off by {:.3} degrees, motion by {:.3}", errors.0, errors.1);
         assert!(errors.0 < 0.5 && errors.1 < 0.5, "{model:?} {errors:?}");
