@@ -7,6 +7,7 @@ use crate::output::{Report, say};
 use crate::{demo, folder, library, progress};
 use anyhow::Context;
 use artgs::observer::{JsonLines, Tee};
+use artgs_core::Capture;
 use serde_json::json;
 use std::num::NonZeroUsize;
 use std::path::Path;
@@ -33,11 +34,9 @@ pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
 fn reconstruct(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     use_threads(args.method.threads)?;
     let config = library::configure(&settings(&args.method, args.parts))?;
-    if !args.capture.is_dir() {
-        return Err(Failure::bad(format!("{}: no such folder", args.capture.display())));
-    }
+    let capture = library::load(&args.capture)?;
     folder::prepare(&args.out, args.earlier)?;
-    let summary = observed(&args.capture, &args.out, &config, args.earlier.resume, style)?;
+    let summary = observed(&capture, &args.out, &config, args.earlier.resume, style)?;
     if style.json {
         return say(json!({ "event": "result", "out": args.out, "summary": summary.json }));
     }
@@ -64,7 +63,7 @@ fn evaluate(args: &Evaluate, style: Style) -> Result<(), Failure> {
 
 /// Runs the method while showing its events and appending them to the folder's event file.
 pub(crate) fn observed(
-    capture: &Path,
+    capture: &Capture,
     out: &Path,
     config: &Config,
     resume: bool,

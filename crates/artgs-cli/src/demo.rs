@@ -24,7 +24,8 @@ pub(crate) fn run(args: &Demo, style: Style) -> Result<(), Failure> {
     if !(args.earlier.resume && found == Found::Same) {
         write_cabinet(&capture, &options).map_err(anyhow::Error::from)?;
     }
-    let summary = observed(&capture, &replica, &config, args.earlier.resume, style)?;
+    let loaded = library::load(&capture)?;
+    let summary = observed(&loaded, &replica, &config, args.earlier.resume, style)?;
     let scores = library::evaluate(&replica, &capture.join("gt"))?;
     write_json(&args.out.join("scores.json"), &scores)?;
     if style.json {

@@ -4,7 +4,10 @@ use crate::args::Preset;
 use crate::failure::Failure;
 use crate::output::Report;
 use artgs::observer::Observer;
+use artgs_core::Capture;
 use std::path::{Path, PathBuf};
+
+pub(crate) use artgs::Config;
 
 /// What the command line says about the method.
 #[derive(Clone, Debug)]
@@ -15,37 +18,52 @@ pub(crate) struct Settings {
     pub(crate) seed: Option<u64>,
 }
 
-/// The complete configuration of a run.
-pub(crate) type Config = Settings;
+/// Reads a capture.
+pub(crate) fn load(capture: &Path) -> Result<Capture, Failure> {
+    artgs_io::load_capture(capture).map_err(|error| Failure::BadInput(error.into()))
+}
 
 /// What a capture contains.
 pub(crate) fn inspect(capture: &Path) -> Result<Report, Failure> {
-    let capture = artgs_io::load_capture(capture).map_err(|error| Failure::BadInput(error.into()))?;
-    Report::new(&artgs_io::summarize(&capture))
+    Report::new(&artgs_io::summarize(&load(capture)?))
 }
 
 /// The preset, overridden by the file, overridden by the flags.
 pub(crate) fn configure(settings: &Settings) -> Result<Config, Failure> {
+    let mut config = match settings.preset {
+        Preset::Default => Config::default(),
+        Preset::Paper => Config::paper(),
+    };
     if let Some(file) = &settings.file {
-        std::fs::read_to_string(file).map_err(|e| Failure::bad(format!("{}: {e}", file.display())))?;
+        let text = std::fs::read_to_string(file).map_err(|e| Failure::bad(format!("{}: {e}", file.display())))?;
+        config = config.overridden_by(&text).map_err(|e| Failure::bad(format!("{}: {e}", file.display())))?;
     }
-    Ok(settings.clone())
+    config.parts = settings.parts.or(config.parts);
+    config.seed = settings.seed.unwrap_or(config.seed);
+    config.check().map_err(Failure::bad)?;
+    if config.parts.is_none() {
+        return Err(Failure::bad(artgs::Error::PartsMissing));
+    }
+    Ok(config)
 }
 
 /// Runs the method on a capture; files go to `out`.
 pub(crate) fn reconstruct(
-    capture: &Path,
+    capture: &Capture,
     out: &Path,
     config: &Config,
     resume: bool,
     observer: &mut dyn Observer,
 ) -> Result<Report, Failure> {
-    let _ = (capture, out, config.preset.name(), config.parts, config.seed, resume, observer);
-    Err(anyhow::anyhow!("the method is not built into this program").into())
+    Report::new(&artgs::reconstruct(capture, out, config, resume, observer).map_err(failure)?)
 }
 
 /// Scores a replica against the truth.
 pub(crate) fn evaluate(out: &Path, gt: &Path) -> Result<Report, Failure> {
-    let _ = (out, gt);
-    Err(anyhow::anyhow!("the scores are not built into this program").into())
+    // Whatever is wrong with files that only are read is the caller's to mend.
+    Report::new(&artgs::run::evaluate(out, gt).map_err(|e| Failure::BadInput(e.into()))?)
+}
+
+fn failure(error: artgs::Error) -> Failure {
+    if error.is_bad_input() { Failure::BadInput(error.into()) } else { Failure::Failed(error.into()) }
 }

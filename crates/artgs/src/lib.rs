@@ -3,10 +3,15 @@
 pub mod articulate;
 pub mod articulation;
 pub mod canonical;
+pub mod config;
 pub mod discover;
 pub mod evaluate;
 pub mod fit;
 pub mod neighbours;
 pub mod observer;
+pub mod run;
 pub mod surface;
 pub mod synth;
+
+pub use config::Config;
+pub use run::{Error, Summary, reconstruct};

@@ -94,6 +94,22 @@ fn bounds(clouds: [&Cloud; 2]) -> (Vec3, Vec3) {
     (Vec3::new(x.0, y.0, z.0), Vec3::new(x.1, y.1, z.1))
 }
 
+/// A view with its depth map, measured or rendered.
+#[derive(Clone, Copy, Debug)]
+pub struct DepthPicture<'a> {
+    /// Camera, colours and mask.
+    pub view: &'a View,
+    /// Planar depth, scene units, `[height * width]`, 0 where there is none.
+    pub depth: &'a [f32],
+}
+
+impl<'a> DepthPicture<'a> {
+    fn prepared(&self) -> (DepthView, &'a [[u8; 4]]) {
+        let mask: Vec<bool> = self.view.rgba.iter().map(|p| p[3] >= 128).collect();
+        (DepthView::new(self.view.camera, self.depth.to_vec(), &mask), &self.view.rgba)
+    }
+}
+
 /// Both states prepared for discovery.
 pub struct Scene {
     /// Start and end.
@@ -107,8 +123,9 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Back-projects both states. `views[s]` pairs each depth map with its picture.
-    pub fn new(views: [Vec<(DepthView, &[[u8; 4]])>; 2], config: &DiscoverConfig) -> Result<Self, DiscoverError> {
+    /// Back-projects both states.
+    pub fn new(pictures: [&[DepthPicture<'_>]; 2], config: &DiscoverConfig) -> Result<Self, DiscoverError> {
+        let views = pictures.map(|p| p.par_iter().map(DepthPicture::prepared).collect::<Vec<_>>());
         let coarse = |v: &[(DepthView, &[[u8; 4]])]| {
             let mut c = Cloud::default();
             v.iter().for_each(|(d, rgba)| c.append(&observe::surface_points(d, rgba, 5)));
@@ -163,18 +180,6 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
     let least = (config.least_share * total as f64).max(24.0);
     let pool = propose::propose([&sides[0], &sides[1]], &scene.scales, movable + 2, 120, least);
     let chosen = select::select(scene, &search, &moved, &pool, movable);
-    for (i, p) in pool.iter().enumerate() {
-        eprintln!(
-            "DBG {i} {} gain {:.0} effort {:.3} angle {:.1} t {:.3} n {} {}",
-            if chosen.contains(&i) { '*' } else { ' ' },
-            p.gain,
-            p.effort,
-            p.motion.angle().to_degrees(),
-            p.motion.translation,
-            p.explained[0].len(),
-            p.explained[1].len()
-        );
-    }
     let mut warnings = Vec::new();
     if chosen.len() < movable {
         let found = chosen.len();
@@ -291,9 +296,4 @@ fn choose_joint(
     let hinge_wins = free.motion.angle().to_degrees() > revolute_deg
         || (hinge.rms < 0.7 * slide.rms && hinge.pairs as f64 > 0.95 * slide.pairs as f64);
     if hinge_wins { (JointKind::Revolute, hinge) } else { (JointKind::Prismatic, slide) }
-}
-
-/// Pairs of depth map and picture of all views that have depth.
-pub fn depth_views(views: &[View]) -> Vec<(DepthView, &[[u8; 4]])> {
-    views.par_iter().filter_map(|v| Some((DepthView::from_view(v)?, v.rgba.as_slice()))).collect()
 }

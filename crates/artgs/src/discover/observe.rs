@@ -1,6 +1,6 @@
 //! What depth says about a state: oriented surface points, and which places were seen to be empty.
 
-use artgs_core::{Camera, View};
+use artgs_core::Camera;
 use glam::{DVec2, Mat3, Vec3};
 use nalgebra::{Matrix3, SymmetricEigen};
 use rayon::prelude::*;
@@ -52,12 +52,6 @@ impl DepthView {
         }
         let m = camera.world_to_camera;
         Self { camera, depth, rotation: m.matrix().as_mat3(), translation: m.translation.as_vec3(), nearest, farthest }
-    }
-
-    /// From a capture's view; `None` if it has no depth.
-    pub fn from_view(view: &View) -> Option<Self> {
-        let mask: Vec<bool> = view.rgba.iter().map(|p| p[3] >= 128).collect();
-        Some(Self::new(view.camera, view.depth.clone()?, &mask))
     }
 
     /// Pixel index and view depth of a world point, if it falls into the image.

@@ -521,9 +521,9 @@ fn weigh(
         explained[s] = open[s].iter().zip(&values).filter(|(_, v)| **v > 0.3 * STALE).map(|(i, _)| *i).collect();
         gain += values.iter().filter(|v| **v > 0.0).map(|v| f64::from(*v)).sum::<f64>();
     }
-    let cloud = sides[0].points.cloud;
-    let sample = sample_of(cloud, &explained[0], 300);
-    let effort = effort(&motion, &sample, scales);
+    let s = usize::from(explained[1].len() > explained[0].len());
+    let sample = sample_of(sides[s].points.cloud, &explained[s], 300);
+    let effort = effort(&if s == 0 { motion } else { motion.inverse() }, &sample, scales);
     Proposal { motion, explained, gain: gain * f64::from(1.0 - effort), effort }
 }
 

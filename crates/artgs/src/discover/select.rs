@@ -35,11 +35,6 @@ pub fn select(
         chosen.push(c);
     }
     let mut best = energy(&table, &chosen, None);
-    eprintln!("DBG E {best} rest {}", energy(&table, &[], None));
-    for slot in 0..chosen.len() {
-        let rest: Vec<usize> = chosen.iter().enumerate().filter(|(i, _)| *i != slot).map(|(_, c)| *c).collect();
-        eprintln!("DBG without {} {}", chosen[slot], energy(&table, &rest, None));
-    }
     loop {
         let mut exchange = None;
         for slot in 0..chosen.len() {
@@ -63,7 +58,8 @@ fn tabulate(scene: &Scene, search: &[Searchable<'_>; 2], moved: &[Vec<usize>; 2]
     const IDLE_WEIGHT: f32 = 0.5;
     const IDLE_COST: f32 = 0.05;
     const SAMPLE: usize = 5000;
-    let costs = LabelCosts::default();
+    // What is hidden inside in one state says little against a motion: a twin of the part would show it everything.
+    let costs = LabelCosts { hidden_moved: 0.1, ..LabelCosts::default() };
     let mut table = Table { columns: pool.len() + 1, costs: Vec::new(), weights: Vec::new() };
     for s in 0..2 {
         let cloud = search[s].cloud;
@@ -83,7 +79,7 @@ fn tabulate(scene: &Scene, search: &[Searchable<'_>; 2], moved: &[Vec<usize>; 2]
             let mut rows = data_costs(&own, &search[1 - s], views, &to_other, tolerance, spacing, &costs);
             for row in rows.chunks_mut(table.columns) {
                 for (cost, proposal) in row[1..].iter_mut().zip(pool) {
-                    *cost += extra + 0.5 * proposal.effort;
+                    *cost += extra + proposal.effort;
                 }
             }
             table.costs.extend(rows);

@@ -76,12 +76,13 @@ impl DensifyConfig {
 }
 
 impl Default for DensifyConfig {
-    /// For Gaussians that start on the surface: few are missing, so no resets, no size limit on screen, fewer births.
+    /// For Gaussians that start on the surface: few are missing, so no resets, no size limit on screen, fewer births,
+    /// none in the second half of the run: more or later births cost held-out quality there.
     fn default() -> Self {
         Self {
             after: 200,
-            before: 1000,
-            grad_threshold: 4e-4,
+            before: 601,
+            grad_threshold: 1e-3,
             prune_opacity: 0.02,
             late_after: 400,
             late_prune_opacity: 0.02,

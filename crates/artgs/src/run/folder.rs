@@ -1,0 +1,103 @@
+//! What stages save between them.
+
+use super::Error;
+use super::points::{points_as_splats, splats_as_points};
+use crate::articulate::Trained;
+use crate::articulation::{MotionModel, MotionParameters};
+use crate::discover::{Discovery, FoundPart};
+use artgs_core::{JointKind, STATE_NAMES, Splats};
+use artgs_io::{FileError, read_splat_ply, write_atomic, write_splat_ply};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Frame named in the PLY files.
+pub(super) const CANONICAL: &str = "canonical: world frame of the capture, parts midway between start and end";
+
+/// Files of a run.
+#[derive(Clone, Debug)]
+pub(super) struct Folder {
+    pub(super) root: PathBuf,
+}
+
+#[derive(Serialize, Deserialize)]
+struct FoundFile {
+    parts: Vec<FoundPart>,
+    diagonal: f64,
+    spacing: f64,
+    tolerance: f64,
+    warnings: Vec<String>,
+}
+
+impl Folder {
+    pub(super) fn new(root: &Path) -> Self {
+        Self { root: root.to_path_buf() }
+    }
+
+    fn stage(&self, name: &str) -> PathBuf {
+        self.root.join("stages").join(name)
+    }
+
+    pub(super) fn write_json(&self, path: &Path, value: &impl Serialize) -> Result<(), Error> {
+        let text = serde_json::to_string_pretty(value).unwrap_or_default();
+        write_atomic(path, format!("{text}\n").as_bytes())?;
+        Ok(())
+    }
+
+    fn read_json<T: for<'a> Deserialize<'a>>(&self, name: &str) -> Option<T> {
+        serde_json::from_slice(&std::fs::read(self.stage(name)).ok()?).ok()
+    }
+
+    pub(super) fn save_single(&self, single: &[Splats; 2]) -> Result<(), FileError> {
+        for (splats, state) in single.iter().zip(STATE_NAMES) {
+            write_splat_ply(&self.stage(&format!("single_{state}.ply")), splats, None, state)?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn load_single(&self) -> Option<[Splats; 2]> {
+        let load = |state: &str| Some(read_splat_ply(&self.stage(&format!("single_{state}.ply"))).ok()?.0);
+        Some([load(STATE_NAMES[0])?, load(STATE_NAMES[1])?])
+    }
+
+    pub(super) fn save_discovery(&self, found: &Discovery) -> Result<(), Error> {
+        for (s, state) in STATE_NAMES.iter().enumerate() {
+            let splats = points_as_splats(&found.clouds[s], found.spacing);
+            write_splat_ply(&self.stage(&format!("points_{state}.ply")), &splats, Some(&found.labels[s]), state)?;
+        }
+        let Discovery { parts, diagonal, spacing, tolerance, warnings, .. } = found.clone();
+        self.write_json(&self.stage("parts.json"), &FoundFile { parts, diagonal, spacing, tolerance, warnings })
+    }
+
+    pub(super) fn load_discovery(&self) -> Option<Discovery> {
+        let FoundFile { parts, diagonal, spacing, tolerance, warnings } = self.read_json("parts.json")?;
+        let load = |state: &str| {
+            let (splats, labels) = read_splat_ply(&self.stage(&format!("points_{state}.ply"))).ok()?;
+            Some((splats_as_points(&splats), labels?))
+        };
+        let ((start, start_labels), (end, end_labels)) = (load(STATE_NAMES[0])?, load(STATE_NAMES[1])?);
+        let (clouds, labels) = ([start, end], [start_labels, end_labels]);
+        Some(Discovery { clouds, labels, parts, diagonal, spacing, tolerance, warnings })
+    }
+
+    pub(super) fn save_trained(&self, trained: &Trained, parts: &[FoundPart]) -> Result<(), Error> {
+        write_splat_ply(&self.stage("articulated.ply"), &trained.splats, Some(&trained.labels), CANONICAL)?;
+        self.write_json(&self.stage("joints.json"), &parts)
+    }
+
+    pub(super) fn load_trained(&self) -> Option<(Trained, Vec<FoundPart>)> {
+        let parts: Vec<FoundPart> = self.read_json("joints.json")?;
+        let (splats, labels) = read_splat_ply(&self.stage("articulated.ply")).ok()?;
+        let joints = motion_parameters(&parts);
+        Some((Trained { splats, labels: labels?, joints }, parts))
+    }
+}
+
+/// Optimiser's form of found motions.
+pub(super) fn motion_parameters(parts: &[FoundPart]) -> Vec<MotionParameters> {
+    let model = |kind| match kind {
+        JointKind::Prismatic => MotionModel::Prismatic,
+        JointKind::Revolute => MotionModel::Hinge,
+        JointKind::Screw => MotionModel::Screw,
+    };
+    parts.iter().map(|p| MotionParameters::from_motion(model(p.kind), &p.motion)).collect()
+}

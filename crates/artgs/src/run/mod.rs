@@ -1,0 +1,168 @@
+//! A whole run: stages in order, each saved in the output folder so that a later run can go on from there.
+
+pub mod assemble;
+mod folder;
+pub mod points;
+pub mod preview;
+pub mod rendered;
+mod stages;
+
+use crate::articulate::Trained;
+use crate::config::{Config, ConfigError, Method};
+use crate::discover::{DiscoverError, FoundPart};
+use crate::evaluate::{EvaluateConfig, Scores, Truth};
+use crate::fit::FitError;
+use crate::observer::Observer;
+use crate::surface::{PartMeshes, SurfaceError};
+use artgs_core::{Capture, STATE_NAMES};
+use artgs_io::FileError;
+use serde::Serialize;
+use stages::Run;
+use std::fmt;
+use std::path::Path;
+
+/// Why a run stopped.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The number of parts was not given.
+    #[error(
+        "the number of parts is not known: give --parts K (or `parts` in the configuration), counting the static part; \
+         a cabinet with two drawers has K = 3"
+    )]
+    PartsMissing,
+    /// The output folder was made with other settings.
+    #[error("{0} was made with other settings; give the same ones to resume, or start afresh in another folder")]
+    OtherSettings(String),
+    /// Settings that cannot be used.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// Parts could not be found.
+    #[error(transparent)]
+    Discover(#[from] DiscoverError),
+    /// Training failed.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+    /// Meshing failed.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+    /// A file could not be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A replica could not be read or written.
+    #[error(transparent)]
+    Replica(#[from] artgs_io::replica::ReplicaFileError),
+}
+
+impl Error {
+    /// True if the user has to change the capture, the settings or the command.
+    pub fn is_bad_input(&self) -> bool {
+        match self {
+            Self::PartsMissing | Self::OtherSettings(_) | Self::Config(_) | Self::Discover(_) | Self::Replica(_) => {
+                true
+            }
+            Self::Fit(_) | Self::Surface(_) | Self::File(_) => false,
+        }
+    }
+}
+
+/// What a run achieved; also `metrics.json`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Summary {
+    /// Parts found, the static one included.
+    pub parts: usize,
+    /// Gaussians.
+    pub gaussians: usize,
+    /// Held-out pictures of start and end, over black; none without test views.
+    pub test: [Option<ViewMeans>; 2],
+    /// Training pictures of start and end.
+    pub train: [Option<ViewMeans>; 2],
+    /// Wall-clock seconds of each stage, in order; stages taken from an earlier run are left out.
+    pub seconds: Vec<(String, f64)>,
+    /// Wall-clock seconds of this run.
+    pub total_seconds: f64,
+    /// Largest resident memory of the process, MiB, where the system tells.
+    pub peak_memory_mib: Option<f64>,
+    /// What was odd, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Means over the views of a state.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ViewMeans {
+    /// Peak signal-to-noise ratio, dB.
+    pub psnr: f64,
+    /// Structural similarity.
+    pub ssim: f64,
+    /// Number of views.
+    pub views: usize,
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{} parts, {} Gaussians, {:.1} s", self.parts, self.gaussians, self.total_seconds)?;
+        for (kind, means) in [("test", &self.test), ("train", &self.train)] {
+            for (state, mean) in STATE_NAMES.iter().zip(means) {
+                if let Some(m) = mean {
+                    writeln!(f, "{kind:5} {state:5} PSNR {:.2} dB  SSIM {:.4}  ({} views)", m.psnr, m.ssim, m.views)?;
+                }
+            }
+        }
+        for warning in &self.warnings {
+            writeln!(f, "warning: {warning}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Trained object with what the surfaces are made from.
+pub(crate) struct Built {
+    /// Canonical Gaussians, labels and motions.
+    pub(crate) trained: Trained,
+    /// Movable parts: kinds and motions from start to end.
+    pub(crate) parts: Vec<FoundPart>,
+}
+
+/// Makes a replica of a capture in the folder `out`. With `resume` stages that an earlier run saved there are taken
+/// over. The same seed on the same machine gives the same files.
+pub fn reconstruct(
+    capture: &Capture,
+    out: &Path,
+    config: &Config,
+    resume: bool,
+    observer: &mut dyn Observer,
+) -> Result<Summary, Error> {
+    config.check()?;
+    let parts = config.parts.ok_or(Error::PartsMissing)?;
+    let mut run = Run::open(capture, out, config, resume, observer)?;
+    let (built, meshes) = match config.method {
+        Method::Registration => {
+            let depths = run.depths()?;
+            let found = run.discover(&depths, parts)?;
+            let built = run.articulate(&found)?;
+            let meshes = run.surface(&depths, &found, &built)?;
+            (built, meshes)
+        }
+        Method::Paper => {
+            let single = run.single()?;
+            let built = run.published(&single, parts)?;
+            let meshes = run.rendered_surface(&built)?;
+            (built, meshes)
+        }
+    };
+    run.assemble(&built, &meshes)
+}
+
+/// Scores the replica in the folder `out` against the ground truth in the folder `gt`.
+pub fn evaluate(out: &Path, gt: &Path) -> Result<Scores, Error> {
+    let replica = artgs_io::read_replica(out)?;
+    let mesh = |path: &str| artgs_io::read_mesh_ply(&out.join(path));
+    let mut parts = Vec::new();
+    for part in &replica.parts {
+        parts.push([mesh(part.meshes.get(0))?, mesh(part.meshes.get(1))?]);
+    }
+    let whole = [mesh(replica.whole.get(0))?, mesh(replica.whole.get(1))?];
+    let truth = artgs_io::load_ground_truth(gt)?;
+    let truth = Truth { joints: truth.joints, whole: truth.whole, fixed: truth.fixed, movable: truth.movable };
+    let meshes = PartMeshes { parts, whole };
+    Ok(crate::evaluate::evaluate(&replica, &meshes, &truth, &EvaluateConfig::default()))
+}

@@ -1,0 +1,147 @@
+//! From labelled surface points to the first canonical Gaussians, and from labelled points to labelled pixels.
+
+use crate::discover::Discovery;
+use crate::discover::observe::Cloud;
+use crate::fit::densify::logit;
+use crate::neighbours::PointTree;
+use crate::surface::part_meshes::BACKGROUND;
+use artgs_core::{Rigid, Splats, View};
+use glam::{DVec2, Quat, Vec3};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Zeroth real spherical harmonic.
+const SH0: f32 = 0.282_094_8;
+
+/// Settings of the first canonical Gaussians.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StartConfig {
+    /// Distance between Gaussians relative to the distance between labelled points.
+    pub spacing: f64,
+    /// Standard deviation along the surface relative to the distance between Gaussians.
+    pub spread: f64,
+    /// Standard deviation along the normal relative to that along the surface.
+    pub flatness: f64,
+    /// Opacity in (0, 1).
+    pub opacity: f64,
+    /// Degree of harmonics, 0 to 3.
+    pub sh_degree: usize,
+}
+
+impl Default for StartConfig {
+    fn default() -> Self {
+        Self { spacing: 0.8, spread: 0.5, flatness: 0.2, opacity: 0.9, sh_degree: 2 }
+    }
+}
+
+/// Canonical Gaussians on the labelled points of both states, each point moved to the canonical frame with its part;
+/// what both states show appears once. Also returns the part of each.
+pub fn canonical_start(found: &Discovery, config: &StartConfig) -> (Splats, Vec<u16>) {
+    let spacing = (found.spacing * config.spacing) as f32;
+    let mut splats = Splats::empty(config.sh_degree);
+    let mut labels = Vec::new();
+    for part in 0..=found.parts.len() {
+        let half = if part == 0 { Rigid::IDENTITY } else { found.parts[part - 1].motion.power(0.5) };
+        let mut cloud = Cloud::default();
+        for state in 0..2 {
+            let to_canonical = if state == 0 { half } else { half.inverse() };
+            let members: Vec<usize> =
+                (0..found.labels[state].len()).filter(|&i| found.labels[state][i] as usize == part).collect();
+            cloud.append(&moved(&found.clouds[state].select(&members), &to_canonical));
+        }
+        let cloud = cloud.thinned(spacing);
+        for i in 0..cloud.len() {
+            push_disc(&mut splats, &cloud, i, spacing, config);
+            labels.push(part as u16);
+        }
+    }
+    (splats, labels)
+}
+
+/// Labelled points as small Gaussians, for saving and for looking at.
+pub fn points_as_splats(cloud: &Cloud, spacing: f64) -> Splats {
+    let mut splats = Splats::empty(0);
+    let config = StartConfig { sh_degree: 0, ..StartConfig::default() };
+    (0..cloud.len()).for_each(|i| push_disc(&mut splats, cloud, i, spacing as f32, &config));
+    splats
+}
+
+/// Inverse of [`points_as_splats`] but for the roughness, which is not kept.
+pub fn splats_as_points(splats: &Splats) -> Cloud {
+    let mut cloud = Cloud::default();
+    let stride = splats.sh_stride();
+    for i in 0..splats.len() {
+        let [w, x, y, z] = splats.rotations[i];
+        cloud.points.push(Vec3::from_array(splats.means[i]));
+        cloud.normals.push(Quat::from_xyzw(x, y, z, w).normalize() * Vec3::Z);
+        let c = &splats.sh[i * stride..i * stride + 3];
+        cloud.colors.push(Vec3::new(c[0], c[1], c[2]) * SH0 + 0.5);
+        cloud.roughness.push(0.0);
+    }
+    cloud
+}
+
+fn push_disc(splats: &mut Splats, cloud: &Cloud, i: usize, spacing: f32, config: &StartConfig) {
+    let turn = Quat::from_rotation_arc(Vec3::Z, cloud.normals[i].normalize_or(Vec3::Z));
+    let wide = spacing * config.spread as f32;
+    splats.means.push(cloud.points[i].to_array());
+    splats.rotations.push([turn.w, turn.x, turn.y, turn.z]);
+    splats.log_scales.push([wide.ln(), wide.ln(), (wide * config.flatness as f32).ln()]);
+    splats.logit_opacities.push(logit(config.opacity as f32));
+    let sh = splats.sh.len();
+    splats.sh.resize(sh + splats.sh_stride(), 0.0);
+    let dc = (cloud.colors[i] - 0.5) / SH0;
+    splats.sh[sh..sh + 3].copy_from_slice(&dc.to_array());
+}
+
+fn moved(cloud: &Cloud, motion: &Rigid) -> Cloud {
+    let mut out = cloud.clone();
+    out.points.iter_mut().for_each(|p| *p = motion.apply(p.as_dvec3()).as_vec3());
+    out.normals.iter_mut().for_each(|n| *n = motion.turn(n.as_dvec3()).as_vec3());
+    out
+}
+
+/// Part of every pixel that has depth, by the nearest labelled points of the view's state; [`BACKGROUND`] elsewhere.
+pub fn label_pixels(views: &[View], depths: &[&[f32]], cloud: &Cloud, labels: &[u16]) -> Vec<Vec<u16>> {
+    let points: Vec<[f32; 3]> = cloud.points.iter().map(|p| p.to_array()).collect();
+    let tree = PointTree::new(&points);
+    views
+        .par_iter()
+        .zip(depths)
+        .map(|(view, depth)| {
+            let width = view.size().0;
+            let label = |(i, d): (usize, &f32)| {
+                if *d <= 0.0 {
+                    return BACKGROUND;
+                }
+                let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+                let p = view.camera.unproject(pixel, f64::from(*d)).as_vec3().to_array();
+                tree.nearest(&p).map_or(BACKGROUND, |(j, _)| labels[j])
+            };
+            depth.iter().enumerate().map(label).collect()
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_survive_being_splats() {
+        let mut cloud = Cloud::default();
+        for i in 0..20 {
+            let t = i as f32;
+            cloud.points.push(Vec3::new(t, t.sin(), 0.5));
+            cloud.normals.push(Vec3::new(t.sin(), t.cos(), (0.3 * t).cos()).normalize());
+            cloud.colors.push(Vec3::new(0.1, 0.5, t / 20.0));
+            cloud.roughness.push(0.0);
+        }
+        let back = splats_as_points(&points_as_splats(&cloud, 0.1));
+        for i in 0..20 {
+            assert!(back.points[i] == cloud.points[i] && back.normals[i].dot(cloud.normals[i]) > 0.99999);
+            assert!((back.colors[i] - cloud.colors[i]).length() < 1e-5);
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! `preview.png`: both states, photograph beside rendering beside parts in colours with their axes.
+
+use super::{Built, Error};
+use crate::articulate::Posed;
+use artgs_core::{Camera, Capture, Joint, JointKind, View};
+use artgs_raster::Rasterizer;
+use glam::{DVec2, DVec3};
+use std::path::Path;
+
+/// Colours of parts, repeated when they run out; the static part is grey.
+const PALETTE: [[f32; 3]; 8] = [
+    [0.90, 0.29, 0.23],
+    [0.20, 0.55, 0.85],
+    [0.30, 0.70, 0.35],
+    [0.95, 0.70, 0.15],
+    [0.60, 0.35, 0.75],
+    [0.10, 0.75, 0.75],
+    [0.90, 0.45, 0.70],
+    [0.55, 0.45, 0.30],
+];
+const STATIC: [f32; 3] = [0.65, 0.65, 0.68];
+const AXIS: [f32; 3] = [1.0, 1.0, 0.2];
+const BACKGROUND: f32 = 0.12;
+
+/// Colour of a part in pictures.
+pub fn part_color(part: usize) -> [f32; 3] {
+    if part == 0 { STATIC } else { PALETTE[(part - 1) % PALETTE.len()] }
+}
+
+/// A picture under construction, sRGB in [0, 1].
+struct Canvas {
+    width: usize,
+    height: usize,
+    pixels: Vec<[f32; 3]>,
+}
+
+impl Canvas {
+    fn new(width: usize, height: usize) -> Self {
+        Self { width, height, pixels: vec![[BACKGROUND; 3]; width * height] }
+    }
+
+    fn put(&mut self, x: usize, y: usize, color: [f32; 3]) {
+        if x < self.width && y < self.height {
+            self.pixels[y * self.width + x] = color;
+        }
+    }
+
+    fn line(&mut self, tile: (usize, usize), from: DVec2, to: DVec2, size: DVec2, color: [f32; 3]) {
+        let steps = (to - from).abs().max_element().min(4.0 * size.max_element()) as usize + 1;
+        for i in 0..=steps {
+            let p = from.lerp(to, i as f64 / steps as f64);
+            if p.cmpge(DVec2::ZERO).all() && p.cmplt(size - 1.0).all() {
+                for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                    self.put(tile.0 + p.x as usize + dx, tile.1 + p.y as usize + dy, color);
+                }
+            }
+        }
+    }
+}
+
+/// Draws two views of each state.
+pub(super) fn write_preview(root: &Path, capture: &Capture, built: &Built, rotate_sh: bool) -> Result<(), Error> {
+    let views = |s: usize| &capture.states[s].train;
+    let (w, h) = views(0).iter().chain(views(1)).map(View::size).fold((0, 0), |a, b| (a.0.max(b.0), a.1.max(b.1)));
+    let mut canvas = Canvas::new(6 * w, 2 * h);
+    let mut rasterizer = Rasterizer::new();
+    for state in 0..2 {
+        let posed = built.trained.posed(state);
+        for (column, pick) in best_views(&posed, views(state), &mut rasterizer).into_iter().enumerate() {
+            let view = &views(state)[pick];
+            let at = |tile: usize| ((3 * column + tile) * w, state * h);
+            photograph(&mut canvas, at(0), view);
+            rendering(&mut canvas, at(1), view, &posed, rotate_sh, &mut rasterizer);
+            parts(&mut canvas, at(2), view, &posed, &mut rasterizer);
+            axes(&mut canvas, at(2), &view.camera, built, state);
+        }
+    }
+    let bytes: Vec<[u8; 3]> =
+        canvas.pixels.iter().map(|p| p.map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)).collect();
+    artgs_io::image_io::write_rgb(&root.join("preview.png"), canvas.width as u32, canvas.height as u32, &bytes)?;
+    Ok(())
+}
+
+/// The view that shows most of the movable parts, and the one that shows most of them from elsewhere.
+fn best_views(posed: &Posed<'_>, views: &[View], rasterizer: &mut Rasterizer) -> Vec<usize> {
+    let movable: Vec<[f32; 3]> = posed.labels.iter().map(|l| [f32::from(u8::from(*l > 0)); 3]).collect();
+    let mut ranked: Vec<(f32, usize)> = (0..views.len())
+        .map(|i| {
+            let frame = posed.render_fixed(rasterizer, &views[i].camera, &movable);
+            (frame.rgb[..frame.alpha.len()].iter().sum::<f32>(), i)
+        })
+        .collect();
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let eye = |i: usize| views[i].camera.position();
+    let Some(&(_, first)) = ranked.first() else { return Vec::new() };
+    let centre = views.iter().map(|v| v.camera.position()).sum::<DVec3>() / views.len() as f64;
+    let apart = |i: usize| (eye(i) - eye(first)).length() > 0.5 * (eye(first) - centre).length();
+    let second = ranked.iter().map(|r| r.1).find(|&i| i != first && apart(i));
+    std::iter::once(first).chain(second).collect()
+}
+
+fn photograph(canvas: &mut Canvas, tile: (usize, usize), view: &View) {
+    let w = view.size().0;
+    for (i, p) in view.rgba.iter().enumerate() {
+        let a = f32::from(p[3]) / 255.0;
+        let mix = |c: u8| f32::from(c) / 255.0 * a + BACKGROUND * (1.0 - a);
+        canvas.put(tile.0 + i % w, tile.1 + i / w, [mix(p[0]), mix(p[1]), mix(p[2])]);
+    }
+}
+
+fn paste(canvas: &mut Canvas, tile: (usize, usize), frame: &artgs_raster::Frame) {
+    let n = frame.alpha.len();
+    for i in 0..n {
+        let behind = BACKGROUND * (1.0 - frame.alpha[i]);
+        let color = [0, 1, 2].map(|c| frame.rgb[c * n + i] + behind);
+        canvas.put(tile.0 + i % frame.width, tile.1 + i / frame.width, color);
+    }
+}
+
+fn rendering(
+    canvas: &mut Canvas,
+    tile: (usize, usize),
+    view: &View,
+    posed: &Posed<'_>,
+    rotate_sh: bool,
+    rasterizer: &mut Rasterizer,
+) {
+    paste(canvas, tile, posed.render(rasterizer, &view.camera, rotate_sh));
+}
+
+fn parts(canvas: &mut Canvas, tile: (usize, usize), view: &View, posed: &Posed<'_>, rasterizer: &mut Rasterizer) {
+    // Shaded by the luminance of the photograph, so that shapes stay readable.
+    let colors: Vec<[f32; 3]> = posed.labels.iter().map(|l| part_color(usize::from(*l))).collect();
+    let frame = posed.render_fixed(rasterizer, &view.camera, &colors);
+    let mut shaded = frame.clone();
+    let n = shaded.alpha.len();
+    for (i, p) in view.rgba.iter().enumerate() {
+        let luminance = (0.3 * f32::from(p[0]) + 0.6 * f32::from(p[1]) + 0.1 * f32::from(p[2])) / 255.0;
+        (0..3).for_each(|c| shaded.rgb[c * n + i] *= 0.55 + 0.6 * luminance);
+    }
+    paste(canvas, tile, &shaded);
+}
+
+/// Axes of the joints: through the hinge, or from the part's centre along the slide.
+fn axes(canvas: &mut Canvas, tile: (usize, usize), camera: &Camera, built: &Built, state: usize) {
+    let posed = built.trained.at_state(state);
+    for (k, part) in built.parts.iter().enumerate() {
+        let members = (0..posed.len()).filter(|&i| usize::from(built.trained.labels[i]) == k + 1);
+        let points: Vec<DVec3> = members.map(|i| DVec3::from_array(posed.means[i].map(f64::from))).collect();
+        if points.is_empty() {
+            continue;
+        }
+        let centre = points.iter().sum::<DVec3>() / points.len() as f64;
+        let joint = Joint::from_motion(part.kind, &part.motion).with_origin_near(centre);
+        let along = |p: &DVec3| (*p - joint.origin).dot(joint.axis);
+        let (lo, hi) =
+            points.iter().map(along).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        let margin = 0.15 * (hi - lo);
+        let (from, to) = match joint.kind {
+            JointKind::Prismatic => (0.0, joint.state_values[1]),
+            _ => (lo - margin, hi + margin),
+        };
+        let ends = [from, to].map(|x| camera.project(joint.origin + joint.axis * x));
+        if ends.iter().all(|e| e.1 > 0.0) {
+            let size = DVec2::new(camera.intrinsics.width.into(), camera.intrinsics.height.into());
+            canvas.line(tile, ends[0].0, ends[1].0, size, AXIS);
+        }
+    }
+}

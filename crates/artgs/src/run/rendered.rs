@@ -1,0 +1,79 @@
+//! Depth seen through Gaussians, where photographs have none or the published method does not use it.
+
+use crate::articulate::Trained;
+use crate::fit::score::render_view;
+use crate::surface::part_meshes::{PartMeshes, fuse};
+use crate::surface::{DepthView, PixelUse, SurfaceConfig, TsdfParams};
+use artgs_core::{Mesh, Splats, View};
+use artgs_raster::{Frame, Rasterizer};
+use rayon::prelude::*;
+
+/// Depth divided by alpha where the rendering is mostly opaque and the photograph shows the object, else 0.
+fn opaque_depth(frame: &Frame, view: &View) -> Vec<f32> {
+    let pixels = frame.depth.iter().zip(&frame.alpha).zip(&view.rgba);
+    pixels.map(|((d, a), p)| if *a > 0.5 && p[3] >= 128 { d / a } else { 0.0 }).collect()
+}
+
+/// Depth maps of the views as Gaussians of their state show them, scene units.
+pub(super) fn rendered_depths(splats: &Splats, views: &[View]) -> Vec<Vec<f32>> {
+    let mut rasterizer = Rasterizer::new();
+    views.iter().map(|v| opaque_depth(render_view(&mut rasterizer, splats, &v.camera), v)).collect()
+}
+
+/// Meshes as published: each part of each state, and the whole, fused from renderings of its Gaussians alone.
+pub(super) fn part_meshes_from_renderings(
+    trained: &Trained,
+    views: [&[View]; 2],
+    config: &SurfaceConfig,
+) -> PartMeshes {
+    let mut meshes = PartMeshes { parts: vec![Default::default(); trained.joints.len() + 1], ..PartMeshes::default() };
+    for state in 0..2 {
+        let splats = trained.at_state(state);
+        let voxel = config.voxel.unwrap_or_else(|| diagonal(&splats) / config.resolution);
+        for part in 0..meshes.parts.len() {
+            let members = (0..splats.len()).filter(|&i| usize::from(trained.labels[i]) == part);
+            meshes.parts[part][state] = fuse_renderings(&splats.select(members), views[state], voxel, config);
+        }
+        meshes.whole[state] = fuse_renderings(&splats, views[state], voxel, config);
+    }
+    meshes
+}
+
+fn fuse_renderings(splats: &Splats, views: &[View], voxel: f64, config: &SurfaceConfig) -> Mesh {
+    if splats.is_empty() || voxel <= 0.0 {
+        return Mesh::default();
+    }
+    let depths = rendered_depths(splats, views);
+    // Only what was drawn counts: empty pixels of one part's rendering say nothing about what hides it in the photograph.
+    let uses: Vec<Vec<PixelUse>> = depths
+        .par_iter()
+        .map(|d| d.iter().map(|d| if *d > 0.0 { PixelUse::Surface } else { PixelUse::Ignore }).collect())
+        .collect();
+    let views: Vec<DepthView> = views
+        .iter()
+        .zip(&depths)
+        .zip(&uses)
+        .map(|((v, depth), uses)| DepthView { camera: v.camera, depth, uses: Some(uses), rgba: Some(&v.rgba) })
+        .collect();
+    let params = TsdfParams {
+        voxel,
+        truncation: config.truncation_voxels * voxel,
+        behind: config.behind_voxels * voxel,
+        jump: config.jump_voxels * voxel,
+    };
+    fuse(&views, params, config)
+}
+
+/// Diagonal of the box around the opaque Gaussians without the outermost 1 % on each side.
+fn diagonal(splats: &Splats) -> f64 {
+    let square: f64 = (0..3)
+        .map(|axis| {
+            let opaque = (0..splats.len()).filter(|&i| splats.logit_opacities[i] > 0.0);
+            let mut xs: Vec<f32> = opaque.map(|i| splats.means[i][axis]).collect();
+            xs.sort_unstable_by(f32::total_cmp);
+            let cut = xs.len() / 100;
+            if xs.is_empty() { 0.0 } else { f64::from(xs[xs.len() - 1 - cut] - xs[cut]).powi(2) }
+        })
+        .sum();
+    square.sqrt()
+}
