@@ -39,6 +39,9 @@ pub struct ArticulateConfig {
     pub rotate_sh: bool,
     /// Improve the motions; otherwise they stay as given.
     pub learn_joints: bool,
+    /// Optimise motions as seen from the middle of their part; otherwise from the world's origin, as published, where a
+    /// turn also moves a part that is far away.
+    pub centre_joints: bool,
     /// Learning rate of the motions.
     pub joint_rate: LogLinear,
     /// Learning rate of a learnt assignment to parts.
@@ -85,6 +88,7 @@ impl ArticulateConfig {
             exact: false,
             rotate_sh: false,
             learn_joints: true,
+            centre_joints: false,
             joint_rate: rate,
             assign_rate: rate,
             assign: AssignConfig::default(),
@@ -132,6 +136,7 @@ impl Default for ArticulateConfig {
             exact: true,
             rotate_sh: true,
             learn_joints: false,
+            centre_joints: true,
             joint_rate: LogLinear { from: 1e-3, to: 1e-5, steps: 900 },
             assign_rate: LogLinear { from: 5e-3, to: 5e-4, steps: 900 },
             assign: AssignConfig {

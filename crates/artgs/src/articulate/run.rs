@@ -10,6 +10,7 @@ use crate::fit::{
     StepStats, TrainImage, TrainState, train,
 };
 use artgs_core::{Splats, View};
+use glam::DVec3;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use std::sync::Arc;
@@ -58,6 +59,26 @@ impl Start {
             SkinStart::Centres { .. } => return Ok(()),
         };
         Err(FitError::Start(wrong))
+    }
+
+    /// Middle of every movable part, `[K - 1]`; that of all Gaussians for a part without any.
+    fn middles(&self) -> Vec<DVec3> {
+        let position = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+        let whole = (DVec3::ZERO, 0);
+        let add = |(sum, n): (DVec3, usize), p: &[f32; 3]| (sum + position(p), n + 1);
+        let mean = |(sum, n): (DVec3, usize)| sum / n.max(1) as f64;
+        match &self.skin {
+            SkinStart::Centres { centres, .. } => centres[1..].iter().map(position).collect(),
+            SkinStart::Labels(labels) => {
+                let mut sums = vec![whole; self.joints.len() + 1];
+                for (p, &label) in self.splats.means.iter().zip(labels) {
+                    let sum = &mut sums[usize::from(label)];
+                    *sum = add(*sum, p);
+                }
+                let all = mean(self.splats.means.iter().fold(whole, add));
+                sums[1..].iter().map(|&s| if s.1 > 0 { mean(s) } else { all }).collect()
+            }
+        }
     }
 
     fn membership(&self, config: &ArticulateConfig, rng: &mut Pcg64Mcg) -> Membership {
@@ -125,6 +146,7 @@ pub(super) fn train_state(
     rng: &mut Pcg64Mcg,
 ) -> TrainState {
     let membership = start.membership(config, rng);
+    let middles = if config.centre_joints { start.middles() } else { vec![DVec3::ZERO; start.joints.len()] };
     let slides = start.joints.iter().any(|j| j.model() == MotionModel::Prismatic);
     let wanted = config.chamfer > 0.0 && !(config.chamfer_not_if_prismatic && slides);
     let targets = cd_targets.filter(|_| wanted).map(|points| Arc::new(ChamferTargets::new(points)));
@@ -140,7 +162,7 @@ pub(super) fn train_state(
         centre_after: config.centre_after,
     };
     let noise = rand::RngExt::random(rng);
-    let articulated = Articulated::new(membership, start.joints, targets, deform, noise);
+    let articulated = Articulated::new(membership, start.joints, middles, targets, deform, noise);
     TrainState { deformation: Deformation::Articulated(Box::new(articulated)), ..TrainState::new(start.splats) }
 }
 
@@ -148,7 +170,7 @@ fn finish(state: TrainState) -> Trained {
     match state.deformation {
         Deformation::Articulated(articulated) => {
             let labels = articulated.labels(&state.splats);
-            Trained { splats: state.splats, labels, joints: articulated.joints }
+            Trained { splats: state.splats, labels, joints: articulated.joints() }
         }
         Deformation::None => Trained { labels: vec![0; state.splats.len()], splats: state.splats, joints: Vec::new() },
     }

@@ -34,25 +34,80 @@ impl Default for HashGridConfig {
 const UNTOUCHED: u32 = u32::MAX;
 /// Moments below this are set to zero: they would decay into slow denormal numbers.
 const FLUSH: f32 = 1e-30;
+/// Gradients below this are taken for zero: Adam adds 1e-15 to their size before it divides by it.
+const NEGLIGIBLE: f32 = 1e-18;
+/// Steps after which an entry without gradients has come to rest: 0.9 to this power is 5e-8.
+const REST: usize = 160;
 
-/// One resolution. Gradients and moments exist only for entries that ever received a gradient, in order of first use;
-/// the others would stay zero under Adam, so skipping them changes nothing.
+/// One entry of a table. Adam keeps moving an entry after its last gradient; that drift is added where it is read.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    /// Features after the update of step `last`.
+    value: [f32; FEATURES],
+    /// `m / (sqrt(v) + eps)` after that update.
+    slope: [f32; FEATURES],
+    last: u32,
+    /// Place among the optimised entries.
+    slot: u32,
+}
+
+/// What the optimiser keeps of an entry that ever received a gradient; moments are those of step `last`.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moments {
+    gradient: [f32; FEATURES],
+    mean: [f32; FEATURES],
+    square: [f32; FEATURES],
+    /// Whether there is a gradient since the last step.
+    fresh: bool,
+}
+
+/// How far Adam carries a parameter after its last gradient, at step `t`: by `-slope total[t]`, with
+/// `total[t] = sum over steps s > t of rate_s (beta1 / sqrt(beta2))^(s - t) sqrt(1 - beta2^s) / (1 - beta1^s)`.
+#[derive(Clone, Debug)]
+struct Drift {
+    total: Vec<f32>,
+    powers: [f32; REST],
+}
+
+impl Drift {
+    fn new() -> Self {
+        let ratio = BETA[0] / BETA[1].sqrt();
+        Self { total: vec![0.0], powers: std::array::from_fn(|j| ratio.powi(j as i32 + 1) as f32) }
+    }
+
+    /// One more step; `factor` is the rate with both bias corrections.
+    fn advance(&mut self, factor: f32) {
+        for (total, power) in self.total.iter_mut().rev().zip(&self.powers) {
+            *total += factor * power;
+        }
+        self.total.push(0.0);
+    }
+
+    #[inline]
+    fn value(&self, entry: &Entry) -> [f32; FEATURES] {
+        let total = self.total[entry.last as usize];
+        std::array::from_fn(|f| entry.value[f] - entry.slope[f] * total)
+    }
+}
+
+/// One resolution. Moments exist only for entries that ever received a gradient, in order of first use; the others
+/// would stay where they are under Adam. A step visits only the entries with a gradient since the last.
 #[derive(Clone, Debug)]
 struct Level {
     scale: f32,
     stride: [u32; 2],
     hashed: bool,
-    table: Vec<[f32; FEATURES]>,
-    slot: Vec<u32>,
-    touched: Vec<u32>,
-    gradient: Vec<[f32; FEATURES]>,
-    moments: Vec<[[f32; FEATURES]; 2]>,
+    table: Vec<Entry>,
+    moments: Vec<Moments>,
+    /// Entries with a gradient since the last step.
+    fresh: Vec<u32>,
 }
 
 /// The encoding: `levels` times [`FEATURES`] numbers for every point of space, wrapping around where the table ends.
 #[derive(Clone, Debug)]
 pub struct HashGrid {
     levels: Vec<Level>,
+    drift: Drift,
     step: u32,
 }
 
@@ -65,16 +120,19 @@ impl Level {
         let hashed = dense > most;
         let entries = dense.min(most) as usize;
         let range = config.initial_range;
-        let table = (0..entries).map(|_| std::array::from_fn(|_| range * (2.0 * rng.random::<f32>() - 1.0))).collect();
+        let mut entry = || Entry {
+            value: std::array::from_fn(|_| range * (2.0 * rng.random::<f32>() - 1.0)),
+            slope: [0.0; FEATURES],
+            last: 0,
+            slot: UNTOUCHED,
+        };
         Self {
             scale: scale as f32,
             stride: [resolution as u32, (resolution as u32).wrapping_mul(resolution as u32)],
             hashed,
-            table,
-            slot: vec![UNTOUCHED; entries],
-            touched: Vec::new(),
-            gradient: Vec::new(),
+            table: (0..entries).map(|_| entry()).collect(),
             moments: Vec::new(),
+            fresh: Vec::new(),
         }
     }
 
@@ -104,43 +162,51 @@ impl Level {
         })
     }
 
-    fn features(&self, point: [f32; 3]) -> [f32; FEATURES] {
+    fn features(&self, point: [f32; 3], drift: &Drift) -> [f32; FEATURES] {
         let mut out = [0.0; FEATURES];
         for (entry, weight) in self.corners(point) {
-            let value = self.table[entry];
+            let value = drift.value(&self.table[entry]);
             (0..FEATURES).for_each(|f| out[f] += weight * value[f]);
         }
         out
     }
 
     fn accumulate(&mut self, point: [f32; 3], gradient: [f32; FEATURES]) {
-        for (entry, weight) in self.corners(point) {
-            let mut slot = self.slot[entry];
-            if slot == UNTOUCHED {
-                slot = self.touched.len() as u32;
-                self.slot[entry] = slot;
-                self.touched.push(entry as u32);
-                self.gradient.push([0.0; FEATURES]);
-                self.moments.push([[0.0; FEATURES]; 2]);
+        for (index, weight) in self.corners(point) {
+            let entry = &mut self.table[index];
+            if entry.slot == UNTOUCHED {
+                entry.slot = self.moments.len() as u32;
+                self.moments.push(Moments::default());
             }
-            let sum = &mut self.gradient[slot as usize];
-            (0..FEATURES).for_each(|f| sum[f] += weight * gradient[f]);
+            let sum = &mut self.moments[entry.slot as usize];
+            if !sum.fresh {
+                sum.fresh = true;
+                self.fresh.push(index as u32);
+            }
+            (0..FEATURES).for_each(|f| sum.gradient[f] += weight * gradient[f]);
         }
     }
 
-    fn adam(&mut self, learning_rate: f32, correction: [f32; 2]) {
+    fn adam(&mut self, learning_rate: f32, step: u32, correction: [f32; 2], drift: &Drift) {
         let beta = BETA.map(|b| b as f32);
-        for ((&entry, gradient), [m, v]) in self.touched.iter().zip(&mut self.gradient).zip(&mut self.moments) {
-            let value = &mut self.table[entry as usize];
+        for index in self.fresh.drain(..) {
+            let entry = &mut self.table[index as usize];
+            let moments = &mut self.moments[entry.slot as usize];
+            entry.value = drift.value(entry);
+            let decay = beta.map(|b| b.powi((step - entry.last) as i32));
             for f in 0..FEATURES {
-                let g = gradient[f];
-                let first = beta[0] * m[f] + (1.0 - beta[0]) * g;
-                m[f] = if first.abs() < FLUSH { 0.0 } else { first };
-                let second = beta[1] * v[f] + (1.0 - beta[1]) * g * g;
-                v[f] = if second < FLUSH { 0.0 } else { second };
-                value[f] -= learning_rate * (m[f] * correction[0]) / ((v[f] * correction[1]).sqrt() + EPSILON as f32);
+                let g = moments.gradient[f];
+                let mean = decay[0] * moments.mean[f] + (1.0 - beta[0]) * g;
+                let square = decay[1] * moments.square[f] + (1.0 - beta[1]) * g * g;
+                let m = if mean.abs() < FLUSH { 0.0 } else { mean };
+                let v = if square < FLUSH { 0.0 } else { square };
+                let (root, eps) = (v.sqrt(), EPSILON as f32);
+                entry.value[f] -= learning_rate * (m * correction[0]) / (root * correction[1].sqrt() + eps);
+                entry.slope[f] = m / (root + eps);
+                (moments.mean[f], moments.square[f], moments.gradient[f]) = (m, v, 0.0);
             }
-            *gradient = [0.0; FEATURES];
+            entry.last = step;
+            moments.fresh = false;
         }
     }
 }
@@ -148,7 +214,7 @@ impl Level {
 impl HashGrid {
     /// A grid with random features.
     pub fn new(config: &HashGridConfig, rng: &mut Pcg64Mcg) -> Self {
-        Self { levels: (0..config.levels).map(|l| Level::new(config, l, rng)).collect(), step: 0 }
+        Self { levels: (0..config.levels).map(|l| Level::new(config, l, rng)).collect(), drift: Drift::new(), step: 0 }
     }
 
     /// Number of resolutions.
@@ -158,12 +224,12 @@ impl HashGrid {
 
     /// Features of a level at a point, by trilinear interpolation.
     pub fn features(&self, level: usize, point: [f32; 3]) -> [f32; FEATURES] {
-        self.levels[level].features(point)
+        self.levels[level].features(point, &self.drift)
     }
 
     /// Entries that ever received a gradient, over all levels.
     pub fn touched(&self) -> usize {
-        self.levels.iter().map(|l| l.touched.len()).sum()
+        self.levels.iter().map(|l| l.moments.len()).sum()
     }
 
     /// Adds up gradients of the first `active` levels: `gradient(level, i)` is that by the features of `points[i]`.
@@ -177,7 +243,7 @@ impl HashGrid {
         self.levels.par_iter_mut().take(active).enumerate().for_each(|(l, level)| {
             for (i, &point) in points.iter().enumerate() {
                 let g = gradient(l, i);
-                if g != [0.0; FEATURES] {
+                if g.iter().any(|v| v.abs() > NEGLIGIBLE) {
                     level.accumulate(point, g);
                 }
             }
@@ -188,23 +254,34 @@ impl HashGrid {
     pub fn adam_step(&mut self, learning_rate: f32) {
         self.step += 1;
         let correction = corrections(self.step).map(|c| (1.0 / c) as f32);
-        self.levels.par_iter_mut().for_each(|level| level.adam(learning_rate, correction));
+        let (step, drift) = (self.step, &self.drift);
+        self.levels.par_iter_mut().for_each(|level| level.adam(learning_rate, step, correction, drift));
+        self.drift.advance(learning_rate * correction[0] / correction[1].sqrt());
     }
 
-    /// Features of a level, `[entries]`.
-    pub fn table(&self, level: usize) -> &[[f32; FEATURES]] {
-        &self.levels[level].table
+    /// Number of entries of a level.
+    pub fn entries(&self, level: usize) -> usize {
+        self.levels[level].table.len()
     }
 
-    /// For setting features.
-    pub fn table_mut(&mut self, level: usize) -> &mut [[f32; FEATURES]] {
-        &mut self.levels[level].table
+    /// Features of an entry.
+    pub fn entry(&self, level: usize, entry: usize) -> [f32; FEATURES] {
+        self.drift.value(&self.levels[level].table[entry])
     }
 
-    /// Calls `visit(level, entry, gradient)` for every entry that ever received a gradient.
-    pub fn for_each_touched(&self, mut visit: impl FnMut(usize, usize, [f32; FEATURES])) {
+    /// Sets the features of an entry; it comes to rest there.
+    pub fn set_entry(&mut self, level: usize, entry: usize, value: [f32; FEATURES]) {
+        let entry = &mut self.levels[level].table[entry];
+        (entry.value, entry.slope) = (value, [0.0; FEATURES]);
+    }
+
+    /// Calls `visit(level, entry, gradient)` for every entry with a gradient since the last step.
+    pub fn for_each_gradient(&self, mut visit: impl FnMut(usize, usize, [f32; FEATURES])) {
         for (l, level) in self.levels.iter().enumerate() {
-            level.touched.iter().zip(&level.gradient).for_each(|(&entry, &g)| visit(l, entry as usize, g));
+            for &index in &level.fresh {
+                let slot = level.table[index as usize].slot;
+                visit(l, index as usize, level.moments[slot as usize].gradient);
+            }
         }
     }
 }
@@ -229,18 +306,17 @@ mod tests {
         let sizes: Vec<usize> = grid.levels.iter().map(|l| l.table.len()).collect();
         assert_eq!(sizes[..4], [4096, 32768, 262_144, 524_288]);
         assert!(grid.levels.iter().enumerate().all(|(l, level)| level.hashed == (l >= 3)));
-        assert!(grid.table(5).iter().flatten().all(|v| v.abs() <= 1e-4));
+        assert!((0..grid.entries(5)).all(|e| grid.entry(5, e).iter().all(|v| v.abs() <= 1e-4)));
         assert_eq!(grid.levels[11].scale, 32767.0);
     }
 
     #[test]
     fn dense_levels_interpolate_linearly() {
         let mut grid = small();
-        let level = &mut grid.levels[0];
         for z in 0..4 {
             for y in 0..4 {
                 for x in 0..4 {
-                    level.table[x + 4 * y + 16 * z] = [x as f32 + 10.0 * y as f32, z as f32];
+                    grid.set_entry(0, x + 4 * y + 16 * z, [x as f32 + 10.0 * y as f32, z as f32]);
                 }
             }
         }
@@ -276,14 +352,17 @@ mod tests {
             (0..4).map(|l| (0..points.len()).map(|i| at(l, i)).sum::<f64>()).sum()
         };
         let mut entries = Vec::new();
-        grid.for_each_touched(|l, e, g| entries.push((l, e, g)));
+        grid.for_each_gradient(|l, e, g| entries.push((l, e, g)));
         assert!(entries.len() > 300 && entries.iter().all(|e| e.0 < 3));
         for (l, e, g) in entries.into_iter().step_by(17) {
             for f in 0..FEATURES {
                 let base = loss(&grid);
-                grid.table_mut(l)[e][f] += 0.5;
+                let start = grid.entry(l, e);
+                let mut raised = start;
+                raised[f] += 0.5;
+                grid.set_entry(l, e, raised);
                 let numeric = (loss(&grid) - base) / 0.5;
-                grid.table_mut(l)[e][f] -= 0.5;
+                grid.set_entry(l, e, start);
                 assert!((numeric - f64::from(g[f])).abs() < 1e-4 * (1.0 + numeric.abs()), "{numeric} {}", g[f]);
             }
         }
@@ -293,26 +372,29 @@ mod tests {
     fn lazy_adam_equals_a_dense_one() {
         let mut grid = small();
         let points = points();
-        let mut dense: Vec<[f64; 3]> = grid.table(2).iter().map(|v| [v[0].into(), 0.0, 0.0]).collect();
-        for step in 1..=5u32 {
-            let some = &points[step as usize * 20..][..60];
+        let mut dense: Vec<[f64; 3]> = (0..grid.entries(2)).map(|e| [grid.entry(2, e)[0].into(), 0.0, 0.0]).collect();
+        for step in 1..=40u32 {
+            // Most entries wait for their next gradient for many steps.
+            let some = &points[step as usize * 37 % 180..][..20];
+            let rate = 1e-2 / f64::from(step);
             grid.backward(some, 4, |l, i| [(i + l) as f32 - 20.0, 1.0]);
             let mut gradient = vec![0.0f64; dense.len()];
-            grid.for_each_touched(|l, e, g| {
+            grid.for_each_gradient(|l, e, g| {
                 if l == 2 {
                     gradient[e] = g[0].into()
                 }
             });
-            grid.adam_step(1e-2);
+            grid.adam_step(rate as f32);
             for ([p, m, v], g) in dense.iter_mut().zip(gradient) {
                 *m = 0.9 * *m + 0.1 * g;
                 *v = 0.999 * *v + 0.001 * g * g;
                 let (mh, vh) = (*m / (1.0 - 0.9f64.powf(step.into())), *v / (1.0 - 0.999f64.powf(step.into())));
-                *p -= 1e-2 * mh / (vh.sqrt() + 1e-15);
+                *p -= rate * mh / (vh.sqrt() + 1e-15);
             }
         }
-        for (a, b) in grid.table(2).iter().zip(&dense) {
-            assert!((f64::from(a[0]) - b[0]).abs() < 1e-6);
+        for (e, b) in dense.iter().enumerate() {
+            let a = grid.entry(2, e)[0];
+            assert!((f64::from(a) - b[0]).abs() < 1e-6, "{a} {}", b[0]);
         }
     }
 }

@@ -185,6 +185,21 @@ impl MotionParameters {
         Joint { kind, axis, origin, pitch, state_values: [0.0, value], limits: [0.0, value] }
     }
 
+    /// The same motion after the world has been shifted by `by`.
+    pub fn shifted(mut self, by: DVec3) -> Self {
+        match self.model {
+            MotionModel::Prismatic => {}
+            MotionModel::Free => {
+                let moved = by - self.half_motion().turn(by);
+                self.values[4..].iter_mut().zip(moved.to_array()).for_each(|(t, d)| *t += d);
+            }
+            MotionModel::Hinge | MotionModel::Screw => {
+                self.values[3..6].iter_mut().zip(by.to_array()).for_each(|(p, d)| *p += d);
+            }
+        }
+        self
+    }
+
     /// Takes out what has no effect: unit quaternion or axis, pivot at the point of the axis nearest to `near`.
     /// Keeps the motion; do it where the optimiser's moments are reset.
     pub fn fix_gauge(&mut self, near: DVec3) {
@@ -293,6 +308,18 @@ mod tests {
         let mut q = p;
         q.fix_gauge(DVec3::new(3.0, -1.0, 2.0));
         assert!(gap(&q.half_motion(), &before) < 1e-12);
+    }
+
+    #[test]
+    fn a_shifted_world_sees_the_same_motions() {
+        let by = DVec3::new(0.7, -1.3, 0.4);
+        for model in MODELS {
+            let p = sample(model);
+            let expected = Rigid::shift(by) * p.half_motion() * Rigid::shift(-by);
+            let dual = p.dual_quaternion().shifted(by.to_array());
+            assert!(gap(&Rigid::from_dual_quaternion(dual.real, dual.dual), &expected) < 1e-12, "{model:?}");
+            assert!(gap(&p.shifted(by).half_motion(), &expected) < 1e-12, "{model:?}");
+        }
     }
 
     #[test]

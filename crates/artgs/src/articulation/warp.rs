@@ -28,6 +28,20 @@ impl DualQuaternion {
         Self { real: conjugate(self.real), dual: conjugate(self.dual) }
     }
 
+    /// The same motion after the world has been shifted by `by`: `dual + (0, by x vec(real))`.
+    pub fn shifted(mut self, by: [f64; 3]) -> Self {
+        let moved = cross(by, vector(self.real));
+        (0..3).for_each(|a| self.dual[a + 1] += moved[a]);
+        self
+    }
+
+    /// Gradient by a motion from that by the motion [`shifted`](Self::shifted) by `by`.
+    pub fn shifted_vjp(mut self, by: [f64; 3]) -> Self {
+        let through = cross(vector(self.dual), by);
+        (0..3).for_each(|a| self.real[a + 1] += through[a]);
+        self
+    }
+
     pub(crate) fn add_scaled(&mut self, other: &Self, scale: f64) {
         for c in 0..4 {
             self.real[c] += scale * other.real[c];

@@ -345,8 +345,8 @@ fn search(
         judged.filter(|r| r.0 > 0.03).collect()
     };
     // Most guesses show after a rough registration that they lead nowhere.
-    let rough = best_by_both(register_all(&kept, 10, 150), 10, 18, &fine, scales);
-    let refined = register_all(&rough.iter().map(|r| r.1).collect::<Vec<_>>(), 16, 400);
+    let rough = best_by_both(register_all(&kept, 14, 250), 14, 28, &fine, scales);
+    let refined = register_all(&rough.iter().map(|r| r.1).collect::<Vec<_>>(), 20, 400);
     best_by_both(refined, 5, 9, &fine, scales)
 }
 
@@ -577,7 +577,7 @@ fn variants(sides: [&Side<'_>; 2], proposal: &Proposal, faces: &[Vec3], scales: 
         first_reach: f64::from(3.0 * scales.spacing),
         last_reach: f64::from(scales.spacing),
         iterations: 15,
-        max_points: 800,
+        max_points: 2500,
     };
     let free = register(points, proposal.motion, None, &options).motion;
     let mut out = vec![free];

@@ -8,6 +8,7 @@ use crate::articulation::{DualQuaternion, MotionParameters, PartAssignment, Skin
 use crate::articulation::{Warp, WarpGradients, WarpInput};
 use artgs_core::{Rigid, Splats};
 use artgs_raster::{Colors, ShFrames, SplatGrads, SplatView};
+use glam::DVec3;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use std::sync::Arc;
@@ -52,8 +53,10 @@ pub struct DeformConfig {
 pub struct Articulated {
     /// Part of every Gaussian.
     pub membership: Membership,
-    /// Half motions of the movable parts, `[K - 1]`: part `k` has entry `k - 1`.
-    pub joints: Vec<MotionParameters>,
+    /// Half motions of the movable parts, `[K - 1]`, as seen from `middles`.
+    pub(super) joints: Vec<MotionParameters>,
+    /// Points about which motions are optimised, `[K - 1]`.
+    middles: Vec<DVec3>,
     config: DeformConfig,
     targets: Option<Arc<ChamferTargets>>,
     moments: Vec<Adam>,
@@ -91,16 +94,32 @@ struct Chamfer {
 }
 
 impl Articulated {
-    /// Fresh optimisers. `seed` decides the noise of a learnt membership; `targets` are for the Chamfer term.
+    /// Fresh optimisers. `joints` are half motions of the movable parts, `[K - 1]`: part `k` has entry `k - 1`. They are
+    /// optimised as seen from `middles`, which should be near the parts: there, turns and shifts hardly mix. `seed` decides the noise of a learnt membership; `targets` are for the Chamfer term.
     pub fn new(
         membership: Membership,
         joints: Vec<MotionParameters>,
+        middles: Vec<DVec3>,
         targets: Option<Arc<ChamferTargets>>,
         config: DeformConfig,
         seed: u64,
     ) -> Self {
+        assert_eq!(joints.len(), middles.len(), "every joint has a middle");
         let moments = joints.iter().map(|j| Adam::new(j.values().len())).collect();
-        Self { membership, joints, config, targets, moments, updates: 0, rng: Pcg64Mcg::seed_from_u64(seed) }
+        let local = |(joint, middle): (MotionParameters, &DVec3)| {
+            let mut joint = joint.shifted(-*middle);
+            if *middle != DVec3::ZERO {
+                joint.fix_gauge(DVec3::ZERO);
+            }
+            joint
+        };
+        let joints = joints.into_iter().zip(&middles).map(local).collect();
+        Self { membership, joints, middles, config, targets, moments, updates: 0, rng: Pcg64Mcg::seed_from_u64(seed) }
+    }
+
+    /// Half motions of the movable parts, `[K - 1]`, world frame.
+    pub fn joints(&self) -> Vec<MotionParameters> {
+        self.joints.iter().zip(&self.middles).map(|(joint, &middle)| joint.clone().shifted(middle)).collect()
     }
 
     /// Number of parts, the static one included.
@@ -112,6 +131,9 @@ impl Articulated {
     pub fn forward(&mut self, splats: &Splats, state: usize, step: usize, work: &mut DeformWorkspace) {
         let (n, parts) = (splats.len(), self.parts());
         half_motions(&self.joints, &mut work.motions);
+        for (motion, middle) in work.motions[1..].iter_mut().zip(&self.middles) {
+            *motion = motion.shifted(middle.to_array());
+        }
         if let Membership::Learned(assignment) = &mut self.membership {
             work.weights.resize(n * parts, 0.0);
             assignment.forward(&splats.means, step, &mut self.rng, &mut work.weights);
@@ -185,7 +207,8 @@ impl Articulated {
         }
         work.d_joints.resize(self.joints.len(), [0.0; MOST]);
         for (k, joint) in self.joints.iter().enumerate() {
-            joint.vjp(&work.d_motions[k + 1], &mut work.d_joints[k][..joint.values().len()]);
+            let d_local = work.d_motions[k + 1].shifted_vjp(self.middles[k].to_array());
+            joint.vjp(&d_local, &mut work.d_joints[k][..joint.values().len()]);
         }
         extra
     }

@@ -1,0 +1,51 @@
+//! Runs the published method on a capture for a number of steps per stage and tells how long each takes:
+//! `fit_paper CAPTURE PARTS [SINGLE TYPES JOINT]`.
+#![allow(clippy::print_stdout, clippy::unwrap_used)]
+
+use artgs::articulate::{PaperConfig, Stage, paper_pipeline, score_state};
+use artgs::fit::{SingleConfig, fit_single, score};
+use artgs_core::JointKind;
+use std::time::Instant;
+
+fn main() {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let capture = artgs_io::load_capture(args[0].as_ref()).unwrap();
+    let parts: usize = args[1].parse().unwrap();
+    let number = |i: usize, default: usize| args.get(i).map_or(default, |a| a.parse().unwrap());
+    let config = SingleConfig { steps: number(2, 10_000), ..SingleConfig::paper() };
+    let mut clock = Instant::now();
+    let single = [0, 1].map(|state| {
+        fit_single(&capture.states[state].train, &config, 1, &mut |s| report("single", s, &mut clock)).unwrap()
+    });
+    let mut config = PaperConfig::default();
+    config.types.train.steps = number(3, config.types.train.steps);
+    config.types.steps_for_many = number(3, config.types.steps_for_many);
+    config.articulate.steps = number(4, config.articulate.steps);
+    let views = [0, 1].map(|state| &capture.states[state].train[..]);
+    let mut clock = Instant::now();
+    let result = paper_pipeline(views, &single, parts, &config, 1, &mut |stage, s| {
+        report(if stage == Stage::Types { "types" } else { "joint" }, s, &mut clock);
+    })
+    .unwrap();
+    println!("{:?}", result.models);
+    for joint in &result.trained.joints {
+        let kind = joint.joint_kind(10_f64.to_radians());
+        let joint = joint.joint(kind);
+        let [_, value] = joint.state_values;
+        let value = if kind == JointKind::Revolute { value.to_degrees() } else { value };
+        println!("{kind:?} {value:.3} about {:?} through {:?}", joint.axis, joint.origin);
+    }
+    for state in 0..2 {
+        let mean = score::mean_score(&score_state(&result.trained, &capture.states[state].test, state, false));
+        println!("state {state} held out: {:.2} dB, SSIM {:.4}", mean.psnr, mean.ssim);
+    }
+}
+
+fn report(stage: &str, s: artgs::fit::StepStats, clock: &mut Instant) {
+    assert!(s.loss.is_finite(), "loss of step {}", s.step);
+    if s.step.is_multiple_of(100) {
+        let each = clock.elapsed().as_secs_f64() * 10.0;
+        println!("{stage} {:5} {each:6.2} ms loss {:.4} {:5.2} dB {:6}", s.step, s.loss, s.psnr, s.gaussians);
+        *clock = Instant::now();
+    }
+}
