@@ -39,7 +39,7 @@ impl Default for LabelCosts {
             idle: 0.01,
             idle_far: 0.3,
             idle_unsure: 0.05,
-            smooth: 0.35,
+            smooth: 0.3,
         }
     }
 }
@@ -124,7 +124,7 @@ pub fn neighbour_graph(
 }
 
 /// Adds what it costs to take points that show no sign of having moved for movable: little beside the `evidence` of a
-/// part (indices of moved points it explains), more with the square of the distance, full at `range` scene units.
+/// part (indices of moved points it explains), more with the square of the distance, full at `ranges[k]` scene units.
 /// A plane that slides along itself is otherwise as good an explanation of a wall as standing still.
 /// `unsure` flags points whose place the other state does not show.
 pub fn add_idle_costs(
@@ -132,13 +132,14 @@ pub fn add_idle_costs(
     cloud: &Cloud,
     evidence: &[Vec<usize>],
     unsure: &[bool],
-    range: f32,
+    ranges: &[f32],
     costs: &LabelCosts,
 ) {
     let parts = evidence.len() + 1;
     for (k, members) in evidence.iter().enumerate() {
         let points: Vec<[f32; 3]> = members.iter().map(|&i| cloud.points[i].to_array()).collect();
         let tree = PointTree::new(&points);
+        let range = ranges[k];
         data.par_chunks_mut(parts).enumerate().with_min_len(512).for_each(|(i, row)| {
             let far = tree.nearest(&cloud.points[i].to_array()).map_or(1.0, |(_, d2)| (d2 / (range * range)).min(1.0));
             if far > 0.0 {

@@ -215,7 +215,8 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
             );
             let spoken = data.clone();
             let evidence = evidence(&data, to_other.len(), &moved[s]);
-            label::add_idle_costs(&mut data, clouds[s], &evidence, &is_unsure[s], 0.15 * scene.scales.diagonal, &costs);
+            let ranges = reaches(&evidence, clouds[s], &to_other[1..], &scene.scales);
+            label::add_idle_costs(&mut data, clouds[s], &evidence, &is_unsure[s], &ranges, &costs);
             let mut labels = label::propagate(&data, to_other.len(), &graphs[s], costs.smooth, 60);
             label::drop_islands(&mut labels, &spoken, to_other.len(), clouds[s], 1.8 * scene.scales.spacing);
             labels
@@ -247,6 +248,19 @@ fn evidence(data: &[f32], parts: usize, moved: &[usize]) -> Vec<Vec<usize>> {
         }
     }
     out
+}
+
+/// How far from its moved points a part may plausibly reach unmoved-looking: as far as it moves on average.
+fn reaches(evidence: &[Vec<usize>], cloud: &Cloud, to_other: &[Rigid], scales: &Scales) -> Vec<f32> {
+    let reach = |(members, motion): (&Vec<usize>, &Rigid)| {
+        let shift = |i: &usize| {
+            let p = cloud.points[*i].as_dvec3();
+            motion.apply(p).distance(p)
+        };
+        let mean = members.iter().map(shift).sum::<f64>() / members.len().max(1) as f64;
+        (mean as f32).clamp(3.0 * scales.spacing, 0.15 * scales.diagonal)
+    };
+    evidence.iter().zip(to_other).map(reach).collect()
 }
 
 /// Registers the points of one part; in the last round decides its joint and stays on it.
