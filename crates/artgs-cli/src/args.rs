@@ -109,16 +109,6 @@ pub(crate) enum Preset {
     Paper,
 }
 
-impl Preset {
-    /// Name as typed.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Default => "default",
-            Self::Paper => "paper",
-        }
-    }
-}
-
 #[derive(Debug, Args)]
 pub(crate) struct Evaluate {
     /// Folder that `reconstruct` made

@@ -23,7 +23,7 @@ pub struct LabelCosts {
     pub idle: f32,
     /// The same far away from all of them.
     pub idle_far: f32,
-    /// The same, far away, for a point whose place the other state does not show: what it hangs together with decides.
+    /// The same, far away, for a point that the other state does not show at rest: what it hangs together with decides.
     pub idle_unsure: f32,
     /// Two neighbours in different parts.
     pub smooth: f32,
@@ -33,13 +33,13 @@ impl Default for LabelCosts {
     fn default() -> Self {
         Self {
             hidden_static: 0.3,
-            hidden_moved: 0.32,
+            hidden_moved: 0.3,
             mismatch: 0.5,
             color: 0.3,
             idle: 0.01,
             idle_far: 0.3,
-            idle_unsure: 0.05,
-            smooth: 0.3,
+            idle_unsure: 0.02,
+            smooth: 0.4,
         }
     }
 }
@@ -105,7 +105,7 @@ pub fn neighbour_graph(
             let mut near = Vec::with_capacity(k);
             tree.nearest_n(&coords[i], k + 1, |j, d2| {
                 let d = d2.sqrt() / spacing;
-                if j == i || d > 4.0 {
+                if j == i || d > 2.2 {
                     return;
                 }
                 let bend = 1.0 - normals[i].dot(normals[j]).max(0.0);
@@ -126,7 +126,7 @@ pub fn neighbour_graph(
 /// Adds what it costs to take points that show no sign of having moved for movable: little beside the `evidence` of a
 /// part (indices of moved points it explains), more with the square of the distance, full at `ranges[k]` scene units.
 /// A plane that slides along itself is otherwise as good an explanation of a wall as standing still.
-/// `unsure` flags points whose place the other state does not show.
+/// `unsure` flags points that the other state does not show at rest.
 pub fn add_idle_costs(
     data: &mut [f32],
     cloud: &Cloud,

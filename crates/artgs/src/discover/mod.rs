@@ -194,7 +194,7 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
     });
     let is_unsure = [0, 1].map(|s| {
         let mut flags = vec![false; clouds[s].len()];
-        unsure[s].iter().for_each(|&i| flags[i] = true);
+        unsure[s].iter().chain(&moved[s]).for_each(|&i| flags[i] = true);
         flags
     });
     let mut labels = [Vec::new(), Vec::new()];
