@@ -91,10 +91,14 @@ impl Partial {
 /// Gumbel(0, 1) noise of a block, part by part within each lane.
 pub(super) fn gumbel(seed: u64, block: usize) -> impl FnMut() -> f32 {
     let mut rng = Pcg64Mcg::seed_from_u64(seed ^ (block as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    move || {
-        let uniform = ((rng.random::<u32>() >> 8) as f32 + 0.5) * (1.0 / (1u32 << 24) as f32);
-        -(-uniform.ln()).ln()
-    }
+    move || gumbel_of(rng.random())
+}
+
+/// Gumbel noise of random bits. 23 of them: with one more, the middle of the last interval would round to 1 and the
+/// noise would be infinite.
+fn gumbel_of(bits: u32) -> f32 {
+    let uniform = ((bits >> 9) as f32 + 0.5) * (1.0 / (1u32 << 23) as f32);
+    -(-uniform.ln()).ln()
 }
 
 impl Model<'_> {
@@ -131,12 +135,8 @@ impl Model<'_> {
             }
         }
         for level in 0..self.grid.levels() {
-            for (lane, &x) in coordinates.iter().enumerate() {
-                let features = self.grid.features(level, x);
-                for (f, value) in features.into_iter().enumerate() {
-                    block.input[(start + FEATURES * level + f) * LANES + lane] = value;
-                }
-            }
+            let rows = &mut block.input[(start + FEATURES * level) * LANES..];
+            self.grid.encode(level, coordinates, rows, LANES);
         }
         for (lane, x) in coordinates.iter().enumerate() {
             (0..3).for_each(|a| block.input[(end + a) * LANES + lane] = x[a]);
@@ -226,5 +226,16 @@ impl Model<'_> {
             }
         }
         partial.parts[k].iter_mut().zip(sums).for_each(|(total, sum)| *total += f64::from(sum));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_is_finite_at_both_ends() {
+        let (low, high) = (gumbel_of(0), gumbel_of(u32::MAX));
+        assert!((-3.0..-2.7).contains(&low) && (16.0..18.0).contains(&high), "{low} {high}");
     }
 }

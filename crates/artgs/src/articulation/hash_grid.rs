@@ -38,6 +38,15 @@ const FLUSH: f32 = 1e-30;
 const NEGLIGIBLE: f32 = 1e-18;
 /// Steps after which an entry without gradients has come to rest: 0.9 to this power is 5e-8.
 const REST: usize = 160;
+/// Points that are looked up together: a table is larger than the caches, and reading many entries before using any
+/// lets the waits overlap.
+const BATCH: usize = 64;
+
+/// Entries and weights of the eight corners around some points.
+struct Batch {
+    entries: [[u32; 8]; BATCH],
+    weights: [[f32; 8]; BATCH],
+}
 
 /// One entry of a table. Adam keeps moving an entry after its last gradient; that drift is added where it is read.
 #[derive(Clone, Copy, Debug)]
@@ -138,7 +147,7 @@ impl Level {
 
     /// Entries and weights of the eight corners around a point.
     #[inline]
-    fn corners(&self, point: [f32; 3]) -> [(usize, f32); 8] {
+    fn corners(&self, point: [f32; 3]) -> ([u32; 8], [f32; 8]) {
         let position = point.map(|c| c * self.scale + 0.5);
         // Rounds down without a call to the mathematics library.
         let low = position.map(|c| {
@@ -148,66 +157,113 @@ impl Level {
         let fraction: [f32; 3] = std::array::from_fn(|a| position[a] - low[a] as f32);
         let low = low.map(|c| c as u32);
         let size = self.table.len() as u32;
-        std::array::from_fn(|corner| {
-            let bit = |a: usize| (corner >> a & 1) as u32;
-            let [x, y, z] = std::array::from_fn(|a| low[a].wrapping_add(bit(a)));
+        let bit = |corner: usize, a: usize| (corner >> a & 1) as u32;
+        let entries = std::array::from_fn(|corner| {
+            let [x, y, z] = std::array::from_fn(|a| low[a].wrapping_add(bit(corner, a)));
             let key = if self.hashed {
                 x ^ y.wrapping_mul(2_654_435_761) ^ z.wrapping_mul(805_459_861)
             } else {
                 x.wrapping_add(y.wrapping_mul(self.stride[0])).wrapping_add(z.wrapping_mul(self.stride[1]))
             };
-            let along = |a: usize| if bit(a) == 1 { fraction[a] } else { 1.0 - fraction[a] };
-            let entry = if size.is_power_of_two() { key & (size - 1) } else { key % size };
-            (entry as usize, along(0) * along(1) * along(2))
-        })
+            if size.is_power_of_two() { key & (size - 1) } else { key % size }
+        });
+        let weights = std::array::from_fn(|corner| {
+            let along = |a: usize| if bit(corner, a) == 1 { fraction[a] } else { 1.0 - fraction[a] };
+            along(0) * along(1) * along(2)
+        });
+        (entries, weights)
     }
 
-    fn features(&self, point: [f32; 3], drift: &Drift) -> [f32; FEATURES] {
+    /// Looks up at most [`BATCH`] points and brings their entries into the caches.
+    fn look_up(&self, points: impl Iterator<Item = [f32; 3]>, batch: &mut Batch) {
+        let mut seen = 0;
+        for ((point, entries), weights) in points.zip(&mut batch.entries).zip(&mut batch.weights) {
+            (*entries, *weights) = self.corners(point);
+            for &entry in &*entries {
+                seen ^= self.table[entry as usize].last;
+            }
+        }
+        std::hint::black_box(seen);
+    }
+
+    fn features(&self, entries: &[u32; 8], weights: &[f32; 8], drift: &Drift) -> [f32; FEATURES] {
         let mut out = [0.0; FEATURES];
-        for (entry, weight) in self.corners(point) {
-            let value = drift.value(&self.table[entry]);
+        for (&entry, weight) in entries.iter().zip(weights) {
+            let value = drift.value(&self.table[entry as usize]);
             (0..FEATURES).for_each(|f| out[f] += weight * value[f]);
         }
         out
     }
 
-    fn accumulate(&mut self, point: [f32; 3], gradient: [f32; FEATURES]) {
-        for (index, weight) in self.corners(point) {
-            let entry = &mut self.table[index];
+    /// Gives optimiser memory to the entries of a point, and brings it into the caches.
+    fn prepare(&mut self, entries: &[u32; 8]) {
+        let mut seen = false;
+        for &index in entries {
+            let entry = &mut self.table[index as usize];
             if entry.slot == UNTOUCHED {
                 entry.slot = self.moments.len() as u32;
                 self.moments.push(Moments::default());
             }
-            let sum = &mut self.moments[entry.slot as usize];
+            seen ^= self.moments[entry.slot as usize].fresh;
+        }
+        std::hint::black_box(seen);
+    }
+
+    fn accumulate(&mut self, entries: &[u32; 8], weights: &[f32; 8], gradient: [f32; FEATURES]) {
+        for (&index, weight) in entries.iter().zip(weights) {
+            let slot = self.table[index as usize].slot;
+            let sum = &mut self.moments[slot as usize];
             if !sum.fresh {
                 sum.fresh = true;
-                self.fresh.push(index as u32);
+                self.fresh.push(index);
             }
             (0..FEATURES).for_each(|f| sum.gradient[f] += weight * gradient[f]);
         }
     }
 
     fn adam(&mut self, learning_rate: f32, step: u32, correction: [f32; 2], drift: &Drift) {
-        let beta = BETA.map(|b| b as f32);
-        for index in self.fresh.drain(..) {
-            let entry = &mut self.table[index as usize];
-            let moments = &mut self.moments[entry.slot as usize];
-            entry.value = drift.value(entry);
-            let decay = beta.map(|b| b.powi((step - entry.last) as i32));
-            for f in 0..FEATURES {
-                let g = moments.gradient[f];
-                let mean = decay[0] * moments.mean[f] + (1.0 - beta[0]) * g;
-                let square = decay[1] * moments.square[f] + (1.0 - beta[1]) * g * g;
-                let m = if mean.abs() < FLUSH { 0.0 } else { mean };
-                let v = if square < FLUSH { 0.0 } else { square };
-                let (root, eps) = (v.sqrt(), EPSILON as f32);
-                entry.value[f] -= learning_rate * (m * correction[0]) / (root * correction[1].sqrt() + eps);
-                entry.slope[f] = m / (root + eps);
-                (moments.mean[f], moments.square[f], moments.gradient[f]) = (m, v, 0.0);
+        for indices in self.fresh.chunks(BATCH) {
+            let mut seen = false;
+            for &index in indices {
+                seen ^= self.moments[self.table[index as usize].slot as usize].fresh;
             }
-            entry.last = step;
-            moments.fresh = false;
+            std::hint::black_box(seen);
+            for &index in indices {
+                let entry = &mut self.table[index as usize];
+                let moments = &mut self.moments[entry.slot as usize];
+                entry.value = drift.value(entry);
+                moments.update(entry, learning_rate, step, correction);
+            }
         }
+        self.fresh.clear();
+    }
+}
+
+impl Moments {
+    /// Folds the gradient in and moves the entry, whose value is that of the step before.
+    #[inline]
+    fn update(&mut self, entry: &mut Entry, learning_rate: f32, step: u32, correction: [f32; 2]) {
+        let decay = BETA.map(|b| (b as f32).powi((step - entry.last) as i32));
+        let gain = BETA.map(|b| 1.0 - b as f32);
+        for f in 0..FEATURES {
+            let g = self.gradient[f];
+            let mean = decay[0] * self.mean[f] + gain[0] * g;
+            let square = decay[1] * self.square[f] + gain[1] * g * g;
+            let m = if mean.abs() < FLUSH { 0.0 } else { mean };
+            let v = if square < FLUSH { 0.0 } else { square };
+            let (root, eps) = (v.sqrt(), EPSILON as f32);
+            entry.value[f] -= learning_rate * (m * correction[0]) / (root * correction[1].sqrt() + eps);
+            entry.slope[f] = m / (root + eps);
+            (self.mean[f], self.square[f], self.gradient[f]) = (m, v, 0.0);
+        }
+        entry.last = step;
+        self.fresh = false;
+    }
+}
+
+impl Batch {
+    fn new() -> Self {
+        Self { entries: [[0; 8]; BATCH], weights: [[0.0; 8]; BATCH] }
     }
 }
 
@@ -224,7 +280,22 @@ impl HashGrid {
 
     /// Features of a level at a point, by trilinear interpolation.
     pub fn features(&self, level: usize, point: [f32; 3]) -> [f32; FEATURES] {
-        self.levels[level].features(point, &self.drift)
+        let level = &self.levels[level];
+        let (entries, weights) = level.corners(point);
+        level.features(&entries, &weights, &self.drift)
+    }
+
+    /// Features of a level at some points, one row of `out` per feature, rows `stride` apart.
+    pub fn encode(&self, level: usize, points: &[[f32; 3]], out: &mut [f32], stride: usize) {
+        let level = &self.levels[level];
+        let mut batch = Batch::new();
+        for (c, points) in points.chunks(BATCH).enumerate() {
+            level.look_up(points.iter().copied(), &mut batch);
+            for i in 0..points.len() {
+                let features = level.features(&batch.entries[i], &batch.weights[i], &self.drift);
+                (0..FEATURES).for_each(|f| out[f * stride + c * BATCH + i] = features[f]);
+            }
+        }
     }
 
     /// Entries that ever received a gradient, over all levels.
@@ -241,10 +312,22 @@ impl HashGrid {
         gradient: impl Fn(usize, usize) -> [f32; FEATURES] + Sync,
     ) {
         self.levels.par_iter_mut().take(active).enumerate().for_each(|(l, level)| {
-            for (i, &point) in points.iter().enumerate() {
+            let mut batch = Batch::new();
+            let mut chosen = [(0, [0.0; FEATURES]); BATCH];
+            let mut count = 0;
+            for i in 0..points.len() {
                 let g = gradient(l, i);
                 if g.iter().any(|v| v.abs() > NEGLIGIBLE) {
-                    level.accumulate(point, g);
+                    chosen[count] = (i, g);
+                    count += 1;
+                }
+                if count == BATCH || i + 1 == points.len() {
+                    level.look_up(chosen[..count].iter().map(|c| points[c.0]), &mut batch);
+                    batch.entries[..count].iter().for_each(|entries| level.prepare(entries));
+                    for (k, (_, g)) in chosen[..count].iter().enumerate() {
+                        level.accumulate(&batch.entries[k], &batch.weights[k], *g);
+                    }
+                    count = 0;
                 }
             }
         });

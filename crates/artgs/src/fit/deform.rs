@@ -261,6 +261,10 @@ impl Articulated {
         self.updates += 1;
         let (rate, correction) = (self.config.joint_rate.at(step), corrections(self.updates));
         for ((joint, adam), gradient) in self.joints.iter_mut().zip(&mut self.moments).zip(&work.d_joints) {
+            // One Gaussian out of numbers must not take its joint along.
+            if gradient.iter().any(|g| !g.is_finite()) {
+                continue;
+            }
             let model = joint.model();
             for (i, value) in joint.values_mut().iter_mut().enumerate() {
                 let unit = if model.is_length(i) { self.config.length_unit } else { 1.0 };
