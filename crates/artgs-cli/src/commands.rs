@@ -34,6 +34,7 @@ pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
 fn reconstruct(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     use_threads(args.method.threads)?;
     let config = library::configure(&settings(&args.method, args.parts))?;
+    folder::check(&args.out, args.earlier)?;
     let capture = library::load(&args.capture)?;
     folder::prepare(&args.out, args.earlier)?;
     let summary = observed(&capture, &args.out, &config, args.earlier.resume, style)?;

@@ -12,9 +12,9 @@ pub(crate) const EVENTS: &str = "events.jsonl";
 const REPLICA: &str = "replica.json";
 const STAGES: &str = "stages";
 
-/// Makes `out` ready for a run: missing, empty, or an output folder without results, with `--resume` or with
-/// `--force`, which removes what a later `--resume` would mistake for its own.
-pub(crate) fn prepare(out: &Path, earlier: Earlier) -> Result<(), Failure> {
+/// Refuses `out` unless it is missing, empty, an output folder without results, or comes with `--resume` or `--force`.
+/// Touches nothing.
+pub(crate) fn check(out: &Path, earlier: Earlier) -> Result<(), Failure> {
     let shown = out.display();
     let mut empty = true;
     match fs::read_dir(out) {
@@ -29,14 +29,21 @@ pub(crate) fn prepare(out: &Path, earlier: Earlier) -> Result<(), Failure> {
     if !empty && !holds(EVENTS) && !holds(REPLICA) {
         return Err(Failure::bad(format!("{shown} holds files that artgs did not write; give an empty folder to -o")));
     }
-    if earlier.force {
-        discard(out)?;
-    } else if !earlier.resume && (holds(STAGES) || holds(REPLICA)) {
+    if !earlier.force && !earlier.resume && (holds(STAGES) || holds(REPLICA)) {
         return Err(Failure::bad(format!(
             "{shown} holds an earlier run; add --resume to go on with it, or --force to discard it"
         )));
     }
-    fs::create_dir_all(out).with_context(|| format!("cannot make {shown}"))?;
+    Ok(())
+}
+
+/// Makes `out` ready for a run; `--force` removes what a later `--resume` would mistake for its own.
+pub(crate) fn prepare(out: &Path, earlier: Earlier) -> Result<(), Failure> {
+    check(out, earlier)?;
+    if earlier.force {
+        discard(out)?;
+    }
+    fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
     Ok(())
 }
 

@@ -121,12 +121,19 @@ impl Config {
 fn merge(into: &mut toml::Table, changes: toml::Table) {
     for (key, value) in changes {
         match (into.get_mut(&key), value) {
-            (Some(toml::Value::Table(inner)), toml::Value::Table(change)) => merge(inner, change),
+            (Some(toml::Value::Table(inner)), toml::Value::Table(change)) if !is_choice(inner, &change) => {
+                merge(inner, change);
+            }
             (_, value) => {
                 into.insert(key, value);
             }
         }
     }
+}
+
+/// True if both tables hold one key and not the same: alternatives such as `rbf = 1.0` for `neighbours = 7`.
+fn is_choice(inner: &toml::Table, change: &toml::Table) -> bool {
+    inner.len() == 1 && change.len() == 1 && inner.keys().ne(change.keys())
 }
 
 #[cfg(test)]

@@ -9,8 +9,8 @@ use std::path::Path;
 
 fn cabinet(dir: &Path) -> Capture {
     let options = CabinetOptions { views: 24, test_views: 4, size: 112, ..CabinetOptions::default() };
-    write_cabinet(dir, &options).unwrap();
-    artgs_io::load_capture(dir).unwrap()
+    write_cabinet(dir, &options).expect("the cabinet is written");
+    artgs_io::load_capture(dir).expect("the cabinet is read")
 }
 
 fn short(parts: usize) -> Config {

@@ -31,8 +31,8 @@ pub struct DensifyConfig {
     pub late_after: usize,
     /// `prune_opacity` after `late_after`.
     pub late_prune_opacity: f32,
-    /// Largest footprint radius in pixels; none: unlimited.
-    pub prune_radius_px: Option<f32>,
+    /// Largest footprint radius in pixels; 0: unlimited.
+    pub prune_radius_px: f32,
     /// Largest standard deviation, relative to the extent.
     pub prune_scale: f32,
     /// Opacities are reset at multiples of this many steps; 0 never.
@@ -56,11 +56,11 @@ impl DensifyConfig {
             prune_opacity: 0.005,
             late_after: 3000,
             late_prune_opacity: 0.005,
-            prune_radius_px: Some(20.0),
+            prune_radius_px: 20.0,
             prune_scale: 0.1,
             reset_every: 3000,
             reset_opacity: 0.01,
-            max_gaussians: usize::MAX,
+            max_gaussians: u32::MAX as usize,
         }
     }
 
@@ -86,7 +86,7 @@ impl Default for DensifyConfig {
             prune_opacity: 0.02,
             late_after: 400,
             late_prune_opacity: 0.02,
-            prune_radius_px: None,
+            prune_radius_px: 0.0,
             reset_every: 0,
             max_gaussians: 120_000,
             ..Self::paper()
@@ -166,7 +166,7 @@ pub fn densify(
     let late = step > config.late_after;
     let opacity = if late { config.late_prune_opacity } else { config.prune_opacity };
     let faint = logit(opacity);
-    let wide = |i: usize| i < n && config.prune_radius_px.is_some_and(|limit| stats.radius[i] > limit);
+    let wide = |i: usize| i < n && config.prune_radius_px > 0.0 && stats.radius[i] > config.prune_radius_px;
     let prune = |i: usize| {
         let finite = splats.means[i].iter().chain(&splats.log_scales[i]).all(|v| v.is_finite());
         let too_large = late && (wide(i) || large(splats, i, config.prune_scale));

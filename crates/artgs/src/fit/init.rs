@@ -45,15 +45,15 @@ pub struct DepthInit {
     pub opacity: f32,
     /// Voxels seen by fewer pixels are taken for noise.
     pub min_pixels: usize,
-    /// Standard deviation along the normal relative to that along the surface; none: isotropic, as published.
-    pub flatten: Option<f32>,
+    /// Standard deviation along the normal relative to that along the surface; 1, as published: round.
+    pub flatten: f32,
     /// Standard deviation relative to the root mean square distance of the three nearest neighbours; published: 1.
     pub spread: f32,
 }
 
 impl Default for DepthInit {
     fn default() -> Self {
-        Self { count: 30_000, opacity: 0.9, min_pixels: 2, flatten: Some(0.2), spread: 0.7 }
+        Self { count: 30_000, opacity: 0.9, min_pixels: 2, flatten: 0.2, spread: 0.7 }
     }
 }
 
@@ -96,8 +96,8 @@ pub fn from_depth(images: &[TrainImage], config: &DepthInit, sh_degree: usize) -
     let typical = sorted[sorted.len() / 2].max(f32::MIN_POSITIVE);
     let scales: Vec<f32> = distances.iter().map(|d| config.spread * d.clamp(0.1 * typical, 3.0 * typical)).collect();
     let mut splats = isotropic(means, &colors, &scales, config.opacity, sh_degree);
-    if let Some(ratio) = config.flatten {
-        flatten(&mut splats, ratio)?;
+    if config.flatten != 1.0 {
+        flatten(&mut splats, config.flatten)?;
     }
     Ok(splats)
 }

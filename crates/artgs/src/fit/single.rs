@@ -78,7 +78,7 @@ impl SingleConfig {
             update_always: false,
             init: InitKind::Random,
             random: RandomInit::default(),
-            depth: DepthInit { opacity: 0.1, flatten: None, spread: 1.0, min_pixels: 1, ..DepthInit::default() },
+            depth: DepthInit { opacity: 0.1, flatten: 1.0, spread: 1.0, min_pixels: 1, ..DepthInit::default() },
             loss: LossConfig {
                 ssim: 0.2,
                 crop_ssim: false,

@@ -136,7 +136,7 @@ impl<'a> Run<'a> {
             let [start, end] = run.train_views();
             let pictures = [(start, &depths[0]), (end, &depths[1])].map(|(views, depths)| {
                 let pairs = views.iter().zip(depths);
-                pairs.map(|(view, depth)| DepthPicture { view, depth: &**depth }).collect::<Vec<_>>()
+                pairs.map(|(view, depth)| DepthPicture { view, depth }).collect::<Vec<_>>()
             });
             let scene = Scene::new([&pictures[0], &pictures[1]], &run.config.discover)?;
             let found = discover::discover(&scene, parts - 1, &run.config.discover)?;
