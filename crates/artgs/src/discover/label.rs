@@ -1,11 +1,12 @@
-//! Which part each surface point belongs to: evidence from the other state under every motion, smoothed by belief propagation.
+//! Which part each surface point belongs to: what the other state says under every motion, and where that leaves several
+//! answers, what the point hangs together with.
 
 use super::observe::{Cloud, DepthView, Sightings};
 use super::propose::components;
 use super::register::Searchable;
 use crate::neighbours::PointTree;
 use artgs_core::Rigid;
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
 /// Costs of one labelling, each relative to the cost 1 of sitting in empty space.
@@ -19,73 +20,141 @@ pub struct LabelCosts {
     pub mismatch: f32,
     /// A surface is there in quite another colour.
     pub color: f32,
-    /// A point without sign of having moved, taken for movable right beside points that have.
+    /// A point that does not speak for a movable part, taken for it all the same.
     pub idle: f32,
-    /// The same far away from all of them.
-    pub idle_far: f32,
-    /// The same, far away, for a point that the other state does not show at rest: what it hangs together with decides.
-    pub idle_unsure: f32,
-    /// Two neighbours in different parts.
+    /// Two close, coplanar, like-coloured neighbours in different parts.
     pub smooth: f32,
 }
 
 impl Default for LabelCosts {
     fn default() -> Self {
-        Self {
-            hidden_static: 0.3,
-            hidden_moved: 0.3,
-            mismatch: 0.5,
-            color: 0.3,
-            idle: 0.01,
-            idle_far: 0.3,
-            idle_unsure: 0.02,
-            smooth: 0.4,
-        }
+        Self { hidden_static: 0.1, hidden_moved: 0.1, mismatch: 0.2, color: 0.3, idle: 0.01, smooth: 0.4 }
     }
 }
 
-/// Cost of every part for every point of a state, `[n * k]`. `to_other[k]` moves part k from this state to the other.
-pub fn data_costs(
-    own: &Searchable<'_>,
-    other: &Searchable<'_>,
-    other_views: &[DepthView],
-    to_other: &[Rigid],
-    tolerance: f32,
-    spacing: f32,
-    costs: &LabelCosts,
-) -> Vec<f32> {
-    let parts = to_other.len();
-    let poses: Vec<_> = to_other.iter().map(|m| (m.matrix().as_mat3(), m.translation.as_vec3())).collect();
-    (0..own.cloud.len())
-        .into_par_iter()
-        .with_min_len(64)
-        .flat_map_iter(|i| {
-            let (p, n, c) = (own.cloud.points[i], own.cloud.normals[i], own.cloud.colors[i]);
-            let poses = &poses;
-            (0..parts).map(move |k| {
-                let (r, t) = poses[k];
-                let q = r * p + t;
-                let seen = Sightings::of(other_views, q, tolerance);
-                if seen.through + seen.surface == 0 {
-                    return if k == 0 { costs.hidden_static } else { costs.hidden_moved };
-                }
-                if !seen.is_surface() {
-                    let through = seen.through as f32 / (seen.through + seen.surface) as f32;
-                    // One stray view is weak evidence.
-                    let trust = if seen.through == 1 { 0.6 } else { 1.0 };
-                    return trust * (0.5 + 0.5 * through);
-                }
-                let (j, d2) = other.nearest(q);
-                if d2 > (2.0 * spacing).powi(2) {
-                    return costs.mismatch;
-                }
-                let facing = (r * n).dot(other.cloud.normals[j]).max(0.0);
-                let off_plane = ((q - other.cloud.points[j]).dot(other.cloud.normals[j]).abs() / spacing).min(1.0);
-                let tint = ((c - other.cloud.colors[j]).abs().max_element() / 0.5).min(1.0);
-                costs.mismatch * (1.0 - facing).max(0.5 * off_plane * off_plane) + costs.color * tint * tint
-            })
+/// What the other state says about a point at rest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AtRest {
+    /// It looks through the point: the point has moved.
+    Gone,
+    /// It does not show the place.
+    Unseen,
+    /// It shows a surface there.
+    Seen,
+}
+
+/// Both clouds and what is needed to look from one state into the other.
+pub struct Pair<'a> {
+    /// Points of the state that is labelled.
+    pub own: &'a Searchable<'a>,
+    /// Points of the other state.
+    pub other: &'a Searchable<'a>,
+    /// Depth maps of the other state.
+    pub other_views: &'a [DepthView],
+    /// Depth tolerance, scene units.
+    pub tolerance: f32,
+    /// Distance between neighbouring points, scene units.
+    pub spacing: f32,
+}
+
+/// Where a point of one state ends up in the other.
+enum Landing {
+    /// Where nothing can be, at this cost.
+    Empty(f32),
+    /// Out of sight.
+    Hidden,
+    /// On a surface; the nearest point of it, if one is near, and the cost of looking different.
+    Surface(Option<usize>, f32),
+}
+
+impl Pair<'_> {
+    fn landing(&self, i: usize, rotation: &Mat3, translation: Vec3, costs: &LabelCosts) -> Landing {
+        let q = *rotation * self.own.cloud.points[i] + translation;
+        let seen = Sightings::of(self.other_views, q, self.tolerance);
+        if seen.through + seen.surface == 0 {
+            return Landing::Hidden;
+        }
+        if !seen.is_surface() {
+            let through = seen.through as f32 / (seen.through + seen.surface) as f32;
+            // A stray view or two are weak evidence.
+            let trust = (seen.through as f32 / 3.0).min(1.0);
+            return Landing::Empty(trust * (0.5 + 0.5 * through));
+        }
+        let mut best = Landing::Surface(None, costs.mismatch);
+        self.other.nearest_n(q, 4, |j, d2| {
+            let cost = self.unlikeness(i, j, q, *rotation * self.own.cloud.normals[i], costs);
+            if d2 < (2.0 * self.spacing).powi(2) && matches!(best, Landing::Surface(_, least) if cost < least) {
+                best = Landing::Surface(Some(j), cost);
+            }
+        });
+        best
+    }
+
+    /// How different a point, moved to `q` with `normal`, and point `j` of the other state look. The other side of a thin
+    /// plate is nearly as good as the same side, whatever its colour.
+    fn unlikeness(&self, i: usize, j: usize, q: Vec3, normal: Vec3, costs: &LabelCosts) -> f32 {
+        let other = self.other.cloud;
+        let facing = normal.dot(other.normals[j]);
+        let turned_away = if facing < 0.0 { 1.0 + 0.7 * facing } else { 1.0 - facing };
+        let off_plane = ((q - other.points[j]).dot(other.normals[j]).abs() / self.spacing).min(1.0);
+        let tint = if facing < -0.7 { 0.0 } else { (self.own.cloud.colors[i] - other.colors[j]).abs().max_element() };
+        costs.mismatch * turned_away.max(0.5 * off_plane * off_plane) + costs.color * (tint / 0.5).min(1.0).powi(2)
+    }
+
+    /// Cost of every motion for every point, `[n * motions]`, each judged by itself. The first motion is rest.
+    pub fn plain_costs(&self, to_other: &[Rigid], costs: &LabelCosts) -> Vec<f32> {
+        let poses = matrices(to_other);
+        self.fill_rows(poses.len(), |i, row| {
+            for (k, (cost, (r, t))) in row.iter_mut().zip(&poses).enumerate() {
+                *cost = match self.landing(i, r, *t, costs) {
+                    Landing::Empty(cost) | Landing::Surface(_, cost) => cost,
+                    Landing::Hidden if k == 0 => costs.hidden_static,
+                    Landing::Hidden => costs.hidden_moved,
+                };
+            }
         })
-        .collect()
+    }
+
+    /// Cost of every part for every point, `[n * parts]`, part 0 resting. A movable part is believed outright only where
+    /// it explains a surface of the other state that rest leaves unexplained: one that slides along itself, or comes to
+    /// lie on what has been there all along, says no more than a hidden one. `target_at_rest` tells, of the other
+    /// state's points, what this state says about them.
+    pub fn part_costs(&self, to_other: &[Rigid], target_at_rest: &[AtRest], costs: &LabelCosts) -> Vec<f32> {
+        let poses = matrices(to_other);
+        self.fill_rows(poses.len(), |i, row| {
+            let land = |k: usize| self.landing(i, &poses[k].0, poses[k].1, costs);
+            let (rest, rest_fits) = match land(0) {
+                // Too small a glimpse to have left points, yet at the right depth.
+                Landing::Surface(None, _) => (0.0, true),
+                Landing::Empty(cost) => (cost, false),
+                Landing::Hidden => (costs.hidden_static, false),
+                Landing::Surface(_, cost) => (cost, cost < 0.5 * costs.mismatch),
+            };
+            row[0] = rest;
+            for k in 1..row.len() {
+                row[k] = match land(k) {
+                    Landing::Empty(cost) => cost,
+                    Landing::Hidden | Landing::Surface(None, _) => costs.hidden_moved + costs.idle,
+                    Landing::Surface(Some(j), cost) => match target_at_rest[j] {
+                        AtRest::Gone => cost,
+                        AtRest::Unseen => cost + 0.5 * costs.hidden_moved,
+                        AtRest::Seen if rest_fits => cost + costs.idle,
+                        AtRest::Seen => cost.max(costs.hidden_moved) + costs.idle,
+                    },
+                };
+            }
+        })
+    }
+
+    fn fill_rows(&self, columns: usize, fill: impl Fn(usize, &mut [f32]) + Sync) -> Vec<f32> {
+        let mut out = vec![0.0; self.own.cloud.len() * columns];
+        out.par_chunks_mut(columns).enumerate().with_min_len(64).for_each(|(i, row)| fill(i, row));
+        out
+    }
+}
+
+fn matrices(motions: &[Rigid]) -> Vec<(Mat3, Vec3)> {
+    motions.iter().map(|m| (m.matrix().as_mat3(), m.translation.as_vec3())).collect()
 }
 
 /// Symmetric nearest-neighbour graph: `(i, j, closeness in (0, 1])` with i < j, sorted.
@@ -108,11 +177,8 @@ pub fn neighbour_graph(
                 if j == i || d > 2.2 {
                     return;
                 }
-                let bend = 1.0 - normals[i].dot(normals[j]).max(0.0);
-                let tint = (colors[i] - colors[j]).abs().max_element();
-                let closeness: f32 = (-0.25 * d * d).exp();
-                let alike: f32 = (-4.0 * tint).exp();
-                let weight = closeness.max(0.05) * (1.0 - 0.6 * bend) * alike.max(0.3);
+                let weight = closeness(points[j] - points[i], [normals[i], normals[j]], spacing)
+                    * (-4.0 * (colors[i] - colors[j]).abs().max_element()).exp().max(0.3);
                 near.push((i.min(j) as u32, i.max(j) as u32, weight));
             });
             near
@@ -123,78 +189,20 @@ pub fn neighbour_graph(
     edges
 }
 
-/// Adds what it costs to take points that show no sign of having moved for movable: little beside the `evidence` of a
-/// part (indices of moved points it explains), more with the square of the distance, full at `ranges[k]` scene units.
-/// A plane that slides along itself is otherwise as good an explanation of a wall as standing still.
-/// `unsure` flags points that the other state does not show at rest.
-pub fn add_idle_costs(
-    data: &mut [f32],
-    cloud: &Cloud,
-    evidence: &[Vec<usize>],
-    unsure: &[bool],
-    ranges: &[f32],
-    costs: &LabelCosts,
-) {
-    let parts = evidence.len() + 1;
-    for (k, members) in evidence.iter().enumerate() {
-        let points: Vec<[f32; 3]> = members.iter().map(|&i| cloud.points[i].to_array()).collect();
-        let tree = PointTree::new(&points);
-        let range = ranges[k];
-        data.par_chunks_mut(parts).enumerate().with_min_len(512).for_each(|(i, row)| {
-            let far = tree.nearest(&cloud.points[i].to_array()).map_or(1.0, |(_, d2)| (d2 / (range * range)).min(1.0));
-            if far > 0.0 {
-                let (near, away) = if unsure[i] { (0.0, costs.idle_unsure) } else { (costs.idle, costs.idle_far) };
-                row[k + 1] += near + (away - near) * far;
-            }
-        });
-    }
+/// How firmly two points hang together, in (0, 1]: firmly on a smooth surface, less across an edge that bulges, least
+/// across a groove or a step, where one part ends and the next begins.
+fn closeness(apart: Vec3, normals: [Vec3; 2], spacing: f32) -> f32 {
+    let bend = 1.0 - normals[0].dot(normals[1]).max(-1.0);
+    let bulges = (normals[1] - normals[0]).dot(apart) > 0.0;
+    let step = (apart.dot(normals[0] + normals[1]) / (2.0 * apart.length().max(1e-12))).abs();
+    let near = (-0.25 * apart.length_squared() / (spacing * spacing)).exp().max(0.05);
+    near * (if bulges { -1.0 } else { -3.0 } * bend - 2.0 * step * step).exp().max(0.02)
 }
 
-/// Minimises data cost plus a Potts penalty over the graph by damped min-sum belief propagation.
-/// `data` is `[n * parts]`; the result is the part of every point.
-pub fn propagate(data: &[f32], parts: usize, edges: &[(u32, u32, f32)], smooth: f32, rounds: usize) -> Vec<u16> {
-    let n = data.len() / parts.max(1);
-    // Message e goes i -> j, message e + m goes j -> i.
-    let m = edges.len();
-    let mut incoming: Vec<Vec<u32>> = vec![Vec::new(); n];
-    for (e, (i, j, _)) in edges.iter().enumerate() {
-        incoming[*j as usize].push(e as u32);
-        incoming[*i as usize].push((e + m) as u32);
-    }
-    let mut messages = vec![0.0f32; 2 * m * parts];
-    let mut next = messages.clone();
-    let mut belief = data.to_vec();
-    for _ in 0..rounds {
-        belief.par_chunks_mut(parts).enumerate().with_min_len(512).for_each(|(i, b)| {
-            b.copy_from_slice(&data[i * parts..(i + 1) * parts]);
-            for &e in &incoming[i] {
-                let from = &messages[e as usize * parts..(e as usize + 1) * parts];
-                b.iter_mut().zip(from).for_each(|(x, y)| *x += y);
-            }
-        });
-        next.par_chunks_mut(parts).enumerate().with_min_len(512).for_each(|(e, out)| {
-            let (edge, back) = if e < m { (edges[e], e + m) } else { (edges[e - m], e - m) };
-            let source = if e < m { edge.0 } else { edge.1 } as usize;
-            let mut least = f32::INFINITY;
-            for k in 0..parts {
-                out[k] = belief[source * parts + k] - messages[back * parts + k];
-                least = least.min(out[k]);
-            }
-            let cap = smooth * edge.2;
-            for k in 0..parts {
-                let fresh = (out[k] - least).min(cap);
-                out[k] = 0.5 * (fresh + messages[e * parts + k]);
-            }
-        });
-        std::mem::swap(&mut messages, &mut next);
-    }
-    (0..n)
-        .map(|i| {
-            let b = &belief[i * parts..(i + 1) * parts];
-            let best = (0..parts).min_by(|&x, &y| b[x].total_cmp(&b[y]));
-            best.unwrap_or(0) as u16
-        })
-        .collect()
+/// The cheapest part of every point by itself.
+pub fn cheapest(data: &[f32], parts: usize) -> Vec<u16> {
+    let best = |row: &[f32]| (0..parts).min_by(|&x, &y| row[x].total_cmp(&row[y])).unwrap_or(0) as u16;
+    data.chunks_exact(parts).map(best).collect()
 }
 
 /// Gives islands of a movable part back to the static one: groups of its points, connected by steps of at most `reach`
@@ -225,24 +233,5 @@ mod tests {
         let mut labels = vec![1; 60];
         drop_islands(&mut labels, &data, 2, &cloud, 1.5);
         assert!(labels[..30].iter().all(|l| *l == 1) && labels[30..].iter().all(|l| *l == 0));
-    }
-
-    #[test]
-    fn propagation_fills_gaps_and_removes_specks() {
-        // A line of 60 points: the left half says 0, the right half 1, a third say nothing, three lie.
-        let n = 60;
-        let mut data = vec![0.0f32; 2 * n];
-        for i in 0..n {
-            let label = usize::from(i >= 30);
-            data[2 * i + (1 - label)] = if i % 3 == 0 { 0.0 } else { 1.0 };
-        }
-        for liar in [10, 20, 50] {
-            data.swap(2 * liar, 2 * liar + 1);
-        }
-        let edges: Vec<_> =
-            (0..n - 2).flat_map(|i| [(i as u32, i as u32 + 1, 1.0), (i as u32, i as u32 + 2, 1.0)]).collect();
-        let labels = propagate(&data, 2, &edges, 0.4, 40);
-        let wrong = (0..n).filter(|&i| labels[i] != u16::from(i >= 30)).count();
-        assert!(wrong <= 1, "{labels:?}");
     }
 }

@@ -3,6 +3,7 @@
 //! A point that the other state's depth maps look through has moved; one they hide is merely unseen. Motions are
 //! searched for clusters of moved points, then parts and motions are refined in turn.
 
+pub mod cut;
 pub mod field;
 pub mod label;
 pub mod observe;
@@ -13,7 +14,7 @@ pub mod select;
 use artgs_core::{Joint, JointKind, Rigid, View};
 use field::Field;
 use glam::Vec3;
-use label::LabelCosts;
+use label::{AtRest, LabelCosts, Pair};
 use observe::{Cloud, DepthView, Observation, Sightings};
 use propose::{Scales, Side};
 use rayon::prelude::*;
@@ -151,12 +152,29 @@ impl Scene {
         Ok(Self { states, scales: Scales { spacing, diagonal }, tolerance, lower, upper })
     }
 
-    /// Points of a state that are not there in the other one, and points the other one says nothing about.
-    pub fn moved_and_unsure(&self, state: usize) -> (Vec<usize>, Vec<usize>) {
+    /// What the other state says about each point of a state.
+    pub fn at_rest(&self, state: usize) -> Vec<AtRest> {
         let (own, other) = (&self.states[state].cloud, &self.states[1 - state].views);
-        let seen: Vec<Sightings> = own.points.par_iter().map(|p| Sightings::of(other, *p, self.tolerance)).collect();
-        let which = |f: fn(&Sightings) -> bool| (0..seen.len()).filter(|&i| f(&seen[i])).collect();
-        (which(|s| s.is_empty_space()), which(|s| !s.is_empty_space() && !s.is_surface()))
+        let judge = |p: &Vec3| {
+            let seen = Sightings::of(other, *p, self.tolerance);
+            match (seen.is_empty_space(), seen.is_surface()) {
+                (true, _) => AtRest::Gone,
+                (_, true) => AtRest::Seen,
+                _ => AtRest::Unseen,
+            }
+        };
+        own.points.par_iter().map(judge).collect()
+    }
+
+    /// Looks from one state into the other.
+    pub fn pair<'a>(&'a self, search: &'a [Searchable<'a>; 2], state: usize) -> Pair<'a> {
+        Pair {
+            own: &search[state],
+            other: &search[1 - state],
+            other_views: &self.states[1 - state].views,
+            tolerance: self.tolerance,
+            spacing: self.scales.spacing,
+        }
     }
 }
 
@@ -164,8 +182,9 @@ impl Scene {
 pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Result<Discovery, DiscoverError> {
     let clouds = [&scene.states[0].cloud, &scene.states[1].cloud];
     let search = [Searchable::new(clouds[0]), Searchable::new(clouds[1])];
-    let [(moved_start, unsure_start), (moved_end, unsure_end)] = [0, 1].map(|s| scene.moved_and_unsure(s));
-    let (moved, unsure) = ([moved_start, moved_end], [unsure_start, unsure_end]);
+    let at_rest = [0, 1].map(|s| scene.at_rest(s));
+    let [moved, unsure] = [AtRest::Gone, AtRest::Unseen]
+        .map(|what| [0, 1].map(|s| (0..clouds[s].len()).filter(|&i| at_rest[s][i] == what).collect::<Vec<usize>>()));
     let total = moved[0].len() + moved[1].len();
     if total < 24 {
         return Err(DiscoverError::NothingMoved);
@@ -192,35 +211,10 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
         let c = clouds[s];
         label::neighbour_graph(&c.points, &c.normals, &c.colors, 10, scene.scales.spacing)
     });
-    let is_unsure = [0, 1].map(|s| {
-        let mut flags = vec![false; clouds[s].len()];
-        unsure[s].iter().chain(&moved[s]).for_each(|&i| flags[i] = true);
-        flags
-    });
     let mut labels = [Vec::new(), Vec::new()];
     for round in 0..config.rounds.max(1) {
-        labels = [0, 1].map(|s| {
-            let to_other: Vec<Rigid> = std::iter::once(Rigid::IDENTITY)
-                .chain(parts.iter().map(|p| if s == 0 { p.motion } else { p.motion.inverse() }))
-                .collect();
-            let costs = LabelCosts::default();
-            let mut data = label::data_costs(
-                &search[s],
-                &search[1 - s],
-                &scene.states[1 - s].views,
-                &to_other,
-                scene.tolerance,
-                scene.scales.spacing,
-                &costs,
-            );
-            let spoken = data.clone();
-            let evidence = evidence(&data, to_other.len(), &moved[s]);
-            let ranges = reaches(&evidence, clouds[s], &to_other[1..], &scene.scales);
-            label::add_idle_costs(&mut data, clouds[s], &evidence, &is_unsure[s], &ranges, &costs);
-            let mut labels = label::propagate(&data, to_other.len(), &graphs[s], costs.smooth, 60);
-            label::drop_islands(&mut labels, &spoken, to_other.len(), clouds[s], 1.8 * scene.scales.spacing);
-            labels
-        });
+        let motions: Vec<Rigid> = parts.iter().map(|p| p.motion).collect();
+        labels = label_points(scene, &search, &at_rest, &graphs, &motions);
         let last = round + 1 == config.rounds.max(1);
         for (k, part) in parts.iter_mut().enumerate() {
             refine(part, clouds, &labels, k as u16 + 1, &scene.scales, last, config);
@@ -237,30 +231,38 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
     })
 }
 
-/// Moved points that each movable part explains best, by the data costs `[n * parts]`.
-fn evidence(data: &[f32], parts: usize, moved: &[usize]) -> Vec<Vec<usize>> {
-    let mut out = vec![Vec::new(); parts - 1];
-    for &i in moved {
-        let row = &data[i * parts..(i + 1) * parts];
-        let best = (1..parts).min_by(|&a, &b| row[a].total_cmp(&row[b]));
-        if let Some(k) = best.filter(|&k| row[k] < 0.3) {
-            out[k - 1].push(i);
-        }
-    }
-    out
+/// Part of every point of both states under motions from start to end.
+fn label_points(
+    scene: &Scene,
+    search: &[Searchable<'_>; 2],
+    at_rest: &[Vec<AtRest>; 2],
+    graphs: &[Vec<(u32, u32, f32)>; 2],
+    motions: &[Rigid],
+) -> [Vec<u16>; 2] {
+    let label = |s: usize| {
+        let moving = motions.iter().map(|m| if s == 0 { *m } else { m.inverse() });
+        let to_other: Vec<Rigid> = std::iter::once(Rigid::IDENTITY).chain(moving).collect();
+        let costs = LabelCosts::default();
+        let data = scene.pair(search, s).part_costs(&to_other, &at_rest[1 - s], &costs);
+        let mut labels = label::cheapest(&data, to_other.len());
+        cut::expand(&data, to_other.len(), &graphs[s], costs.smooth, &mut labels, 2);
+        label::drop_islands(&mut labels, &data, to_other.len(), search[s].cloud, 1.8 * scene.scales.spacing);
+        labels
+    };
+    let (start, end) = rayon::join(|| label(0), || label(1));
+    [start, end]
 }
 
-/// How far from its moved points a part may plausibly reach unmoved-looking: as far as it moves on average.
-fn reaches(evidence: &[Vec<usize>], cloud: &Cloud, to_other: &[Rigid], scales: &Scales) -> Vec<f32> {
-    let reach = |(members, motion): (&Vec<usize>, &Rigid)| {
-        let shift = |i: &usize| {
-            let p = cloud.points[*i].as_dvec3();
-            motion.apply(p).distance(p)
-        };
-        let mean = members.iter().map(shift).sum::<f64>() / members.len().max(1) as f64;
-        (mean as f32).clamp(3.0 * scales.spacing, 0.15 * scales.diagonal)
-    };
-    evidence.iter().zip(to_other).map(reach).collect()
+/// Labels anew under given motions.
+pub fn relabel(scene: &Scene, motions: &[Rigid]) -> [Vec<u16>; 2] {
+    let clouds = [&scene.states[0].cloud, &scene.states[1].cloud];
+    let search = [Searchable::new(clouds[0]), Searchable::new(clouds[1])];
+    let at_rest = [0, 1].map(|s| scene.at_rest(s));
+    let graphs = [0, 1].map(|s| {
+        let c = clouds[s];
+        label::neighbour_graph(&c.points, &c.normals, &c.colors, 10, scene.scales.spacing)
+    });
+    label_points(scene, &search, &at_rest, &graphs, motions)
 }
 
 /// Registers the points of one part; in the last round decides its joint and stays on it.

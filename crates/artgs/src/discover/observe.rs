@@ -5,6 +5,9 @@ use glam::{DVec2, Mat3, Vec3};
 use nalgebra::{Matrix3, SymmetricEigen};
 use rayon::prelude::*;
 
+/// Change of depth from pixel to pixel, in footprints of a pixel, of a surface seen at 80 degrees.
+const STEEPEST: f32 = 5.7;
+
 /// One depth map with the lookups that visibility tests need.
 pub struct DepthView {
     /// Pose and intrinsics.
@@ -13,8 +16,18 @@ pub struct DepthView {
     pub depth: Vec<f32>,
     rotation: Mat3,
     translation: Vec3,
-    nearest: Vec<f32>,
-    farthest: Vec<f32>,
+    around: Vec<Around>,
+}
+
+/// Depths seen in the 3x3 neighbourhood of a pixel: where it is torn, a surface in front and one behind.
+#[derive(Clone, Copy, Default)]
+struct Around {
+    /// Nothing is nearer than this; 0 where a pixel of the object has no depth.
+    clear: f32,
+    nearest: f32,
+    front: f32,
+    back: f32,
+    farthest: f32,
 }
 
 /// What one view says about a point.
@@ -32,26 +45,17 @@ impl DepthView {
     /// From depth and mask (`true` = object); pixels of the object without depth hide everything.
     pub fn new(camera: Camera, depth: Vec<f32>, mask: &[bool]) -> Self {
         let (w, h) = (camera.intrinsics.width as usize, camera.intrinsics.height as usize);
-        let (mut nearest, mut farthest) = (vec![0.0; w * h], vec![0.0; w * h]);
+        let mut around = Vec::with_capacity(w * h);
         for y in 0..h {
             for x in 0..w {
-                let (mut lo, mut hi) = (f32::INFINITY, 0.0f32);
-                for yy in y.saturating_sub(1)..(y + 2).min(h) {
-                    for xx in x.saturating_sub(1)..(x + 2).min(w) {
-                        let (d, object) = (depth[yy * w + xx], mask[yy * w + xx]);
-                        if d > 0.0 {
-                            lo = lo.min(d);
-                            hi = hi.max(d);
-                        } else if object {
-                            lo = 0.0;
-                        }
-                    }
-                }
-                (nearest[y * w + x], farthest[y * w + x]) = (lo, hi);
+                let rows = y.saturating_sub(1)..(y + 2).min(h);
+                let columns = x.saturating_sub(1)..(x + 2).min(w);
+                let pixels = rows.flat_map(|yy| columns.clone().map(move |xx| yy * w + xx));
+                around.push(Around::of(pixels.map(|i| (depth[i], mask[i])), camera.intrinsics.fx as f32));
             }
         }
         let m = camera.world_to_camera;
-        Self { camera, depth, rotation: m.matrix().as_mat3(), translation: m.translation.as_vec3(), nearest, farthest }
+        Self { camera, depth, rotation: m.matrix().as_mat3(), translation: m.translation.as_vec3(), around }
     }
 
     /// Pixel index and view depth of a world point, if it falls into the image.
@@ -67,16 +71,31 @@ impl DepthView {
     }
 
     /// What the view says about a point. The 3x3 neighbourhood of its pixel must agree that it is looked through;
-    /// `tolerance` is in scene units.
+    /// between the two surfaces of a torn neighbourhood nothing is known. `tolerance` is in scene units.
     pub fn sight(&self, point: Vec3, tolerance: f32) -> Sight {
         let Some((pixel, z)) = self.locate(point) else { return Sight::Hidden };
-        if z < self.nearest[pixel] - tolerance {
+        let around = self.around[pixel];
+        let within = |lo: f32, hi: f32| z >= lo - tolerance && z <= hi + tolerance;
+        if z < around.clear - tolerance {
             Sight::Through
-        } else if z <= self.farthest[pixel] + tolerance {
+        } else if within(around.nearest, around.front) || within(around.back, around.farthest) {
             Sight::Surface
         } else {
             Sight::Hidden
         }
+    }
+}
+
+impl Around {
+    fn of(pixels: impl Iterator<Item = (f32, bool)> + Clone, focal: f32) -> Self {
+        let seen = pixels.clone().map(|p| p.0).filter(|d| *d > 0.0);
+        let (lo, hi) = seen.clone().fold((f32::INFINITY, 0.0f32), |(lo, hi), d| (lo.min(d), hi.max(d)));
+        // Across two diagonal steps a surface seen at 80 degrees changes by this much.
+        let reach = 2.0 * std::f32::consts::SQRT_2 * STEEPEST * lo / focal;
+        let front = seen.clone().filter(|d| *d <= lo + reach).fold(lo, f32::max);
+        let back = seen.filter(|d| *d >= hi - reach).fold(hi, f32::min);
+        let blind = pixels.clone().any(|(d, object)| object && d <= 0.0);
+        Self { clear: if blind { 0.0 } else { lo }, nearest: lo, front, back, farthest: hi }
     }
 }
 
@@ -197,8 +216,7 @@ pub fn surface_points(view: &DepthView, rgba: &[[u8; 4]], stride: usize) -> Clou
             if d <= 0.0 {
                 continue;
             }
-            // A surface seen at 80 degrees changes depth by 5.7 pixel footprints from pixel to pixel.
-            let reach = 2.0 * 5.7 * d / k.fx as f32;
+            let reach = 2.0 * STEEPEST * d / k.fx as f32;
             let centre = world(x, y, d);
             patch.clear();
             for yy in y - 2..=y + 2 {

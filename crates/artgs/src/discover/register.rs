@@ -25,6 +25,11 @@ impl<'a> Searchable<'a> {
     pub fn nearest(&self, point: glam::Vec3) -> (usize, f32) {
         self.tree.nearest(&point.to_array()).unwrap_or((0, f32::INFINITY))
     }
+
+    /// Calls `visit(index, squared distance)` for the `n` nearest points, nearest first.
+    pub fn nearest_n(&self, point: glam::Vec3, n: usize, visit: impl FnMut(usize, f32)) {
+        self.tree.nearest_n(&point.to_array(), n, visit);
+    }
 }
 
 /// Settings of a registration.

@@ -1,7 +1,7 @@
 //! Chooses, among candidate motions, the set of a given size that together explains both states best.
 
 use super::Scene;
-use super::label::{LabelCosts, data_costs};
+use super::label::{LabelCosts, Pair};
 use super::propose::Proposal;
 use super::register::Searchable;
 use artgs_core::Rigid;
@@ -59,7 +59,7 @@ fn tabulate(scene: &Scene, search: &[Searchable<'_>; 2], moved: &[Vec<usize>; 2]
     const IDLE_COST: f32 = 0.05;
     const SAMPLE: usize = 5000;
     // What is hidden inside in one state says little against a motion: a twin of the part would show it everything.
-    let costs = LabelCosts { hidden_static: 0.25, hidden_moved: 0.1, ..LabelCosts::default() };
+    let costs = LabelCosts { hidden_static: 0.25, hidden_moved: 0.1, mismatch: 0.5, ..LabelCosts::default() };
     let mut table = Table { columns: pool.len() + 1, costs: Vec::new(), weights: Vec::new() };
     for s in 0..2 {
         let cloud = search[s].cloud;
@@ -74,9 +74,8 @@ fn tabulate(scene: &Scene, search: &[Searchable<'_>; 2], moved: &[Vec<usize>; 2]
             let picked: Vec<usize> = members.iter().copied().step_by(stride).collect();
             let own = cloud.select(&picked);
             let own = Searchable::new(&own);
-            let views = &scene.states[1 - s].views;
-            let (tolerance, spacing) = (scene.tolerance, scene.scales.spacing);
-            let mut rows = data_costs(&own, &search[1 - s], views, &to_other, tolerance, spacing, &costs);
+            let pair = Pair { own: &own, ..scene.pair(search, s) };
+            let mut rows = pair.plain_costs(&to_other, &costs);
             for row in rows.chunks_mut(table.columns) {
                 for (cost, proposal) in row[1..].iter_mut().zip(pool) {
                     *cost += extra + proposal.effort;
