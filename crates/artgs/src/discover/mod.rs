@@ -167,7 +167,7 @@ impl Scene {
     }
 
     /// Looks from one state into the other.
-    pub fn pair<'a>(&'a self, search: &'a [Searchable<'a>; 2], state: usize) -> Pair<'a> {
+    fn pair<'a>(&'a self, search: &'a [Searchable<'a>; 2], state: usize) -> Pair<'a> {
         Pair {
             own: &search[state],
             other: &search[1 - state],
@@ -239,30 +239,24 @@ fn label_points(
     graphs: &[Vec<(u32, u32, f32)>; 2],
     motions: &[Rigid],
 ) -> [Vec<u16>; 2] {
-    let label = |s: usize| {
+    let costs = LabelCosts::default();
+    let parts = motions.len() + 1;
+    let landings = [0, 1].map(|s| {
         let moving = motions.iter().map(|m| if s == 0 { *m } else { m.inverse() });
         let to_other: Vec<Rigid> = std::iter::once(Rigid::IDENTITY).chain(moving).collect();
-        let costs = LabelCosts::default();
-        let data = scene.pair(search, s).part_costs(&to_other, &at_rest[1 - s], &costs);
-        let mut labels = label::cheapest(&data, to_other.len());
-        cut::expand(&data, to_other.len(), &graphs[s], costs.smooth, &mut labels, 2);
-        label::drop_islands(&mut labels, &data, to_other.len(), search[s].cloud, 1.8 * scene.scales.spacing);
+        scene.pair(search, s).landings(&to_other, &costs)
+    });
+    let label = |s: usize| {
+        let spoken = label::part_costs(&landings[s], &landings[1 - s], &at_rest[1 - s], parts, &costs);
+        let mut data = spoken.clone();
+        label::add_astray_costs(&mut data, parts, &graphs[s], costs.astray);
+        let mut labels = label::cheapest(&data, parts);
+        cut::expand(&data, parts, &graphs[s], costs.smooth, &mut labels, 2);
+        label::drop_islands(&mut labels, &spoken, parts, search[s].cloud, 1.8 * scene.scales.spacing);
         labels
     };
     let (start, end) = rayon::join(|| label(0), || label(1));
     [start, end]
-}
-
-/// Labels anew under given motions.
-pub fn relabel(scene: &Scene, motions: &[Rigid]) -> [Vec<u16>; 2] {
-    let clouds = [&scene.states[0].cloud, &scene.states[1].cloud];
-    let search = [Searchable::new(clouds[0]), Searchable::new(clouds[1])];
-    let at_rest = [0, 1].map(|s| scene.at_rest(s));
-    let graphs = [0, 1].map(|s| {
-        let c = clouds[s];
-        label::neighbour_graph(&c.points, &c.normals, &c.colors, 10, scene.scales.spacing)
-    });
-    label_points(scene, &search, &at_rest, &graphs, motions)
 }
 
 /// Registers the points of one part; in the last round decides its joint and stays on it.

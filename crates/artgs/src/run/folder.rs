@@ -101,3 +101,24 @@ pub(super) fn motion_parameters(parts: &[FoundPart]) -> Vec<MotionParameters> {
     };
     parts.iter().map(|p| MotionParameters::from_motion(model(p.kind), &p.motion)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_come_back_to_the_last_bit() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = Folder::new(root.path());
+        let mut state = 1_u64;
+        let numbers: Vec<f64> = std::iter::repeat_with(|| {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        })
+        .take(10_000)
+        .collect();
+        folder.write_json(&folder.stage("numbers.json"), &numbers).unwrap();
+        let read: Vec<f64> = folder.read_json("numbers.json").unwrap();
+        assert!(numbers.iter().zip(&read).all(|(a, b)| a.to_bits() == b.to_bits()) && read.len() == numbers.len());
+    }
+}
