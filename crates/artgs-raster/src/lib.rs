@@ -7,7 +7,7 @@ mod project;
 mod rasterizer;
 pub mod reference;
 mod sh;
-mod simd;
+pub mod simd;
 mod sort;
 pub mod types;
 

@@ -1,6 +1,9 @@
 //! The vectors the kernels are written in: 16 lanes of f32, instruction set chosen at run time.
 
-use fearless_simd::{Level, f32x16, mask32x16, u32x16};
+use fearless_simd::{f32x16, mask32x16, u32x16};
+use std::sync::atomic::{AtomicU8, Ordering};
+
+pub use fearless_simd::Level;
 
 pub(crate) use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch};
 
@@ -12,9 +15,65 @@ pub(crate) type Mask<S> = mask32x16<S>;
 /// Lanes of a vector.
 pub(crate) const WIDTH: usize = 16;
 
-/// The best instruction set of this machine (detected once per process).
-pub(crate) fn level() -> Level {
-    Level::new()
+/// An instruction set that kernels exist for. Other machines have one only: NEON on ARM.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Instructions {
+    /// The best this machine has.
+    #[default]
+    Best,
+    /// 512-bit vectors of x86-64 (Ice Lake, Zen 4 and later).
+    Avx512,
+    /// 256-bit vectors and fused multiply-add of x86-64 (Haswell, Zen and later).
+    Avx2,
+    /// 128-bit vectors of x86-64.
+    Sse42,
+    /// Plain code, a twin to test the others against; only with the feature `scalar`.
+    Scalar,
+}
+
+impl Instructions {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Best, Self::Avx512, Self::Avx2, Self::Sse42, Self::Scalar];
+
+    /// The proof that this machine has them.
+    fn level(self) -> Option<Level> {
+        let best = Level::new();
+        match self {
+            Self::Best => Some(best),
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Self::Avx512 => best.as_avx512().map(Level::Avx512),
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Self::Avx2 => best.as_avx2().map(Level::Avx2),
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Self::Sse42 => best.as_sse4_2().map(Level::Sse4_2),
+            #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
+            Self::Avx512 | Self::Avx2 | Self::Sse42 => None,
+            #[cfg(feature = "scalar")]
+            Self::Scalar => Some(Level::fallback()),
+            #[cfg(not(feature = "scalar"))]
+            Self::Scalar => None,
+        }
+    }
+}
+
+/// What [`use_instructions`] was given last, as its place in [`Instructions::ALL`].
+static CHOSEN: AtomicU8 = AtomicU8::new(0);
+
+/// Makes every kernel of the process use these instructions from now on: to compare them in tests and benchmarks.
+/// False, and nothing changes, if this machine or build does not have them.
+pub fn use_instructions(instructions: Instructions) -> bool {
+    let available = instructions.level().is_some();
+    if available {
+        CHOSEN.store(instructions as u8, Ordering::Relaxed);
+    }
+    available
+}
+
+/// The instruction set in use: the best of this machine (detected once) unless [`use_instructions`] says otherwise.
+#[inline]
+pub fn level() -> Level {
+    let chosen = Instructions::ALL[usize::from(CHOSEN.load(Ordering::Relaxed))];
+    if chosen == Instructions::Best { Level::new() } else { chosen.level().unwrap_or_else(Level::new) }
 }
 
 /// `2^x` for x in [-126, 126], relative error 2.1e-7; garbage below.

@@ -2,57 +2,9 @@
 
 mod common;
 
-use artgs_core::Camera;
-use artgs_raster::{Colors, Frame, Rasterizer, RenderOptions, ShFrames, SplatGrads, SplatView, reference};
-use common::{camera, d_frame, fields, options, rng, splats};
+use artgs_raster::{Colors, RenderOptions, ShFrames, SplatView, reference};
+use common::{assert_frames_agree, assert_gradients_agree, camera, options, rng, splats};
 use rand::RngExt;
-
-/// Below this relative distance of a decision from flipping, f32 may decide otherwise.
-const MARGIN: f64 = 1e-3;
-
-fn planes(f: &Frame) -> [&[f32]; 3] {
-    [&f.rgb, &f.depth, &f.alpha]
-}
-
-fn assert_frames_agree(view: SplatView<'_>, camera: &Camera, options: &RenderOptions, what: &str) {
-    let want = reference::render_checked(view, camera, options);
-    let mut raster = Rasterizer::new();
-    let got = raster.forward(view, camera, options);
-    let size = got.width * got.height;
-    let trusted = want.margin.iter().filter(|&&m| m > MARGIN).count();
-    assert!(trusted * 10 >= size * 7, "{what}: only {trusted} of {size} pixels are away from decisions");
-    for (got, want_plane) in planes(got).into_iter().zip(planes(&want.frame)) {
-        assert_eq!(got.len(), want_plane.len());
-        for (i, (a, b)) in got.iter().zip(want_plane).enumerate() {
-            let limit = if want.margin[i % size] > MARGIN { 1e-4 } else { 0.05 };
-            assert!((a - b).abs() <= limit, "{what}: pixel {i}: {a} instead of {b}");
-        }
-    }
-}
-
-fn assert_gradients_agree(view: SplatView<'_>, camera: &Camera, options: &RenderOptions, seed: u64, what: &str) {
-    let margin = reference::render_checked(view, camera, options).margin;
-    let d = d_frame(&mut rng(seed), margin.len(), |p| margin[p] > MARGIN);
-    let want = reference::gradients(view, camera, options, &d);
-    let (mut raster, mut got) = (Rasterizer::new(), SplatGrads::default());
-    raster.forward(view, camera, options);
-    raster.backward(view, camera, options, &d, &mut got);
-    for ((name, got), (_, want)) in fields(&got).into_iter().zip(fields(&want)) {
-        assert_eq!(got.len(), want.len(), "{what}: {name}");
-        let scale = want.iter().map(|x| x.abs()).sum::<f32>() / want.len().max(1) as f32;
-        for (i, (a, b)) in got.iter().zip(want).enumerate() {
-            if name == "radii" && *a == 0.0 {
-                // The oracle asks whether a pixel was reached, the rasteriser whether a tile was.
-                assert_eq!(*b, 0.0, "{what}: radius {i}");
-            } else if name != "radii" || *b > 0.0 {
-                assert!(
-                    (a - b).abs() <= 1e-3 * b.abs() + 1e-4 * scale,
-                    "{what}: {name}[{i}]: {a} instead of {b}, typically {scale}"
-                );
-            }
-        }
-    }
-}
 
 #[test]
 fn frames_agree_with_the_oracle() {

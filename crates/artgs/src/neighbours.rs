@@ -19,10 +19,18 @@ impl PointTree {
         Some((found.item as usize, found.distance))
     }
 
-    /// Calls `visit(index, squared distance)` for the `n` nearest points, nearest first.
-    pub fn nearest_n(&self, query: &[f32; 3], n: usize, mut visit: impl FnMut(usize, f32)) {
+    /// The same within a squared distance; much faster than [`nearest`](Self::nearest) where there is nothing near.
+    pub fn nearest_within(&self, query: &[f32; 3], limit: f32) -> Option<(usize, f32)> {
+        let search = self.0.as_ref()?.query(query).nearest_n::<SquaredEuclidean<f32>>(NonZero::<usize>::MIN);
+        let found = search.within::<SquaredEuclidean<f32>>(limit).execute();
+        found.first().map(|hit| (hit.item as usize, hit.distance))
+    }
+
+    /// Calls `visit(index, squared distance)` for the `n` nearest points within a squared distance, nearest first.
+    pub fn nearest_n(&self, query: &[f32; 3], n: usize, limit: f32, mut visit: impl FnMut(usize, f32)) {
         let (Some(tree), Some(n)) = (&self.0, NonZero::new(n)) else { return };
-        for hit in tree.query(query).nearest_n::<SquaredEuclidean<f32>>(n).execute() {
+        let search = tree.query(query).nearest_n::<SquaredEuclidean<f32>>(n);
+        for hit in search.within::<SquaredEuclidean<f32>>(limit).execute() {
             visit(hit.item as usize, hit.distance);
         }
     }
@@ -39,8 +47,13 @@ mod tests {
         let tree = PointTree::new(&points);
         assert_eq!(tree.nearest(&points[42]), Some((42, 0.0)));
         let mut seen = Vec::new();
-        tree.nearest_n(&points[7], 5, |i, d| seen.push((i, d)));
+        tree.nearest_n(&points[7], 5, 100.0, |i, d| seen.push((i, d)));
         assert!(seen.len() == 5 && seen[0].0 == 7 && seen.windows(2).all(|w| w[0].1 <= w[1].1));
+        for query in [[0.3, 0.2, 0.5], [9.0, 0.0, 0.0]] {
+            let near = tree.nearest(&query).filter(|n| n.1 <= 0.5);
+            assert_eq!(tree.nearest_within(&query, 0.5), near);
+        }
         assert_eq!(PointTree::new(&[]).nearest(&[0.0; 3]), None);
+        assert_eq!(PointTree::new(&[]).nearest_within(&[0.0; 3], 1.0), None);
     }
 }

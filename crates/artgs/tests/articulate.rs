@@ -4,7 +4,7 @@
 
 use artgs::articulate::{ArticulateConfig, SkinStart, Start, Trained, articulate, score_state};
 use artgs::articulation::{MotionModel, MotionParameters};
-use artgs::fit::{DensifyConfig, FitError, LogLinear, RateConfig, score};
+use artgs::fit::{DensifyConfig, FitError, LogLinear, PlateauConfig, RateConfig, score};
 use artgs_core::{Camera, Intrinsics, Rigid, Splats, View};
 use artgs_raster::Rasterizer;
 use glam::DVec3;
@@ -69,6 +69,7 @@ fn gentle(steps: usize) -> ArticulateConfig {
         densify: DensifyConfig { every: 0, ..DensifyConfig::default() },
         joint_rate: LogLinear { from: 4e-3, to: 1e-4, steps },
         learn_joints: true,
+        plateau: PlateauConfig::never(),
         ..ArticulateConfig::default()
     }
 }

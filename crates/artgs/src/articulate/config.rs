@@ -2,7 +2,8 @@
 
 use crate::articulation::AssignConfig;
 use crate::fit::{
-    AdamConfig, DensifyConfig, DepthMode, DepthPick, LogLinear, LossConfig, RateConfig, SingleConfig, TrainConfig,
+    AdamConfig, DensifyConfig, DepthMode, DepthPick, LogLinear, LossConfig, PlateauConfig, RateConfig, SingleConfig,
+    TrainConfig,
 };
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +11,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ArticulateConfig {
-    /// Number of steps, one view each.
+    /// Largest number of steps, one view each.
     pub steps: usize,
     /// Images are made smaller by this integer factor.
     pub image_divisor: usize,
@@ -32,6 +33,8 @@ pub struct ArticulateConfig {
     pub adam: AdamConfig,
     /// Adaptive density control.
     pub densify: DensifyConfig,
+    /// When the run has converged.
+    pub plateau: PlateauConfig,
     /// True derivatives of the warp. Published: canonical centres get the gradient of the moved ones without turning
     /// it back, and the turn of Gaussians passes no gradient to motions and parts.
     pub exact: bool,
@@ -85,6 +88,7 @@ impl ArticulateConfig {
             rates: RateConfig::paper(),
             adam: AdamConfig::default(),
             densify: DensifyConfig { grad_threshold: 1e-3, late_prune_opacity: 0.01, ..DensifyConfig::paper() },
+            plateau: PlateauConfig::never(),
             exact: false,
             rotate_sh: false,
             learn_joints: true,
@@ -114,6 +118,7 @@ impl ArticulateConfig {
             extent,
             depth_unit: self.length_unit(half_side) as f32,
             near: (0.05 * half_side) as f32,
+            plateau: self.plateau,
         }
     }
 
@@ -126,13 +131,14 @@ impl ArticulateConfig {
 impl Default for ArticulateConfig {
     fn default() -> Self {
         Self {
-            steps: 900,
+            steps: 1200,
             depth_pick: DepthPick::Median,
             with_replacement: false,
             update_always: true,
             loss: LossConfig::default(),
             rates: RateConfig::default(),
             densify: DensifyConfig::default(),
+            plateau: PlateauConfig::default(),
             exact: true,
             rotate_sh: true,
             learn_joints: false,

@@ -124,8 +124,8 @@ pub fn articulate(
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let state = train_state(start, cd_targets, config, half_side, &mut rng);
     let mut backend = CpuBackend::new(images, config.train(extent, half_side), seed.wrapping_add(1))?;
-    let ArticulateConfig { steps, update_always, densify, .. } = *config;
-    let plan = RunPlan { steps, update_always, densify, extent: extent as f32 };
+    let ArticulateConfig { steps, plateau, update_always, densify, .. } = *config;
+    let plan = RunPlan { steps, plateau, update_always, densify, extent: extent as f32 };
     let state = train(&mut backend, state, &plan, &mut rng, on_step)?;
     Ok(finish(state))
 }

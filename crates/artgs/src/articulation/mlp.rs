@@ -1,6 +1,7 @@
 //! A perceptron with one hidden layer, on blocks of [`LANES`] points stored channel by channel.
 
-use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*};
+use artgs_raster::simd::{Level, level};
+use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
@@ -34,7 +35,7 @@ impl Mlp {
             let bound = 1.0 / (fan_in as f32).sqrt();
             params.extend((0..count).map(|_| bound * (2.0 * rng.random::<f32>() - 1.0)));
         }
-        Self { inputs, hidden, outputs, params, level: Level::new() }
+        Self { inputs, hidden, outputs, params, level: level() }
     }
 
     /// Parameters, in the order W1 `[hidden][inputs]`, b1, W2 `[outputs][hidden]`, b2.

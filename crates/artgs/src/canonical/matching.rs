@@ -3,7 +3,8 @@
 //! Jonker and Volgenant (1987): column reduction, augmenting row reduction, then shortest augmenting paths.
 //! Costs are computed where they are needed: a row costs less to compute than to fetch from a large matrix.
 
-use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*};
+use artgs_raster::simd::{Level, level};
+use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
 
 const WIDTH: usize = 8;
 const NONE: u32 = u32::MAX;
@@ -29,7 +30,7 @@ struct Search {
 /// rounding of f32. Both sets have the same size, below 2^24.
 pub fn match_points(a: &[[f32; 3]], b: &[[f32; 3]]) -> Vec<usize> {
     assert!(a.len() == b.len() && a.len() < 1 << 24, "a matching pairs two sets of equal size");
-    let level = Level::new();
+    let level = level();
     let padded = b.len().next_multiple_of(WIDTH);
     let coordinate = |axis: usize| {
         let tail = std::iter::repeat_n(f32::INFINITY, padded - b.len());

@@ -2,7 +2,6 @@
 
 use super::observe::{Cloud, DepthView, Sightings};
 use glam::{IVec3, Vec3};
-use rayon::prelude::*;
 
 /// No surface point.
 pub const NOWHERE: u32 = u32::MAX;
@@ -24,15 +23,9 @@ impl Field {
         let mut field = Self { origin: lower, voxel, size, nearest: vec![NOWHERE; count], empty: vec![false; count] };
         field.seed(cloud);
         field.propagate(cloud);
-        let empty = (0..count)
-            .into_par_iter()
-            .with_min_len(4096)
-            .map(|i| {
-                let centre = field.centre(i);
-                Sightings::of(views, centre, tolerance.max(0.9 * voxel)).is_empty_space()
-            })
-            .collect();
-        field.empty = empty;
+        let centres: Vec<Vec3> = (0..count).map(|i| field.centre(i)).collect();
+        let seen = Sightings::of_all(views, &centres, tolerance.max(0.9 * voxel));
+        field.empty = seen.iter().map(Sightings::is_empty_space).collect();
         field
     }
 

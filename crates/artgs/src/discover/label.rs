@@ -1,7 +1,7 @@
 //! Which part each surface point belongs to: what the other state says under every motion, and where that leaves several
 //! answers, what the point hangs together with.
 
-use super::observe::{Cloud, DepthView, Sightings};
+use super::observe::{Cloud, DepthView, SIGHTED_TOGETHER, Sightings};
 use super::propose::components;
 use super::register::Searchable;
 use crate::neighbours::PointTree;
@@ -93,9 +93,8 @@ impl Landing {
 }
 
 impl Pair<'_> {
-    fn landing(&self, i: usize, rotation: &Mat3, translation: Vec3, costs: &LabelCosts) -> Landing {
-        let q = *rotation * self.own.cloud.points[i] + translation;
-        let seen = Sightings::of(self.other_views, q, self.tolerance);
+    /// Where point `i`, of which the other state's views say `seen`, ends up at `q`.
+    fn landing(&self, i: usize, q: Vec3, rotation: &Mat3, seen: Sightings, costs: &LabelCosts) -> Landing {
         if seen.through + seen.surface == 0 {
             return Landing::Hidden;
         }
@@ -108,9 +107,9 @@ impl Pair<'_> {
         // Of the nearest points the one whose surface suits best; nearer ones first, lest texture go unnoticed.
         let normal = *rotation * self.own.cloud.normals[i];
         let mut best: Option<(usize, f32)> = None;
-        self.other.nearest_n(q, 4, |j, d2| {
+        self.other.nearest_n(q, 4, (2.0 * self.spacing).powi(2), |j, _| {
             let shape = self.misplacement(j, q, normal);
-            if d2 < (2.0 * self.spacing).powi(2) && best.is_none_or(|b| shape < b.1 - 0.1) {
+            if best.is_none_or(|b| shape < b.1 - 0.1) {
                 best = Some((j, shape));
             }
         });
@@ -134,30 +133,43 @@ impl Pair<'_> {
 
     /// Cost of every motion for every point, `[n * motions]`, each judged by itself. The first motion is rest.
     pub fn plain_costs(&self, to_other: &[Rigid], costs: &LabelCosts) -> Vec<f32> {
-        let poses = matrices(to_other);
-        self.fill_rows(poses.len(), |i, row| {
-            for (k, (cost, (r, t))) in row.iter_mut().zip(&poses).enumerate() {
-                *cost = match self.landing(i, r, *t, costs) {
-                    Landing::Empty(cost) | Landing::Surface(_, cost) => cost,
-                    Landing::Glimpse => costs.mismatch,
-                    Landing::Hidden if k == 0 => costs.hidden_static,
-                    Landing::Hidden => costs.hidden_moved,
-                };
-            }
+        self.fill_rows(to_other, costs, |k, landing| match landing {
+            Landing::Empty(cost) | Landing::Surface(_, cost) => cost,
+            Landing::Glimpse => costs.mismatch,
+            Landing::Hidden if k == 0 => costs.hidden_static,
+            Landing::Hidden => costs.hidden_moved,
         })
     }
 
     /// Where every point lands under every motion, `[n * motions]`.
     pub fn landings(&self, to_other: &[Rigid], costs: &LabelCosts) -> Vec<Landing> {
-        let poses = matrices(to_other);
-        self.fill_rows(poses.len(), |i, row| {
-            row.iter_mut().zip(&poses).for_each(|(out, (r, t))| *out = self.landing(i, r, *t, costs));
-        })
+        self.fill_rows(to_other, costs, |_, landing| landing)
     }
 
-    fn fill_rows<T: Copy + Default + Send>(&self, columns: usize, fill: impl Fn(usize, &mut [T]) + Sync) -> Vec<T> {
-        let mut out = vec![T::default(); self.own.cloud.len() * columns];
-        out.par_chunks_mut(columns).enumerate().with_min_len(64).for_each(|(i, row)| fill(i, row));
+    /// What `say` makes of the landing of every point under every motion, given the motion's number, `[n * motions]`.
+    fn fill_rows<T: Copy + Default + Send>(
+        &self,
+        to_other: &[Rigid],
+        costs: &LabelCosts,
+        say: impl Fn(usize, Landing) -> T + Sync,
+    ) -> Vec<T> {
+        let poses: Vec<(Mat3, Vec3)> =
+            to_other.iter().map(|m| (m.matrix().as_mat3(), m.translation.as_vec3())).collect();
+        let mut out = vec![T::default(); self.own.cloud.len() * poses.len()];
+        out.par_chunks_mut(SIGHTED_TOGETHER * poses.len())
+            .zip(self.own.cloud.points.par_chunks(SIGHTED_TOGETHER))
+            .enumerate()
+            .for_each(|(chunk, (out, points))| {
+                let (mut moved, mut seen) = (vec![Vec3::ZERO; points.len()], vec![Sightings::default(); points.len()]);
+                for (k, (rotation, translation)) in poses.iter().enumerate() {
+                    moved.iter_mut().zip(points).for_each(|(q, p)| *q = *rotation * *p + *translation);
+                    Sightings::of_each(self.other_views, &moved, self.tolerance, &mut seen);
+                    for (n, row) in out.chunks_mut(poses.len()).enumerate() {
+                        let i = chunk * SIGHTED_TOGETHER + n;
+                        row[k] = say(k, self.landing(i, moved[n], rotation, seen[n], costs));
+                    }
+                }
+            });
         out
     }
 }
@@ -206,10 +218,6 @@ pub fn part_costs(
 /// Cost of a glimpse of a surface at rest, relative to seeing nothing there.
 const GLIMPSE: f32 = 0.5;
 
-fn matrices(motions: &[Rigid]) -> Vec<(Mat3, Vec3)> {
-    motions.iter().map(|m| (m.matrix().as_mat3(), m.translation.as_vec3())).collect()
-}
-
 /// Symmetric nearest-neighbour graph: `(i, j, closeness in (0, 1])` with i < j, sorted.
 pub fn neighbour_graph(
     points: &[Vec3],
@@ -225,9 +233,8 @@ pub fn neighbour_graph(
         .with_min_len(256)
         .flat_map_iter(|i| {
             let mut near = Vec::with_capacity(k);
-            tree.nearest_n(&coords[i], k + 1, |j, d2| {
-                let d = d2.sqrt() / spacing;
-                if j == i || d > 2.2 {
+            tree.nearest_n(&coords[i], k + 1, (2.2 * spacing).powi(2), |j, _| {
+                if j == i {
                     return;
                 }
                 let weight = closeness(points[j] - points[i], [normals[i], normals[j]], spacing)

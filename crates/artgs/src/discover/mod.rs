@@ -155,15 +155,12 @@ impl Scene {
     /// What the other state says about each point of a state.
     pub fn at_rest(&self, state: usize) -> Vec<AtRest> {
         let (own, other) = (&self.states[state].cloud, &self.states[1 - state].views);
-        let judge = |p: &Vec3| {
-            let seen = Sightings::of(other, *p, self.tolerance);
-            match (seen.is_empty_space(), seen.is_surface()) {
-                (true, _) => AtRest::Gone,
-                (_, true) => AtRest::Seen,
-                _ => AtRest::Unseen,
-            }
+        let judge = |seen: Sightings| match (seen.is_empty_space(), seen.is_surface()) {
+            (true, _) => AtRest::Gone,
+            (_, true) => AtRest::Seen,
+            _ => AtRest::Unseen,
         };
-        own.points.par_iter().map(judge).collect()
+        Sightings::of_all(other, &own.points, self.tolerance).into_iter().map(judge).collect()
     }
 
     /// Looks from one state into the other.

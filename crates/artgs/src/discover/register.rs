@@ -21,14 +21,14 @@ impl<'a> Searchable<'a> {
         Self { cloud, tree: PointTree::new(&points) }
     }
 
-    /// Index of the nearest point and the squared distance, which is infinite for an empty cloud.
-    pub fn nearest(&self, point: glam::Vec3) -> (usize, f32) {
-        self.tree.nearest(&point.to_array()).unwrap_or((0, f32::INFINITY))
+    /// Index of the nearest point within a squared distance, and its squared distance.
+    pub fn nearest_within(&self, point: glam::Vec3, limit: f32) -> Option<(usize, f32)> {
+        self.tree.nearest_within(&point.to_array(), limit)
     }
 
-    /// Calls `visit(index, squared distance)` for the `n` nearest points, nearest first.
-    pub fn nearest_n(&self, point: glam::Vec3, n: usize, visit: impl FnMut(usize, f32)) {
-        self.tree.nearest_n(&point.to_array(), n, visit);
+    /// Calls `visit(index, squared distance)` for the `n` nearest points within a squared distance, nearest first.
+    pub fn nearest_n(&self, point: glam::Vec3, n: usize, limit: f32, visit: impl FnMut(usize, f32)) {
+        self.tree.nearest_n(&point.to_array(), n, limit, visit);
     }
 }
 
@@ -129,10 +129,7 @@ fn collect_pairs(points: Match<'_>, motion: &Rigid, reach: f64, max_points: usiz
                 let i = c * stride;
                 let (p, n) = (from.cloud.points[i].as_dvec3(), from.cloud.normals[i].as_dvec3());
                 let image = m.apply(p);
-                let (j, d2) = to.nearest(image.as_vec3());
-                if d2 > limit {
-                    return None;
-                }
+                let (j, _) = to.nearest_within(image.as_vec3(), limit)?;
                 let (q, nq) = (to.cloud.points[j].as_dvec3(), to.cloud.normals[j].as_dvec3());
                 if m.turn(n).dot(nq) < 0.7 {
                     return None;

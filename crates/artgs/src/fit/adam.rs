@@ -2,7 +2,8 @@
 
 use artgs_core::Splats;
 use artgs_raster::SplatGrads;
-use fearless_simd::{Level, dispatch};
+use artgs_raster::simd::level;
+use fearless_simd::dispatch;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -115,7 +116,7 @@ pub fn adam_columns(
 ) {
     assert!(params.len() == grads.len() && params.len() == moments.first.len() && params.len().is_multiple_of(stride));
     let update = Update::new(config, count);
-    let level = Level::new();
+    let level = level();
     let task = TASK.div_ceil(stride) * stride;
     params
         .par_chunks_mut(task)

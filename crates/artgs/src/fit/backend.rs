@@ -41,13 +41,15 @@ pub struct TrainState {
     pub stats: DensifyStats,
     /// How they are moved before they are drawn.
     pub deformation: Deformation,
+    /// Step after which rates began to fall; see [`PlateauConfig`].
+    pub settling: Option<usize>,
 }
 
 impl TrainState {
     /// Step 0.
     pub fn new(splats: Splats) -> Self {
         let (adam, stats) = (SplatAdam::new(&splats), DensifyStats::zeros(splats.len()));
-        Self { step: 0, splats, adam, stats, deformation: Deformation::None }
+        Self { step: 0, splats, adam, stats, deformation: Deformation::None, settling: None }
     }
 }
 
@@ -129,6 +131,51 @@ impl Default for RateConfig {
     }
 }
 
+/// When a run has converged. At first rates stay as they are and a few views are held back; once those hardly improve
+/// any more, all views are trained on for a last while, in which rates fall.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PlateauConfig {
+    /// Length of the last while in steps; 0: rates fall throughout the run, which has its full length.
+    pub settle: usize,
+    /// Views of each state that are held back, but at most one in eight. With none the run has its full length.
+    pub hold_back: usize,
+    /// Held-back views are looked at every so many steps.
+    pub every: usize,
+    /// The run settles after a look at which their mean peak signal to noise ratio is not this many decibels above the
+    /// best so far.
+    pub least_gain: f64,
+}
+
+impl PlateauConfig {
+    /// As published: no early end.
+    pub fn never() -> Self {
+        Self { settle: 0, hold_back: 0, ..Self::default() }
+    }
+
+    /// Last step of the run, if it settled after `settling` and has `steps` steps at most.
+    pub fn end(&self, settling: Option<usize>, steps: usize) -> usize {
+        settling.map_or(steps, |from| steps.min(from + self.settle))
+    }
+
+    /// Step after which a run of `steps` steps settles at the latest.
+    pub fn latest(&self, steps: usize) -> usize {
+        steps.saturating_sub(self.settle)
+    }
+
+    /// Which of `count` views of one state to hold back, evenly spread.
+    pub fn held(&self, count: usize) -> impl Iterator<Item = usize> {
+        let held = if self.settle == 0 { 0 } else { self.hold_back.min(count / 8) };
+        (0..held).map(move |i| (2 * i + 1) * count / (2 * held))
+    }
+}
+
+impl Default for PlateauConfig {
+    fn default() -> Self {
+        Self { settle: 150, hold_back: 3, every: 100, least_gain: 0.1 }
+    }
+}
+
 /// What a device needs to know to make a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrainConfig {
@@ -152,9 +199,19 @@ pub struct TrainConfig {
     pub depth_unit: f32,
     /// Gaussians nearer than this are not drawn, scene units.
     pub near: f32,
+    /// When the run has converged.
+    pub plateau: PlateauConfig,
 }
 
 impl TrainConfig {
+    /// Rates at a step, counted from 1, of a run that settles after `settling`.
+    pub fn rates_at(&self, step: usize, settling: Option<usize>) -> SplatRates {
+        match self.plateau.settle.min(self.total) {
+            0 => self.rates.at(step, self.total, self.extent),
+            settle => self.rates.at(settling.map_or(0, |from| step - from), settle, self.extent),
+        }
+    }
+
     /// Active degree of harmonics at a step, counted from 1.
     pub fn sh_degree(&self, step: usize, stored: usize) -> usize {
         step.checked_div(self.sh_every).map_or(stored, |degree| degree.min(stored))
@@ -186,6 +243,9 @@ pub trait Backend {
     /// Makes `steps` steps and reports each. Without `update_last` the last one leaves the Gaussians
     /// as they are and only gathers statistics; what moves them is updated all the same.
     fn run(&mut self, steps: usize, update_last: bool, on_step: &mut dyn FnMut(StepStats)) -> Result<(), FitError>;
+
+    /// Mean peak signal to noise ratio of the views that are held back, decibel; none if there are none.
+    fn held_back(&mut self) -> Result<Option<f64>, FitError>;
 
     /// Gives the state back; nothing can be run before the next upload.
     fn download(&mut self) -> Result<TrainState, FitError>;

@@ -1,10 +1,10 @@
 //! Training on the processor.
 
 use super::FitError;
-use super::backend::{Backend, Deformation, StepStats, TrainConfig, TrainState};
+use super::backend::{Backend, Deformation, PlateauConfig, StepStats, TrainConfig, TrainState};
 use super::deform::DeformWorkspace;
 use super::images::TrainImage;
-use super::loss::{ImageLoss, LossTerms, opacity_entropy};
+use super::loss::{ImageLoss, LossConfig, LossTerms, opacity_entropy};
 use crate::articulation::Warp;
 use artgs_raster::{Rasterizer, RenderOptions, SplatGrads, SplatView};
 use rand::{RngExt, SeedableRng, seq::SliceRandom};
@@ -16,6 +16,7 @@ pub struct ViewSampler {
     rng: Pcg64Mcg,
     order: Vec<usize>,
     next: usize,
+    with_replacement: bool,
     /// Views of each state there is, for drawing with replacement; empty: without.
     states: Vec<Vec<usize>>,
 }
@@ -23,13 +24,25 @@ pub struct ViewSampler {
 impl ViewSampler {
     /// A sampler of views (at least one), given the state of each.
     pub fn new(states: &[usize], with_replacement: bool, seed: u64) -> Self {
-        let of_state = |s: usize| -> Vec<usize> { (0..states.len()).filter(|&v| states[v] == s).collect() };
-        let groups = if with_replacement { vec![of_state(0), of_state(1)] } else { Vec::new() };
-        Self {
+        let mut sampler = Self {
             rng: Pcg64Mcg::seed_from_u64(seed),
-            order: (0..states.len()).collect(),
-            next: states.len(),
-            states: groups.into_iter().filter(|g| !g.is_empty()).collect(),
+            order: Vec::new(),
+            next: 0,
+            with_replacement,
+            states: Vec::new(),
+        };
+        sampler.restrict(states, |_| true);
+        sampler
+    }
+
+    /// From now on draws only those of the views that `keep` says.
+    pub fn restrict(&mut self, states: &[usize], keep: impl Fn(usize) -> bool) {
+        let kept = |&v: &usize| keep(v);
+        self.order = (0..states.len()).filter(kept).collect();
+        self.next = self.order.len();
+        if self.with_replacement {
+            let of_state = |s: usize| self.order.iter().copied().filter(|&v| states[v] == s).collect::<Vec<usize>>();
+            self.states = [of_state(0), of_state(1)].into_iter().filter(|g| !g.is_empty()).collect();
         }
     }
 
@@ -62,6 +75,10 @@ pub struct CpuBackend {
     config: TrainConfig,
     state: TrainState,
     sampler: ViewSampler,
+    /// State of every view.
+    states: Vec<usize>,
+    /// Views that are not trained on yet.
+    held: Vec<usize>,
     rasterizer: Rasterizer,
     loss: ImageLoss,
     grads: SplatGrads,
@@ -76,12 +93,16 @@ impl CpuBackend {
             return Err(FitError::NoViews);
         }
         let states: Vec<usize> = images.iter().map(|image| image.state).collect();
-        let sampler = ViewSampler::new(&states, config.with_replacement, seed);
+        let held = held(&states, &config.plateau);
+        let mut sampler = ViewSampler::new(&states, config.with_replacement, seed);
+        sampler.restrict(&states, |v| !held.contains(&v));
         Ok(Self {
             images,
             config,
             state: TrainState::default(),
             sampler,
+            states,
+            held,
             rasterizer: Rasterizer::new(),
             loss: ImageLoss::new(),
             grads: SplatGrads::default(),
@@ -100,7 +121,7 @@ impl CpuBackend {
         state.step += 1;
         let step = state.step;
         if update {
-            let rates = config.rates.at(step, config.total, config.extent);
+            let rates = config.rates_at(step, state.settling);
             let sh_degree = config.sh_degree(step, state.splats.sh_degree);
             state.adam.step(&mut state.splats, grads, &rates, sh_degree, &config.adam);
         }
@@ -115,30 +136,52 @@ impl CpuBackend {
     /// Gaussians in `grads` and that by the motions in `work`.
     fn differentiate(&mut self, view: usize, background: [f32; 3]) -> (LossTerms, f64) {
         let Self { images, config, state, rasterizer, loss, grads, warp, work, .. } = self;
-        let (image, splats, step) = (&images[view], &state.splats, state.step + 1);
-        let sh_degree = config.sh_degree(step, splats.sh_degree);
-        let options = RenderOptions { sh_degree, background, near: config.near, ..RenderOptions::default() };
-        let drawn = match &mut state.deformation {
-            Deformation::None => SplatView::from(splats),
-            Deformation::Articulated(articulated) => {
-                articulated.forward(splats, image.state, step, work);
-                articulated.view(splats, work)
-            }
-        };
+        let (image, step) = (&images[view], state.step + 1);
+        let (drawn, options) = prepare(config, state, image.state, background, work);
         let frame = rasterizer.forward(drawn, &image.camera, &options);
         let terms = loss.evaluate(frame, image, background, &config.loss, config.depth_unit);
         rasterizer.backward(drawn, &image.camera, &options, &loss.grad, grads);
         let mut total = terms.total;
         if let Deformation::Articulated(articulated) = &mut state.deformation {
-            total += articulated.backward(splats, image.state, step, warp, grads, work);
+            total += articulated.backward(&state.splats, image.state, step, warp, grads, work);
         }
         if config.loss.opacity_entropy > 0.0 {
             let weight = config.loss.opacity_entropy;
-            let entropy = opacity_entropy(&splats.logit_opacities, weight, &mut grads.logit_opacities);
+            let entropy = opacity_entropy(&state.splats.logit_opacities, weight, &mut grads.logit_opacities);
             total += f64::from(weight) * entropy;
         }
         (terms, total)
     }
+}
+
+/// Gaussians at one state as the next step draws them, and how.
+fn prepare<'a>(
+    config: &TrainConfig,
+    state: &'a mut TrainState,
+    pose: usize,
+    background: [f32; 3],
+    work: &'a mut DeformWorkspace,
+) -> (SplatView<'a>, RenderOptions) {
+    let TrainState { splats, deformation, step, .. } = state;
+    let sh_degree = config.sh_degree(*step + 1, splats.sh_degree);
+    let options = RenderOptions { sh_degree, background, near: config.near, ..RenderOptions::default() };
+    let drawn = match deformation {
+        Deformation::None => SplatView::from(&*splats),
+        Deformation::Articulated(articulated) => {
+            articulated.forward(splats, pose, *step + 1, work);
+            articulated.view(splats, work)
+        }
+    };
+    (drawn, options)
+}
+
+/// Views to hold back, ascending.
+fn held(states: &[usize], plateau: &PlateauConfig) -> Vec<usize> {
+    let of_state = |s: usize| (0..states.len()).filter(|&v| states[v] == s).collect::<Vec<usize>>();
+    let mut held: Vec<usize> =
+        [0, 1].map(of_state).iter().flat_map(|views| plateau.held(views.len()).map(|i| views[i])).collect();
+    held.sort_unstable();
+    held
 }
 
 impl Backend for CpuBackend {
@@ -147,6 +190,10 @@ impl Backend for CpuBackend {
             return Err(FitError::Empty);
         }
         self.state = state;
+        if self.state.settling.is_some() && !self.held.is_empty() {
+            self.held.clear();
+            self.sampler.restrict(&self.states, |_| true);
+        }
         Ok(())
     }
 
@@ -159,6 +206,23 @@ impl Backend for CpuBackend {
             on_step(stats);
         }
         Ok(())
+    }
+
+    fn held_back(&mut self) -> Result<Option<f64>, FitError> {
+        if self.state.splats.is_empty() {
+            return Err(FitError::Empty);
+        }
+        let Self { images, config, state, rasterizer, loss, work, held, .. } = self;
+        let colors = LossConfig { ssim: 0.0, depth: 0.0, mask: 0.0, ..config.loss };
+        let mut sum = 0.0;
+        for &view in &*held {
+            let image = &images[view];
+            let (drawn, options) = prepare(config, state, image.state, [0.0; 3], work);
+            let frame = rasterizer.forward(drawn, &image.camera, &options);
+            let terms = loss.evaluate(frame, image, [0.0; 3], &colors, config.depth_unit);
+            sum -= 10.0 * terms.mse.max(1e-12).log10();
+        }
+        Ok((!held.is_empty()).then(|| sum / held.len() as f64))
     }
 
     fn download(&mut self) -> Result<TrainState, FitError> {

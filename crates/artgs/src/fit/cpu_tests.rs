@@ -2,7 +2,8 @@ use super::*;
 use crate::articulation::{AssignConfig, MotionModel, MotionParameters, PartAssignment};
 use crate::fit::images::{DepthPick, TrainImage};
 use crate::fit::{
-    AdamConfig, Articulated, ChamferTargets, DeformConfig, DepthMode, LogLinear, LossConfig, Membership, RateConfig,
+    AdamConfig, Articulated, ChamferTargets, DeformConfig, DepthMode, LogLinear, LossConfig, Membership, PlateauConfig,
+    RateConfig,
 };
 use artgs_core::{Camera, Intrinsics, Rigid, Splats, View};
 use glam::DVec3;
@@ -105,6 +106,7 @@ fn backend(membership: Membership, config: DeformConfig) -> CpuBackend {
         extent: 1.0,
         depth_unit: 1.5,
         near: 0.1,
+        plateau: PlateauConfig::never(),
     };
     // One target each: a change of neighbour would disturb a difference quotient.
     let targets = Arc::new(ChamferTargets::new(&[vec![[0.5, -0.3, 0.2]], vec![[-0.4, -0.3, 0.2]]]));

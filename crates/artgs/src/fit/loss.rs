@@ -2,8 +2,9 @@
 
 use super::images::{Rect, TrainImage};
 use super::ssim::Ssim;
+use artgs_raster::simd::level;
 use artgs_raster::{Frame, FrameGrad};
-use fearless_simd::{Level, dispatch};
+use fearless_simd::dispatch;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -124,7 +125,7 @@ impl ImageLoss {
 
     /// Composes the target; L1 with its gradient (overwrites), and the mean squared error.
     fn colors(&mut self, frame: &Frame, image: &TrainImage, background: [f32; 3], config: &LossConfig) -> (f64, f64) {
-        let (width, n, level) = (image.width, image.area(), Level::new());
+        let (width, n, level) = (image.width, image.area(), level());
         let step = (1.0 - config.ssim) / (3 * n) as f32;
         self.rows.resize(3 * image.height, [0.0; 2]);
         self.target

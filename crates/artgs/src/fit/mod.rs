@@ -17,9 +17,10 @@ pub mod schedule;
 pub mod score;
 pub mod single;
 pub mod ssim;
+pub mod train;
 
 pub use adam::{AdamConfig, Moments, SplatAdam, SplatRates};
-pub use backend::{Backend, Deformation, RateConfig, StepStats, TrainConfig, TrainState};
+pub use backend::{Backend, Deformation, PlateauConfig, RateConfig, StepStats, TrainConfig, TrainState};
 pub use chamfer::ChamferTargets;
 pub use cpu::{CpuBackend, ViewSampler};
 pub use deform::{Articulated, DeformConfig, Membership};
@@ -30,7 +31,8 @@ pub use loss::{DepthMode, ImageLoss, LossConfig, LossTerms};
 pub use region::Region;
 pub use schedule::LogLinear;
 pub use score::{ViewScore, psnr, render_view, score_splats, score_views};
-pub use single::{InitKind, RunPlan, SingleConfig, fit_single, train};
+pub use single::{InitKind, SingleConfig, fit_single};
+pub use train::{RunPlan, train};
 
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;

@@ -2,13 +2,14 @@
 
 use super::FitError;
 use super::adam::AdamConfig;
-use super::backend::{Backend, RateConfig, StepStats, TrainConfig, TrainState};
+use super::backend::{Backend, PlateauConfig, RateConfig, StepStats, TrainConfig, TrainState};
 use super::cpu::CpuBackend;
-use super::densify::{DensifyConfig, densify, reset_opacities};
+use super::densify::DensifyConfig;
 use super::images::{DepthPick, TrainImage, prepare};
 use super::init::{DepthInit, RandomInit, from_depth, random_cube};
 use super::loss::{DepthMode, LossConfig};
 use super::region::Region;
+use super::train::{RunPlan, train};
 use artgs_core::{Splats, View};
 use glam::DVec3;
 use rand::SeedableRng;
@@ -32,7 +33,7 @@ pub enum InitKind {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SingleConfig {
-    /// Number of steps, one view each.
+    /// Largest number of steps, one view each.
     pub steps: usize,
     /// Images are made smaller by this integer factor.
     pub image_divisor: usize,
@@ -62,6 +63,8 @@ pub struct SingleConfig {
     pub adam: AdamConfig,
     /// Adaptive density control.
     pub densify: DensifyConfig,
+    /// When the run has converged.
+    pub plateau: PlateauConfig,
 }
 
 impl SingleConfig {
@@ -91,6 +94,7 @@ impl SingleConfig {
             rates: RateConfig::paper(),
             adam: AdamConfig::default(),
             densify: DensifyConfig::paper(),
+            plateau: PlateauConfig::never(),
         }
     }
 }
@@ -166,22 +170,10 @@ pub fn fit_single(
         extent,
         depth_unit: region.half_side() as f32,
         near: (0.05 * region.half_side()) as f32,
+        plateau: config.plateau,
     };
     let mut backend = CpuBackend::new(images, train, seed.wrapping_add(1))?;
     train_single(&mut backend, TrainState::new(splats), config, extent as f32, &mut rng, on_step)
-}
-
-/// Length of a run, and when it changes the set of Gaussians.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RunPlan {
-    /// Number of steps, one view each.
-    pub steps: usize,
-    /// Update Gaussians also at steps that change their set and at the last step.
-    pub update_always: bool,
-    /// Adaptive density control.
-    pub densify: DensifyConfig,
-    /// Extent of the cameras, scene units, that sizes are relative to.
-    pub extent: f32,
 }
 
 /// Runs a backend through the first stage.
@@ -193,35 +185,7 @@ pub fn train_single(
     rng: &mut Pcg64Mcg,
     on_step: &mut dyn FnMut(StepStats),
 ) -> Result<Splats, FitError> {
-    let SingleConfig { steps, update_always, densify, .. } = *config;
-    let plan = RunPlan { steps, update_always, densify, extent };
+    let SingleConfig { steps, plateau, update_always, densify, .. } = *config;
+    let plan = RunPlan { steps, plateau, update_always, densify, extent };
     Ok(train(backend, state, &plan, rng, on_step)?.splats)
-}
-
-/// Runs a backend from one change of the set of Gaussians to the next until `plan.steps` are done.
-pub fn train(
-    backend: &mut dyn Backend,
-    mut state: TrainState,
-    plan: &RunPlan,
-    rng: &mut Pcg64Mcg,
-    on_step: &mut dyn FnMut(StepStats),
-) -> Result<TrainState, FitError> {
-    let control = &plan.densify;
-    let change = |step: &usize| control.acts_at(*step) || control.resets_at(*step);
-    while state.step < plan.steps {
-        let from = state.step;
-        let to = (from + 1..plan.steps).find(change).unwrap_or(plan.steps);
-        backend.upload(state)?;
-        backend.run(to - from, plan.update_always, on_step)?;
-        state = backend.download()?;
-        if control.acts_at(to) {
-            let TrainState { splats, adam, stats, deformation, .. } = &mut state;
-            let (_, origins) = densify(splats, adam, stats, plan.extent, to, control, rng);
-            deformation.follow(&origins);
-        }
-        if control.resets_at(to) {
-            reset_opacities(&mut state.splats, &mut state.adam, control);
-        }
-    }
-    Ok(state)
 }

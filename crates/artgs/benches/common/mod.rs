@@ -1,0 +1,123 @@
+//! Scenes stored as seeds.
+#![allow(dead_code, unreachable_pub, missing_docs, clippy::unwrap_used)]
+
+use artgs::articulation::{MotionModel, MotionParameters};
+use artgs::fit::{
+    AdamConfig, Articulated, Backend, CpuBackend, DeformConfig, Deformation, DepthPick, LogLinear, LossConfig,
+    Membership, PlateauConfig, RateConfig, TrainConfig, TrainImage, TrainState,
+};
+use artgs_core::{Camera, Intrinsics, Rigid, Splats, View};
+use artgs_raster::{Rasterizer, RenderOptions};
+use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+pub const GAUSSIANS: usize = 30_000;
+
+/// A bumpy ball that fills about a fifth of the image; Gaussians are as large as their number asks for.
+pub fn ball(gaussians: usize, seed: u64) -> Splats {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let mut s = Splats::empty(3);
+    let finer = (0.5 * (GAUSSIANS as f32 / gaussians as f32).ln()).min(1.0);
+    while s.len() < gaussians {
+        let p = DVec3::from([0; 3].map(|_| rng.random_range(-1.0..1.0)));
+        if !(0.1..1.0).contains(&p.length()) {
+            continue;
+        }
+        let radius = 1.0 + 0.03 * rng.random_range(-1.0..1.0);
+        s.means.push((radius * p.normalize()).as_vec3().to_array());
+        s.rotations.push([0; 4].map(|_| rng.random_range(-1.0..1.0)));
+        s.log_scales.push([0; 3].map(|_| finer + rng.random_range(-5.3..-3.9)));
+        s.logit_opacities.push(rng.random_range(-1.5..4.0));
+        s.sh.extend((0..s.sh_stride()).map(|_| rng.random_range(-0.2..0.2f32)));
+    }
+    s
+}
+
+pub fn camera(size: u32, turn: f64) -> Camera {
+    let (f, c) = (1.1 * f64::from(size), 0.5 * f64::from(size));
+    let k = Intrinsics { fx: f, fy: f, cx: c, cy: c, width: size, height: size };
+    let away = DVec3::new(2.9, -3.2, 1.4);
+    Camera::look_at(k, glam::DQuat::from_rotation_z(turn) * away, DVec3::ZERO, DVec3::Z)
+}
+
+/// A photograph of the ball in other colours.
+pub fn view(size: u32, turn: f64) -> View {
+    let (ball, camera, mut raster) = (ball(GAUSSIANS, 2), camera(size, turn), Rasterizer::new());
+    let frame = raster.forward((&ball).into(), &camera, &RenderOptions::default());
+    let n = frame.alpha.len();
+    let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0) as u8;
+    let rgba = (0..n)
+        .map(|i| [byte(frame.rgb[i]), byte(frame.rgb[n + i]), byte(frame.rgb[2 * n + i]), byte(2.0 * frame.alpha[i])])
+        .collect();
+    let depth = (0..n).map(|i| if frame.alpha[i] > 0.5 { frame.depth[i] / frame.alpha[i] } else { 0.0 }).collect();
+    View { name: String::new(), camera, rgba, depth: Some(depth) }
+}
+
+pub fn images(size: u32) -> Vec<TrainImage> {
+    let image = |i: usize| TrainImage::new(&view(size, 0.8 * i as f64), i % 2, 1, DepthPick::Median);
+    (0..8).map(image).collect()
+}
+
+/// Losses and schedules of the default preset; rates so small that the scene stays as it is.
+pub fn train_config() -> TrainConfig {
+    TrainConfig {
+        total: 1_000_000,
+        loss: LossConfig::default(),
+        rates: RateConfig {
+            position_from: 1e-9,
+            position_to: 1e-9,
+            rotation: 1e-9,
+            log_scale: 1e-9,
+            opacity: 1e-9,
+            sh_dc: 1e-9,
+            sh_rest: 1e-9,
+            ..RateConfig::paper()
+        },
+        adam: AdamConfig::default(),
+        sh_every: 0,
+        random_background: true,
+        with_replacement: false,
+        extent: 4.0,
+        depth_unit: 1.0,
+        near: 0.05,
+        plateau: PlateauConfig::never(),
+    }
+}
+
+/// `parts - 1` slices of the ball turn, each about its own hinge.
+pub fn articulated(splats: &Splats, parts: usize) -> Deformation {
+    let slice = |p: &[f32; 3]| {
+        let angle = f64::from(p[1]).atan2(f64::from(p[0])) / std::f64::consts::TAU + 0.5;
+        ((angle * parts as f64) as usize).min(parts - 1) as u16
+    };
+    let labels = splats.means.iter().map(slice).collect();
+    let joint = |k: usize| {
+        let motion = Rigid::about(DVec3::Z, DVec3::new(0.1 * k as f64, 0.0, 0.0), 0.05);
+        MotionParameters::from_motion(MotionModel::Hinge, &motion)
+    };
+    let rate = LogLinear { from: 1e-9, to: 1e-9, steps: 1 };
+    let config = DeformConfig {
+        exact: true,
+        rotate_sh: true,
+        learn_joints: true,
+        joint_rate: rate,
+        assign_rate: rate,
+        length_unit: 1.0,
+        chamfer: 0.0,
+        chamfer_steps: [0, 0],
+        centre_after: 0,
+    };
+    let joints: Vec<_> = (1..parts).map(joint).collect();
+    let middles = vec![DVec3::ZERO; parts - 1];
+    Deformation::Articulated(Box::new(Articulated::new(Membership::Labels(labels), joints, middles, None, config, 1)))
+}
+
+/// A backend ready to step.
+pub fn trainer(size: u32, gaussians: usize, parts: Option<usize>) -> CpuBackend {
+    let splats = ball(gaussians, 1);
+    let deformation = parts.map_or(Deformation::None, |k| articulated(&splats, k));
+    let mut backend = CpuBackend::new(images(size), train_config(), 1).unwrap();
+    backend.upload(TrainState { deformation, ..TrainState::new(splats) }).unwrap();
+    backend
+}

@@ -1,0 +1,145 @@
+//! The training loop on any device: stretches of steps between changes of the set of Gaussians and looks at held-back views.
+
+use super::FitError;
+use super::backend::{Backend, PlateauConfig, StepStats, TrainState};
+use super::densify::{DensifyConfig, densify, reset_opacities};
+use rand_pcg::Pcg64Mcg;
+
+/// Length of a run, and when it changes the set of Gaussians.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunPlan {
+    /// Largest number of steps, one view each.
+    pub steps: usize,
+    /// When the run has converged.
+    pub plateau: PlateauConfig,
+    /// Update Gaussians also at steps that change their set and at the last step.
+    pub update_always: bool,
+    /// Adaptive density control.
+    pub densify: DensifyConfig,
+    /// Extent of the cameras, scene units, that sizes are relative to.
+    pub extent: f32,
+}
+
+/// Runs a backend from one change of the set of Gaussians or look at the held-back views to the next, until the run has
+/// converged and settled, or `plan.steps` are done.
+pub fn train(
+    backend: &mut dyn Backend,
+    mut state: TrainState,
+    plan: &RunPlan,
+    rng: &mut Pcg64Mcg,
+    on_step: &mut dyn FnMut(StepStats),
+) -> Result<TrainState, FitError> {
+    let (control, plateau) = (&plan.densify, &plan.plateau);
+    let latest = plateau.latest(plan.steps);
+    let mut best = f64::NEG_INFINITY;
+    loop {
+        if state.settling.is_none() && plateau.settle > 0 && state.step >= latest {
+            state.settling = Some(state.step);
+        }
+        let (from, end) = (state.step, plateau.end(state.settling, plan.steps));
+        if from >= end {
+            return Ok(state);
+        }
+        let looks = |step: usize| {
+            state.settling.is_none() && plateau.every > 0 && step.is_multiple_of(plateau.every) || step == latest
+        };
+        let stops = |step: &usize| control.acts_at(*step) || control.resets_at(*step) || looks(*step);
+        let to = (from + 1..end).find(stops).unwrap_or(end);
+        let look = looks(to);
+        backend.upload(state)?;
+        backend.run(to - from, plan.update_always, &mut |s| on_step(StepStats { total: end, ..s }))?;
+        let seen = if look { backend.held_back()? } else { None };
+        state = backend.download()?;
+        if let Some(psnr) = seen {
+            if psnr < best + plateau.least_gain {
+                state.settling = Some(to);
+            }
+            best = best.max(psnr);
+        }
+        if control.acts_at(to) {
+            let TrainState { splats, adam, stats, deformation, .. } = &mut state;
+            let (_, origins) = densify(splats, adam, stats, plan.extent, to, control, rng);
+            deformation.follow(&origins);
+        }
+        if control.resets_at(to) {
+            reset_opacities(&mut state.splats, &mut state.adam, control);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artgs_core::Splats;
+    use rand::SeedableRng;
+
+    /// Makes no steps but counts them; what it sees in held-back views is written down beforehand.
+    #[derive(Default)]
+    struct Scripted {
+        state: TrainState,
+        looks: Vec<(usize, f64)>,
+        /// Steps made before and after the run settled.
+        steps: [usize; 2],
+    }
+
+    impl Backend for Scripted {
+        fn upload(&mut self, state: TrainState) -> Result<(), FitError> {
+            self.state = state;
+            Ok(())
+        }
+
+        fn run(&mut self, steps: usize, _: bool, on_step: &mut dyn FnMut(StepStats)) -> Result<(), FitError> {
+            for _ in 0..steps {
+                self.state.step += 1;
+                self.steps[usize::from(self.state.settling.is_some())] += 1;
+                on_step(StepStats { step: self.state.step, ..StepStats::default() });
+            }
+            Ok(())
+        }
+
+        fn held_back(&mut self) -> Result<Option<f64>, FitError> {
+            let step = self.state.step;
+            Ok(self.looks.iter().find(|l| l.0 == step).map(|l| l.1))
+        }
+
+        fn download(&mut self) -> Result<TrainState, FitError> {
+            Ok(std::mem::take(&mut self.state))
+        }
+    }
+
+    fn run(looks: &[(usize, f64)], steps: usize, plateau: PlateauConfig) -> ([usize; 2], Vec<usize>) {
+        let plan = RunPlan {
+            steps,
+            plateau,
+            update_always: true,
+            densify: DensifyConfig { every: 0, ..DensifyConfig::default() },
+            extent: 1.0,
+        };
+        let mut backend = Scripted { looks: looks.to_vec(), ..Scripted::default() };
+        let (mut seen, mut rng) = (Vec::new(), Pcg64Mcg::seed_from_u64(1));
+        train(&mut backend, TrainState::new(Splats::empty(0)), &plan, &mut rng, &mut |s| seen.push(s.step)).unwrap();
+        (backend.steps, seen)
+    }
+
+    #[test]
+    fn a_run_settles_when_held_back_views_stop_improving() {
+        let plateau = PlateauConfig { settle: 30, hold_back: 2, every: 10, least_gain: 0.5 };
+        let rising = [(10, 20.0), (20, 24.0), (30, 24.4), (40, 30.0)];
+        let (steps, seen) = run(&rising, 1000, plateau);
+        assert_eq!((steps, seen), ([30, 30], (1..=60).collect()));
+        // Still rising, or nothing to look at: the full length.
+        let (steps, seen) = run(&rising[..2], 55, plateau);
+        assert_eq!((steps, seen), ([25, 30], (1..=55).collect()));
+        assert_eq!(run(&[], 55, plateau).0, [25, 30]);
+        assert_eq!(run(&rising, 20, plateau).0, [0, 20]);
+        assert_eq!(run(&rising, 70, PlateauConfig::never()).0, [70, 0]);
+    }
+
+    #[test]
+    fn few_views_are_held_back_and_evenly() {
+        let some = PlateauConfig { hold_back: 3, ..PlateauConfig::default() };
+        let held = |plateau: PlateauConfig, count: usize| plateau.held(count).collect::<Vec<usize>>();
+        assert_eq!([held(some, 12), held(some, 16), held(some, 100)], [vec![6], vec![4, 12], vec![16, 50, 83]]);
+        assert!(held(some, 7).is_empty() && held(PlateauConfig::never(), 100).is_empty());
+    }
+}
