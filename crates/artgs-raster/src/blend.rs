@@ -60,13 +60,22 @@ impl Cell {
     }
 }
 
-/// Renders one tile. `list` is front to back, `origin` its top left pixel.
-pub(crate) fn forward(flats: &[Flat], list: &[Entry], origin: [usize; 2], background: [f32; 3], out: &mut TilePixels) {
+/// Renders one tile. `list` is front to back, `origin` its top left pixel. Returns how often a Gaussian was evaluated in
+/// a pixel.
+pub(crate) fn forward(
+    flats: &[Flat],
+    list: &[Entry],
+    origin: [usize; 2],
+    background: [f32; 3],
+    out: &mut TilePixels,
+) -> usize {
     dispatch!(level(), s => {
+        let mut evaluated = 0;
         for block in 0..4 {
-            forward_block(s, flats, list, origin, block, background, out);
+            evaluated += forward_block(s, flats, list, origin, block, background, out);
         }
-    });
+        evaluated * BLOCK_PIXELS
+    })
 }
 
 /// Adjoint of [`forward`]: overwrites the cell of every entry of `list`.
@@ -170,7 +179,7 @@ fn forward_block<S: Simd>(
     block: usize,
     background: [f32; 3],
     out: &mut TilePixels,
-) {
+) -> usize {
     let (x, y) = centers(s, origin, block);
     let (zero, one) = (Lanes::splat(s, 0.0), Lanes::splat(s, 1.0));
     let (cut, alpha_max) = (Lanes::splat(s, LOG2_CUT), Lanes::splat(s, ALPHA_MAX));
@@ -179,8 +188,10 @@ fn forward_block<S: Simd>(
     let (mut red, mut green, mut blue, mut depth) =
         ([zero; VECTORS], [zero; VECTORS], [zero; VECTORS], [zero; VECTORS]);
     let mut chosen = Selection::new();
+    let mut evaluated = 0;
     for batch in list.chunks(BATCH) {
         chosen.fill(flats, batch, block);
+        evaluated += chosen.len;
         for g in &chosen.flats[..chosen.len] {
             let exponent = Exponent::new(s, g, x, y);
             let (r, gr, b, z) = (
@@ -219,6 +230,7 @@ fn forward_block<S: Simd>(
         depth[k].store_slice(&mut out.0[3][at..at + WIDTH]);
         (one - t[k]).store_slice(&mut out.0[4][at..at + WIDTH]);
     }
+    evaluated
 }
 
 /// With `v_i` the gradient of the pixel dotted with the colour and depth of Gaussian `i`, `w_i` its weight, `T` the

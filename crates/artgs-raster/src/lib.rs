@@ -11,5 +11,5 @@ pub mod simd;
 mod sort;
 pub mod types;
 
-pub use rasterizer::Rasterizer;
+pub use rasterizer::{PassSeconds, Rasterizer};
 pub use types::{Colors, Frame, FrameGrad, RenderOptions, ShFrames, SplatGrads, SplatView};

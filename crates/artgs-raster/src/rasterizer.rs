@@ -7,9 +7,27 @@ use crate::project::{Flat, View};
 use crate::{Colors, Frame, FrameGrad, RenderOptions, SplatGrads, SplatView};
 use artgs_core::Camera;
 use rayon::prelude::*;
+use std::time::Instant;
 
 /// Gaussians projected by one task at least.
 const GRAIN: usize = 256;
+
+/// Wall time of each pass of the last rendering and of the last way back, seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PassSeconds {
+    /// Gaussians to the image, colours included.
+    pub project: f64,
+    /// Sorting and listing per tile.
+    pub bin: f64,
+    /// Blending pixels.
+    pub blend: f64,
+    /// Copying tiles into planes.
+    pub assemble: f64,
+    /// Adjoint of blending.
+    pub blend_back: f64,
+    /// Summing per Gaussian, and adjoint of projection.
+    pub gather: f64,
+}
 
 /// Renders Gaussians and carries gradients back. Owns every workspace: once they have grown, a step allocates nothing.
 /// Runs on the current rayon pool; results do not depend on the number of threads.
@@ -24,6 +42,8 @@ pub struct Rasterizer {
     tiles: Vec<TilePixels>,
     /// Gradients of the intersections, in the order of the tiles' lists.
     cells: Vec<Cell>,
+    seconds: PassSeconds,
+    evaluations: usize,
 }
 
 /// Cells of consecutive active tiles, for splitting among threads.
@@ -49,11 +69,15 @@ impl Rasterizer {
         self.bins.total()
     }
 
-    /// Gaussian-pixel pairs the last rendering looked at (before finished pixels are left out): a measure of its work.
+    /// How long each pass took last.
+    pub fn seconds(&self) -> PassSeconds {
+        self.seconds
+    }
+
+    /// How often the last rendering evaluated a Gaussian in a pixel, whether it reached that pixel or not. The way back
+    /// does it as often.
     pub fn evaluations(&self) -> usize {
-        let blocks =
-            |tile: &u32| self.bins.list(*tile).iter().map(|e| (e.get() >> 28).count_ones() as usize).sum::<usize>();
-        self.bins.active.iter().map(blocks).sum::<usize>() * blend::BLOCK_PIXELS
+        self.evaluations
     }
 
     /// Renders the Gaussians as the camera sees them. Gaussians with parameters that are not finite are left out.
@@ -63,17 +87,23 @@ impl Rasterizer {
     pub fn forward(&mut self, splats: SplatView<'_>, camera: &Camera, options: &RenderOptions) -> &Frame {
         check(&splats);
         let view = View::new(camera, options);
+        let mut clock = Instant::now();
         self.project(&splats, &view);
+        self.seconds.project = lap(&mut clock);
         self.grid = Grid::new(view.size);
         self.bins.fill(&self.grid, &self.flats, &self.keys);
-        let Self { bins, grid, flats, tiles, .. } = self;
+        self.seconds.bin = lap(&mut clock);
+        let Self { bins, grid, flats, tiles, evaluations, .. } = self;
         if tiles.len() < bins.active.len() {
             tiles.resize_with(bins.active.len(), TilePixels::default);
         }
-        bins.active.par_iter().zip(tiles.par_iter_mut()).for_each(|(&tile, pixels)| {
-            blend::forward(flats, bins.list(tile), grid.origin(tile as usize), options.background, pixels);
-        });
+        let blend = |(&tile, pixels): (&u32, &mut TilePixels)| {
+            blend::forward(flats, bins.list(tile), grid.origin(tile as usize), options.background, pixels)
+        };
+        *evaluations = bins.active.par_iter().zip(tiles.par_iter_mut()).map(blend).sum();
+        self.seconds.blend = lap(&mut clock);
         self.assemble(view.size, options.background);
+        self.seconds.assemble = lap(&mut clock);
         &self.frame
     }
 
@@ -142,7 +172,8 @@ impl Rasterizer {
         assert_eq!(splats.means.len(), self.flats.len(), "backward follows a forward of the same Gaussians");
         let sizes = [d_frame.rgb.len(), d_frame.depth.len(), d_frame.alpha.len()];
         assert_eq!(sizes, [3 * size, size, size], "the gradient has the layout of the frame");
-        let Self { frame, flats, grid, bins, cells, .. } = self;
+        let Self { frame, flats, grid, bins, cells, seconds, .. } = self;
+        let mut clock = Instant::now();
         if cells.len() < bins.total() {
             cells.resize(bins.total(), Cell::default());
         }
@@ -152,7 +183,9 @@ impl Rasterizer {
                 blend::backward(flats, bins.list(tile), grid.origin(tile as usize), frame, d_frame, cells);
             });
         });
+        seconds.blend_back = lap(&mut clock);
         gather(&view, &splats, flats, bins, cells, grads);
+        seconds.gather = lap(&mut clock);
     }
 }
 
@@ -180,6 +213,13 @@ impl Stretch<'_> {
             cells = rest;
         }
     }
+}
+
+/// Seconds since the last lap.
+fn lap(clock: &mut Instant) -> f64 {
+    let seconds = clock.elapsed().as_secs_f64();
+    *clock = Instant::now();
+    seconds
 }
 
 fn check(splats: &SplatView<'_>) {

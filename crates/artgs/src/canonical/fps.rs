@@ -2,6 +2,8 @@
 
 /// Most points of a bucket.
 const BUCKET: usize = 64;
+/// Consecutive buckets, which are neighbours, that are skipped together.
+const GROUP: usize = 32;
 const LANES: usize = 8;
 
 /// A box of neighbouring points, and the one among them farthest from all samples.
@@ -33,6 +35,7 @@ pub fn farthest_points(points: &[[f32; 3]], count: usize) -> Vec<usize> {
         return Vec::new();
     }
     let (mut cloud, mut buckets) = partition(points);
+    let mut groups: Vec<Bucket> = buckets.chunks(GROUP).map(Bucket::around).collect();
     let mut samples = Vec::with_capacity(count);
     let mut at = cloud.index.iter().position(|&i| i == 0).unwrap_or(0);
     loop {
@@ -42,20 +45,31 @@ pub fn farthest_points(points: &[[f32; 3]], count: usize) -> Vec<usize> {
         }
         let sample = [0, 1, 2].map(|a| cloud.coordinates[a][at]);
         cloud.nearest[at] = -1.0;
-        for bucket in &mut buckets {
-            if bucket.distance(sample) <= bucket.far {
-                bucket.update(&mut cloud, sample);
+        for (group, members) in groups.iter_mut().zip(buckets.chunks_mut(GROUP)) {
+            if group.distance(sample) > group.far {
+                continue;
             }
-        }
-        let mut best = &buckets[0];
-        for bucket in &buckets[1..] {
-            let tie = bucket.far == best.far && cloud.index[bucket.far_at] < cloud.index[best.far_at];
-            if bucket.far > best.far || tie {
-                best = bucket;
+            for bucket in members.iter_mut() {
+                if bucket.distance(sample) <= bucket.far {
+                    bucket.update(&mut cloud, sample);
+                }
             }
+            (group.far, group.far_at) = farthest(&cloud, members);
         }
-        at = best.far_at;
+        at = farthest(&cloud, &groups).1;
     }
+}
+
+/// The largest `far` of some buckets and where it is; of several the one with the lowest index.
+fn farthest(cloud: &Cloud, buckets: &[Bucket]) -> (f32, usize) {
+    let mut best = (buckets[0].far, buckets[0].far_at);
+    for bucket in &buckets[1..] {
+        let tie = bucket.far == best.0 && cloud.index[bucket.far_at] < cloud.index[best.1];
+        if bucket.far > best.0 || tie {
+            best = (bucket.far, bucket.far_at);
+        }
+    }
+    best
 }
 
 /// Splits at medians of the longest side until buckets are small.
@@ -89,6 +103,17 @@ fn partition(points: &[[f32; 3]]) -> (Cloud, Vec<Bucket>) {
 }
 
 impl Bucket {
+    /// Around buckets that no sample has touched.
+    fn around(buckets: &[Self]) -> Self {
+        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        for (bucket, a) in buckets.iter().flat_map(|b| (0..3).map(move |a| (b, a))) {
+            low[a] = low[a].min(bucket.low[a]);
+            high[a] = high[a].max(bucket.high[a]);
+        }
+        let (start, end) = (buckets[0].start, buckets[buckets.len() - 1].end);
+        Self { start, end, low, high, far: f32::INFINITY, far_at: start }
+    }
+
     /// Squared distance from the box; never above that from any point in it, rounding included.
     fn distance(&self, p: [f32; 3]) -> f32 {
         let side = |a: usize| (self.low[a] - p[a]).max(p[a] - self.high[a]).max(0.0);

@@ -1,12 +1,13 @@
 //! Optimal one-to-one matching of two point sets.
 //!
 //! Jonker and Volgenant (1987): column reduction, augmenting row reduction, then shortest augmenting paths.
-//! Costs are computed where they are needed: a row costs less to compute than to fetch from a large matrix.
+//! Costs are computed where they are needed: a row costs less to compute than to fetch from a large matrix. Roots are the
+//! dearest part; they are taken only where the squares say that they may matter.
 
 use artgs_raster::simd::{Level, level};
-use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
+use fearless_simd::{Simd, dispatch, f32x16, mask32x16, prelude::*};
 
-const WIDTH: usize = 8;
+const WIDTH: usize = 16;
 const NONE: u32 = u32::MAX;
 
 /// Columns: the second set, padded to whole vectors with points at infinity.
@@ -58,23 +59,30 @@ impl Columns {
         [0, 1, 2].map(|axis| self.coordinates[axis][j])
     }
 
-    /// Distances from a point to columns `at..at + WIDTH`.
+    /// Squared distances from a point to columns `at..at + WIDTH`.
     #[inline(always)]
-    fn distances<S: Simd>(&self, s: S, p: [f32; 3], at: usize) -> f32x8<S> {
-        let side =
-            |axis: usize| f32x8::from_slice(s, &self.coordinates[axis][at..at + WIDTH]) - f32x8::splat(s, p[axis]);
-        let (x, y, z) = (side(0), side(1), side(2));
-        z.mul_add(z, y.mul_add(y, x * x)).sqrt()
+    fn squares<S: Simd>(&self, s: S, p: [f32; 3], at: usize) -> f32x16<S> {
+        let x = f32x16::from_slice(s, &self.coordinates[0][at..at + WIDTH]) - f32x16::splat(s, p[0]);
+        let y = f32x16::from_slice(s, &self.coordinates[1][at..at + WIDTH]) - f32x16::splat(s, p[1]);
+        let z = f32x16::from_slice(s, &self.coordinates[2][at..at + WIDTH]) - f32x16::splat(s, p[2]);
+        z.mul_add(z, y.mul_add(y, x * x))
     }
 
     #[inline(always)]
-    fn prices<S: Simd>(&self, s: S, at: usize) -> f32x8<S> {
-        f32x8::from_slice(s, &self.price[at..at + WIDTH])
+    fn prices<S: Simd>(&self, s: S, at: usize) -> f32x16<S> {
+        f32x16::from_slice(s, &self.price[at..at + WIDTH])
     }
 }
 
+/// Where the root of `square` may be less than `limit`.
 #[inline(always)]
-fn store<S: Simd>(v: f32x8<S>) -> [f32; WIDTH] {
+fn below<S: Simd>(s: S, square: f32x16<S>, limit: f32x16<S>) -> mask32x16<S> {
+    let limit = limit.max(f32x16::splat(s, 0.0));
+    square.simd_le(limit * limit)
+}
+
+#[inline(always)]
+fn store<S: Simd>(v: f32x16<S>) -> [f32; WIDTH] {
     let mut out = [0.0; WIDTH];
     v.store_slice(&mut out);
     out
@@ -113,14 +121,18 @@ struct TwoLeast {
 /// Least and second least of `distance - price` over all columns.
 #[inline(always)]
 fn two_least<S: Simd>(s: S, columns: &Columns, p: [f32; 3]) -> TwoLeast {
-    let infinity = f32x8::splat(s, f32::INFINITY);
-    let (mut first, mut second, mut at) = (infinity, infinity, f32x8::splat(s, 0.0));
+    let infinity = f32x16::splat(s, f32::INFINITY);
+    let (mut first, mut second, mut at) = (infinity, infinity, f32x16::splat(s, 0.0));
     for j in (0..columns.price.len()).step_by(WIDTH) {
-        let cost = columns.distances(s, p, j) - columns.prices(s, j);
+        let (square, price) = (columns.squares(s, p, j), columns.prices(s, j));
+        if !below(s, square, second + price).any_true() {
+            continue;
+        }
+        let cost = square.sqrt() - price;
         let better = cost.simd_lt(first);
         second = better.select(first, second.min(cost));
         first = better.select(cost, first);
-        at = better.select(f32x8::splat(s, j as f32), at);
+        at = better.select(f32x16::splat(s, j as f32), at);
     }
     let (first, second, at) = (store(first), store(second), store(at));
     let lane = (1..WIDTH).fold(0, |best, l| if first[l] < first[best] { l } else { best });
@@ -176,22 +188,25 @@ fn reduce_rows(
 /// Extends the paths by the edges out of `row` and returns the nearest open column with the length to it.
 #[inline(always)]
 fn relax<S: Simd>(s: S, columns: &Columns, search: &mut Search, p: [f32; 3], row: usize, base: f32) -> (usize, f32) {
-    let infinity = f32x8::splat(s, f32::INFINITY);
-    let (mut least, mut at) = (infinity, f32x8::splat(s, 0.0));
-    let (base, row) = (f32x8::splat(s, base), f32x8::splat(s, row as f32));
+    let infinity = f32x16::splat(s, f32::INFINITY);
+    let (mut least, mut at) = (infinity, f32x16::splat(s, 0.0));
+    let (base, row) = (f32x16::splat(s, base), f32x16::splat(s, row as f32));
     for j in (0..columns.price.len()).step_by(WIDTH) {
-        let length = columns.distances(s, p, j) - columns.prices(s, j) + base;
-        let open = f32x8::from_slice(s, &search.open[j..j + WIDTH]);
-        let from = f32x8::from_slice(s, &search.from[j..j + WIDTH]);
-        let shorter = length.simd_lt(open);
-        let open = shorter.select(length, open);
-        open.store_slice(&mut search.open[j..j + WIDTH]);
-        shorter.select(row, from).store_slice(&mut search.from[j..j + WIDTH]);
-        let is_open = open.simd_gt(f32x8::splat(s, f32::NEG_INFINITY));
+        let (square, price) = (columns.squares(s, p, j), columns.prices(s, j));
+        let mut open = f32x16::from_slice(s, &search.open[j..j + WIDTH]);
+        if below(s, square, open - base + price).any_true() {
+            let length = square.sqrt() - price + base;
+            let from = f32x16::from_slice(s, &search.from[j..j + WIDTH]);
+            let shorter = length.simd_lt(open);
+            open = shorter.select(length, open);
+            open.store_slice(&mut search.open[j..j + WIDTH]);
+            shorter.select(row, from).store_slice(&mut search.from[j..j + WIDTH]);
+        }
+        let is_open = open.simd_gt(f32x16::splat(s, f32::NEG_INFINITY));
         let key = is_open.select(open, infinity);
         let better = key.simd_lt(least);
         least = better.select(key, least);
-        at = better.select(f32x8::splat(s, j as f32), at);
+        at = better.select(f32x16::splat(s, j as f32), at);
     }
     let (least, at) = (store(least), store(at));
     let lane = (1..WIDTH).fold(0, |best, l| if least[l] < least[best] { l } else { best });

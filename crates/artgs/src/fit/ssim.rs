@@ -15,13 +15,8 @@ const C1: f32 = 0.01 * 0.01;
 const C2: f32 = 0.03 * 0.03;
 /// Rows of gradient per task; fixed, so that results do not depend on the number of threads.
 const BAND: usize = 128;
-/// Two of the widest vectors: rings are read by so many columns at a time.
+/// Row buffers are padded to a multiple of this many floats, two of the widest vectors.
 const PAD: usize = 32;
-/// Columns of windows per sweep. Few enough that all rings together stay in the nearest cache; with whole rows of an
-/// image of 800 pixels they do not, which made everything 2.4 times slower.
-const WINDOWS: usize = 3 * PAD;
-/// Columns of gradient per sweep: windows reach half a window farther on both sides.
-const STRIP: usize = WINDOWS - 2 * HALF;
 
 /// Weights of the window along one axis, sum 1.
 fn window() -> [f32; TAPS] {
@@ -31,34 +26,44 @@ fn window() -> [f32; TAPS] {
 }
 
 /// Workspace of one task: padded rows and rings of the last eleven horizontally blurred rows.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Buffers {
-    /// x, y, x^2 + y^2, xy of one row, from a whole window left of the strip on.
-    padded: [[f32; WINDOWS + PAD]; 4],
-    /// Their horizontal blurs, from half a window left of the strip on.
-    blurred: [[[f32; WINDOWS]; TAPS]; 4],
-    /// Derivatives by mx, s, q of one row, from half a window left of the strip on.
-    slopes: [[f32; WINDOWS + PAD]; 3],
-    /// Their horizontal blurs, from the strip on.
-    blurred_slopes: [[[f32; WINDOWS]; TAPS]; 3],
-    /// x and y of one row of the strip.
-    pixels: [[f32; WINDOWS]; 2],
+    stride: usize,
+    /// x, y, x^2 + y^2, xy of one row with margins of half a window.
+    padded: [Vec<f32>; 4],
+    /// Their horizontal blurs, `[11][stride]` each.
+    blurred: [Vec<f32>; 4],
+    /// Derivatives by mx, s, q of one row, with margins.
+    slopes: [Vec<f32>; 3],
+    /// Their horizontal blurs, `[11][stride]` each.
+    blurred_slopes: [Vec<f32>; 3],
+    /// x and y of one row, without margins.
+    pixels: [Vec<f32>; 2],
     /// Similarity of one row of windows, then gradients of one row.
-    row: [f32; WINDOWS],
-    zeros: [f32; WINDOWS],
+    row: Vec<f32>,
+    zeros: Vec<f32>,
 }
 
-impl Default for Buffers {
-    fn default() -> Self {
-        Self {
-            padded: [[0.0; WINDOWS + PAD]; 4],
-            blurred: [[[0.0; WINDOWS]; TAPS]; 4],
-            slopes: [[0.0; WINDOWS + PAD]; 3],
-            blurred_slopes: [[[0.0; WINDOWS]; TAPS]; 3],
-            pixels: [[0.0; WINDOWS]; 2],
-            row: [0.0; WINDOWS],
-            zeros: [0.0; WINDOWS],
+impl Buffers {
+    fn resize(&mut self, width: usize) {
+        let stride = width.next_multiple_of(PAD);
+        if self.stride == stride {
+            for row in self.padded.iter_mut().chain(&mut self.slopes) {
+                row.fill(0.0);
+            }
+            return;
         }
+        let margin = stride + PAD;
+        *self = Self {
+            stride,
+            padded: std::array::from_fn(|_| vec![0.0; margin]),
+            blurred: std::array::from_fn(|_| vec![0.0; TAPS * stride]),
+            slopes: std::array::from_fn(|_| vec![0.0; margin]),
+            blurred_slopes: std::array::from_fn(|_| vec![0.0; TAPS * stride]),
+            pixels: std::array::from_fn(|_| vec![0.0; stride]),
+            row: vec![0.0; stride],
+            zeros: vec![0.0; stride],
+        };
     }
 }
 
@@ -72,18 +77,7 @@ struct Plane<'a> {
     rect: Rect,
     /// `rect` grown by half a window within the image: pixels that are read and get a gradient.
     reach: Rect,
-    /// Columns that get their gradient in this sweep.
-    strip: (usize, usize),
     taps: [f32; TAPS],
-}
-
-impl Plane<'_> {
-    /// The columns `from..to`, and where the first would lie in a buffer that starts `margin` left of the strip.
-    fn within(&self, from: usize, to: usize, margin: usize) -> (usize, usize, usize) {
-        let low = from.max(self.strip.0.saturating_sub(margin));
-        let high = to.min(self.strip.1 + margin);
-        (low, high, low + margin - self.strip.0)
-    }
 }
 
 /// Reusable workspace for structural similarity.
@@ -129,19 +123,15 @@ impl Ssim {
             .enumerate()
             .for_each(|(channel, (grad, (buffers, sums)))| {
                 let pixels = channel * area..(channel + 1) * area;
-                let plane = Plane { x: &x[pixels.clone()], y: &y[pixels], width, rect, reach, strip: (0, 0), taps };
+                let plane = Plane { x: &x[pixels.clone()], y: &y[pixels], width, rect, reach, taps };
                 grad[reach.y0 * width..reach.y1 * width]
                     .par_chunks_mut(BAND * width)
                     .zip(buffers.par_iter_mut().zip(sums.par_iter_mut()))
                     .enumerate()
                     .for_each(|(band, (grad, (buffers, sum)))| {
+                        buffers.resize(reach.x1 - reach.x0);
                         let first = reach.y0 + band * BAND;
-                        *sum = 0.0;
-                        for left in (reach.x0..reach.x1).step_by(STRIP) {
-                            let mut plane = plane;
-                            plane.strip = (left, reach.x1.min(left + STRIP));
-                            *sum += dispatch!(level, simd => sweep(simd, &plane, buffers, first, grad, factor));
-                        }
+                        *sum = dispatch!(level, simd => sweep(simd, &plane, buffers, first, grad, factor));
                     });
             });
         let outside = (x.len() - channels * rect.area()) as f64;
@@ -154,7 +144,6 @@ impl Ssim {
 #[inline(always)]
 fn sweep<S: Simd>(simd: S, plane: &Plane, b: &mut Buffers, first: usize, grad: &mut [f32], factor: f32) -> f64 {
     let (rect, reach) = (plane.rect, plane.reach);
-    b.padded = [[0.0; WINDOWS + PAD]; 4];
     let last = first + grad.len() / plane.width;
     let mut next_slope = first.saturating_sub(HALF).max(rect.y0);
     let mut next_pixel = next_slope.saturating_sub(HALF).max(reach.y0);
@@ -170,7 +159,7 @@ fn sweep<S: Simd>(simd: S, plane: &Plane, b: &mut Buffers, first: usize, grad: &
             sum += slopes(simd, plane, b, next_slope, own);
             next_slope += 1;
         }
-        gradient(simd, plane, b, row, &mut g[plane.strip.0..plane.strip.1], factor);
+        gradient(simd, plane, b, row, &mut g[reach.x0..reach.x1], factor);
     }
     sum
 }
@@ -204,20 +193,25 @@ fn blur_row<S: Simd>(simd: S, taps: &[f32; TAPS], padded: &[f32], out: &mut [f32
 /// Rows `row - 5 ..= row + 5` of a ring that holds rows `bounds`, zeros elsewhere.
 #[inline(always)]
 fn column<'a>(
-    ring: &'a [[f32; WINDOWS]; TAPS],
-    zeros: &'a [f32; WINDOWS],
+    ring: &'a [f32],
+    zeros: &'a [f32],
+    stride: usize,
     row: usize,
     bounds: (usize, usize),
-) -> [&'a [f32; WINDOWS]; TAPS] {
+) -> [&'a [f32]; TAPS] {
     std::array::from_fn(|k| {
         let r = row + k;
-        if r < HALF + bounds.0 || r >= HALF + bounds.1 { zeros } else { &ring[(r - HALF) % TAPS] }
+        if r < HALF + bounds.0 || r >= HALF + bounds.1 {
+            return zeros;
+        }
+        let slot = (r - HALF) % TAPS;
+        &ring[slot * stride..(slot + 1) * stride]
     })
 }
 
 /// Vertical blur at two vectors of columns from `i`.
 #[inline(always)]
-fn blur_column<S: Simd>(simd: S, weights: &[S::f32s; TAPS], rows: &[&[f32; WINDOWS]; TAPS], i: usize) -> [S::f32s; 2] {
+fn blur_column<S: Simd>(simd: S, weights: &[S::f32s; TAPS], rows: &[&[f32]; TAPS], i: usize) -> [S::f32s; 2] {
     let lanes = S::f32s::LEN;
     let mut sums = [S::f32s::splat(simd, 0.0); 2];
     for k in 0..TAPS {
@@ -231,10 +225,10 @@ fn blur_column<S: Simd>(simd: S, weights: &[S::f32s; TAPS], rows: &[&[f32; WINDO
 /// Puts the horizontal blurs of image row `row` into the rings.
 #[inline(always)]
 fn blur_pixels<S: Simd>(simd: S, plane: &Plane, b: &mut Buffers, row: usize) {
-    let (low, high, from) = plane.within(plane.reach.x0, plane.reach.x1, 2 * HALF);
+    let (reach, stride) = (plane.reach, b.stride);
     let at = row * plane.width;
-    let (x, y) = (&plane.x[at + low..at + high], &plane.y[at + low..at + high]);
-    let inner = from..from + x.len();
+    let (x, y) = (&plane.x[at + reach.x0..at + reach.x1], &plane.y[at + reach.x0..at + reach.x1]);
+    let inner = HALF..HALF + x.len();
     let [px, py, ps, pq] = &mut b.padded;
     px[inner.clone()].copy_from_slice(x);
     py[inner.clone()].copy_from_slice(y);
@@ -244,8 +238,9 @@ fn blur_pixels<S: Simd>(simd: S, plane: &Plane, b: &mut Buffers, row: usize) {
     for ((q, &x), &y) in pq[inner].iter_mut().zip(x).zip(y) {
         *q = x * y;
     }
+    let slot = row % TAPS * stride;
     for (padded, ring) in b.padded.iter().zip(&mut b.blurred) {
-        blur_row(simd, &plane.taps, padded, &mut ring[row % TAPS]);
+        blur_row(simd, &plane.taps, padded, &mut ring[slot..slot + stride]);
     }
 }
 
@@ -253,12 +248,12 @@ fn blur_pixels<S: Simd>(simd: S, plane: &Plane, b: &mut Buffers, row: usize) {
 /// Returns the sum of the similarities if `own`.
 #[inline(always)]
 fn slopes<S: Simd>(simd: S, plane: &Plane, b: &mut Buffers, row: usize, own: bool) -> f64 {
-    let lanes = S::f32s::LEN;
+    let (stride, lanes) = (b.stride, S::f32s::LEN);
     let bounds = (plane.reach.y0, plane.reach.y1);
-    let rows: [[&[f32; WINDOWS]; TAPS]; 4] = std::array::from_fn(|m| column(&b.blurred[m], &b.zeros, row, bounds));
+    let rows: [[&[f32]; TAPS]; 4] = std::array::from_fn(|m| column(&b.blurred[m], &b.zeros, stride, row, bounds));
     let weights = splat_taps(simd, &plane.taps, 1.0);
     let [by_mean, by_square, by_product] = &mut b.slopes;
-    for i in (0..WINDOWS).step_by(2 * lanes) {
+    for i in (0..stride).step_by(2 * lanes) {
         let mx = blur_column(simd, &weights, &rows[0], i);
         let my = blur_column(simd, &weights, &rows[1], i);
         let s = blur_column(simd, &weights, &rows[2], i);
@@ -267,20 +262,19 @@ fn slopes<S: Simd>(simd: S, plane: &Plane, b: &mut Buffers, row: usize, own: boo
             let at = i + h * lanes;
             let (v, dm, ds, dq) = similarity(simd, mx[h], my[h], s[h], q[h]);
             v.store_slice(&mut b.row[at..at + lanes]);
-            dm.store_slice(&mut by_mean[at..at + lanes]);
-            ds.store_slice(&mut by_square[at..at + lanes]);
-            dq.store_slice(&mut by_product[at..at + lanes]);
+            dm.store_slice(&mut by_mean[HALF + at..HALF + at + lanes]);
+            ds.store_slice(&mut by_square[HALF + at..HALF + at + lanes]);
+            dq.store_slice(&mut by_product[HALF + at..HALF + at + lanes]);
         }
     }
-    let (low, high, from) = plane.within(plane.rect.x0, plane.rect.x1, HALF);
-    let to = from + high.saturating_sub(low);
+    let (from, to) = (plane.rect.x0 - plane.reach.x0, plane.rect.x1 - plane.reach.x0);
+    let slot = row % TAPS * stride;
     for (slope, ring) in b.slopes.iter_mut().zip(&mut b.blurred_slopes) {
-        slope[..from].fill(0.0);
-        slope[to..].fill(0.0);
-        blur_row(simd, &plane.taps, slope, &mut ring[row % TAPS]);
+        slope[..HALF + from].fill(0.0);
+        slope[HALF + to..].fill(0.0);
+        blur_row(simd, &plane.taps, slope, &mut ring[slot..slot + stride]);
     }
-    let (low, high, from) = plane.within(plane.rect.x0, plane.rect.x1, 0);
-    if own && low < high { row_sum(&b.row[HALF + from..HALF + from + high - low]) } else { 0.0 }
+    if own { row_sum(&b.row[from..to]) } else { 0.0 }
 }
 
 /// Similarity and its derivatives by `mx`, `s` and `q`.
@@ -308,16 +302,18 @@ fn similarity<S: Simd>(
 /// Adds the gradient of one image row: `factor (blur(dm) + 2 x blur(ds) + y blur(dq))`.
 #[inline(always)]
 fn gradient<S: Simd>(simd: S, plane: &Plane, b: &mut Buffers, row: usize, grad: &mut [f32], factor: f32) {
-    let lanes = S::f32s::LEN;
+    let (stride, lanes) = (b.stride, S::f32s::LEN);
     let bounds = (plane.rect.y0, plane.rect.y1);
-    let rows: [[&[f32; WINDOWS]; TAPS]; 3] =
-        std::array::from_fn(|m| column(&b.blurred_slopes[m], &b.zeros, row, bounds));
+    let rows: [[&[f32]; TAPS]; 3] =
+        std::array::from_fn(|m| column(&b.blurred_slopes[m], &b.zeros, stride, row, bounds));
     let weights = splat_taps(simd, &plane.taps, factor);
-    let (at, n) = (row * plane.width + plane.strip.0, grad.len());
+    let at = row * plane.width;
+    let (x, y) = (&plane.x[at + plane.reach.x0..at + plane.reach.x1], &plane.y[at + plane.reach.x0..]);
+    let n = x.len();
     let [px, py] = &mut b.pixels;
-    px[..n].copy_from_slice(&plane.x[at..at + n]);
-    py[..n].copy_from_slice(&plane.y[at..at + n]);
-    for i in (0..n).step_by(2 * lanes) {
+    px[..n].copy_from_slice(x);
+    py[..n].copy_from_slice(&y[..n]);
+    for i in (0..stride).step_by(2 * lanes) {
         let dm = blur_column(simd, &weights, &rows[0], i);
         let ds = blur_column(simd, &weights, &rows[1], i);
         let dq = blur_column(simd, &weights, &rows[2], i);
