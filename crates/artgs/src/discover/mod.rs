@@ -9,16 +9,17 @@ pub mod label;
 pub mod observe;
 pub mod propose;
 pub mod register;
+mod scene;
 pub mod select;
 
-use artgs_core::{Joint, JointKind, Rigid, View};
+use artgs_core::{Joint, JointKind, Rigid};
 use field::Field;
 use glam::Vec3;
-use label::{AtRest, LabelCosts, Pair};
-use observe::{Cloud, DepthView, Observation, Sightings};
+use label::{AtRest, LabelCosts};
+use observe::Cloud;
 use propose::{Scales, Side};
-use rayon::prelude::*;
 use register::{Match, RegisterOptions, Searchable};
+pub use scene::{DepthPicture, Scene};
 use serde::{Deserialize, Serialize};
 
 /// Settings of part discovery. Lengths are fractions of the object's diagonal unless said otherwise.
@@ -82,97 +83,6 @@ pub enum DiscoverError {
     /// Nothing moved.
     #[error("nothing moved between the two states: check that `start` and `end` show different joint positions")]
     NothingMoved,
-}
-
-/// Bounding box of both clouds without the outermost 0.1 % of points.
-fn bounds(clouds: [&Cloud; 2]) -> (Vec3, Vec3) {
-    let range = |axis: usize| {
-        let mut xs: Vec<f32> = clouds.iter().flat_map(|c| c.points.iter().map(|p| p[axis])).collect();
-        xs.sort_unstable_by(f32::total_cmp);
-        (xs[xs.len() / 1000], xs[xs.len() - 1 - xs.len() / 1000])
-    };
-    let (x, y, z) = (range(0), range(1), range(2));
-    (Vec3::new(x.0, y.0, z.0), Vec3::new(x.1, y.1, z.1))
-}
-
-/// A view with its depth map, measured or rendered.
-#[derive(Clone, Copy, Debug)]
-pub struct DepthPicture<'a> {
-    /// Camera, colours and mask.
-    pub view: &'a View,
-    /// Planar depth, scene units, `[height * width]`, 0 where there is none.
-    pub depth: &'a [f32],
-}
-
-impl<'a> DepthPicture<'a> {
-    fn prepared(&self) -> (DepthView, &'a [[u8; 4]]) {
-        let mask: Vec<bool> = self.view.rgba.iter().map(|p| p[3] >= 128).collect();
-        (DepthView::new(self.view.camera, self.depth.to_vec(), &mask), &self.view.rgba)
-    }
-}
-
-/// Both states prepared for discovery.
-pub struct Scene {
-    /// Start and end.
-    pub states: [Observation; 2],
-    /// Lengths in scene units.
-    pub scales: Scales,
-    /// Depth tolerance, scene units.
-    pub tolerance: f32,
-    lower: Vec3,
-    upper: Vec3,
-}
-
-impl Scene {
-    /// Back-projects both states.
-    pub fn new(pictures: [&[DepthPicture<'_>]; 2], config: &DiscoverConfig) -> Result<Self, DiscoverError> {
-        let views = pictures.map(|p| p.par_iter().map(DepthPicture::prepared).collect::<Vec<_>>());
-        let coarse = |v: &[(DepthView, &[[u8; 4]])]| {
-            let mut c = Cloud::default();
-            v.iter().for_each(|(d, rgba)| c.append(&observe::surface_points(d, rgba, 5)));
-            c
-        };
-        let rough = [coarse(&views[0]), coarse(&views[1])];
-        for s in 0..2 {
-            if rough[s].len() < 50 {
-                return Err(DiscoverError::NoSurface(artgs_core::STATE_NAMES[s]));
-            }
-        }
-        let (lower, upper) = bounds([&rough[0], &rough[1]]);
-        let diagonal = lower.distance(upper);
-        let states = views.map(|state| {
-            let (depths, pictures): (Vec<_>, Vec<_>) = state.into_iter().unzip();
-            let pixel = Observation::pixel_size(&depths);
-            Observation::new(depths, &pictures, (config.spacing as f32 * diagonal).max(pixel))
-        });
-        let pixel = Observation::pixel_size(&states[0].views).max(Observation::pixel_size(&states[1].views));
-        let noise = states[0].depth_noise().max(states[1].depth_noise());
-        let spacing = (config.spacing as f32 * diagonal).max(pixel);
-        let tolerance = (4.0 * noise).max(0.5 * pixel);
-        Ok(Self { states, scales: Scales { spacing, diagonal }, tolerance, lower, upper })
-    }
-
-    /// What the other state says about each point of a state.
-    pub fn at_rest(&self, state: usize) -> Vec<AtRest> {
-        let (own, other) = (&self.states[state].cloud, &self.states[1 - state].views);
-        let judge = |seen: Sightings| match (seen.is_empty_space(), seen.is_surface()) {
-            (true, _) => AtRest::Gone,
-            (_, true) => AtRest::Seen,
-            _ => AtRest::Unseen,
-        };
-        Sightings::of_all(other, &own.points, self.tolerance).into_iter().map(judge).collect()
-    }
-
-    /// Looks from one state into the other.
-    fn pair<'a>(&'a self, search: &'a [Searchable<'a>; 2], state: usize) -> Pair<'a> {
-        Pair {
-            own: &search[state],
-            other: &search[1 - state],
-            other_views: &self.states[1 - state].views,
-            tolerance: self.tolerance,
-            spacing: self.scales.spacing,
-        }
-    }
 }
 
 /// Finds the movable parts (`movable` of them) and labels every surface point.

@@ -1,0 +1,194 @@
+//! Both states as discovery looks at them: depth maps at a useful size, surface points, lengths.
+
+use super::label::{AtRest, Pair};
+use super::observe::{Cloud, DepthView, Observation, Sightings, surface_points};
+use super::propose::Scales;
+use super::register::Searchable;
+use super::{DiscoverConfig, DiscoverError};
+use artgs_core::{Camera, Intrinsics, View};
+use glam::{DVec2, Vec3};
+use rayon::prelude::*;
+use std::borrow::Cow;
+
+/// Bounding box of both clouds without the outermost 0.1 % of points.
+fn bounds(clouds: [&Cloud; 2]) -> (Vec3, Vec3) {
+    let range = |axis: usize| {
+        let mut xs: Vec<f32> = clouds.iter().flat_map(|c| c.points.iter().map(|p| p[axis])).collect();
+        xs.sort_unstable_by(f32::total_cmp);
+        (xs[xs.len() / 1000], xs[xs.len() - 1 - xs.len() / 1000])
+    };
+    let (x, y, z) = (range(0), range(1), range(2));
+    (Vec3::new(x.0, y.0, z.0), Vec3::new(x.1, y.1, z.1))
+}
+
+/// A view with its depth map, measured or rendered.
+#[derive(Clone, Copy, Debug)]
+pub struct DepthPicture<'a> {
+    /// Camera, colours and mask.
+    pub view: &'a View,
+    /// Planar depth, scene units, `[height * width]`, 0 where there is none.
+    pub depth: &'a [f32],
+}
+
+impl<'a> DepthPicture<'a> {
+    /// Every `step`-th pixel of every `step`-th row, as seen by a camera with just these pixels.
+    fn prepared(&self, step: usize) -> (DepthView, Cow<'a, [[u8; 4]]>) {
+        let (width, height) = self.view.size();
+        let pixels = || (0..height / step).flat_map(|y| (0..width / step).map(move |x| y * step * width + x * step));
+        let camera = thinned_camera(&self.view.camera, step);
+        let (depth, rgba) = if step == 1 {
+            (self.depth.to_vec(), Cow::Borrowed(&self.view.rgba[..]))
+        } else {
+            (pixels().map(|i| self.depth[i]).collect(), pixels().map(|i| self.view.rgba[i]).collect())
+        };
+        let mask: Vec<bool> = rgba.iter().map(|p| p[3] >= 128).collect();
+        (DepthView::new(camera, depth, &mask), rgba)
+    }
+
+    /// Some of the surface, in world coordinates, and sizes of a pixel there.
+    fn glance(&self) -> Vec<(Vec3, f32)> {
+        let width = self.view.size().0;
+        let seen = self.depth.iter().enumerate().step_by(GLANCE).filter(|(_, z)| **z > 0.0);
+        seen.map(|(i, &z)| {
+            let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+            let point = self.view.camera.unproject(pixel, z.into()).as_vec3();
+            (point, z / self.view.camera.intrinsics.fx as f32)
+        })
+        .collect()
+    }
+}
+
+/// Pixels per pixel looked at in a glance; odd, so that it does not keep to a column.
+const GLANCE: usize = 331;
+
+/// The camera of every `step`-th pixel in both directions, the first included.
+fn thinned_camera(camera: &Camera, step: usize) -> Camera {
+    let (k, s) = (camera.intrinsics, step as f64);
+    // The centre of pixel x is the centre of pixel x / step.
+    let along = |c: f64| (c - 0.5) / s + 0.5;
+    let (width, height) = (k.width / step as u32, k.height / step as u32);
+    let intrinsics = Intrinsics { fx: k.fx / s, fy: k.fy / s, cx: along(k.cx), cy: along(k.cy), width, height };
+    Camera { intrinsics, ..*camera }
+}
+
+/// How many pixels one can go on in each direction and still see every distance of `spacing` (a fraction of the object's
+/// diagonal) twice: what lies between costs time and memory and tells nothing new.
+fn pixel_step(pictures: [&[DepthPicture<'_>]; 2], spacing: f64) -> usize {
+    let glances: Vec<(Vec3, f32)> = pictures.concat().par_iter().flat_map_iter(DepthPicture::glance).collect();
+    if glances.is_empty() {
+        return 1;
+    }
+    let (points, mut sizes): (Vec<Vec3>, Vec<f32>) = glances.into_iter().unzip();
+    let cloud = Cloud { points, ..Cloud::default() };
+    let (lower, upper) = bounds([&cloud, &Cloud::default()]);
+    let middle = sizes.len() / 2;
+    let pixel = *sizes.select_nth_unstable_by(middle, f32::total_cmp).1;
+    ((spacing as f32 * lower.distance(upper) / (2.0 * pixel)) as usize).max(1)
+}
+
+/// Both states prepared for discovery.
+pub struct Scene {
+    /// Start and end.
+    pub states: [Observation; 2],
+    /// Lengths in scene units.
+    pub scales: Scales,
+    /// Depth tolerance, scene units.
+    pub tolerance: f32,
+    pub(super) lower: Vec3,
+    pub(super) upper: Vec3,
+}
+
+impl Scene {
+    /// Back-projects both states.
+    pub fn new(pictures: [&[DepthPicture<'_>]; 2], config: &DiscoverConfig) -> Result<Self, DiscoverError> {
+        let step = pixel_step(pictures, config.spacing);
+        let views = pictures.map(|p| p.par_iter().map(|picture| picture.prepared(step)).collect::<Vec<_>>());
+        let coarse = |v: &[(DepthView, Cow<'_, [[u8; 4]]>)]| {
+            let mut c = Cloud::default();
+            v.iter().for_each(|(d, rgba)| c.append(&surface_points(d, rgba, 5)));
+            c
+        };
+        let rough = [coarse(&views[0]), coarse(&views[1])];
+        for s in 0..2 {
+            if rough[s].len() < 50 {
+                return Err(DiscoverError::NoSurface(artgs_core::STATE_NAMES[s]));
+            }
+        }
+        let (lower, upper) = bounds([&rough[0], &rough[1]]);
+        let diagonal = lower.distance(upper);
+        let states = views.map(|state| {
+            let (depths, pictures): (Vec<_>, Vec<_>) = state.into_iter().unzip();
+            let pictures: Vec<&[[u8; 4]]> = pictures.iter().map(|p| &**p).collect();
+            let pixel = Observation::pixel_size(&depths);
+            Observation::new(depths, &pictures, (config.spacing as f32 * diagonal).max(pixel))
+        });
+        let pixel = Observation::pixel_size(&states[0].views).max(Observation::pixel_size(&states[1].views));
+        let noise = states[0].depth_noise().max(states[1].depth_noise());
+        let spacing = (config.spacing as f32 * diagonal).max(pixel);
+        let tolerance = (4.0 * noise).max(0.5 * pixel);
+        Ok(Self { states, scales: Scales { spacing, diagonal }, tolerance, lower, upper })
+    }
+
+    /// What the other state says about each point of a state.
+    pub fn at_rest(&self, state: usize) -> Vec<AtRest> {
+        let (own, other) = (&self.states[state].cloud, &self.states[1 - state].views);
+        let judge = |seen: Sightings| match (seen.is_empty_space(), seen.is_surface()) {
+            (true, _) => AtRest::Gone,
+            (_, true) => AtRest::Seen,
+            _ => AtRest::Unseen,
+        };
+        Sightings::of_all(other, &own.points, self.tolerance).into_iter().map(judge).collect()
+    }
+
+    /// Looks from one state into the other.
+    pub(super) fn pair<'a>(&'a self, search: &'a [Searchable<'a>; 2], state: usize) -> Pair<'a> {
+        Pair {
+            own: &search[state],
+            other: &search[1 - state],
+            other_views: &self.states[1 - state].views,
+            tolerance: self.tolerance,
+            spacing: self.scales.spacing,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synth::{CabinetOptions, cabinet_capture};
+
+    #[test]
+    fn pixels_of_a_thinned_camera_look_where_they_did() {
+        let k = Intrinsics { fx: 300.0, fy: 280.0, cx: 101.25, cy: 90.5, width: 203, height: 180 };
+        let camera = Camera::look_at(k, glam::DVec3::new(2.0, -1.0, 0.7), glam::DVec3::ZERO, glam::DVec3::Z);
+        let thin = thinned_camera(&camera, 3);
+        assert_eq!((thin.intrinsics.width, thin.intrinsics.height), (67, 60));
+        for (x, y) in [(0.0, 0.0), (66.0, 59.0), (20.0, 31.0)] {
+            let was = camera.unproject(DVec2::new(3.0 * x + 0.5, 3.0 * y + 0.5), 2.0);
+            let is = thin.unproject(DVec2::new(x + 0.5, y + 0.5), 2.0);
+            assert!(was.distance(is) < 1e-12);
+        }
+        assert_eq!(thinned_camera(&camera, 1).intrinsics, k);
+    }
+
+    #[test]
+    fn only_fine_pictures_are_thinned_and_hardly_change_what_is_known() {
+        let capture =
+            |size: u32| cabinet_capture(&CabinetOptions { views: 6, size, ..CabinetOptions::default() }).unwrap().0;
+        let config = DiscoverConfig { spacing: 1.0 / 40.0, ..DiscoverConfig::default() };
+        let look = |size: u32| {
+            let capture = capture(size);
+            let pictures = [0, 1].map(|s| {
+                let picture = |view| DepthPicture { view, depth: view.depth.as_deref().unwrap() };
+                capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
+            });
+            let pictures = [&pictures[0][..], &pictures[1][..]];
+            let scene = Scene::new(pictures, &config).unwrap();
+            (pixel_step(pictures, config.spacing), scene.states[0].views[0].depth.len(), scene.states[0].cloud.len())
+        };
+        let (coarse, fine) = (look(96), look(288));
+        assert_eq!(coarse.0, 1);
+        assert!(fine.0 >= 2 && fine.1 == (288 / fine.0).pow(2), "{fine:?}");
+        assert!((fine.2 as f64 / coarse.2 as f64 - 1.0).abs() < 0.15, "{coarse:?} {fine:?}");
+    }
+}
