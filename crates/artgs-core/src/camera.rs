@@ -67,6 +67,16 @@ impl Camera {
         self.world_to_camera.inverse().apply(p)
     }
 
+    /// The camera that sees only every `step`-th pixel in both directions, the first included.
+    pub fn thinned(&self, step: usize) -> Self {
+        let (k, s) = (self.intrinsics, step as f64);
+        // The centre of pixel x is the centre of pixel x / step.
+        let along = |c: f64| (c - 0.5) / s + 0.5;
+        let (width, height) = (k.width / step as u32, k.height / step as u32);
+        let intrinsics = Intrinsics { fx: k.fx / s, fy: k.fy / s, cx: along(k.cx), cy: along(k.cy), width, height };
+        Self { intrinsics, ..*self }
+    }
+
     /// The same view sampled at another image size.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         Self { intrinsics: self.intrinsics.resized(width, height), ..*self }
@@ -91,5 +101,19 @@ mod tests {
         assert!((uv - DVec2::new(12.5, 280.5)).length() < 1e-9 && (z - 1.75).abs() < 1e-12);
         let above = camera.project(DVec3::new(0.1, 0.2, 0.1)).0;
         assert!(above.y < 140.0, "up in the world is up in the image");
+    }
+
+    #[test]
+    fn pixels_of_a_thinned_camera_look_where_they_did() {
+        let k = Intrinsics { fx: 300.0, fy: 280.0, cx: 101.25, cy: 90.5, width: 203, height: 180 };
+        let camera = Camera::look_at(k, DVec3::new(2.0, -1.0, 0.7), DVec3::ZERO, DVec3::Z);
+        let thin = camera.thinned(3);
+        assert_eq!((thin.intrinsics.width, thin.intrinsics.height), (67, 60));
+        for (x, y) in [(0.0, 0.0), (66.0, 59.0), (20.0, 31.0)] {
+            let was = camera.unproject(DVec2::new(3.0 * x + 0.5, 3.0 * y + 0.5), 2.0);
+            let is = thin.unproject(DVec2::new(x + 0.5, y + 0.5), 2.0);
+            assert!(was.distance(is) < 1e-12);
+        }
+        assert_eq!(camera.thinned(1), camera);
     }
 }

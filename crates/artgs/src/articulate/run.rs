@@ -118,7 +118,8 @@ pub fn articulate(
     if views.iter().any(|v| v.is_empty()) {
         return Err(FitError::NoViews);
     }
-    let images = [0, 1].map(|state| prepare(views[state], state, config.image_divisor, config.depth_pick)).concat();
+    let prepared = |state: usize| prepare(views[state], state, config.image_divisor, config.depth_pick);
+    let images: Vec<TrainImage> = [0, 1].into_iter().flat_map(prepared).collect();
     let half_side = half_side(&images);
     let extent = camera_extent(&images).max(half_side);
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
@@ -130,10 +131,10 @@ pub fn articulate(
     Ok(finish(state))
 }
 
-/// Half the longest side of the region that the object fills in either state, scene units.
+/// Half the longest side of the region that the object fills in either state, scene units. Images are sorted by state.
 fn half_side(images: &[TrainImage]) -> f64 {
-    let of_state = |state: usize| -> Vec<TrainImage> { images.iter().filter(|i| i.state == state).cloned().collect() };
-    let [a, b] = [0, 1].map(|state| Region::of(&of_state(state)));
+    let (start, end) = images.split_at(images.partition_point(|i| i.state == 0));
+    let [a, b] = [start, end].map(Region::of);
     Region { low: a.low.min(b.low), high: a.high.max(b.high) }.half_side()
 }
 

@@ -19,7 +19,7 @@ use label::{AtRest, LabelCosts};
 use observe::Cloud;
 use propose::{Scales, Side};
 use register::{Match, RegisterOptions, Searchable};
-pub use scene::{DepthPicture, Scene};
+pub use scene::{DepthPicture, Scene, pixel_step};
 use serde::{Deserialize, Serialize};
 
 /// Settings of part discovery. Lengths are fractions of the object's diagonal unless said otherwise.

@@ -142,6 +142,8 @@ pub struct PlateauConfig {
     pub hold_back: usize,
     /// Held-back views are looked at every so many steps.
     pub every: usize,
+    /// Larger images are made smaller, by a whole factor, to have at most about so many pixels until the run settles.
+    pub coarse_pixels: usize,
     /// The run settles after a look at which their mean peak signal to noise ratio is not this many decibels above the
     /// best so far.
     pub least_gain: f64,
@@ -172,7 +174,7 @@ impl PlateauConfig {
 
 impl Default for PlateauConfig {
     fn default() -> Self {
-        Self { settle: 150, hold_back: 3, every: 100, least_gain: 0.1 }
+        Self { settle: 200, hold_back: 3, every: 100, coarse_pixels: 250_000, least_gain: 0.2 }
     }
 }
 

@@ -9,6 +9,7 @@ use crate::articulation::Warp;
 use artgs_raster::{Rasterizer, RenderOptions, SplatGrads, SplatView};
 use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
 
 /// Draws views and backgrounds; the same sequence for the same seed.
 #[derive(Clone, Debug)]
@@ -72,6 +73,8 @@ impl ViewSampler {
 #[derive(Debug)]
 pub struct CpuBackend {
     images: Vec<TrainImage>,
+    /// The same views at full size, for when the run settles; empty if they are so already.
+    fine: Vec<TrainImage>,
     config: TrainConfig,
     state: TrainState,
     sampler: ViewSampler,
@@ -87,7 +90,8 @@ pub struct CpuBackend {
 }
 
 impl CpuBackend {
-    /// Holds the images; `seed` decides the order of views and the backgrounds.
+    /// Holds the images; `seed` decides the order of views and the backgrounds. Images of more than
+    /// `config.plateau.coarse_pixels` pixels are made smaller until the run settles.
     pub fn new(images: Vec<TrainImage>, config: TrainConfig, seed: u64) -> Result<Self, FitError> {
         if images.is_empty() {
             return Err(FitError::NoViews);
@@ -96,8 +100,10 @@ impl CpuBackend {
         let held = held(&states, &config.plateau);
         let mut sampler = ViewSampler::new(&states, config.with_replacement, seed);
         sampler.restrict(&states, |v| !held.contains(&v));
+        let (images, fine) = coarse_first(images, &config.plateau);
         Ok(Self {
             images,
+            fine,
             config,
             state: TrainState::default(),
             sampler,
@@ -175,6 +181,16 @@ fn prepare<'a>(
     (drawn, options)
 }
 
+/// The images to begin with and, if those are smaller, the ones to end with.
+fn coarse_first(images: Vec<TrainImage>, plateau: &PlateauConfig) -> (Vec<TrainImage>, Vec<TrainImage>) {
+    let largest = images.iter().map(TrainImage::area).max().unwrap_or(0);
+    if plateau.settle == 0 || largest <= plateau.coarse_pixels {
+        return (images, Vec::new());
+    }
+    let divisor = (largest as f64 / plateau.coarse_pixels.max(1) as f64).sqrt().ceil() as usize;
+    (images.par_iter().map(|image| image.smaller(divisor)).collect(), images)
+}
+
 /// Views to hold back, ascending.
 fn held(states: &[usize], plateau: &PlateauConfig) -> Vec<usize> {
     let of_state = |s: usize| (0..states.len()).filter(|&v| states[v] == s).collect::<Vec<usize>>();
@@ -190,9 +206,14 @@ impl Backend for CpuBackend {
             return Err(FitError::Empty);
         }
         self.state = state;
-        if self.state.settling.is_some() && !self.held.is_empty() {
-            self.held.clear();
-            self.sampler.restrict(&self.states, |_| true);
+        if self.state.settling.is_some() {
+            if !self.held.is_empty() {
+                self.held.clear();
+                self.sampler.restrict(&self.states, |_| true);
+            }
+            if !self.fine.is_empty() {
+                self.images = std::mem::take(&mut self.fine);
+            }
         }
         Ok(())
     }

@@ -87,8 +87,8 @@ fn joints() -> Vec<MotionParameters> {
     ]
 }
 
-fn backend(membership: Membership, config: DeformConfig) -> CpuBackend {
-    let train = TrainConfig {
+fn backend_config() -> TrainConfig {
+    TrainConfig {
         total: 10,
         loss: LossConfig {
             depth: 0.3,
@@ -107,12 +107,15 @@ fn backend(membership: Membership, config: DeformConfig) -> CpuBackend {
         depth_unit: 1.5,
         near: 0.1,
         plateau: PlateauConfig::never(),
-    };
+    }
+}
+
+fn backend(membership: Membership, config: DeformConfig) -> CpuBackend {
     // One target each: a change of neighbour would disturb a difference quotient.
     let targets = Arc::new(ChamferTargets::new(&[vec![[0.5, -0.3, 0.2]], vec![[-0.4, -0.3, 0.2]]]));
     let middles = vec![DVec3::new(0.3, -0.2, 0.5), DVec3::new(-0.4, 0.1, 0.2), DVec3::X];
     let articulated = Articulated::new(membership, joints(), middles, Some(targets), config, 1);
-    let mut backend = CpuBackend::new(images(), train, 1).unwrap();
+    let mut backend = CpuBackend::new(images(), backend_config(), 1).unwrap();
     let deformation = Deformation::Articulated(Box::new(articulated));
     backend.upload(TrainState { deformation, ..TrainState::new(splats()) }).unwrap();
     backend
@@ -224,4 +227,19 @@ fn the_chamfer_term_leaves_canonical_gaussians_alone_and_published_routing_does_
     for i in 0..COUNT {
         assert_eq!(published.means[i] == plain.means[i], i % 4 == 0 || i % 4 == 3, "{i}");
     }
+}
+
+#[test]
+fn large_images_are_small_until_the_run_settles() {
+    let plateau = PlateauConfig { settle: 5, coarse_pixels: 500, ..PlateauConfig::default() };
+    let train = TrainConfig { plateau, ..TrainConfig { total: 10, ..backend_config() } };
+    let mut backend = CpuBackend::new(images(), train, 1).unwrap();
+    let state = TrainState::new(splats());
+    backend.upload(state.clone()).unwrap();
+    assert!(backend.images.iter().all(|i| (i.width, i.height) == (20, 20) && i.depth.is_some()));
+    assert_eq!(backend.images[1].camera.intrinsics.fx, 150.0);
+    backend.upload(TrainState { settling: Some(0), ..state }).unwrap();
+    assert!(backend.images.iter().all(|i| (i.width, i.height) == (40, 40)));
+    let never = TrainConfig { plateau: PlateauConfig::never(), ..train };
+    assert_eq!(CpuBackend::new(images(), never, 1).unwrap().images[0].width, 40);
 }

@@ -97,6 +97,13 @@ impl TrainImage {
         Self { state, camera, width, height, planes, depth, object, without_depth }
     }
 
+    /// The same image resampled by an integer factor.
+    pub fn smaller(&self, divisor: usize) -> Self {
+        let rgba = (0..self.area()).map(|i| self.pixel(i)).collect();
+        let view = View { name: String::new(), camera: self.camera, rgba, depth: self.depth.clone() };
+        Self::new(&view, self.state, divisor, DepthPick::Median)
+    }
+
     /// Number of pixels.
     pub fn area(&self) -> usize {
         self.width * self.height

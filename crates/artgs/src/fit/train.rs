@@ -123,7 +123,8 @@ mod tests {
 
     #[test]
     fn a_run_settles_when_held_back_views_stop_improving() {
-        let plateau = PlateauConfig { settle: 30, hold_back: 2, every: 10, least_gain: 0.5 };
+        let plateau =
+            PlateauConfig { settle: 30, hold_back: 2, every: 10, least_gain: 0.5, ..PlateauConfig::default() };
         let rising = [(10, 20.0), (20, 24.0), (30, 24.4), (40, 30.0)];
         let (steps, seen) = run(&rising, 1000, plateau);
         assert_eq!((steps, seen), ([30, 30], (1..=60).collect()));

@@ -70,8 +70,8 @@ pub(super) fn score_pictures(capture: &Capture, trained: &Trained, rotate_sh: bo
         let mean = mean_score(&scores);
         (!scores.is_empty()).then_some(ViewMeans { psnr: mean.psnr, ssim: mean.ssim, views: scores.len() })
     };
-    // Every fourth training view is enough to tell overfitting.
-    let some = |views: &[View]| views.iter().step_by(4).cloned().collect::<Vec<_>>();
+    // Enough to tell overfitting.
+    let some = |views: &[View]| views.iter().step_by(views.len().div_ceil(8).max(1)).cloned().collect::<Vec<_>>();
     let states = [0, 1];
     (states.map(|s| means(&capture.states[s].test, s)), states.map(|s| means(&some(&capture.states[s].train), s)))
 }

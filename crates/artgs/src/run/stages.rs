@@ -9,8 +9,9 @@ use crate::config::Config;
 use crate::discover::{self, DepthPicture, Discovery, FoundPart, Scene};
 use crate::fit::{StepStats, single::fit_single};
 use crate::observer::{Event, Observer};
-use crate::surface::{LabelledDepth, PartMeshes, part_meshes};
+use crate::surface::{LabelledDepth, PartMeshes, SurfaceConfig, part_meshes};
 use artgs_core::{Capture, Splats, View};
+use rayon::prelude::*;
 use std::borrow::Cow;
 use std::path::Path;
 use std::time::Instant;
@@ -204,8 +205,14 @@ impl<'a> Run<'a> {
             "surface",
             |_| None,
             |run| {
-                let views = run.train_views();
-                let plain: Vec<Vec<&[f32]>> = depths.iter().map(|d| d.iter().map(|d| &**d).collect()).collect();
+                let all = run.train_views();
+                let thin = thinned_for_surface(all, depths, &run.config.surface);
+                let views = [0, 1].map(|s| thin.as_ref().map_or(all[s], |t| &t[s]));
+                let depth = |s: usize, i: usize| match &thin {
+                    Some(thin) => thin[s][i].depth.as_deref().unwrap_or_default(),
+                    None => &*depths[s][i],
+                };
+                let plain = [0, 1].map(|s| (0..views[s].len()).map(|i| depth(s, i)).collect::<Vec<&[f32]>>());
                 let labels = [0, 1].map(|s| label_pixels(views[s], &plain[s], &found.clouds[s], &found.labels[s]));
                 let labelled = [0, 1].map(|s| {
                     let pixels = views[s].iter().zip(&plain[s]).zip(&labels[s]);
@@ -251,6 +258,19 @@ impl<'a> Run<'a> {
         self.folder.write_json(&self.folder.root.join("metrics.json"), &self.summary)?;
         Ok(self.summary)
     }
+}
+
+/// Views with depth at the size that voxels ask for; none if theirs is right.
+fn thinned_for_surface(views: [&[View]; 2], depths: &Depths<'_>, config: &SurfaceConfig) -> Option<[Vec<View>; 2]> {
+    // A pixel may be a little larger than a voxel.
+    const PIXEL_PER_VOXEL: f64 = 1.2;
+    let pictures = [0, 1].map(|s| {
+        let pairs = views[s].iter().zip(&depths[s]);
+        pairs.map(|(view, depth)| DepthPicture { view, depth }).collect::<Vec<_>>()
+    });
+    let step = discover::pixel_step([&pictures[0], &pictures[1]], PIXEL_PER_VOXEL / config.resolution);
+    (step > 1 && config.voxel.is_none())
+        .then(|| pictures.map(|pictures| pictures.par_iter().map(|p| p.thinned(step)).collect()))
 }
 
 fn labelled_depth<'v>(view: &'v View, depth: &'v [f32], labels: &'v [u16]) -> LabelledDepth<'v> {
