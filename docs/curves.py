@@ -1,4 +1,4 @@
-"""Plots the curves of PERFORMANCE.md: cargo bench -p artgs --bench step | python3 docs/curves.py docs/curves.png"""
+"""Plots the curves of PERFORMANCE.md (needs matplotlib): cargo bench -p artgs --bench step | python3 docs/curves.py docs/curves.png"""
 import re
 import sys
 
@@ -11,7 +11,7 @@ curves, name = {}, None
 for line in sys.stdin:
     if heading := re.match(r"[├╰]─ (\w+)", line):
         name = heading[1]
-    if row := re.match(r"\W+(\d+)\s+[\d.]+ [mµ]?s\s+│ [\d.]+ [mµ]?s\s+│ ([\d.]+) ms", line):
+    if row := re.match(r"\W+(\d+)\s+([\d.]+) ms\s+│", line):
         curves.setdefault(name, []).append((int(row[1]), float(row[2])))
 
 titles = {
@@ -23,8 +23,8 @@ figure, axes = plt.subplots(1, 3, figsize=(10, 3), sharey=False)
 for axis, (name, (label, scale)) in zip(axes, titles.items()):
     points = sorted(curves[name])
     axis.plot([scale(n) for n, _ in points], [t for _, t in points], "o-")
-    axis.set(xlabel=label, ylim=(0, None))
+    axis.set(xlabel=label, ylim=(0, 1.15 * max(t for _, t in points)))
     axis.grid(alpha=0.3)
-axes[0].set_ylabel("step, ms (median)")
+axes[0].set_ylabel("step, ms (fastest of 100)")
 figure.tight_layout()
 figure.savefig(sys.argv[1], dpi=90)

@@ -35,6 +35,30 @@ impl From<anyhow::Error> for Failure {
 impl Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let (Self::BadInput(error) | Self::Failed(error)) = self;
-        write!(f, "{error:#}")
+        // Most errors say in their own words what caused them; what they left out follows.
+        let mut said = String::new();
+        for cause in error.chain().map(ToString::to_string).filter(|cause| !cause.is_empty()) {
+            if !said.contains(&cause) {
+                said += if said.is_empty() { "" } else { ": " };
+                said += &cause;
+            }
+        }
+        f.write_str(&said)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyhow::Context;
+
+    #[test]
+    fn causes_are_told_once() {
+        let inner = std::io::Error::other("no room");
+        let told = Failure::from(anyhow::Error::new(inner).context("a.json: cannot be written: no room"));
+        assert_eq!(told.to_string(), "a.json: cannot be written: no room");
+        let plain: Result<(), std::io::Error> = Err(std::io::Error::other("no room"));
+        let told = Failure::from(plain.context("cannot make b").unwrap_err());
+        assert_eq!(told.to_string(), "cannot make b: no room");
     }
 }

@@ -47,15 +47,18 @@ pub(crate) fn prepare(out: &Path, earlier: Earlier) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Removes what a run writes, by name; anything else in the folder stays.
 fn discard(out: &Path) -> Result<(), Failure> {
-    let missing_is_fine = |result: std::io::Result<()>| match result {
-        Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
-        _ => Ok(()),
-    };
-    missing_is_fine(fs::remove_dir_all(out.join(STAGES)))
-        .and_then(|()| missing_is_fine(fs::remove_file(out.join(REPLICA))))
-        .and_then(|()| missing_is_fine(fs::remove_file(out.join(EVENTS))))
-        .with_context(|| format!("cannot discard the earlier run in {}", out.display()))?;
+    const FOLDERS: [&str; 3] = [STAGES, "meshes", "splats"];
+    const FILES: [&str; 6] = [REPLICA, EVENTS, "replica.urdf", "metrics.json", "preview.png", "config.toml"];
+    let folders = FOLDERS.iter().map(|name| fs::remove_dir_all(out.join(name)));
+    let files = FILES.iter().map(|name| fs::remove_file(out.join(name)));
+    for result in folders.chain(files) {
+        match result {
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            other => other.with_context(|| format!("cannot discard the earlier run in {}", out.display()))?,
+        }
+    }
     Ok(())
 }
 

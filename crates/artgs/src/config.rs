@@ -48,9 +48,12 @@ pub struct Config {
 /// A configuration file that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
-    /// Not TOML, an unknown field, or a value of the wrong type.
+    /// Not TOML.
     #[error("{0}")]
     Toml(#[from] toml::de::Error),
+    /// An unknown field, or a value of the wrong type.
+    #[error("{0}")]
+    Field(String),
     /// A value out of range.
     #[error("setting `{field}` is {value}: {rule}")]
     Value {
@@ -82,9 +85,8 @@ impl Config {
         let changes: toml::Table = text.parse()?;
         let mut table = toml::Table::try_from(self).unwrap_or_default();
         merge(&mut table, changes);
-        // Through text, so that errors quote the offending line.
-        let merged = toml::to_string(&table).unwrap_or_default();
-        let config: Self = toml::from_str(&merged)?;
+        // Its line number would be that of the merged table, which nobody wrote.
+        let config: Self = table.try_into().map_err(|e: toml::de::Error| ConfigError::Field(told(&e)))?;
         config.check()?;
         Ok(config)
     }
@@ -116,6 +118,11 @@ impl Config {
         }
         Ok(())
     }
+}
+
+/// An error without the place, which may be missing, but with the path of the field where that is known.
+fn told(error: &toml::de::Error) -> String {
+    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 fn merge(into: &mut toml::Table, changes: toml::Table) {

@@ -64,7 +64,7 @@ fn a_cabinet_is_reconstructed_repeatably_and_resumably() {
         events.iter().any(|e| matches!(e, Event::StageFinished { stage, reused: true, .. } if stage == name))
     };
     assert!(reused("discover") && !reused("articulate"));
-    for file in ["replica.json", "replica.urdf"] {
+    for file in FILES {
         assert!(fs::read(one.join(file)).unwrap() == fs::read(two.join(file)).unwrap(), "{file} differs");
     }
 

@@ -142,7 +142,8 @@ impl<'a> Run<'a> {
             let scene = Scene::new([&pictures[0], &pictures[1]], &run.config.discover)?;
             let found = discover::discover(&scene, parts - 1, &run.config.discover)?;
             run.folder.save_discovery(&found)?;
-            Ok(found)
+            // As a resumed run would: files hold less than memory, and both must go on from the same.
+            Ok(run.folder.load_discovery().unwrap_or(found))
         })?;
         found.warnings.iter().for_each(|w| self.warn(w.clone()));
         Ok(found)
