@@ -25,12 +25,12 @@ fn true_part(cabinet: &Cabinet, state: usize, views: &[View], points: &[Vec3]) -
     points.iter().map(part).collect()
 }
 
-fn found(options: &CabinetOptions) -> (Capture, Cabinet, Discovery) {
+fn found(options: &CabinetOptions, movable: usize) -> (Capture, Cabinet, Discovery) {
     let (capture, cabinet) = cabinet_capture(options).expect("the cabinet is drawn");
     let config = DiscoverConfig::default();
     let states = [0, 1].map(|s| pictures(&capture.states[s].train));
     let scene = Scene::new([&states[0], &states[1]], &config).expect("there are surface points");
-    let discovery = discover(&scene, 2, &config).expect("two parts moved");
+    let discovery = discover(&scene, movable, &config).expect("two parts moved");
     (capture, cabinet, discovery)
 }
 
@@ -54,7 +54,7 @@ fn right_labels(capture: &Capture, cabinet: &Cabinet, found: &Discovery) -> (f64
 }
 
 fn check(options: &CabinetOptions, axis_deg: f64, share: f64) {
-    let (capture, cabinet, found) = found(options);
+    let (capture, cabinet, found) = found(options, 2);
     assert!(found.parts.len() == 2 && found.warnings.is_empty(), "{:?} {:?}", found.parts, found.warnings);
     for part in &cabinet.parts[1..] {
         let truth = part.joint.expect("movable parts have joints");
@@ -85,4 +85,13 @@ fn noisy_depth_is_survived() {
         1.0,
         0.95,
     );
+}
+
+#[test]
+fn a_wrong_number_of_parts_is_doubted() {
+    let options = CabinetOptions { views: 20, size: 96, ..CabinetOptions::default() };
+    let doubts = |movable: usize| found(&options, movable).2.warnings.join(" ");
+    assert!(doubts(1).contains("more parts than asked for"), "{}", doubts(1));
+    let too_many = doubts(3);
+    assert!(too_many.contains("fewer parts than asked for") || too_many.contains("only 2"), "{too_many}");
 }

@@ -127,6 +127,7 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
             refine(part, clouds, &labels, k as u16 + 1, &scene.scales, last, config);
         }
     }
+    warnings.extend(doubts(clouds, &labels, &moved, &parts, scene.tolerance));
     Ok(Discovery {
         clouds: [clouds[0].clone(), clouds[1].clone()],
         labels,
@@ -136,6 +137,39 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
         tolerance: scene.tolerance.into(),
         warnings,
     })
+}
+
+/// Signs that the number of parts is wrong: much that moved and fits no part, parts that hardly move or hardly exist.
+fn doubts(
+    clouds: [&Cloud; 2],
+    labels: &[Vec<u16>; 2],
+    moved: &[Vec<usize>; 2],
+    parts: &[FoundPart],
+    tolerance: f32,
+) -> Vec<String> {
+    /// On clean captures with the right number of parts it is less than 0.002; with one part too few 0.013 and more.
+    const LEFT_OVER: f64 = 0.01;
+    let total = moved[0].len() + moved[1].len();
+    let left = [0, 1].map(|s| moved[s].iter().filter(|&&i| labels[s][i] == 0).count()).iter().sum::<usize>();
+    let mut said = Vec::new();
+    let share = left as f64 / total.max(1) as f64;
+    if share > LEFT_OVER {
+        let percent = (100.0 * share).round();
+        said.push(format!(
+            "{percent} % of what moved fits none of the found motions: are there more parts than asked for?"
+        ));
+    }
+    for (k, part) in parts.iter().enumerate() {
+        let own: Vec<Vec3> =
+            (0..labels[0].len()).filter(|&i| usize::from(labels[0][i]) == k + 1).map(|i| clouds[0].points[i]).collect();
+        let way = |p: &Vec3| part.motion.apply(p.as_dvec3()).distance(p.as_dvec3());
+        let farthest = own.iter().map(way).fold(0.0, f64::max);
+        if farthest < 3.0 * f64::from(tolerance) {
+            let number = k + 1;
+            said.push(format!("part {number} hardly moves or is hardly seen: are there fewer parts than asked for?"));
+        }
+    }
+    said
 }
 
 /// Part of every point of both states under motions from start to end.
@@ -181,6 +215,12 @@ fn refine(
         clouds[s].select(&members)
     });
     if own.iter().any(|c| c.len() < 12) {
+        if last {
+            // Too little to fit anything to: the motion as proposed, on the likelier joint.
+            let turns = part.motion.angle().to_degrees() > config.revolute_deg;
+            part.kind = if turns { JointKind::Revolute } else { JointKind::Prismatic };
+            part.motion = Joint::from_motion(part.kind, &part.motion).start_to_end();
+        }
         return;
     }
     let points = [Searchable::new(&own[0]), Searchable::new(&own[1])];
