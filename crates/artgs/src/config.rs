@@ -120,7 +120,7 @@ impl Config {
     }
 }
 
-/// An error without the place, which may be missing, but with the path of the field where that is known.
+/// What is wrong and in which section, on one line.
 fn told(error: &toml::de::Error) -> String {
     error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }

@@ -58,6 +58,19 @@ enum Tree {
     Sink,
 }
 
+/// Where the steps from each node start in a list of all of them, both ways of every edge, and the end: `[nodes + 1]`.
+pub(super) fn first_steps(nodes: usize, edges: &[(u32, u32, f32)]) -> Vec<u32> {
+    let mut first = vec![0u32; nodes + 1];
+    for (i, j, _) in edges {
+        first[*i as usize + 1] += 1;
+        first[*j as usize + 1] += 1;
+    }
+    for i in 0..nodes {
+        first[i + 1] += first[i];
+    }
+    first
+}
+
 /// Maximum flow on a fixed undirected graph whose capacities are set anew for each run.
 struct Flow {
     /// Arcs of node i are `first[i]..first[i + 1]`.
@@ -83,14 +96,7 @@ struct Flow {
 
 impl Flow {
     fn new(nodes: usize, edges: &[(u32, u32, f32)]) -> Self {
-        let mut first = vec![0u32; nodes + 1];
-        for (i, j, _) in edges {
-            first[*i as usize + 1] += 1;
-            first[*j as usize + 1] += 1;
-        }
-        for i in 0..nodes {
-            first[i + 1] += first[i];
-        }
+        let first = first_steps(nodes, edges);
         let mut next = first.clone();
         let (mut head, mut twin) = (vec![0; 2 * edges.len()], vec![0; 2 * edges.len()]);
         let mut arcs_of_edge = Vec::with_capacity(edges.len());

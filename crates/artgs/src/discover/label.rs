@@ -1,6 +1,7 @@
 //! Which part each surface point belongs to: what the other state says under every motion, and where that leaves several
 //! answers, what the point hangs together with.
 
+use super::cut::first_steps;
 use super::observe::{Cloud, DepthView, SIGHTED_TOGETHER, Sightings};
 use super::propose::components;
 use super::register::Searchable;
@@ -293,14 +294,7 @@ struct Roads {
 
 impl Roads {
     fn new(nodes: usize, edges: &[(u32, u32, f32)]) -> Self {
-        let mut first = vec![0u32; nodes + 1];
-        for (i, j, _) in edges {
-            first[*i as usize + 1] += 1;
-            first[*j as usize + 1] += 1;
-        }
-        for i in 0..nodes {
-            first[i + 1] += first[i];
-        }
+        let first = first_steps(nodes, edges);
         let mut next = first.clone();
         let mut steps = vec![(0, 0.0); 2 * edges.len()];
         for (i, j, weight) in edges {
