@@ -28,8 +28,8 @@ pub fn view(size: u32, turn: f64) -> View {
     View { name: String::new(), camera, rgba, depth: Some(depth) }
 }
 
-pub fn images(size: u32) -> Vec<TrainImage> {
-    let image = |i: usize| TrainImage::new(&view(size, 0.8 * i as f64), i % 2, 1, DepthPick::Median);
+pub fn images(size: u32) -> Vec<TrainImage<'static>> {
+    let image = |i: usize| TrainImage::new(&view(size, 0.8 * i as f64), i % 2, 1, DepthPick::Median).smaller(1);
     (0..8).map(image).collect()
 }
 
@@ -88,7 +88,7 @@ pub fn articulated(splats: &Splats, parts: usize) -> Deformation {
 }
 
 /// A backend ready to step.
-pub fn trainer(size: u32, gaussians: usize, parts: Option<usize>) -> CpuBackend {
+pub fn trainer(size: u32, gaussians: usize, parts: Option<usize>) -> CpuBackend<'static> {
     let splats = ball(gaussians, 1);
     let deformation = parts.map_or(Deformation::None, |k| articulated(&splats, k));
     let mut backend = CpuBackend::new(images(size), train_config(), 1).unwrap();

@@ -119,7 +119,7 @@ pub fn articulate(
         return Err(FitError::NoViews);
     }
     let prepared = |state: usize| prepare(views[state], state, config.image_divisor, config.depth_pick);
-    let images: Vec<TrainImage> = [0, 1].into_iter().flat_map(prepared).collect();
+    let images: Vec<TrainImage<'_>> = [0, 1].into_iter().flat_map(prepared).collect();
     let half_side = half_side(&images);
     let extent = camera_extent(&images).max(half_side);
     let mut rng = Pcg64Mcg::seed_from_u64(seed);

@@ -71,10 +71,10 @@ impl ViewSampler {
 
 /// A [`Backend`] on the processor: images, rasteriser and workspaces, reused from step to step.
 #[derive(Debug)]
-pub struct CpuBackend {
-    images: Vec<TrainImage>,
+pub struct CpuBackend<'a> {
+    images: Vec<TrainImage<'a>>,
     /// The same views at full size, for when the run settles; empty if they are so already.
-    fine: Vec<TrainImage>,
+    fine: Vec<TrainImage<'a>>,
     config: TrainConfig,
     state: TrainState,
     sampler: ViewSampler,
@@ -89,10 +89,10 @@ pub struct CpuBackend {
     work: DeformWorkspace,
 }
 
-impl CpuBackend {
+impl<'a> CpuBackend<'a> {
     /// Holds the images; `seed` decides the order of views and the backgrounds. Images of more than
     /// `config.plateau.coarse_pixels` pixels are made smaller until the run settles.
-    pub fn new(images: Vec<TrainImage>, config: TrainConfig, seed: u64) -> Result<Self, FitError> {
+    pub fn new(images: Vec<TrainImage<'a>>, config: TrainConfig, seed: u64) -> Result<Self, FitError> {
         if images.is_empty() {
             return Err(FitError::NoViews);
         }
@@ -182,7 +182,10 @@ fn prepare<'a>(
 }
 
 /// The images to begin with and, if those are smaller, the ones to end with.
-fn coarse_first(images: Vec<TrainImage>, plateau: &PlateauConfig) -> (Vec<TrainImage>, Vec<TrainImage>) {
+fn coarse_first<'a>(
+    images: Vec<TrainImage<'a>>,
+    plateau: &PlateauConfig,
+) -> (Vec<TrainImage<'a>>, Vec<TrainImage<'a>>) {
     let largest = images.iter().map(TrainImage::area).max().unwrap_or(0);
     if plateau.settle == 0 || largest <= plateau.coarse_pixels {
         return (images, Vec::new());
@@ -200,7 +203,7 @@ fn held(states: &[usize], plateau: &PlateauConfig) -> Vec<usize> {
     held
 }
 
-impl Backend for CpuBackend {
+impl Backend for CpuBackend<'_> {
     fn upload(&mut self, state: TrainState) -> Result<(), FitError> {
         if state.splats.is_empty() {
             return Err(FitError::Empty);

@@ -51,14 +51,14 @@ fn splats() -> Splats {
 }
 
 /// A black photograph far behind everything, per state: no difference changes its sign.
-fn images() -> Vec<TrainImage> {
+fn images() -> Vec<TrainImage<'static>> {
     let k = Intrinsics { fx: 300.0, fy: 300.0, cx: 20.0, cy: 20.0, width: 40, height: 40 };
     let image = |state: usize| {
         let eye = DVec3::new(0.4 - state as f64, 0.2, 6.0);
         let camera = Camera::look_at(k, eye, DVec3::ZERO, DVec3::Y);
         let view =
             View { name: String::new(), camera, rgba: vec![[0, 0, 0, 255]; 1600], depth: Some(vec![20.0; 1600]) };
-        TrainImage::new(&view, state, 1, DepthPick::Median)
+        TrainImage::new(&view, state, 1, DepthPick::Median).smaller(1)
     };
     vec![image(0), image(1)]
 }
@@ -110,7 +110,7 @@ fn backend_config() -> TrainConfig {
     }
 }
 
-fn backend(membership: Membership, config: DeformConfig) -> CpuBackend {
+fn backend(membership: Membership, config: DeformConfig) -> CpuBackend<'static> {
     // One target each: a change of neighbour would disturb a difference quotient.
     let targets = Arc::new(ChamferTargets::new(&[vec![[0.5, -0.3, 0.2]], vec![[-0.4, -0.3, 0.2]]]));
     let middles = vec![DVec3::new(0.3, -0.2, 0.5), DVec3::new(-0.4, 0.1, 0.2), DVec3::X];
@@ -121,7 +121,7 @@ fn backend(membership: Membership, config: DeformConfig) -> CpuBackend {
     backend
 }
 
-fn articulated(backend: &mut CpuBackend) -> &mut Articulated {
+fn articulated<'a>(backend: &'a mut CpuBackend<'_>) -> &'a mut Articulated {
     match &mut backend.state.deformation {
         Deformation::Articulated(articulated) => articulated,
         Deformation::None => panic!("articulated"),

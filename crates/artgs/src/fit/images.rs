@@ -3,6 +3,7 @@
 use artgs_core::{Camera, Intrinsics, View};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// A half-open rectangle of pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -55,9 +56,9 @@ pub enum DepthPick {
     Median,
 }
 
-/// One view as training sees it.
+/// One view as training sees it. At full size it borrows the pixels of the view: those of many fine views fill memory.
 #[derive(Clone, Debug)]
-pub struct TrainImage {
+pub struct TrainImage<'a> {
     /// State it was taken in, 0 or 1.
     pub state: usize,
     /// Pose and intrinsics at the size of this image.
@@ -66,42 +67,62 @@ pub struct TrainImage {
     pub width: usize,
     /// Height in pixels.
     pub height: usize,
-    /// Straight colour and alpha, planes r, g, b, a: `[4][height * width]`.
-    pub planes: Vec<u8>,
-    /// Planar depth in scene units, `[height * width]`, 0 where there is none or the mask is below one half.
-    pub depth: Option<Vec<f32>>,
+    /// Straight colour and alpha, `[height * width]`.
+    pub rgba: Cow<'a, [[u8; 4]]>,
+    /// Planar depth in scene units, `[height * width]`, 0 or less where there is none; means nothing where the mask is
+    /// below one half. See [`TrainImage::depth_at`].
+    pub depth: Option<Cow<'a, [f32]>>,
     /// Smallest rectangle around all pixels with alpha above 0; empty if there are none.
     pub object: Rect,
     /// Number of pixels the mask covers but that have no depth.
     pub without_depth: usize,
 }
 
-impl TrainImage {
+/// Least alpha of a pixel whose depth is that of the object.
+pub const COVERED: u8 = 128;
+
+impl<'a> TrainImage<'a> {
     /// Resamples a view by an integer factor: colour weighted by alpha, alpha averaged, depth picked.
     /// Rows and columns that do not fill a coarse pixel are dropped at the right and bottom.
-    pub fn new(view: &View, state: usize, divisor: usize, pick: DepthPick) -> Self {
-        let (w, h) = view.size();
+    pub fn new(view: &'a View, state: usize, divisor: usize, pick: DepthPick) -> Self {
+        if divisor <= 1 {
+            let depth = view.depth.as_deref().map(Cow::Borrowed);
+            return Self::of_pixels(view.camera, state, Cow::Borrowed(&view.rgba), depth);
+        }
+        Self::resampled(&view.camera, &view.rgba, view.depth.as_deref(), state, divisor, pick)
+    }
+
+    fn of_pixels(camera: Camera, state: usize, rgba: Cow<'a, [[u8; 4]]>, depth: Option<Cow<'a, [f32]>>) -> Self {
+        let (width, height) = (camera.intrinsics.width as usize, camera.intrinsics.height as usize);
+        let object = occupied(&rgba, width);
+        let missing = |(p, z): &(&[u8; 4], &f32)| p[3] >= COVERED && **z <= 0.0;
+        let without_depth = depth.as_ref().map_or(0, |depth| rgba.iter().zip(&**depth).filter(missing).count());
+        Self { state, camera, width, height, rgba, depth, object, without_depth }
+    }
+
+    fn resampled(
+        camera: &Camera,
+        rgba: &[[u8; 4]],
+        depth: Option<&[f32]>,
+        state: usize,
+        divisor: usize,
+        pick: DepthPick,
+    ) -> Self {
+        let k = camera.intrinsics;
+        let (w, h) = (k.width as usize, k.height as usize);
         let d = divisor.clamp(1, w.min(h).max(1));
         let (width, height) = (w / d, h / d);
-        let k = view.camera.intrinsics;
         let s = d as f64;
         let (fx, fy, cx, cy) = (k.fx / s, k.fy / s, k.cx / s, k.cy / s);
         let intrinsics = Intrinsics { fx, fy, cx, cy, width: width as u32, height: height as u32 };
-        let rgba = shrink_rgba(&view.rgba, w, width, height, d);
-        let depth = view.depth.as_ref().map(|depth| shrink_depth(depth, &rgba, w, width, d, pick));
-        let object = occupied(&rgba, width);
-        let missing = |(p, z): &(&[u8; 4], &f32)| p[3] >= 128 && **z <= 0.0;
-        let without_depth = depth.as_ref().map_or(0, |depth| rgba.iter().zip(depth).filter(missing).count());
-        let planes = (0..4).flat_map(|c| rgba.iter().map(move |p| p[c])).collect();
-        let camera = Camera { intrinsics, ..view.camera };
-        Self { state, camera, width, height, planes, depth, object, without_depth }
+        let rgba = shrink_rgba(rgba, w, width, height, d);
+        let depth = depth.map(|depth| Cow::Owned(shrink_depth(depth, &rgba, w, width, d, pick)));
+        Self::of_pixels(Camera { intrinsics, ..*camera }, state, Cow::Owned(rgba), depth)
     }
 
-    /// The same image resampled by an integer factor.
-    pub fn smaller(&self, divisor: usize) -> Self {
-        let rgba = (0..self.area()).map(|i| self.pixel(i)).collect();
-        let view = View { name: String::new(), camera: self.camera, rgba, depth: self.depth.clone() };
-        Self::new(&view, self.state, divisor, DepthPick::Median)
+    /// The same image resampled by an integer factor, with pixels of its own.
+    pub fn smaller(&self, divisor: usize) -> TrainImage<'static> {
+        TrainImage::resampled(&self.camera, &self.rgba, self.depth.as_deref(), self.state, divisor, DepthPick::Median)
     }
 
     /// Number of pixels.
@@ -109,19 +130,17 @@ impl TrainImage {
         self.width * self.height
     }
 
-    /// One plane, 0 to 3 for r, g, b, a.
-    pub fn plane(&self, channel: usize) -> &[u8] {
-        &self.planes[channel * self.area()..(channel + 1) * self.area()]
-    }
-
-    /// Straight RGBA of one pixel.
-    pub fn pixel(&self, index: usize) -> [u8; 4] {
-        std::array::from_fn(|c| self.planes[c * self.area() + index])
+    /// Depth of the object at a pixel, scene units; 0 where there is none or the mask is below one half.
+    pub fn depth_at(&self, index: usize) -> f32 {
+        match &self.depth {
+            Some(depth) if self.rgba[index][3] >= COVERED => depth[index].max(0.0),
+            _ => 0.0,
+        }
     }
 }
 
 /// Prepares all views of one state.
-pub fn prepare(views: &[View], state: usize, divisor: usize, pick: DepthPick) -> Vec<TrainImage> {
+pub fn prepare(views: &[View], state: usize, divisor: usize, pick: DepthPick) -> Vec<TrainImage<'_>> {
     views.par_iter().map(|v| TrainImage::new(v, state, divisor, pick)).collect()
 }
 
@@ -159,7 +178,7 @@ fn shrink_depth(
 ) -> Vec<f32> {
     let mut found = Vec::with_capacity(d * d);
     let choose = |(i, pixel): (usize, &[u8; 4])| {
-        if pixel[3] < 128 {
+        if pixel[3] < COVERED {
             return 0.0;
         }
         let (y, x) = (i / width * d, i % width * d);
@@ -211,21 +230,25 @@ mod tests {
 
     #[test]
     fn shrinking_weights_colour_by_alpha_and_keeps_depth_sharp() {
-        let t = TrainImage::new(&view(), 1, 2, DepthPick::Median);
+        let view = view();
+        let t = TrainImage::new(&view, 1, 2, DepthPick::Median);
         assert_eq!((t.width, t.height), (2, 2));
-        assert_eq!(t.pixel(0), [200, 100, 0, 64], "one opaque pixel of four keeps its colour");
+        assert_eq!(t.rgba[0], [200, 100, 0, 64], "one opaque pixel of four keeps its colour");
         assert_eq!(t.object, Rect { x0: 0, y0: 0, x1: 2, y1: 2 });
         assert_eq!(t.depth.as_deref(), Some([0.0, 0.0, 0.0, 2.0].as_slice()), "below half alpha there is no depth");
         let k = t.camera.intrinsics;
         assert_eq!((k.fx, k.fy, k.cx, k.cy), (4.0, 4.5, 1.25, 1.0));
-        let nearest = TrainImage::new(&view(), 1, 2, DepthPick::Nearest).depth;
+        let nearest = TrainImage::new(&view, 1, 2, DepthPick::Nearest).depth;
         assert_eq!(nearest.as_deref(), Some([0.0; 4].as_slice()), "the middle pixel has no depth");
     }
 
     #[test]
     fn full_size_is_untouched() {
-        let t = TrainImage::new(&view(), 0, 1, DepthPick::Median);
-        assert_eq!((0..20).map(|i| t.pixel(i)).collect::<Vec<_>>(), view().rgba);
+        let view = view();
+        let t = TrainImage::new(&view, 0, 1, DepthPick::Median);
+        assert!(matches!((&t.rgba, &t.depth), (Cow::Borrowed(_), Some(Cow::Borrowed(_)))));
+        assert_eq!(*t.rgba, *view.rgba);
+        assert_eq!((t.depth_at(7), t.depth_at(8)), (5.0, 0.0), "below half alpha there is no depth");
         assert_eq!(t.object, Rect { x0: 1, y0: 1, x1: 4, y1: 3 });
     }
 }

@@ -106,9 +106,8 @@ pub fn from_depth(images: &[TrainImage], config: &DepthInit, sh_degree: usize) -
 fn back_project(images: &[TrainImage]) -> Vec<Sample> {
     let one = |image: &TrainImage| {
         let mut out = Vec::new();
-        let Some(depth) = &image.depth else { return out };
-        for (i, &z) in depth.iter().enumerate().filter(|(_, z)| **z > 0.0) {
-            let [r, g, b, a] = image.pixel(i);
+        for (i, z) in (0..image.area()).map(|i| (i, image.depth_at(i))).filter(|(_, z)| *z > 0.0) {
+            let [r, g, b, a] = image.rgba[i];
             if a < 250 {
                 continue;
             }
@@ -257,7 +256,7 @@ mod tests {
     use rand::SeedableRng;
 
     /// A red plane z = 1 seen from above by two cameras.
-    fn images() -> Vec<TrainImage> {
+    fn views() -> [View; 2] {
         let k = Intrinsics { fx: 60.0, fy: 60.0, cx: 32.0, cy: 32.0, width: 64, height: 64 };
         let view = |x: f64| {
             let camera = Camera::look_at(k, DVec3::new(x, 0.3, 5.0), DVec3::new(0.0, 0.0, 1.0), DVec3::Y);
@@ -271,13 +270,17 @@ mod tests {
                 .collect();
             View { name: String::new(), camera, rgba: vec![[255, 0, 51, 255]; 64 * 64], depth: Some(depth) }
         };
-        [-1.0, 1.0].iter().map(|&x| TrainImage::new(&view(x), 0, 1, DepthPick::Median)).collect()
+        [-1.0, 1.0].map(view)
+    }
+
+    fn images(views: &[View]) -> Vec<TrainImage<'_>> {
+        views.iter().map(|view| TrainImage::new(view, 0, 1, DepthPick::Median)).collect()
     }
 
     #[test]
     fn depth_puts_flat_coloured_gaussians_on_the_surface() {
         let config = DepthInit { count: 400, ..DepthInit::default() };
-        let splats = from_depth(&images(), &config, 1).unwrap();
+        let splats = from_depth(&images(&views()), &config, 1).unwrap();
         assert!((300..500).contains(&splats.len()), "{}", splats.len());
         let mut upright = 0;
         for i in 0..splats.len() {

@@ -1,6 +1,6 @@
 //! What training minimises: colour, depth and mask of a rendering against a photograph, and undecided opacities.
 
-use super::images::{Rect, TrainImage};
+use super::images::{COVERED, Rect, TrainImage};
 use super::ssim::Ssim;
 use artgs_raster::simd::level;
 use artgs_raster::{Frame, FrameGrad};
@@ -127,22 +127,23 @@ impl ImageLoss {
     fn colors(&mut self, frame: &Frame, image: &TrainImage, background: [f32; 3], config: &LossConfig) -> (f64, f64) {
         let (width, n, level) = (image.width, image.area(), level());
         let step = (1.0 - config.ssim) / (3 * n) as f32;
-        self.rows.resize(3 * image.height, [0.0; 2]);
-        self.target
-            .par_chunks_exact_mut(width)
-            .zip(self.grad.rgb.par_chunks_exact_mut(width))
+        self.rows.resize(image.height, [0.0; 2]);
+        par_planes(&mut self.target, width, n)
+            .zip(par_planes(&mut self.grad.rgb, width, n))
             .zip(self.rows.par_iter_mut())
             .enumerate()
             .with_min_len(16)
             .for_each(|(row, ((target, grad), sums))| {
-                let (channel, from) = (row / image.height, row % image.height * width);
-                let color = &image.plane(channel)[from..from + width];
-                let alpha = &image.plane(3)[from..from + width];
-                let render = &frame.rgb[row * width..(row + 1) * width];
-                let back = background[channel];
+                let from = row * width;
+                let photo = &image.rgba[from..from + width];
+                let render: [&[f32]; 3] = std::array::from_fn(|c| &frame.rgb[c * n + from..c * n + from + width]);
                 dispatch!(level, _simd => {
-                    compose(color, alpha, back, config.double_alpha, target);
-                    *sums = absolute(render, target, step, grad);
+                    *sums = [0.0; 2];
+                    for ((c, target), grad) in target.into_iter().enumerate().zip(grad) {
+                        compose(photo, 8 * c as u32, background[c], config.double_alpha, target);
+                        let [l1, squared] = absolute(render[c], target, step, grad);
+                        *sums = [sums[0] + l1, sums[1] + squared];
+                    }
                 });
             });
         let sum = |i: usize| self.rows.iter().map(|r| r[i]).sum::<f64>() / (3 * n) as f64;
@@ -168,15 +169,17 @@ impl ImageLoss {
             .with_min_len(16)
             .for_each(|(row, ((by_depth, by_alpha), sums))| {
                 let span = row * width..(row + 1) * width;
-                let mask = &image.plane(3)[span.clone()];
+                let photo = &image.rgba[span.clone()];
                 let (depth, alpha) = (&frame.depth[span.clone()], &frame.alpha[span.clone()]);
-                sums[1] = masks(alpha, mask, mask_step, by_alpha);
+                sums[1] = masks(alpha, photo, mask_step, by_alpha);
                 by_depth.fill(0.0);
                 sums[0] = match (measured, config.depth_mode) {
                     (None, _) => 0.0,
-                    (Some(d), DepthMode::Accumulated) => accumulated(depth, &d[span], mask, unit, depth_step, by_depth),
+                    (Some(d), DepthMode::Accumulated) => {
+                        accumulated(depth, &d[span], photo, unit, depth_step, by_depth)
+                    }
                     (Some(d), DepthMode::Normalized) => {
-                        normalized(depth, alpha, &d[span], unit, depth_step, by_depth, by_alpha)
+                        normalized(depth, alpha, &d[span], photo, unit, depth_step, by_depth, by_alpha)
                     }
                 };
             });
@@ -185,13 +188,23 @@ impl ImageLoss {
     }
 }
 
-/// Photograph blended over a background; `alpha color + (1 - alpha) background`.
+/// Rows of three planes at once.
+fn par_planes(planes: &mut [f32], width: usize, n: usize) -> impl IndexedParallelIterator<Item = [&mut [f32]; 3]> {
+    let (r, rest) = planes.split_at_mut(n);
+    let (g, b) = rest.split_at_mut(n);
+    let rows = r.par_chunks_exact_mut(width).zip(g.par_chunks_exact_mut(width)).zip(b.par_chunks_exact_mut(width));
+    rows.map(|((r, g), b)| [r, g, b])
+}
+
+/// One channel of a photograph, `shift` bits up in its pixels, over a background;
+/// `alpha color + (1 - alpha) background`.
 #[inline(always)]
-fn compose(color: &[u8], alpha: &[u8], background: f32, double_alpha: bool, out: &mut [f32]) {
-    for ((out, &c), &a) in out.iter_mut().zip(color).zip(alpha) {
-        let a = f32::from(a) * (1.0 / 255.0);
+fn compose(photo: &[[u8; 4]], shift: u32, background: f32, double_alpha: bool, out: &mut [f32]) {
+    for (out, &pixel) in out.iter_mut().zip(photo) {
+        let pixel = u32::from_le_bytes(pixel);
+        let a = (pixel >> 24) as f32 * (1.0 / 255.0);
         let weight = if double_alpha { a * a } else { a };
-        *out = weight * (f32::from(c) * (1.0 / 255.0)) + (1.0 - a) * background;
+        *out = weight * ((pixel >> shift & 255) as f32 * (1.0 / 255.0)) + (1.0 - a) * background;
     }
 }
 
@@ -219,13 +232,14 @@ fn absolute(x: &[f32], y: &[f32], step: f32, grad: &mut [f32]) -> [f64; 2] {
 }
 
 /// `log(1 + |accumulated - measured| / unit)`; pixels inside the mask without depth do not count.
-fn accumulated(depth: &[f32], measured: &[f32], mask: &[u8], unit: f32, step: f32, by_depth: &mut [f32]) -> f64 {
+fn accumulated(depth: &[f32], measured: &[f32], photo: &[[u8; 4]], unit: f32, step: f32, by_depth: &mut [f32]) -> f64 {
     let mut sum = 0.0;
     for i in 0..depth.len() {
-        if measured[i] <= 0.0 && mask[i] >= 128 {
+        let covered = photo[i][3] >= COVERED;
+        if measured[i] <= 0.0 && covered {
             continue;
         }
-        let r = (depth[i] - measured[i]) / unit;
+        let r = (depth[i] - if covered { measured[i] } else { 0.0 }) / unit;
         sum += f64::from(r.abs().ln_1p());
         by_depth[i] = step * sign(r) / (unit * (1.0 + r.abs()));
     }
@@ -237,6 +251,7 @@ fn normalized(
     depth: &[f32],
     alpha: &[f32],
     measured: &[f32],
+    photo: &[[u8; 4]],
     unit: f32,
     step: f32,
     by_depth: &mut [f32],
@@ -244,7 +259,7 @@ fn normalized(
 ) -> f64 {
     let mut sum = 0.0;
     for i in 0..depth.len() {
-        if measured[i] <= 0.0 || alpha[i] <= MIN_ALPHA {
+        if measured[i] <= 0.0 || photo[i][3] < COVERED || alpha[i] <= MIN_ALPHA {
             continue;
         }
         let z = depth[i] / alpha[i];
@@ -258,10 +273,10 @@ fn normalized(
 }
 
 /// Sum of `|alpha - mask|`; overwrites the gradient.
-fn masks(alpha: &[f32], mask: &[u8], step: f32, by_alpha: &mut [f32]) -> f64 {
+fn masks(alpha: &[f32], photo: &[[u8; 4]], step: f32, by_alpha: &mut [f32]) -> f64 {
     let mut sum = 0.0_f32;
-    for ((g, &a), &m) in by_alpha.iter_mut().zip(alpha).zip(mask) {
-        let d = a - f32::from(m) * (1.0 / 255.0);
+    for ((g, &a), &m) in by_alpha.iter_mut().zip(alpha).zip(photo) {
+        let d = a - f32::from(m[3]) * (1.0 / 255.0);
         sum += d.abs();
         *g = step * sign(d);
     }
@@ -296,14 +311,17 @@ mod tests {
     const W: usize = 19;
     const H: usize = 23;
 
-    fn image() -> TrainImage {
+    fn view() -> View {
         let intrinsics = Intrinsics { fx: 20.0, fy: 20.0, cx: 9.5, cy: 11.5, width: W as u32, height: H as u32 };
         let alpha = |i: usize| if (4..13).contains(&(i % W)) && i / W > 3 { 255 - (i % 3) as u8 * 60 } else { 0 };
         let rgba = (0..W * H).map(|i| [(i * 7 % 256) as u8, (i * 13 % 256) as u8, 90, alpha(i)]).collect();
         let depth = (0..W * H).map(|i| if i % 11 == 0 { 0.0 } else { 2.0 + (i % 5) as f32 * 0.1 }).collect();
         let camera = Camera { intrinsics, world_to_camera: Rigid::IDENTITY };
-        let view = View { name: String::new(), camera, rgba, depth: Some(depth) };
-        TrainImage::new(&view, 0, 1, DepthPick::Median)
+        View { name: String::new(), camera, rgba, depth: Some(depth) }
+    }
+
+    fn image(view: &View) -> TrainImage<'_> {
+        TrainImage::new(view, 0, 1, DepthPick::Median)
     }
 
     fn frame() -> Frame {
@@ -319,7 +337,8 @@ mod tests {
     }
 
     fn check(config: &LossConfig) {
-        let (image, frame, mut loss) = (image(), frame(), ImageLoss::new());
+        let view = view();
+        let (image, frame, mut loss) = (image(&view), frame(), ImageLoss::new());
         let mut value = |f: &Frame| loss.evaluate(f, &image, [0.3, 0.6, 0.1], config, 0.7).total;
         let shift = 1e-3;
         let mut differences = Vec::new();
@@ -360,12 +379,13 @@ mod tests {
 
     #[test]
     fn the_photograph_itself_costs_nothing() {
-        let (image, mut frame, back) = (image(), frame(), [0.3, 0.6, 0.1]);
+        let view = view();
+        let (image, mut frame, back) = (image(&view), frame(), [0.3, 0.6, 0.1]);
         for c in 0..3 {
-            compose(image.plane(c), image.plane(3), back[c], false, &mut frame.rgb[c * W * H..(c + 1) * W * H]);
+            compose(&image.rgba, 8 * c as u32, back[c], false, &mut frame.rgb[c * W * H..(c + 1) * W * H]);
         }
-        frame.alpha = image.plane(3).iter().map(|&a| f32::from(a) / 255.0).collect();
-        frame.depth = frame.alpha.iter().zip(image.depth.as_ref().unwrap()).map(|(a, z)| a * z).collect();
+        frame.alpha = image.rgba.iter().map(|p| f32::from(p[3]) / 255.0).collect();
+        frame.depth = frame.alpha.iter().enumerate().map(|(i, a)| a * image.depth_at(i)).collect();
         let terms = ImageLoss::new().evaluate(&frame, &image, back, &LossConfig::default(), 1.0);
         assert!(terms.total.abs() < 1e-6 && terms.mse < 1e-12, "{terms:?}");
     }

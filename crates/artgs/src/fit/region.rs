@@ -118,7 +118,8 @@ mod tests {
                         [0, 0, 0, if d.length() < size { 255 } else { 0 }]
                     })
                     .collect();
-                TrainImage::new(&View { name: String::new(), camera, rgba, depth: None }, 0, 1, DepthPick::Median)
+                let view = View { name: String::new(), camera, rgba, depth: None };
+                TrainImage::new(&view, 0, 1, DepthPick::Median).smaller(1)
             })
             .collect();
         let region = Region::of(&images);

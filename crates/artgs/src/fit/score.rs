@@ -72,9 +72,12 @@ pub fn depth_error(splats: &Splats, views: &[View]) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0_usize);
     for view in views {
         let image = TrainImage::new(view, 0, 1, DepthPick::Nearest);
-        let Some(depth) = &image.depth else { continue };
+        if image.depth.is_none() {
+            continue;
+        }
         let frame = render_view(&mut rasterizer, splats, &view.camera);
-        for (i, &z) in depth.iter().enumerate().filter(|&(i, &z)| z > 0.0 && frame.alpha[i] > 0.5) {
+        let seen = (0..image.area()).map(|i| (i, image.depth_at(i)));
+        for (i, z) in seen.filter(|&(i, z)| z > 0.0 && frame.alpha[i] > 0.5) {
             sum += f64::from((frame.depth[i] / frame.alpha[i] - z).abs());
             count += 1;
         }
