@@ -1,6 +1,6 @@
 //! What the user photographed: posed RGBA images, with or without depth, of one object in two states.
 
-use crate::Camera;
+use crate::{Camera, DepthMap};
 use glam::DVec3;
 
 /// Names of the two states, as files and replicas spell them.
@@ -15,8 +15,8 @@ pub struct View {
     pub camera: Camera,
     /// Straight (un-premultiplied) RGBA, row-major, `[height * width]`; alpha is the object mask.
     pub rgba: Vec<[u8; 4]>,
-    /// Planar depth in scene units, `[height * width]`, 0 where there is none.
-    pub depth: Option<Vec<f32>>,
+    /// Planar depth, `[height * width]`. Held-out views, which only score pictures, may go without.
+    pub depth: Option<DepthMap>,
 }
 
 impl View {

@@ -4,6 +4,7 @@
 
 pub mod camera;
 pub mod capture;
+pub mod depth;
 pub mod joint;
 pub mod mesh;
 pub mod replica;
@@ -12,6 +13,7 @@ pub mod splats;
 
 pub use camera::{Camera, Intrinsics};
 pub use capture::{Capture, STATE_NAMES, StateViews, View};
+pub use depth::DepthMap;
 pub use joint::{Joint, JointKind};
 pub use mesh::Mesh;
 pub use replica::{Replica, ReplicaError};

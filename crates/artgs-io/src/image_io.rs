@@ -2,6 +2,7 @@
 
 use crate::error::read_bytes;
 use crate::{FileError, write_atomic};
+use artgs_core::DepthMap;
 use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, codecs::png::PngEncoder};
 use std::path::Path;
 
@@ -27,8 +28,8 @@ pub struct DepthImage {
     pub width: u32,
     /// Height, pixels.
     pub height: u32,
-    /// Depth in scene units, row-major, 0 = none.
-    pub depth: Vec<f32>,
+    /// Counts of the file, row-major, 0 = none.
+    pub counts: Vec<u16>,
 }
 
 fn decode(path: &Path) -> Result<DynamicImage, FileError> {
@@ -48,8 +49,8 @@ pub fn read_rgba(path: &Path) -> Result<RgbaImage, FileError> {
     Ok(RgbaImage { width, height, pixels, has_alpha, was_16_bit })
 }
 
-/// Reads a 16-bit one-channel PNG; depth is the pixel's value divided by `scale`. Any other kind of PNG is an error.
-pub fn read_depth(path: &Path, scale: f64) -> Result<DepthImage, FileError> {
+/// Reads a 16-bit one-channel PNG. Any other kind of PNG is an error.
+pub fn read_depth(path: &Path) -> Result<DepthImage, FileError> {
     let image = decode(path)?;
     let DynamicImage::ImageLuma16(image) = image else {
         return Err(FileError::malformed(
@@ -62,8 +63,7 @@ pub fn read_depth(path: &Path, scale: f64) -> Result<DepthImage, FileError> {
         ));
     };
     let (width, height) = image.dimensions();
-    let depth = image.into_raw().into_iter().map(|v| (f64::from(v) / scale) as f32).collect();
-    Ok(DepthImage { width, height, depth })
+    Ok(DepthImage { width, height, counts: image.into_raw() })
 }
 
 fn encode(path: &Path, width: u32, height: u32, bytes: &[u8], color: ExtendedColorType) -> Result<(), FileError> {
@@ -91,13 +91,9 @@ pub fn write_rgba(path: &Path, width: u32, height: u32, pixels: &[[u8; 4]]) -> R
     encode(path, width, height, pixels.as_flattened(), ExtendedColorType::Rgba8)
 }
 
-/// Writes a 16-bit depth PNG: `round(depth * scale)`. What does not fit 16 bits, or is not finite, becomes 0 (none).
-pub fn write_depth(path: &Path, width: u32, height: u32, depth: &[f32], scale: f64) -> Result<(), FileError> {
-    let value = |d: &f32| {
-        let v = (f64::from(*d) * scale).round();
-        if (0.0..=65535.0).contains(&v) { v as u16 } else { 0 }
-    };
-    let bytes: Vec<u8> = depth.iter().flat_map(|d| value(d).to_ne_bytes()).collect();
+/// Writes the counts of a depth map as a 16-bit PNG.
+pub fn write_depth(path: &Path, width: u32, height: u32, depth: &DepthMap) -> Result<(), FileError> {
+    let bytes: Vec<u8> = depth.counts().iter().flat_map(|count| count.to_ne_bytes()).collect();
     encode(path, width, height, &bytes, ExtendedColorType::L16)
 }
 
@@ -118,8 +114,8 @@ mod tests {
         let back = read_rgba(&path).unwrap();
         assert_eq!((back.pixels, back.has_alpha), (vec![[9, 8, 7, 255], [6, 5, 4, 255]], false));
 
-        write_depth(&path, 3, 1, &[1.2344, 0.0, 70.0], 1000.0).unwrap();
-        assert_eq!(read_depth(&path, 1000.0).unwrap().depth, [1.234, 0.0, 0.0]);
+        write_depth(&path, 3, 1, &DepthMap::new(vec![1234, 0, 65535], 1000.0)).unwrap();
+        assert_eq!(read_depth(&path).unwrap().counts, [1234, 0, 65535]);
     }
 
     #[test]
@@ -127,7 +123,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("d.png");
         image::GrayImage::new(2, 2).save(&path).unwrap();
-        let message = read_depth(&path, 1000.0).unwrap_err().to_string();
+        let message = read_depth(&path).unwrap_err().to_string();
         assert!(message.contains("d.png") && message.contains("16-bit"), "{message}");
         assert!(write_rgb(&path, 2, 2, &[[0; 3]; 3]).is_err());
     }

@@ -1,6 +1,6 @@
 //! What a capture contains, in numbers: for people (`Display`) and programs (`Serialize`).
 
-use artgs_core::{Capture, STATE_NAMES, View};
+use artgs_core::{Capture, DepthMap, STATE_NAMES, View};
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -137,8 +137,8 @@ fn object_pixels(view: &View) -> usize {
 }
 
 fn summarize_depth(views: &[View]) -> Option<DepthSummary> {
-    let with: Vec<(&View, &Vec<f32>)> = views.iter().filter_map(|v| Some((v, v.depth.as_ref()?))).collect();
-    let values = || with.iter().flat_map(|(_, d)| d.iter()).filter(|d| **d > 0.0).map(|d| f64::from(*d));
+    let with: Vec<(&View, &DepthMap)> = views.iter().filter_map(|v| Some((v, v.depth.as_ref()?))).collect();
+    let values = || with.iter().flat_map(|(_, d)| d.iter()).filter(|d| *d > 0.0).map(f64::from);
     let object: usize = with.iter().map(|(v, _)| object_pixels(v)).sum();
     Some(DepthSummary {
         views: with.len(),
@@ -153,11 +153,11 @@ pub fn depth_bounds(views: &[View]) -> Option<Bounds> {
         let (depth, (w, _)) = (view.depth.as_ref()?, view.size());
         let camera_to_world = view.camera.world_to_camera.inverse();
         let (turn, eye, k) = (camera_to_world.matrix(), camera_to_world.translation, view.camera.intrinsics);
-        let seen = depth.iter().enumerate().filter(|(i, d)| **d > 0.0 && i % w % STRIDE == 0 && i / w % STRIDE == 0);
+        let seen = depth.iter().enumerate().filter(|(i, d)| *d > 0.0 && i % w % STRIDE == 0 && i / w % STRIDE == 0);
         Bounds::of(seen.map(|(i, d)| {
             let pixel = DVec2::new((i % w) as f64 + 0.5, (i / w) as f64 + 0.5);
             let ray = DVec3::new((pixel.x - k.cx) / k.fx, (pixel.y - k.cy) / k.fy, 1.0);
-            turn * (ray * f64::from(*d)) + eye
+            turn * (ray * f64::from(d)) + eye
         }))
     };
     let boxes: Vec<Option<Bounds>> = views.par_iter().map(of_view).collect();
@@ -221,7 +221,8 @@ fn write_split(f: &mut fmt::Formatter, name: &str, split: &SplitSummary) -> fmt:
     }
     writeln!(f, ", object on {:.1} % of the pixels", 100.0 * split.mask_coverage)?;
     match &split.depth {
-        None => writeln!(f, "        no depth"),
+        None if name == "train" => writeln!(f, "        no depth"),
+        None => Ok(()),
         Some(d) => {
             let [near, far] = d.range;
             let valid = 100.0 * d.valid_fraction;

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
-use artgs_core::{Camera, Capture, Intrinsics};
+use artgs_core::{Camera, Capture, DepthMap, Intrinsics};
 use artgs_io::image_io::{write_depth, write_rgb, write_rgba};
 use artgs_io::{load_capture, summarize};
 use glam::{DMat3, DVec3};
@@ -24,6 +24,11 @@ fn pose(view: usize) -> Value {
     json!([rows[0], rows[1], rows[2], [0.0, 0.0, 0.0, 1.0]])
 }
 
+/// Everything at a depth in millimetres.
+fn depth_of(count: u16, pixels: u32) -> DepthMap {
+    DepthMap::new(vec![count; pixels as usize], 1000.0)
+}
+
 fn disc() -> Vec<[u8; 4]> {
     let inside = |i: u32| (i % W).abs_diff(W / 2) < 4 && (i / W).abs_diff(H / 2) < 4;
     (0..W * H).map(|i| if inside(i) { [200, 90, 30, 255] } else { [0; 4] }).collect()
@@ -42,7 +47,7 @@ impl Folder {
                 let image = format!("{state}/train/rgba/{view:04}.png");
                 write_rgba(&folder.path(&image), W, H, &disc()).unwrap();
                 let depth = folder.path(&format!("{state}/train/depth/{view:04}.png"));
-                write_depth(&depth, W, H, &[2.0; (W * H) as usize], 1000.0).unwrap();
+                write_depth(&depth, W, H, &depth_of(2000, W * H)).unwrap();
                 frames.push(json!({"file_path": image, "time": time, "transform_matrix": pose(view)}));
                 paris[format!("{view:04}")] = pose(view);
             }
@@ -132,7 +137,7 @@ fn both_layouts_load_to_equal_captures() {
     assert_eq!(view.rgba, disc());
     let depth = view.depth.as_ref().unwrap();
     assert!(
-        depth.iter().zip(disc()).all(|(d, p)| *d == if p[3] == 255 { 2.0 } else { 0.0 }),
+        depth.iter().zip(disc()).all(|(d, p)| d == if p[3] == 255 { 2.0 } else { 0.0 }),
         "depth only on the object"
     );
     assert!((view.camera.project(DVec3::ZERO).0 - glam::DVec2::new(8.0, 6.0)).length() < 1e-9);
@@ -349,7 +354,7 @@ fn too_few_views() {
 fn bad_depth() {
     let depth = "start/train/depth/0001.png";
     let folder = Folder::new();
-    write_depth(&folder.path(depth), 4, 4, &[1.0; 16], 1000.0).unwrap();
+    write_depth(&folder.path(depth), 4, 4, &depth_of(1000, 16)).unwrap();
     folder.refused(&[FRAME_1, depth, "4x4", "16x12"]);
 
     let folder = Folder::new();
@@ -363,8 +368,9 @@ fn bad_depth() {
     let folder = Folder::new();
     for view in 0..VIEWS {
         // Depth where the object is not counts as none.
-        let off: Vec<f32> = disc().iter().map(|p| if p[3] == 0 { 2.0 } else { 0.0 }).collect();
-        write_depth(&folder.path(&format!("start/train/depth/{view:04}.png")), W, H, &off, 1000.0).unwrap();
+        let off = disc().iter().map(|p| if p[3] == 0 { 2000 } else { 0 }).collect();
+        let off = DepthMap::new(off, 1000.0);
+        write_depth(&folder.path(&format!("start/train/depth/{view:04}.png")), W, H, &off).unwrap();
     }
     folder.refused(&[START, "depth is zero", "start/train/rgba/0000.png", "depth_scale"]);
 }

@@ -33,14 +33,14 @@ fn agreement(from: &View, to: &View, within: f64) -> (usize, f64) {
     let (w2, h2) = to.size();
     let target = to.depth.as_ref().unwrap();
     let (mut seen, mut agree) = (0usize, 0usize);
-    for (i, d) in from.depth.as_ref().unwrap().iter().enumerate().filter(|(_, d)| **d > 0.0) {
+    for (i, d) in from.depth.as_ref().unwrap().iter().enumerate().filter(|(_, d)| *d > 0.0) {
         let pixel = DVec2::new((i % w) as f64 + 0.5, (i / w) as f64 + 0.5);
-        let (uv, z) = to.camera.project(from.camera.unproject(pixel, f64::from(*d)));
+        let (uv, z) = to.camera.project(from.camera.unproject(pixel, f64::from(d)));
         let (u, v) = (uv.x.floor(), uv.y.floor());
         if z <= 0.0 || u < 1.0 || v < 1.0 || u >= (w2 - 1) as f64 || v >= (h2 - 1) as f64 {
             continue;
         }
-        let at = |du: usize, dv: usize| f64::from(target[(v as usize + dv - 1) * w2 + u as usize + du - 1]);
+        let at = |du: usize, dv: usize| f64::from(target.at((v as usize + dv - 1) * w2 + u as usize + du - 1));
         // A slanted surface changes depth within a pixel, so the neighbourhood must span the point's depth; edges, where
         // it changes a lot, and points behind what is seen say nothing.
         let around: Vec<f64> = (0..9).map(|k| at(k % 3, k / 3)).collect();

@@ -5,7 +5,7 @@
 use artgs::articulate::{ArticulateConfig, SkinStart, Start, Trained, articulate, score_state};
 use artgs::articulation::{MotionModel, MotionParameters};
 use artgs::fit::{DensifyConfig, FitError, LogLinear, PlateauConfig, RateConfig, score};
-use artgs_core::{Camera, Intrinsics, Rigid, Splats, View};
+use artgs_core::{Camera, DepthMap, Intrinsics, Rigid, Splats, View};
 use artgs_raster::Rasterizer;
 use glam::DVec3;
 
@@ -52,8 +52,9 @@ fn views(truth: &Trained, state: usize) -> Vec<View> {
         let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
         let straight = |i: usize, c: usize| byte(frame.rgb[c * n + i] / frame.alpha[i].max(1e-3));
         let rgba = (0..n).map(|i| [straight(i, 0), straight(i, 1), straight(i, 2), byte(frame.alpha[i])]).collect();
-        let depth = (0..n).map(|i| if frame.alpha[i] > 0.5 { frame.depth[i] / frame.alpha[i] } else { 0.0 }).collect();
-        View { name: format!("{i}"), camera, rgba, depth: Some(depth) }
+        let depth: Vec<f32> =
+            (0..n).map(|i| if frame.alpha[i] > 0.5 { frame.depth[i] / frame.alpha[i] } else { 0.0 }).collect();
+        View { name: format!("{i}"), camera, rgba, depth: Some(DepthMap::nearest(&depth)) }
     };
     (0..12).map(view).collect()
 }

@@ -6,7 +6,7 @@ use artgs_core::{Capture, JointKind, View};
 use glam::Vec3;
 
 fn pictures(views: &[View]) -> Vec<DepthPicture<'_>> {
-    views.iter().map(|view| DepthPicture { view, depth: view.depth.as_deref().expect("cabinets have depth") }).collect()
+    views.iter().map(|view| DepthPicture { view, depth: view.depth.as_ref().expect("cabinets have depth") }).collect()
 }
 
 /// The true part at a surface point, by the view whose depth agrees best with it.

@@ -1,7 +1,7 @@
 //! Fits known Gaussians from their own renderings, and a real capture where one is at hand.
 
 use artgs::fit::{DensifyConfig, InitKind, SingleConfig, fit_single, score_views};
-use artgs_core::{Camera, Intrinsics, Splats, View};
+use artgs_core::{Camera, DepthMap, Intrinsics, Splats, View};
 use artgs_raster::{Rasterizer, RenderOptions, SplatView};
 use glam::DVec3;
 
@@ -40,8 +40,9 @@ fn views(splats: &Splats, count: usize, phase: f64) -> Vec<View> {
         let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
         let straight = |i: usize, c: usize| byte(frame.rgb[c * n + i] / frame.alpha[i].max(1e-3));
         let rgba = (0..n).map(|i| [straight(i, 0), straight(i, 1), straight(i, 2), byte(frame.alpha[i])]).collect();
-        let depth = (0..n).map(|i| if frame.alpha[i] > 0.5 { frame.depth[i] / frame.alpha[i] } else { 0.0 }).collect();
-        View { name: format!("{i}"), camera, rgba, depth: Some(depth) }
+        let depth: Vec<f32> =
+            (0..n).map(|i| if frame.alpha[i] > 0.5 { frame.depth[i] / frame.alpha[i] } else { 0.0 }).collect();
+        View { name: format!("{i}"), camera, rgba, depth: Some(DepthMap::nearest(&depth)) }
     };
     (0..count).map(view).collect()
 }

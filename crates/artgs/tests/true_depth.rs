@@ -32,13 +32,15 @@ fn true_depth_gives_surfaces_near_the_floor() {
             (0..capture.states[s].train.len()).map(mask).collect()
         })
         .collect();
+    let depths: Vec<Vec<Vec<f32>>> = (0..2)
+        .map(|s| capture.states[s].train.iter().map(|v| v.depth.as_ref().unwrap().iter().collect()).collect())
+        .collect();
     let views: Vec<Vec<LabelledDepth>> = (0..2)
         .map(|s| {
-            let labelled = |(v, labels)| {
-                let v: &artgs_core::View = v;
-                LabelledDepth { camera: v.camera, depth: v.depth.as_ref().unwrap(), rgba: Some(&v.rgba), labels }
-            };
-            capture.states[s].train.iter().zip(masks[s].iter().map(Vec::as_slice)).map(labelled).collect()
+            let train = capture.states[s].train.iter().zip(&depths[s]).zip(&masks[s]);
+            train
+                .map(|((v, depth), labels)| LabelledDepth { camera: v.camera, depth, rgba: Some(&v.rgba), labels })
+                .collect()
         })
         .collect();
     // The truth starts at 0, the canonical frame lies midway: parts are scored in the world frames of the states.

@@ -3,7 +3,7 @@
 use super::CaptureError;
 use crate::FileError;
 use crate::image_io::{RgbaImage, read_depth, read_rgba};
-use artgs_core::{Camera, Intrinsics, Rigid, View};
+use artgs_core::{Camera, DepthMap, Intrinsics, Rigid, View};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -91,7 +91,7 @@ struct Decoded {
 }
 
 /// Decodes frames in parallel, keeping their order. Frames with an empty mask are left out with a warning.
-/// A training split must end up with two views.
+/// A training split must end up with two views; the depth of any other is not read, since nothing asks for it.
 pub(super) fn load(
     dir: &Path,
     file: &Path,
@@ -99,7 +99,7 @@ pub(super) fn load(
     training: bool,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<View>, CaptureError> {
-    let decoded: Vec<_> = entries.par_iter().map(|entry| decode(dir, entry)).collect();
+    let decoded: Vec<_> = entries.par_iter().map(|entry| decode(dir, entry, training)).collect();
     let decoded = decoded.into_iter().collect::<Result<Vec<Decoded>, _>>()?;
     same_size(entries, &decoded)?;
     let names = |pick: fn(&Decoded) -> bool| -> Vec<&str> {
@@ -133,7 +133,7 @@ fn listing(names: &[&str]) -> String {
     if names.len() > 5 { format!("{head} and {} more", names.len() - 5) } else { head }
 }
 
-fn decode(dir: &Path, entry: &Entry) -> Result<Decoded, CaptureError> {
+fn decode(dir: &Path, entry: &Entry, training: bool) -> Result<Decoded, CaptureError> {
     let image = read_rgba(&dir.join(&entry.image)).map_err(|e| entry.file_error(&entry.image, e))?;
     let RgbaImage { width, height, pixels, has_alpha, was_16_bit } = image;
     for (key, stated, found) in [("w", entry.lens.width, width), ("h", entry.lens.height, height)] {
@@ -144,7 +144,7 @@ fn decode(dir: &Path, entry: &Entry) -> Result<Decoded, CaptureError> {
             )));
         }
     }
-    let depth = match &entry.depth {
+    let depth = match entry.depth.as_ref().filter(|_| training) {
         Some(path) => Some(masked_depth(dir, entry, path, &pixels, width, height)?),
         None => None,
     };
@@ -161,20 +161,20 @@ fn masked_depth(
     rgba: &[[u8; 4]],
     width: u32,
     height: u32,
-) -> Result<Vec<f32>, CaptureError> {
-    let mut image = read_depth(&dir.join(path), entry.depth_scale).map_err(|e| entry.file_error(path, e))?;
+) -> Result<DepthMap, CaptureError> {
+    let mut image = read_depth(&dir.join(path)).map_err(|e| entry.file_error(path, e))?;
     if (image.width, image.height) != (width, height) {
         let (w, h, path) = (image.width, image.height, path.display());
         return Err(entry.fail(format!(
             "depth image {path} is {w}x{h}, its colour image {width}x{height}; rescale the depth image (nearest)"
         )));
     }
-    for (depth, pixel) in image.depth.iter_mut().zip(rgba) {
+    for (count, pixel) in image.counts.iter_mut().zip(rgba) {
         if pixel[3] < OBJECT_ALPHA {
-            *depth = 0.0;
+            *count = 0;
         }
     }
-    Ok(image.depth)
+    Ok(DepthMap::new(image.counts, entry.depth_scale as f32))
 }
 
 /// All images of a camera file share its intrinsics, so they must share one size.
@@ -197,7 +197,7 @@ fn some_depth(file: &Path, views: &[View]) -> Result<(), CaptureError> {
     let mut with_depth = views.iter().filter_map(|v| Some((v, v.depth.as_ref()?))).peekable();
     let Some((first, _)) = with_depth.peek() else { return Ok(()) };
     let frame = first.name.clone();
-    if with_depth.all(|(_, depth)| depth.iter().all(|d| *d == 0.0)) {
+    if with_depth.all(|(_, depth)| depth.counts().iter().all(|count| *count == 0)) {
         return Err(CaptureError::NoDepth { file: file.into(), frame });
     }
     Ok(())

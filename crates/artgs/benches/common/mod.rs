@@ -6,7 +6,7 @@ use artgs::fit::{
     AdamConfig, Articulated, Backend, CpuBackend, DeformConfig, Deformation, DepthPick, LogLinear, LossConfig,
     Membership, PlateauConfig, RateConfig, TrainConfig, TrainImage, TrainState,
 };
-use artgs_core::{Rigid, Splats, View};
+use artgs_core::{DepthMap, Rigid, Splats, View};
 use artgs_raster::{Rasterizer, RenderOptions};
 use glam::DVec3;
 
@@ -24,8 +24,9 @@ pub fn view(size: u32, turn: f64) -> View {
     let rgba = (0..n)
         .map(|i| [byte(frame.rgb[i]), byte(frame.rgb[n + i]), byte(frame.rgb[2 * n + i]), byte(2.0 * frame.alpha[i])])
         .collect();
-    let depth = (0..n).map(|i| if frame.alpha[i] > 0.5 { frame.depth[i] / frame.alpha[i] } else { 0.0 }).collect();
-    View { name: String::new(), camera, rgba, depth: Some(depth) }
+    let depth: Vec<f32> =
+        (0..n).map(|i| if frame.alpha[i] > 0.5 { frame.depth[i] / frame.alpha[i] } else { 0.0 }).collect();
+    View { name: String::new(), camera, rgba, depth: Some(DepthMap::nearest(&depth)) }
 }
 
 pub fn images(size: u32) -> Vec<TrainImage<'static>> {

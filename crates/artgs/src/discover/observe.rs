@@ -1,9 +1,10 @@
 //! What depth says about a state: oriented surface points, and which places were seen to be empty.
 
-use artgs_core::Camera;
+use artgs_core::{Camera, DepthMap};
 use glam::{DVec2, Mat3, Vec3};
 use nalgebra::{Matrix3, SymmetricEigen};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Change of depth from pixel to pixel, in footprints of a pixel, of a surface seen at 80 degrees.
 const STEEPEST: f32 = 5.7;
@@ -13,35 +14,40 @@ pub struct DepthView {
     /// Pose and intrinsics.
     pub camera: Camera,
     /// Planar depth, 0 where there is none.
-    pub depth: Vec<f32>,
+    pub depth: DepthMap,
     rotation: Mat3,
     translation: Vec3,
     /// One per pixel, and one for points beside the image.
     around: Vec<Around>,
 }
 
-/// Depths seen in the 3x3 neighbourhood of a pixel: where it is torn, a surface in front and one behind.
-#[derive(Clone, Copy, Default)]
+/// Depths seen in the 3x3 neighbourhood of a pixel, in counts of its depth map: where it is torn, a surface in front
+/// and one behind.
+#[derive(Clone, Copy, Debug)]
 struct Around {
-    /// Nothing is nearer than this; 0 where a pixel of the object has no depth.
-    clear: f32,
-    nearest: f32,
-    front: f32,
-    back: f32,
-    farthest: f32,
+    /// Nothing is nearer than this; 0 where a pixel of the object has no depth, [`ENDLESS`] where nothing is seen.
+    clear: u16,
+    nearest: u16,
+    front: u16,
+    back: u16,
+    farthest: u16,
 }
+
+/// Stands for a depth beyond all others.
+const ENDLESS: u16 = u16::MAX;
 
 impl DepthView {
     /// From depth and mask (`true` = object); pixels of the object without depth hide everything.
-    pub fn new(camera: Camera, depth: Vec<f32>, mask: &[bool]) -> Self {
+    pub fn new(camera: Camera, depth: DepthMap, mask: &[bool]) -> Self {
         let (w, h) = (camera.intrinsics.width as usize, camera.intrinsics.height as usize);
-        let mut around = Vec::with_capacity(w * h);
+        let counts = depth.counts();
+        let mut around = Vec::with_capacity(w * h + 1);
         for y in 0..h {
             for x in 0..w {
                 let rows = y.saturating_sub(1)..(y + 2).min(h);
                 let columns = x.saturating_sub(1)..(x + 2).min(w);
                 let pixels = rows.flat_map(|yy| columns.clone().map(move |xx| yy * w + xx));
-                around.push(Around::of(pixels.map(|i| (depth[i], mask[i])), camera.intrinsics.fx as f32));
+                around.push(Around::of(pixels.map(|i| (counts[i], mask[i])), camera.intrinsics.fx as f32));
             }
         }
         around.push(Around::BESIDE);
@@ -62,7 +68,7 @@ impl DepthView {
         inside.then(|| (v as i32 as usize * k.width as usize + u as i32 as usize, p.z))
     }
 
-    /// Index of what is around a point, and its view depth; without branches, so that many points go at once.
+    /// Index of what is around a point, and its view depth in counts; without branches, so that many points go at once.
     #[inline(always)]
     fn pixel(&self, point: Vec3) -> (u32, f32) {
         let p = self.rotation * point + self.translation;
@@ -71,39 +77,36 @@ impl DepthView {
         let inside = (p.z > 0.0) & (u >= 0.0) & (v >= 0.0) & (u < k.width as f32) & (v < k.height as f32);
         // Through i32: there is no instruction for the unsigned kind.
         let pixel = (v as i32).wrapping_mul(k.width as i32).wrapping_add(u as i32);
-        (if inside { pixel as u32 } else { k.width * k.height }, p.z)
+        // A depth of 0 is never before anything.
+        if inside { (pixel as u32, p.z * self.depth.per_unit()) } else { (k.width * k.height, 0.0) }
     }
 }
 
 impl Around {
     /// Where nothing is known.
-    const BESIDE: Self = Self {
-        clear: f32::NEG_INFINITY,
-        nearest: f32::INFINITY,
-        front: f32::NEG_INFINITY,
-        back: f32::INFINITY,
-        farthest: f32::NEG_INFINITY,
-    };
+    const BESIDE: Self = Self { clear: 0, nearest: ENDLESS, front: 0, back: ENDLESS, farthest: 0 };
 
     /// Whether a point at depth `z` is looked through, to something behind or to nothing, and whether a surface is there.
     /// The whole neighbourhood must agree that it is looked through; between the two surfaces of a torn one nothing is
-    /// known. `tolerance` is in scene units.
+    /// known. Both are in counts.
     #[inline(always)]
     fn says(&self, z: f32, tolerance: f32) -> (bool, bool) {
-        let within = |lo: f32, hi: f32| (z >= lo - tolerance) & (z <= hi + tolerance);
-        let through = z < self.clear - tolerance;
+        let within = |lo: u16, hi: u16| (z >= f32::from(lo) - tolerance) & (z <= f32::from(hi) + tolerance);
+        let clear = if self.clear == ENDLESS { f32::INFINITY } else { f32::from(self.clear) };
+        let through = z < clear - tolerance;
         (through, !through & (within(self.nearest, self.front) | within(self.back, self.farthest)))
     }
 
-    fn of(pixels: impl Iterator<Item = (f32, bool)> + Clone, focal: f32) -> Self {
-        let seen = pixels.clone().map(|p| p.0).filter(|d| *d > 0.0);
-        let (lo, hi) = seen.clone().fold((f32::INFINITY, 0.0f32), |(lo, hi), d| (lo.min(d), hi.max(d)));
+    fn of(pixels: impl Iterator<Item = (u16, bool)> + Clone, focal: f32) -> Self {
+        let seen = pixels.clone().map(|p| p.0.min(ENDLESS - 1)).filter(|d| *d > 0);
+        let (lo, hi) = seen.clone().fold((ENDLESS, 0), |(lo, hi), d| (lo.min(d), hi.max(d)));
         // Across two diagonal steps a surface seen at 80 degrees changes by this much.
-        let reach = 2.0 * std::f32::consts::SQRT_2 * STEEPEST * lo / focal;
-        let front = seen.clone().filter(|d| *d <= lo + reach).fold(lo, f32::max);
-        let back = seen.filter(|d| *d >= hi - reach).fold(hi, f32::min);
-        let blind = pixels.clone().any(|(d, object)| object && d <= 0.0);
-        Self { clear: if blind { 0.0 } else { lo }, nearest: lo, front, back, farthest: hi }
+        let reach = 2.0 * std::f32::consts::SQRT_2 * STEEPEST * f32::from(lo) / focal;
+        let near = |a: u16, b: u16| f32::from(a.abs_diff(b)) <= reach;
+        let front = seen.clone().filter(|d| near(*d, lo)).max().unwrap_or(0);
+        let back = seen.filter(|d| near(*d, hi)).min().unwrap_or(ENDLESS);
+        let blind = pixels.clone().any(|(d, object)| object && d == 0);
+        Self { clear: if blind { 0 } else { lo }, nearest: lo, front, back, farthest: hi }
     }
 }
 
@@ -126,6 +129,7 @@ impl Sightings {
         out.fill(Self::default());
         let mut pixels = [(0, 0.0); SIGHTED_TOGETHER];
         for view in views {
+            let tolerance = tolerance * view.depth.per_unit();
             for (points, out) in points.chunks(SIGHTED_TOGETHER).zip(out.chunks_mut(SIGHTED_TOGETHER)) {
                 points.iter().zip(&mut pixels).for_each(|(point, pixel)| *pixel = view.pixel(*point));
                 for ((pixel, z), out) in pixels.iter().zip(out) {
@@ -232,11 +236,12 @@ pub fn surface_points(view: &DepthView, rgba: &[[u8; 4]], stride: usize) -> Clou
     let eye = view.camera.position().as_vec3();
     let world =
         |x: usize, y: usize, d: f32| view.camera.unproject(DVec2::new(x as f64 + 0.5, y as f64 + 0.5), d.into());
+    let depth: Vec<f32> = view.depth.iter().collect();
     let mut cloud = Cloud::default();
     let mut patch = Vec::with_capacity(25);
     for y in (2..h.saturating_sub(2)).step_by(stride) {
         for x in (2..w.saturating_sub(2)).step_by(stride) {
-            let d = view.depth[y * w + x];
+            let d = depth[y * w + x];
             if d <= 0.0 {
                 continue;
             }
@@ -245,7 +250,7 @@ pub fn surface_points(view: &DepthView, rgba: &[[u8; 4]], stride: usize) -> Clou
             patch.clear();
             for yy in y - 2..=y + 2 {
                 for xx in x - 2..=x + 2 {
-                    let dd = view.depth[yy * w + xx];
+                    let dd = depth[yy * w + xx];
                     if dd > 0.0 && (dd - d).abs() < reach {
                         patch.push((world(xx, yy, dd) - centre).as_vec3());
                     }
@@ -289,10 +294,10 @@ pub struct Observation {
 }
 
 impl Observation {
-    /// Back-projects all views and thins the points to one per `voxel`.
-    pub fn new(views: Vec<DepthView>, rgba: &[&[[u8; 4]]], voxel: f32) -> Self {
-        let clouds: Vec<Cloud> =
-            views.par_iter().zip(rgba).map(|(v, c)| surface_points(v, c, 1).thinned(voxel)).collect();
+    /// Back-projects all views and thins the points to one per `voxel`. `colors` are the pixels of a view.
+    pub fn new<'c>(views: Vec<DepthView>, colors: impl Fn(usize) -> Cow<'c, [[u8; 4]]> + Sync, voxel: f32) -> Self {
+        let points = |(i, view): (usize, &DepthView)| surface_points(view, &colors(i), 1).thinned(voxel);
+        let clouds: Vec<Cloud> = views.par_iter().enumerate().map(points).collect();
         let mut cloud = Cloud::default();
         clouds.iter().for_each(|c| cloud.append(c));
         Self { views, cloud: cloud.thinned(voxel) }
@@ -304,7 +309,7 @@ impl Observation {
             .iter()
             .flat_map(|v| {
                 let fx = v.camera.intrinsics.fx as f32;
-                v.depth.iter().step_by(37).filter(|d| **d > 0.0).map(move |d| d / fx)
+                v.depth.iter().step_by(37).filter(|d| *d > 0.0).map(move |d| d / fx)
             })
             .collect();
         sizes.sort_unstable_by(f32::total_cmp);
@@ -321,7 +326,7 @@ impl Observation {
                 let (p, n) = (self.cloud.points[i], self.cloud.normals[i]);
                 self.views.iter().filter_map(move |v| {
                     let (pixel, z) = v.locate(p)?;
-                    let d = v.depth[pixel];
+                    let d = v.depth.at(pixel);
                     let towards = (v.camera.position().as_vec3() - p).normalize();
                     let cosine = towards.dot(n);
                     let footprint = z / v.camera.intrinsics.fx as f32;

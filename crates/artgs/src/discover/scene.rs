@@ -5,7 +5,8 @@ use super::observe::{Cloud, DepthView, Observation, Sightings, surface_points};
 use super::propose::Scales;
 use super::register::Searchable;
 use super::{DiscoverConfig, DiscoverError};
-use artgs_core::View;
+use crate::fit::images::COVERED;
+use artgs_core::{Camera, DepthMap, View};
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -26,39 +27,46 @@ fn bounds(clouds: [&Cloud; 2]) -> (Vec3, Vec3) {
 pub struct DepthPicture<'a> {
     /// Camera, colours and mask.
     pub view: &'a View,
-    /// Planar depth, scene units, `[height * width]`, 0 where there is none.
-    pub depth: &'a [f32],
+    /// Planar depth, `[height * width]`, 0 where there is none.
+    pub depth: &'a DepthMap,
 }
 
 impl<'a> DepthPicture<'a> {
-    /// Every `step`-th pixel of every `step`-th row, as seen by a camera with just these pixels.
-    pub fn thinned(&self, step: usize) -> View {
+    fn kept(&self, step: usize) -> impl Iterator<Item = usize> + use<> {
         let (width, height) = self.view.size();
-        let pixels = || (0..height / step).flat_map(|y| (0..width / step).map(move |x| y * step * width + x * step));
-        View {
-            name: self.view.name.clone(),
-            camera: self.view.camera.thinned(step),
-            rgba: pixels().map(|i| self.view.rgba[i]).collect(),
-            depth: Some(pixels().map(|i| self.depth[i]).collect()),
-        }
+        (0..height / step).flat_map(move |y| (0..width / step).map(move |x| y * step * width + x * step))
     }
 
-    fn prepared(&self, step: usize) -> (DepthView, Cow<'a, [[u8; 4]]>) {
-        let (camera, depth, rgba) = if step == 1 {
-            (self.view.camera, self.depth.to_vec(), Cow::Borrowed(&self.view.rgba[..]))
-        } else {
-            let View { camera, rgba, depth, .. } = self.thinned(step);
-            (camera, depth.unwrap_or_default(), Cow::Owned(rgba))
-        };
-        let mask: Vec<bool> = rgba.iter().map(|p| p[3] >= 128).collect();
-        (DepthView::new(camera, depth, &mask), rgba)
+    /// Depth of every `step`-th pixel of every `step`-th row, and a camera with just these pixels.
+    pub fn thinned_depth(&self, step: usize) -> (Camera, DepthMap) {
+        if step == 1 {
+            return (self.view.camera, self.depth.clone());
+        }
+        (self.view.camera.thinned(step), self.depth.select(self.kept(step)))
+    }
+
+    /// Colours of the same pixels.
+    pub fn thinned_colors(&self, step: usize) -> Cow<'a, [[u8; 4]]> {
+        if step == 1 {
+            return Cow::Borrowed(&self.view.rgba);
+        }
+        Cow::Owned(self.kept(step).map(|i| self.view.rgba[i]).collect())
+    }
+
+    /// Ready for looking things up, and some of its surface points.
+    fn prepared(&self, step: usize) -> (DepthView, Cloud) {
+        let ((camera, depth), rgba) = (self.thinned_depth(step), self.thinned_colors(step));
+        let mask: Vec<bool> = rgba.iter().map(|p| p[3] >= COVERED).collect();
+        let view = DepthView::new(camera, depth, &mask);
+        let rough = surface_points(&view, &rgba, 5);
+        (view, rough)
     }
 
     /// Some of the surface, in world coordinates, and sizes of a pixel there.
     fn glance(&self) -> Vec<(Vec3, f32)> {
         let width = self.view.size().0;
-        let seen = self.depth.iter().enumerate().step_by(GLANCE).filter(|(_, z)| **z > 0.0);
-        seen.map(|(i, &z)| {
+        let seen = self.depth.iter().enumerate().step_by(GLANCE).filter(|(_, z)| *z > 0.0);
+        seen.map(|(i, z)| {
             let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
             let point = self.view.camera.unproject(pixel, z.into()).as_vec3();
             (point, z / self.view.camera.intrinsics.fx as f32)
@@ -85,6 +93,14 @@ pub fn pixel_step(pictures: [&[DepthPicture<'_>]; 2], length: f64) -> usize {
     ((length as f32 * lower.distance(upper) / pixel) as usize).max(1)
 }
 
+/// Views of one state, and some of its surface points.
+fn prepare(pictures: &[DepthPicture<'_>], step: usize) -> (Vec<DepthView>, Cloud) {
+    let (views, clouds): (Vec<DepthView>, Vec<Cloud>) = pictures.par_iter().map(|p| p.prepared(step)).unzip();
+    let mut rough = Cloud::default();
+    clouds.iter().for_each(|cloud| rough.append(cloud));
+    (views, rough)
+}
+
 /// Both states prepared for discovery.
 pub struct Scene {
     /// Start and end.
@@ -101,13 +117,8 @@ impl Scene {
     /// Back-projects both states.
     pub fn new(pictures: [&[DepthPicture<'_>]; 2], config: &DiscoverConfig) -> Result<Self, DiscoverError> {
         let step = pixel_step(pictures, 0.5 * config.spacing);
-        let views = pictures.map(|p| p.par_iter().map(|picture| picture.prepared(step)).collect::<Vec<_>>());
-        let coarse = |v: &[(DepthView, Cow<'_, [[u8; 4]]>)]| {
-            let mut c = Cloud::default();
-            v.iter().for_each(|(d, rgba)| c.append(&surface_points(d, rgba, 5)));
-            c
-        };
-        let rough = [coarse(&views[0]), coarse(&views[1])];
+        let [(start, rough_start), (end, rough_end)] = pictures.map(|p| prepare(p, step));
+        let rough = [rough_start, rough_end];
         for s in 0..2 {
             if rough[s].len() < 50 {
                 return Err(DiscoverError::NoSurface(artgs_core::STATE_NAMES[s]));
@@ -115,12 +126,11 @@ impl Scene {
         }
         let (lower, upper) = bounds([&rough[0], &rough[1]]);
         let diagonal = lower.distance(upper);
-        let states = views.map(|state| {
-            let (depths, pictures): (Vec<_>, Vec<_>) = state.into_iter().unzip();
-            let pictures: Vec<&[[u8; 4]]> = pictures.iter().map(|p| &**p).collect();
-            let pixel = Observation::pixel_size(&depths);
-            Observation::new(depths, &pictures, (config.spacing as f32 * diagonal).max(pixel))
-        });
+        let observe = |(views, pictures): (Vec<DepthView>, &[DepthPicture<'_>])| {
+            let voxel = (config.spacing as f32 * diagonal).max(Observation::pixel_size(&views));
+            Observation::new(views, |i| pictures[i].thinned_colors(step), voxel)
+        };
+        let states = [(start, pictures[0]), (end, pictures[1])].map(observe);
         let pixel = Observation::pixel_size(&states[0].views).max(Observation::pixel_size(&states[1].views));
         let noise = states[0].depth_noise().max(states[1].depth_noise());
         let spacing = (config.spacing as f32 * diagonal).max(pixel);
@@ -164,7 +174,7 @@ mod tests {
         let look = |size: u32| {
             let capture = capture(size);
             let pictures = [0, 1].map(|s| {
-                let picture = |view| DepthPicture { view, depth: view.depth.as_deref().unwrap() };
+                let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
                 capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
             });
             let pictures = [&pictures[0][..], &pictures[1][..]];

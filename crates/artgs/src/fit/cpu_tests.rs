@@ -5,7 +5,7 @@ use crate::fit::{
     AdamConfig, Articulated, ChamferTargets, DeformConfig, DepthMode, LogLinear, LossConfig, Membership, PlateauConfig,
     RateConfig,
 };
-use artgs_core::{Camera, Intrinsics, Rigid, Splats, View};
+use artgs_core::{Camera, DepthMap, Intrinsics, Rigid, Splats, View};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -56,8 +56,12 @@ fn images() -> Vec<TrainImage<'static>> {
     let image = |state: usize| {
         let eye = DVec3::new(0.4 - state as f64, 0.2, 6.0);
         let camera = Camera::look_at(k, eye, DVec3::ZERO, DVec3::Y);
-        let view =
-            View { name: String::new(), camera, rgba: vec![[0, 0, 0, 255]; 1600], depth: Some(vec![20.0; 1600]) };
+        let view = View {
+            name: String::new(),
+            camera,
+            rgba: vec![[0, 0, 0, 255]; 1600],
+            depth: Some(DepthMap::new(vec![20; 1600], 1.0)),
+        };
         TrainImage::new(&view, state, 1, DepthPick::Median).smaller(1)
     };
     vec![image(0), image(1)]

@@ -1,6 +1,6 @@
 //! Training images, prepared once: resampled, kept small, with the rectangle the object fills.
 
-use artgs_core::{Camera, Intrinsics, View};
+use artgs_core::{Camera, DepthMap, Intrinsics, View};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -69,9 +69,9 @@ pub struct TrainImage<'a> {
     pub height: usize,
     /// Straight colour and alpha, `[height * width]`.
     pub rgba: Cow<'a, [[u8; 4]]>,
-    /// Planar depth in scene units, `[height * width]`, 0 or less where there is none; means nothing where the mask is
-    /// below one half. See [`TrainImage::depth_at`].
-    pub depth: Option<Cow<'a, [f32]>>,
+    /// Planar depth, `[height * width]`, of the object only where the mask is at least [`COVERED`]; see
+    /// [`TrainImage::depth_at`].
+    pub depth: Option<Cow<'a, DepthMap>>,
     /// Smallest rectangle around all pixels with alpha above 0; empty if there are none.
     pub object: Rect,
     /// Number of pixels the mask covers but that have no depth.
@@ -86,24 +86,24 @@ impl<'a> TrainImage<'a> {
     /// Rows and columns that do not fill a coarse pixel are dropped at the right and bottom.
     pub fn new(view: &'a View, state: usize, divisor: usize, pick: DepthPick) -> Self {
         if divisor <= 1 {
-            let depth = view.depth.as_deref().map(Cow::Borrowed);
+            let depth = view.depth.as_ref().map(Cow::Borrowed);
             return Self::of_pixels(view.camera, state, Cow::Borrowed(&view.rgba), depth);
         }
-        Self::resampled(&view.camera, &view.rgba, view.depth.as_deref(), state, divisor, pick)
+        Self::resampled(&view.camera, &view.rgba, view.depth.as_ref(), state, divisor, pick)
     }
 
-    fn of_pixels(camera: Camera, state: usize, rgba: Cow<'a, [[u8; 4]]>, depth: Option<Cow<'a, [f32]>>) -> Self {
+    fn of_pixels(camera: Camera, state: usize, rgba: Cow<'a, [[u8; 4]]>, depth: Option<Cow<'a, DepthMap>>) -> Self {
         let (width, height) = (camera.intrinsics.width as usize, camera.intrinsics.height as usize);
         let object = occupied(&rgba, width);
-        let missing = |(p, z): &(&[u8; 4], &f32)| p[3] >= COVERED && **z <= 0.0;
-        let without_depth = depth.as_ref().map_or(0, |depth| rgba.iter().zip(&**depth).filter(missing).count());
+        let missing = |(p, count): &(&[u8; 4], &u16)| p[3] >= COVERED && **count == 0;
+        let without_depth = depth.as_ref().map_or(0, |depth| rgba.iter().zip(depth.counts()).filter(missing).count());
         Self { state, camera, width, height, rgba, depth, object, without_depth }
     }
 
     fn resampled(
         camera: &Camera,
         rgba: &[[u8; 4]],
-        depth: Option<&[f32]>,
+        depth: Option<&DepthMap>,
         state: usize,
         divisor: usize,
         pick: DepthPick,
@@ -133,7 +133,7 @@ impl<'a> TrainImage<'a> {
     /// Depth of the object at a pixel, scene units; 0 where there is none or the mask is below one half.
     pub fn depth_at(&self, index: usize) -> f32 {
         match &self.depth {
-            Some(depth) if self.rgba[index][3] >= COVERED => depth[index].max(0.0),
+            Some(depth) if self.rgba[index][3] >= COVERED => depth.at(index),
             _ => 0.0,
         }
     }
@@ -169,31 +169,32 @@ fn shrink_rgba(rgba: &[[u8; 4]], from_width: usize, width: usize, height: usize,
 }
 
 fn shrink_depth(
-    depth: &[f32],
+    depth: &DepthMap,
     rgba: &[[u8; 4]],
     from_width: usize,
     width: usize,
     d: usize,
     pick: DepthPick,
-) -> Vec<f32> {
+) -> DepthMap {
+    let counts = depth.counts();
     let mut found = Vec::with_capacity(d * d);
     let choose = |(i, pixel): (usize, &[u8; 4])| {
         if pixel[3] < COVERED {
-            return 0.0;
+            return 0;
         }
         let (y, x) = (i / width * d, i % width * d);
         if pick == DepthPick::Nearest {
-            return depth[(y + d / 2) * from_width + x + d / 2].max(0.0);
+            return counts[(y + d / 2) * from_width + x + d / 2];
         }
         found.clear();
         for row in 0..d {
             let at = (y + row) * from_width + x;
-            found.extend(depth[at..at + d].iter().filter(|&&v| v > 0.0));
+            found.extend(counts[at..at + d].iter().filter(|&&v| v > 0));
         }
-        found.sort_unstable_by(f32::total_cmp);
-        if found.is_empty() { 0.0 } else { found[(found.len() - 1) / 2] }
+        found.sort_unstable();
+        if found.is_empty() { 0 } else { found[(found.len() - 1) / 2] }
     };
-    rgba.iter().enumerate().map(choose).collect()
+    DepthMap::new(rgba.iter().enumerate().map(choose).collect(), depth.per_unit())
 }
 
 /// Smallest rectangle around the pixels whose alpha is above 0.
@@ -219,13 +220,13 @@ mod tests {
         rgba[12] = [0, 60, 0, 255];
         rgba[13] = [0, 60, 8, 255];
         rgba[8] = [0, 60, 0, 100];
-        let mut depth = vec![0.0; 20];
-        depth[7] = 5.0;
-        depth[8] = 1.0;
-        depth[12] = 3.0;
-        depth[13] = 2.0;
+        let mut depth = vec![0; 20];
+        depth[7] = 10;
+        depth[8] = 2;
+        depth[12] = 6;
+        depth[13] = 4;
         let camera = Camera { intrinsics, world_to_camera: Rigid::IDENTITY };
-        View { name: String::new(), camera, rgba, depth: Some(depth) }
+        View { name: String::new(), camera, rgba, depth: Some(DepthMap::new(depth, 2.0)) }
     }
 
     #[test]
@@ -235,11 +236,15 @@ mod tests {
         assert_eq!((t.width, t.height), (2, 2));
         assert_eq!(t.rgba[0], [200, 100, 0, 64], "one opaque pixel of four keeps its colour");
         assert_eq!(t.object, Rect { x0: 0, y0: 0, x1: 2, y1: 2 });
-        assert_eq!(t.depth.as_deref(), Some([0.0, 0.0, 0.0, 2.0].as_slice()), "below half alpha there is no depth");
+        assert_eq!(
+            (0..4).map(|i| t.depth_at(i)).collect::<Vec<_>>(),
+            [0.0, 0.0, 0.0, 2.0],
+            "below half alpha there is no depth"
+        );
         let k = t.camera.intrinsics;
         assert_eq!((k.fx, k.fy, k.cx, k.cy), (4.0, 4.5, 1.25, 1.0));
         let nearest = TrainImage::new(&view, 1, 2, DepthPick::Nearest).depth;
-        assert_eq!(nearest.as_deref(), Some([0.0; 4].as_slice()), "the middle pixel has no depth");
+        assert_eq!(nearest.unwrap().counts(), [0; 4], "the middle pixel has no depth");
     }
 
     #[test]

@@ -251,7 +251,7 @@ fn plane_normal(points: &[Vec3]) -> Vec3 {
 mod tests {
     use super::*;
     use crate::fit::images::DepthPick;
-    use artgs_core::{Camera, Intrinsics, View};
+    use artgs_core::{Camera, DepthMap, Intrinsics, View};
     use glam::DVec3;
     use rand::SeedableRng;
 
@@ -261,14 +261,19 @@ mod tests {
         let view = |x: f64| {
             let camera = Camera::look_at(k, DVec3::new(x, 0.3, 5.0), DVec3::new(0.0, 0.0, 1.0), DVec3::Y);
             let eye = camera.position();
-            let depth = (0..64 * 64)
+            let depth: Vec<f32> = (0..64 * 64)
                 .map(|i| {
                     let pixel = DVec2::new(f64::from(i % 64) + 0.5, f64::from(i / 64) + 0.5);
                     let ray = camera.unproject(pixel, 1.0) - eye;
                     ((1.0 - eye.z) / ray.z) as f32
                 })
                 .collect();
-            View { name: String::new(), camera, rgba: vec![[255, 0, 51, 255]; 64 * 64], depth: Some(depth) }
+            View {
+                name: String::new(),
+                camera,
+                rgba: vec![[255, 0, 51, 255]; 64 * 64],
+                depth: Some(DepthMap::nearest(&depth)),
+            }
         };
         [-1.0, 1.0].map(view)
     }

@@ -2,11 +2,13 @@
 
 use super::images::{COVERED, Rect, TrainImage};
 use super::ssim::Ssim;
+use artgs_core::DepthMap;
 use artgs_raster::simd::level;
 use artgs_raster::{Frame, FrameGrad};
 use fearless_simd::dispatch;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// Which rendered depth is compared with the measured one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -176,10 +178,10 @@ impl ImageLoss {
                 sums[0] = match (measured, config.depth_mode) {
                     (None, _) => 0.0,
                     (Some(d), DepthMode::Accumulated) => {
-                        accumulated(depth, &d[span], photo, unit, depth_step, by_depth)
+                        accumulated(depth, measured_row(d, span), photo, unit, depth_step, by_depth)
                     }
                     (Some(d), DepthMode::Normalized) => {
-                        normalized(depth, alpha, &d[span], photo, unit, depth_step, by_depth, by_alpha)
+                        normalized(depth, alpha, measured_row(d, span), photo, unit, depth_step, by_depth, by_alpha)
                     }
                 };
             });
@@ -231,15 +233,27 @@ fn absolute(x: &[f32], y: &[f32], step: f32, grad: &mut [f32]) -> [f64; 2] {
     sums.map(|s| s.iter().map(|&v| f64::from(v)).sum())
 }
 
+/// Counts of some pixels and how many make a scene unit.
+fn measured_row(depth: &DepthMap, span: Range<usize>) -> (&[u16], f32) {
+    (&depth.counts()[span], depth.per_unit())
+}
+
 /// `log(1 + |accumulated - measured| / unit)`; pixels inside the mask without depth do not count.
-fn accumulated(depth: &[f32], measured: &[f32], photo: &[[u8; 4]], unit: f32, step: f32, by_depth: &mut [f32]) -> f64 {
+fn accumulated(
+    depth: &[f32],
+    (measured, per_unit): (&[u16], f32),
+    photo: &[[u8; 4]],
+    unit: f32,
+    step: f32,
+    by_depth: &mut [f32],
+) -> f64 {
     let mut sum = 0.0;
     for i in 0..depth.len() {
         let covered = photo[i][3] >= COVERED;
-        if measured[i] <= 0.0 && covered {
+        if measured[i] == 0 && covered {
             continue;
         }
-        let r = (depth[i] - if covered { measured[i] } else { 0.0 }) / unit;
+        let r = (depth[i] - if covered { f32::from(measured[i]) / per_unit } else { 0.0 }) / unit;
         sum += f64::from(r.abs().ln_1p());
         by_depth[i] = step * sign(r) / (unit * (1.0 + r.abs()));
     }
@@ -250,7 +264,7 @@ fn accumulated(depth: &[f32], measured: &[f32], photo: &[[u8; 4]], unit: f32, st
 fn normalized(
     depth: &[f32],
     alpha: &[f32],
-    measured: &[f32],
+    (measured, per_unit): (&[u16], f32),
     photo: &[[u8; 4]],
     unit: f32,
     step: f32,
@@ -259,11 +273,11 @@ fn normalized(
 ) -> f64 {
     let mut sum = 0.0;
     for i in 0..depth.len() {
-        if measured[i] <= 0.0 || photo[i][3] < COVERED || alpha[i] <= MIN_ALPHA {
+        if measured[i] == 0 || photo[i][3] < COVERED || alpha[i] <= MIN_ALPHA {
             continue;
         }
         let z = depth[i] / alpha[i];
-        let r = (z - measured[i]) / unit;
+        let r = (z - f32::from(measured[i]) / per_unit) / unit;
         sum += f64::from(r.abs().ln_1p());
         let slope = step * sign(r) / (unit * (1.0 + r.abs()) * alpha[i]);
         by_depth[i] = slope;
@@ -315,9 +329,9 @@ mod tests {
         let intrinsics = Intrinsics { fx: 20.0, fy: 20.0, cx: 9.5, cy: 11.5, width: W as u32, height: H as u32 };
         let alpha = |i: usize| if (4..13).contains(&(i % W)) && i / W > 3 { 255 - (i % 3) as u8 * 60 } else { 0 };
         let rgba = (0..W * H).map(|i| [(i * 7 % 256) as u8, (i * 13 % 256) as u8, 90, alpha(i)]).collect();
-        let depth = (0..W * H).map(|i| if i % 11 == 0 { 0.0 } else { 2.0 + (i % 5) as f32 * 0.1 }).collect();
+        let depth = (0..W * H).map(|i| if i % 11 == 0 { 0 } else { 20 + (i % 5) as u16 }).collect();
         let camera = Camera { intrinsics, world_to_camera: Rigid::IDENTITY };
-        View { name: String::new(), camera, rgba, depth: Some(depth) }
+        View { name: String::new(), camera, rgba, depth: Some(DepthMap::new(depth, 10.0)) }
     }
 
     fn image(view: &View) -> TrainImage<'_> {

@@ -5,7 +5,7 @@ use crate::discover::observe::Cloud;
 use crate::fit::densify::logit;
 use crate::neighbours::PointTree;
 use crate::surface::part_meshes::BACKGROUND;
-use artgs_core::{Rigid, Splats, View};
+use artgs_core::{Camera, Rigid, Splats};
 use glam::{DVec2, Quat, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -103,20 +103,20 @@ fn moved(cloud: &Cloud, motion: &Rigid) -> Cloud {
 }
 
 /// Part of every pixel that has depth, by the nearest labelled points of the view's state; [`BACKGROUND`] elsewhere.
-pub fn label_pixels(views: &[View], depths: &[&[f32]], cloud: &Cloud, labels: &[u16]) -> Vec<Vec<u16>> {
+pub fn label_pixels(cameras: &[Camera], depths: &[&[f32]], cloud: &Cloud, labels: &[u16]) -> Vec<Vec<u16>> {
     let points: Vec<[f32; 3]> = cloud.points.iter().map(|p| p.to_array()).collect();
     let tree = PointTree::new(&points);
-    views
+    cameras
         .par_iter()
         .zip(depths)
-        .map(|(view, depth)| {
-            let width = view.size().0;
+        .map(|(camera, depth)| {
+            let width = camera.intrinsics.width as usize;
             let label = |(i, d): (usize, &f32)| {
                 if *d <= 0.0 {
                     return BACKGROUND;
                 }
                 let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-                let p = view.camera.unproject(pixel, f64::from(*d)).as_vec3().to_array();
+                let p = camera.unproject(pixel, f64::from(*d)).as_vec3().to_array();
                 tree.nearest(&p).map_or(BACKGROUND, |(j, _)| labels[j])
             };
             depth.iter().enumerate().map(label).collect()

@@ -10,14 +10,14 @@ use crate::discover::{self, DepthPicture, Discovery, FoundPart, Scene};
 use crate::fit::{StepStats, single::fit_single};
 use crate::observer::{Event, Observer};
 use crate::surface::{LabelledDepth, PartMeshes, SurfaceConfig, part_meshes};
-use artgs_core::{Capture, Splats, View};
+use artgs_core::{Camera, Capture, DepthMap, Splats, View};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::path::Path;
 use std::time::Instant;
 
-/// Depth maps of the training views of both states, scene units, 0 where there is none.
-pub(super) type Depths<'a> = [Vec<Cow<'a, [f32]>>; 2];
+/// Depth maps of the training views of both states.
+pub(super) type Depths<'a> = [Vec<Cow<'a, DepthMap>>; 2];
 
 /// A run under way.
 pub(super) struct Run<'a> {
@@ -116,8 +116,8 @@ impl<'a> Run<'a> {
 
     /// Depth of every training view: the capture's where all views have it, else that of Gaussians fitted to each state.
     pub(super) fn depths(&mut self) -> Result<Depths<'a>, Error> {
-        let captured = |views: &'a [View]| -> Option<Vec<Cow<'a, [f32]>>> {
-            views.iter().map(|v| Some(Cow::Borrowed(v.depth.as_deref()?))).collect()
+        let captured = |views: &'a [View]| -> Option<Vec<Cow<'a, DepthMap>>> {
+            views.iter().map(|v| Some(Cow::Borrowed(v.depth.as_ref()?))).collect()
         };
         let [start, end] = self.train_views();
         if let (Some(start), Some(end)) = (captured(start), captured(end)) {
@@ -127,18 +127,14 @@ impl<'a> Run<'a> {
         self.observer.event(Event::note("the capture has no depth: parts are found from depth rendered by Gaussians"));
         Ok([0, 1].map(|s| {
             let views = self.train_views()[s];
-            rendered_depths(&single[s], views).into_iter().map(Cow::Owned).collect()
+            rendered_depths(&single[s], views).iter().map(|d| Cow::Owned(DepthMap::nearest(d))).collect()
         }))
     }
 
     /// Parts, joints and labelled points.
     pub(super) fn discover(&mut self, depths: &Depths<'a>, parts: usize) -> Result<Discovery, Error> {
         let found = self.stage("discover", Folder::load_discovery, |run| {
-            let [start, end] = run.train_views();
-            let pictures = [(start, &depths[0]), (end, &depths[1])].map(|(views, depths)| {
-                let pairs = views.iter().zip(depths);
-                pairs.map(|(view, depth)| DepthPicture { view, depth }).collect::<Vec<_>>()
-            });
+            let pictures = pictures(run.train_views(), depths);
             let scene = Scene::new([&pictures[0], &pictures[1]], &run.config.discover)?;
             let found = discover::discover(&scene, parts - 1, &run.config.discover)?;
             run.folder.save_discovery(&found)?;
@@ -206,18 +202,14 @@ impl<'a> Run<'a> {
             "surface",
             |_| None,
             |run| {
-                let all = run.train_views();
-                let thin = thinned_for_surface(all, depths, &run.config.surface);
-                let views = [0, 1].map(|s| thin.as_ref().map_or(all[s], |t| &t[s]));
-                let depth = |s: usize, i: usize| match &thin {
-                    Some(thin) => thin[s][i].depth.as_deref().unwrap_or_default(),
-                    None => &*depths[s][i],
-                };
-                let plain = [0, 1].map(|s| (0..views[s].len()).map(|i| depth(s, i)).collect::<Vec<&[f32]>>());
-                let labels = [0, 1].map(|s| label_pixels(views[s], &plain[s], &found.clouds[s], &found.labels[s]));
+                let pictures = pictures(run.train_views(), depths);
+                let views = thinned(&pictures, &run.config.surface);
+                let plain = [0, 1].map(|s| views[s].iter().map(|v| &v.depth[..]).collect::<Vec<&[f32]>>());
+                let cameras = [0, 1].map(|s| views[s].iter().map(|v| v.camera).collect::<Vec<_>>());
+                let labels = [0, 1].map(|s| label_pixels(&cameras[s], &plain[s], &found.clouds[s], &found.labels[s]));
                 let labelled = [0, 1].map(|s| {
-                    let pixels = views[s].iter().zip(&plain[s]).zip(&labels[s]);
-                    pixels.map(|((v, depth), l)| labelled_depth(v, depth, l)).collect::<Vec<LabelledDepth>>()
+                    let pixels = views[s].iter().zip(&labels[s]);
+                    pixels.map(|(v, labels)| v.labelled(labels)).collect::<Vec<LabelledDepth>>()
                 });
                 let halves = built.half_motions();
                 Ok(part_meshes([&labelled[0], &labelled[1]], &halves, &run.config.surface)?.meshes)
@@ -261,21 +253,35 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Views with depth at the size that voxels ask for; none if theirs is right.
-fn thinned_for_surface(views: [&[View]; 2], depths: &Depths<'_>, config: &SurfaceConfig) -> Option<[Vec<View>; 2]> {
-    // A pixel may be a little larger than a voxel.
-    const PIXEL_PER_VOXEL: f64 = 1.2;
-    let pictures = [0, 1].map(|s| {
-        let pairs = views[s].iter().zip(&depths[s]);
-        pairs.map(|(view, depth)| DepthPicture { view, depth }).collect::<Vec<_>>()
-    });
-    let step = discover::pixel_step([&pictures[0], &pictures[1]], PIXEL_PER_VOXEL / config.resolution);
-    (step > 1 && config.voxel.is_none())
-        .then(|| pictures.map(|pictures| pictures.par_iter().map(|p| p.thinned(step)).collect()))
+/// Training views of both states with their depth.
+fn pictures<'p>(views: [&'p [View]; 2], depths: &'p Depths<'_>) -> [Vec<DepthPicture<'p>>; 2] {
+    [0, 1].map(|s| views[s].iter().zip(&depths[s]).map(|(view, depth)| DepthPicture { view, depth }).collect())
 }
 
-fn labelled_depth<'v>(view: &'v View, depth: &'v [f32], labels: &'v [u16]) -> LabelledDepth<'v> {
-    LabelledDepth { camera: view.camera, depth, rgba: Some(&view.rgba), labels }
+/// A view as fusion reads it.
+struct Fused<'p> {
+    camera: Camera,
+    rgba: Cow<'p, [[u8; 4]]>,
+    depth: Vec<f32>,
+}
+
+impl Fused<'_> {
+    fn labelled<'v>(&'v self, labels: &'v [u16]) -> LabelledDepth<'v> {
+        LabelledDepth { camera: self.camera, depth: &self.depth, rgba: Some(&self.rgba), labels }
+    }
+}
+
+/// Views at the size that voxels ask for.
+fn thinned<'p>(pictures: &[Vec<DepthPicture<'p>>; 2], config: &SurfaceConfig) -> [Vec<Fused<'p>>; 2] {
+    // A pixel may be a little larger than a voxel.
+    const PIXEL_PER_VOXEL: f64 = 1.2;
+    let fitting = || discover::pixel_step([&pictures[0], &pictures[1]], PIXEL_PER_VOXEL / config.resolution);
+    let step = if config.voxel.is_none() { fitting() } else { 1 };
+    let fused = |picture: &DepthPicture<'p>| {
+        let (camera, depth) = picture.thinned_depth(step);
+        Fused { camera, rgba: picture.thinned_colors(step), depth: depth.iter().collect() }
+    };
+    [0, 1].map(|s| pictures[s].par_iter().map(fused).collect())
 }
 
 fn progress(stage: &'static str, s: &StepStats) -> Event {

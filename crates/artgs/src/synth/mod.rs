@@ -11,7 +11,7 @@ pub use render::{Rendering, render};
 pub use scene::{Cabinet, CabinetPart, Cuboid, Material};
 pub use write::{GENERATOR, write_cabinet};
 
-use artgs_core::{Camera, Capture, Intrinsics, STATE_NAMES, StateViews, View};
+use artgs_core::{Camera, Capture, DepthMap, Intrinsics, STATE_NAMES, StateViews, View};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -107,11 +107,11 @@ fn photograph(cabinet: &Cabinet, options: &CabinetOptions, state: usize, split: 
     let shoot = |(index, camera): (usize, Camera)| {
         let mut rng = Pcg64Mcg::seed_from_u64(options.seed.wrapping_mul(4) + set as u64 + ((index as u64) << 32));
         let picture = render(cabinet, state, &camera);
-        let measured = |d: &f64| if *d > 0.0 { round_depth(d + options.depth_noise * gaussian(&mut rng)) } else { 0.0 };
+        let measured = |d: &f64| if *d > 0.0 { depth_count(d + options.depth_noise * gaussian(&mut rng)) } else { 0 };
         View {
             name: format!("{folder}/{index:04}.png"),
             camera,
-            depth: Some(picture.depth.iter().map(measured).collect()),
+            depth: Some(DepthMap::new(picture.depth.iter().map(measured).collect(), DEPTH_SCALE as f32)),
             rgba: picture.rgba,
         }
     };
@@ -137,8 +137,8 @@ fn cameras(cabinet: &Cabinet, options: &CabinetOptions, count: usize, phase: f64
     (0..count).map(at).collect()
 }
 
-fn round_depth(depth: f64) -> f32 {
-    ((depth * DEPTH_SCALE).round().clamp(0.0, f64::from(u16::MAX)) / DEPTH_SCALE) as f32
+fn depth_count(depth: f64) -> u16 {
+    (depth * DEPTH_SCALE).round().clamp(0.0, f64::from(u16::MAX)) as u16
 }
 
 /// A standard normal number (Box and Muller).

@@ -28,8 +28,8 @@ fn to_mesh(p: DVec3, mesh: &Mesh) -> f64 {
 /// Pixel centre and planar depth of every pixel that sees something.
 fn seen(view: &View) -> impl Iterator<Item = (usize, DVec2, f64)> {
     let width = view.size().0;
-    let depth = view.depth.as_ref().unwrap().iter().enumerate().filter(|(_, d)| **d > 0.0);
-    depth.map(move |(i, d)| (i, DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5), f64::from(*d)))
+    let depth = view.depth.as_ref().unwrap().iter().enumerate().filter(|(_, d)| *d > 0.0);
+    depth.map(move |(i, d)| (i, DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5), f64::from(d)))
 }
 
 #[test]

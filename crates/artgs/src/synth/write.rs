@@ -38,7 +38,7 @@ fn write_view(folder: &Path, view: &View) -> Result<(), FileError> {
     let k = &view.camera.intrinsics;
     write_rgba(&folder.join(&view.name), k.width, k.height, &view.rgba)?;
     let Some(depth) = &view.depth else { return Ok(()) };
-    write_depth(&folder.join(depth_path(view)), k.width, k.height, depth, DEPTH_SCALE)
+    write_depth(&folder.join(depth_path(view)), k.width, k.height, depth)
 }
 
 fn transforms(first: &View, views: &[View], state: usize) -> Value {
