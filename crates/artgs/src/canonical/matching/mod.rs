@@ -2,51 +2,35 @@
 //!
 //! Jonker and Volgenant (1987): column reduction, augmenting row reduction, then shortest augmenting paths.
 //! Costs are computed where they are needed: a row costs less to compute than to fetch from a large matrix. Roots are the
-//! dearest part; they are taken only where the squares say that they may matter.
+//! dearest part; they are taken only where the squares say that they may matter. Paths are searched block by block of
+//! neighbouring columns, of which most are too far away to be looked into.
+
+mod columns;
+mod path;
 
 use artgs_raster::simd::{Level, level};
-use fearless_simd::{Simd, dispatch, f32x16, mask32x16, prelude::*};
+use columns::{Columns, WIDTH, below, nearby_order, store};
+use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
+use path::Search;
 
-const WIDTH: usize = 16;
 const NONE: u32 = u32::MAX;
-
-/// Columns: the second set, padded to whole vectors with points at infinity.
-struct Columns {
-    coordinates: [Vec<f32>; 3],
-    /// Dual prices.
-    price: Vec<f32>,
-}
-
-/// State of one search for an augmenting path.
-struct Search {
-    /// Length of the shortest path to every open column; minus infinity once a column is closed.
-    open: Vec<f32>,
-    /// That length at the moment of closing.
-    closed: Vec<(usize, f32)>,
-    /// Row before the column on its path, as a float.
-    from: Vec<f32>,
-}
 
 /// `partner[i]` is the point of `b` that goes with `a[i]`, so that the sum of Euclidean distances is least, up to the
 /// rounding of f32. Both sets have the same size, below 2^24.
 pub fn match_points(a: &[[f32; 3]], b: &[[f32; 3]]) -> Vec<usize> {
     assert!(a.len() == b.len() && a.len() < 1 << 24, "a matching pairs two sets of equal size");
     let level = level();
-    let padded = b.len().next_multiple_of(WIDTH);
-    let coordinate = |axis: usize| {
-        let tail = std::iter::repeat_n(f32::INFINITY, padded - b.len());
-        b.iter().map(|p| p[axis]).chain(tail).collect::<Vec<f32>>()
-    };
-    let mut columns = Columns { coordinates: [0, 1, 2].map(coordinate), price: vec![0.0; padded] };
+    let order = nearby_order(b);
+    let mut columns = Columns::new(order.iter().map(|&j| b[j]));
     let mut row_of = vec![NONE; b.len()];
     let mut column_of = vec![NONE; a.len()];
-    reduce_columns(level, a, b, &mut columns, &mut row_of, &mut column_of);
+    reduce_columns(level, a, &mut columns, &mut row_of, &mut column_of);
     let free = reduce_rows(level, a, &mut columns, &mut row_of, &mut column_of);
-    let mut search = Search { open: vec![0.0; padded], closed: Vec::new(), from: vec![0.0; padded] };
+    let mut search = Search::new(&columns);
     for row in free {
-        augment(level, a, row, &mut columns, &mut search, &mut row_of, &mut column_of);
+        search.augment(level, a, row, &mut columns, &mut row_of, &mut column_of);
     }
-    column_of.into_iter().map(|j| j as usize).collect()
+    column_of.into_iter().map(|j| order[j as usize]).collect()
 }
 
 fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
@@ -54,56 +38,11 @@ fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     (x * x + y * y + z * z).sqrt()
 }
 
-impl Columns {
-    fn point(&self, j: usize) -> [f32; 3] {
-        [0, 1, 2].map(|axis| self.coordinates[axis][j])
-    }
-
-    /// Squared distances from a point to columns `at..at + WIDTH`.
-    #[inline(always)]
-    fn squares<S: Simd>(&self, s: S, p: [f32; 3], at: usize) -> f32x16<S> {
-        let x = f32x16::from_slice(s, &self.coordinates[0][at..at + WIDTH]) - f32x16::splat(s, p[0]);
-        let y = f32x16::from_slice(s, &self.coordinates[1][at..at + WIDTH]) - f32x16::splat(s, p[1]);
-        let z = f32x16::from_slice(s, &self.coordinates[2][at..at + WIDTH]) - f32x16::splat(s, p[2]);
-        z.mul_add(z, y.mul_add(y, x * x))
-    }
-
-    #[inline(always)]
-    fn prices<S: Simd>(&self, s: S, at: usize) -> f32x16<S> {
-        f32x16::from_slice(s, &self.price[at..at + WIDTH])
-    }
-}
-
-/// Where the root of `square` may be less than `limit`.
-#[inline(always)]
-fn below<S: Simd>(s: S, square: f32x16<S>, limit: f32x16<S>) -> mask32x16<S> {
-    let limit = limit.max(f32x16::splat(s, 0.0));
-    square.simd_le(limit * limit)
-}
-
-#[inline(always)]
-fn store<S: Simd>(v: f32x16<S>) -> [f32; WIDTH] {
-    let mut out = [0.0; WIDTH];
-    v.store_slice(&mut out);
-    out
-}
-
 /// Prices every column at its cheapest row and pairs the two where the row is still free.
-fn reduce_columns(
-    level: Level,
-    a: &[[f32; 3]],
-    b: &[[f32; 3]],
-    columns: &mut Columns,
-    row_of: &mut [u32],
-    column_of: &mut [u32],
-) {
-    let padded = a.len().next_multiple_of(WIDTH);
-    let coordinate = |axis: usize| {
-        let tail = std::iter::repeat_n(f32::INFINITY, padded - a.len());
-        a.iter().map(|p| p[axis]).chain(tail).collect::<Vec<f32>>()
-    };
-    let rows = Columns { coordinates: [0, 1, 2].map(coordinate), price: vec![0.0; padded] };
-    for (j, &p) in b.iter().enumerate() {
+fn reduce_columns(level: Level, a: &[[f32; 3]], columns: &mut Columns, row_of: &mut [u32], column_of: &mut [u32]) {
+    let rows = Columns::new(a.iter().copied());
+    for j in 0..row_of.len() {
+        let p = columns.point(j);
         let least = dispatch!(level, s => s.vectorize(#[inline(always)] || two_least(s, &rows, p)));
         columns.price[j] = least.first;
         if column_of[least.at] == NONE {
@@ -183,74 +122,6 @@ fn reduce_rows(
         free = left;
     }
     free
-}
-
-/// Extends the paths by the edges out of `row` and returns the nearest open column with the length to it.
-#[inline(always)]
-fn relax<S: Simd>(s: S, columns: &Columns, search: &mut Search, p: [f32; 3], row: usize, base: f32) -> (usize, f32) {
-    let infinity = f32x16::splat(s, f32::INFINITY);
-    let (mut least, mut at) = (infinity, f32x16::splat(s, 0.0));
-    let (base, row) = (f32x16::splat(s, base), f32x16::splat(s, row as f32));
-    for j in (0..columns.price.len()).step_by(WIDTH) {
-        let (square, price) = (columns.squares(s, p, j), columns.prices(s, j));
-        let mut open = f32x16::from_slice(s, &search.open[j..j + WIDTH]);
-        if below(s, square, open - base + price).any_true() {
-            let length = square.sqrt() - price + base;
-            let from = f32x16::from_slice(s, &search.from[j..j + WIDTH]);
-            let shorter = length.simd_lt(open);
-            open = shorter.select(length, open);
-            open.store_slice(&mut search.open[j..j + WIDTH]);
-            shorter.select(row, from).store_slice(&mut search.from[j..j + WIDTH]);
-        }
-        let is_open = open.simd_gt(f32x16::splat(s, f32::NEG_INFINITY));
-        let key = is_open.select(open, infinity);
-        let better = key.simd_lt(least);
-        least = better.select(key, least);
-        at = better.select(f32x16::splat(s, j as f32), at);
-    }
-    let (least, at) = (store(least), store(at));
-    let lane = (1..WIDTH).fold(0, |best, l| if least[l] < least[best] { l } else { best });
-    (at[lane] as usize + lane, least[lane])
-}
-
-/// Pairs a free row by the shortest augmenting path (Dijkstra over reduced costs).
-fn augment(
-    level: Level,
-    a: &[[f32; 3]],
-    start: usize,
-    columns: &mut Columns,
-    search: &mut Search,
-    row_of: &mut [u32],
-    column_of: &mut [u32],
-) {
-    search.open.fill(f32::INFINITY);
-    search.closed.clear();
-    let (mut row, mut base) = (start, 0.0);
-    let (sink, total) = loop {
-        let (j, length) =
-            dispatch!(level, s => s.vectorize(#[inline(always)] || relax(s, columns, search, a[row], row, base)));
-        if row_of[j] == NONE {
-            break (j, length);
-        }
-        search.open[j] = f32::NEG_INFINITY;
-        search.closed.push((j, length));
-        row = row_of[j] as usize;
-        base = length - (distance(a[row], columns.point(j)) - columns.price[j]);
-    };
-    for &(j, length) in &search.closed {
-        columns.price[j] += length - total;
-    }
-    let mut j = sink;
-    loop {
-        let row = search.from[j] as usize;
-        row_of[j] = row as u32;
-        let before = column_of[row];
-        column_of[row] = j as u32;
-        if row == start {
-            return;
-        }
-        j = before as usize;
-    }
 }
 
 #[cfg(test)]
