@@ -1,5 +1,9 @@
 //! The benchmark's true joints and meshes: `gt/trans.json` and `gt/{start,end}/*_rotate.ply`.
 //!
+//! Beyond the benchmark's own keys an entry of `trans_info` may have `parent`, the position in the list of the part that
+//! carries this one (absent or null: the static part), and be a `screw`: `{"l": 0, "r": 720, "pitch": 0.01}`, `l` and
+//! `r` in degrees and `pitch` in scene units per radian.
+//!
 //! For scoring only: nothing that reconstructs may call this.
 
 use crate::error::read_bytes;
@@ -12,8 +16,10 @@ use std::path::{Path, PathBuf};
 /// The true articulated object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GroundTruth {
-    /// Joints of the movable parts, in the order of `trans_info`. Value 0 at the start state.
+    /// Joints of the movable parts against their parents, in the order of `trans_info`. Value 0 at the start state.
     pub joints: Vec<Joint>,
+    /// Position in `joints` of the part that carries each; none: the static part.
+    pub parents: Vec<Option<usize>>,
     /// The whole object at start and end, world frame.
     pub whole: [Mesh; 2],
     /// The static part at start and end.
@@ -24,7 +30,7 @@ pub struct GroundTruth {
 
 /// Reads a `gt` folder. Degrees become radians, axis directions are normalised; a zero axis is an error.
 pub fn load_ground_truth(gt_dir: &Path) -> Result<GroundTruth, FileError> {
-    let joints = read_joints(&gt_dir.join("trans.json"))?;
+    let (joints, parents) = read_joints(&gt_dir.join("trans.json"))?;
     let mesh = |state: usize, name: &str| read_mesh_ply(&mesh_path(gt_dir, state, name));
     let both = |name: &str| Ok([mesh(0, name)?, mesh(1, name)?]);
     let movable = (0..joints.len()).map(|i| {
@@ -32,7 +38,8 @@ pub fn load_ground_truth(gt_dir: &Path) -> Result<GroundTruth, FileError> {
         let single = joints.len() == 1 && !mesh_path(gt_dir, 0, &numbered).is_file();
         both(if single { "_dynamic" } else { &numbered })
     });
-    Ok(GroundTruth { movable: movable.collect::<Result<_, _>>()?, whole: both("")?, fixed: both("_static")?, joints })
+    let movable = movable.collect::<Result<_, _>>()?;
+    Ok(GroundTruth { movable, whole: both("")?, fixed: both("_static")?, joints, parents })
 }
 
 /// `_rotate` in the names means turned to z-up.
@@ -41,17 +48,38 @@ fn mesh_path(gt_dir: &Path, state: usize, name: &str) -> PathBuf {
     gt_dir.join(state).join(format!("{state}{name}_rotate.ply"))
 }
 
-fn read_joints(path: &Path) -> Result<Vec<Joint>, FileError> {
+fn read_joints(path: &Path) -> Result<(Vec<Joint>, Vec<Option<usize>>), FileError> {
     let bytes = read_bytes(path)?;
     let root: Value = serde_json::from_slice(&bytes).map_err(|e| FileError::malformed(path, e.to_string()))?;
     let joints = match root.get("trans_info") {
         Some(Value::Array(list)) => {
-            list.iter().enumerate().map(|(i, v)| joint(v).map_err(|e| format!("trans_info[{i}]: {e}"))).collect()
+            let entry = |(i, v): (usize, &Value)| {
+                let read = joint(v).and_then(|j| Ok((j, parent(v, i, list.len())?)));
+                read.map_err(|e| format!("trans_info[{i}]: {e}"))
+            };
+            list.iter().enumerate().map(entry).collect::<Result<_, _>>()
         }
-        Some(one @ Value::Object(_)) => joint(one).map(|j| vec![j]).map_err(|e| format!("trans_info: {e}")),
+        Some(one @ Value::Object(_)) => joint(one).map(|j| vec![(j, None)]).map_err(|e| format!("trans_info: {e}")),
         _ => Err("key `trans_info` must be an object or a list of objects".to_string()),
     };
-    joints.map_err(|reason| FileError::malformed(path, reason))
+    let joints: Vec<(Joint, Option<usize>)> = joints.map_err(|reason| FileError::malformed(path, reason))?;
+    let parents: Vec<Option<usize>> = joints.iter().map(|j| j.1).collect();
+    // A chain longer than the list goes round in a circle.
+    for start in 0..parents.len() {
+        let chain = std::iter::successors(Some(start), |i| parents[*i]);
+        if chain.take(parents.len() + 1).count() > parents.len() {
+            let reason = format!("trans_info[{start}]: key `parent` leads round in a circle");
+            return Err(FileError::malformed(path, reason));
+        }
+    }
+    Ok((joints.into_iter().map(|j| j.0).collect(), parents))
+}
+
+fn parent(info: &Value, index: usize, count: usize) -> Result<Option<usize>, String> {
+    let Some(value) = info.get("parent").filter(|v| !v.is_null()) else { return Ok(None) };
+    let position = value.as_u64().and_then(|v| usize::try_from(v).ok()).filter(|p| *p < count && *p != index);
+    let rule = "key `parent` must be the position of another entry of `trans_info`, counted from 0";
+    position.map(Some).ok_or_else(|| rule.to_string())
 }
 
 fn joint(info: &Value) -> Result<Joint, String> {
@@ -64,7 +92,8 @@ fn joint(info: &Value) -> Result<Joint, String> {
     let (kind, name, unit) = match info.get("type").and_then(Value::as_str) {
         Some("rotate") => (JointKind::Revolute, "rotate", std::f64::consts::PI / 180.0),
         Some("translate") => (JointKind::Prismatic, "translate", 1.0),
-        _ => return Err("key `type` must be \"rotate\" or \"translate\"".into()),
+        Some("screw") => (JointKind::Screw, "screw", std::f64::consts::PI / 180.0),
+        _ => return Err("key `type` must be \"rotate\", \"translate\" or \"screw\"".into()),
     };
     let value = |key: &str| {
         let number = info.get(name).and_then(|v| v.get(key)).and_then(Value::as_f64);
@@ -75,7 +104,7 @@ fn joint(info: &Value) -> Result<Joint, String> {
         kind,
         axis: direction / axis_length,
         origin: vector(axis, "o")?,
-        pitch: 0.0,
+        pitch: if kind == JointKind::Screw { value("pitch")? } else { 0.0 },
         state_values: [0.0, moved],
         limits: [moved.min(0.0), moved.max(0.0)],
     })
@@ -140,6 +169,34 @@ mod tests {
         assert_eq!(truth.movable[1], [point(3.0), point(13.0)]);
         std::fs::remove_file(dir.path().join("end/end_dynamic_1_rotate.ply")).unwrap();
         assert!(load_ground_truth(dir.path()).unwrap_err().to_string().contains("end_dynamic_1_rotate.ply"));
+    }
+
+    #[test]
+    fn carried_parts_and_screws() {
+        let carried = SLIDE.replacen('{', r#"{"parent": 0, "#, 1);
+        let cap = r#"{"axis": {"o": [0, 1, 0], "d": [0, 0, 2]}, "type": "screw", "parent": null,
+                      "screw": {"l": 0, "r": 540, "pitch": 0.01}}"#;
+        let dir = folder(
+            &format!(r#"{{"trans_info": [{HINGE}, {carried}, {cap}]}}"#),
+            &["_dynamic_0", "_dynamic_1", "_dynamic_2"],
+        );
+        let truth = load_ground_truth(dir.path()).unwrap();
+        assert_eq!(truth.parents, [None, Some(0), None]);
+        assert_eq!(truth.joints[2].kind, JointKind::Screw);
+        let moved = truth.joints[2].start_to_end().apply(DVec3::new(1.0, 1.0, 0.0));
+        let expected = DVec3::new(-1.0, 1.0, 3.0 * std::f64::consts::PI * 0.01);
+        assert!((moved - expected).length() < 1e-12, "{moved}");
+        let looped = [r#"{"parent": 1, "#, r#"{"parent": 0, "#].map(|p| SLIDE.replacen('{', p, 1)).join(",");
+        for (list, words) in [
+            (SLIDE.replacen('{', r#"{"parent": 0, "#, 1), "trans_info[0]: key `parent` must be"),
+            (SLIDE.replacen('{', r#"{"parent": "base", "#, 1), "trans_info[0]: key `parent` must be"),
+            (cap.replace("\"pitch\": 0.01", "\"lead\": 1"), "trans_info[0]: key `screw.pitch`"),
+            (looped, "trans_info[0]: key `parent` leads round"),
+        ] {
+            let dir = folder(&format!(r#"{{"trans_info": [{list}]}}"#), &[]);
+            let message = load_ground_truth(dir.path()).unwrap_err().to_string();
+            assert!(message.contains(words), "{message}");
+        }
     }
 
     #[test]
