@@ -164,3 +164,114 @@ fn score_view(frame: &Frame, view: &View, lpips: Option<&Lpips>) -> PictureScore
         views: 1,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artgs_core::{Camera, Intrinsics, Joint, JointKind, Rigid, Splats};
+    use artgs_io::{write_atomic, write_replica, write_splat_ply};
+    use glam::DVec3;
+
+    const SIZE: u32 = 48;
+
+    /// A row of blobs on the static part and a row on a hinged one, midway between the states.
+    fn scene() -> (Splats, Vec<u16>, Joint) {
+        let hinge = Rigid::about(DVec3::Z, DVec3::new(0.0, 0.4, 0.0), 1.2);
+        let mut splats = Splats { sh_degree: 0, ..Splats::default() };
+        let labels: Vec<u16> = (0..16).map(|i| i / 8).collect();
+        for (i, label) in labels.iter().enumerate() {
+            let x = (i % 8) as f32 * 0.12 - 0.4;
+            splats.means.push([x, 0.4 * f32::from(*label) - 0.2, 0.0]);
+            splats.rotations.push([1.0, 0.0, 0.0, 0.0]);
+            splats.log_scales.push([-2.8; 3]);
+            splats.logit_opacities.push(3.0);
+            splats.sh.extend([1.5 - 0.2 * (i % 8) as f32, 0.3, -0.5 + 0.2 * (i % 8) as f32]);
+        }
+        (splats, labels, Joint::from_motion(JointKind::Revolute, &hinge))
+    }
+
+    fn camera() -> Camera {
+        let f = f64::from(SIZE);
+        let intrinsics = Intrinsics { fx: f, fy: f, cx: f / 2.0, cy: f / 2.0, width: SIZE, height: SIZE };
+        Camera::look_at(intrinsics, DVec3::new(0.1, -0.2, 1.7), DVec3::ZERO, DVec3::Y)
+    }
+
+    /// A photograph of the blobs moved by hand.
+    fn photograph(state: usize) -> View {
+        let (mut splats, labels, joint) = scene();
+        let half = joint.motion(joint.state_values[1] * if state == 1 { 0.5 } else { -0.5 });
+        for (mean, label) in splats.means.iter_mut().zip(&labels) {
+            if *label == 1 {
+                *mean = half.apply(DVec3::from_array(mean.map(f64::from))).as_vec3().to_array();
+            }
+        }
+        let mut rasterizer = Rasterizer::new();
+        let frame = crate::fit::render_view(&mut rasterizer, &splats, &camera());
+        let n = frame.alpha.len();
+        let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let rgba = (0..n).map(|i| [byte(frame.rgb[i]), byte(frame.rgb[n + i]), byte(frame.rgb[2 * n + i]), 255]);
+        View { name: "test".into(), camera: camera(), rgba: rgba.collect(), depth: None }
+    }
+
+    fn capture() -> Capture {
+        let mut capture = Capture::default();
+        for state in 0..2 {
+            capture.states[state].test = vec![photograph(state); 2];
+        }
+        capture
+    }
+
+    fn replica(labels: Option<&[u16]>) -> tempfile::TempDir {
+        let (splats, _, joint) = scene();
+        let dir = tempfile::tempdir().unwrap();
+        let replica = Replica::new(&[joint]);
+        for mesh in replica.parts.iter().map(|p| &p.meshes).chain([&replica.whole]) {
+            (0..2).for_each(|s| write_atomic(&dir.path().join(mesh.get(s)), b"").unwrap());
+        }
+        write_replica(dir.path(), &replica).unwrap();
+        write_splat_ply(&dir.path().join(SPLATS), &splats, labels, "canonical").unwrap();
+        dir
+    }
+
+    #[test]
+    fn a_replica_shows_what_was_photographed_in_both_states() {
+        let (capture, (_, labels, _)) = (capture(), scene());
+        let dir = replica(Some(&labels));
+        for scores in score_replica(dir.path(), &capture, None).unwrap() {
+            let s = scores.unwrap();
+            // Rounding to bytes leaves 10 log10(12 * 255^2) dB where nothing is black.
+            assert!(s.psnr > 58.0 && s.ssim > 0.999 && s.flip < 0.01 && s.lpips.is_none() && s.views == 2, "{s:?}");
+        }
+        let mut swapped = capture.clone();
+        swapped.states.swap(0, 1);
+        swapped.states[1].test.clear();
+        let [start, end] = score_replica(dir.path(), &swapped, None).unwrap();
+        assert!(start.unwrap().psnr < 25.0 && start.unwrap().flip > 0.05 && end.is_none(), "{start:?}");
+    }
+
+    #[test]
+    fn what_cannot_be_drawn_is_none_or_named() {
+        let (capture, (_, mut labels, _)) = (capture(), scene());
+        let dir = replica(None);
+        let message = |dir: &tempfile::TempDir| score_replica(dir.path(), &capture, None).unwrap_err().to_string();
+        assert!(message(&dir).contains("canonical.ply: property `part`"), "{}", message(&dir));
+        std::fs::remove_file(dir.path().join(SPLATS)).unwrap();
+        assert_eq!(score_replica(dir.path(), &capture, None).unwrap(), [None, None]);
+        labels[3] = 2;
+        let dir = replica(Some(&labels));
+        assert!(message(&dir).contains("belongs to part 2, but the replica has 2 parts"), "{}", message(&dir));
+        std::fs::write(dir.path().join(SETTINGS), "seed = \"x\"").unwrap();
+        labels[3] = 0;
+        write_splat_ply(&dir.path().join(SPLATS), &scene().0, Some(&labels), "canonical").unwrap();
+        assert!(message(&dir).contains("config.toml") && message(&dir).contains("seed"), "{}", message(&dir));
+    }
+
+    #[test]
+    fn means_weigh_views_and_need_every_lpips() {
+        let one = PictureScores { psnr: 10.0, ssim: 0.1, flip: 0.4, lpips: Some(0.2), views: 1 };
+        let three = PictureScores { psnr: 30.0, ssim: 0.9, flip: 0.0, lpips: None, views: 3 };
+        let mean = PictureScores::mean_of(&[one, three]).unwrap();
+        assert!((mean.psnr - 25.0).abs() < 1e-12 && (mean.flip - 0.1).abs() < 1e-12);
+        assert_eq!((mean.lpips, mean.views, PictureScores::mean_of(&[])), (None, 4, None));
+    }
+}

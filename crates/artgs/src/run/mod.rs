@@ -2,6 +2,7 @@
 
 pub mod assemble;
 mod folder;
+mod lettering;
 pub mod points;
 pub mod preview;
 pub mod rendered;
