@@ -90,9 +90,7 @@ pub(crate) fn score(
     let pictures = pictures.transpose().map_err(|e| Failure::BadInput(e.into()))?;
     match (truth, pictures) {
         (None, pictures) => Report::new(&PictureReport { pictures: pictures.unwrap_or_default() }),
-        (Some(truth), pictures) => {
-            Report::new(&Scores { pictures, ..artgs::run::evaluate(out, truth).map_err(bad)? })
-        }
+        (Some(truth), pictures) => Report::new(&Scores { pictures, ..artgs::run::evaluate(out, truth).map_err(bad)? }),
     }
 }
 

@@ -108,7 +108,13 @@ fn inspect_describes_a_cabinet_for_people_and_for_programs() {
     let output = artgs(&["inspect", str(folder.path())]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let shown = text(&output.stdout);
-    assert!(shown.contains("state end") && shown.contains("5 views, 48x48") && shown.contains("boxes share") && !shown.contains("warning"), "{shown}");
+    assert!(
+        shown.contains("state end")
+            && shown.contains("5 views, 48x48")
+            && shown.contains("boxes share")
+            && !shown.contains("warning"),
+        "{shown}"
+    );
     let output = artgs(&["inspect", "--json", str(folder.path())]);
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(json["states"][1]["train"]["views"], 5);

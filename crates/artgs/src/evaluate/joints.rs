@@ -216,7 +216,9 @@ mod tests {
     fn a_motion_is_read_as_the_joint_it_is() {
         let origin = DVec3::new(0.4, -0.2, 0.3);
         let hinge = revolute(DVec3::Z, origin, 50.0);
-        assert!(joint_errors(&read_as(JointKind::Revolute, &hinge.start_to_end(), origin), &hinge).motion.value() < 1e-9);
+        assert!(
+            joint_errors(&read_as(JointKind::Revolute, &hinge.start_to_end(), origin), &hinge).motion.value() < 1e-9
+        );
         let slide = Joint { origin, ..prismatic(DVec3::Y, 0.3) };
         // A slide with a little turn about the part itself is still that slide.
         let wobble = Rigid::about(DVec3::X, origin, 1e-3) * slide.start_to_end();

@@ -216,9 +216,8 @@ mod tests {
     /// Numbers in `[-scale, scale)` that another program can make as well.
     fn fill(shape: &[usize], tag: usize, scale: f64, offset: f64) -> Tensor {
         let step = 0.618_033_988_749_894_9;
-        let value = |i: usize| {
-            (((i + 1) as f64 * step * (tag + 1) as f64 * 1.3247179572).rem_euclid(1.0) - 0.5) * 2.0 * scale
-        };
+        let value =
+            |i: usize| (((i + 1) as f64 * step * (tag + 1) as f64 * 1.3247179572).rem_euclid(1.0) - 0.5) * 2.0 * scale;
         let values = (0..shape.iter().product()).map(|i| value(i) as f32 + offset as f32).collect();
         Tensor { shape: shape.to_vec(), values }
     }
@@ -281,7 +280,8 @@ mod tests {
         assert_eq!(missing("lin4.model.1.weight"), ("lin4.model.1.weight".into(), "is missing".into()));
         let reshape = |t: &mut BTreeMap<String, Tensor>| t.get_mut("features.3.bias").unwrap().shape = vec![2, 96];
         assert_eq!(broken(&reshape).1, "is [2, 96], expected [192]");
-        let foreign = |t: &mut BTreeMap<String, Tensor>| t.get_mut("features.0.weight").unwrap().shape = vec![64, 3, 7, 7];
+        let foreign =
+            |t: &mut BTreeMap<String, Tensor>| t.get_mut("features.0.weight").unwrap().shape = vec![64, 3, 7, 7];
         assert!(broken(&foreign).1.contains("AlexNet has"));
         let spoil = |t: &mut BTreeMap<String, Tensor>| t.get_mut("features.0.bias").unwrap().values[3] = f32::NAN;
         assert!(broken(&spoil).1.contains("not finite"));

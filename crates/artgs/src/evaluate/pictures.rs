@@ -60,9 +60,8 @@ impl PictureScores {
     /// Means weighted by views; none for none. LPIPS only where all have it.
     pub fn mean_of(scores: &[Self]) -> Option<Self> {
         let views: usize = scores.iter().map(|s| s.views).sum();
-        let mean = |f: &dyn Fn(&Self) -> f64| {
-            scores.iter().map(|s| f(s) * s.views as f64).sum::<f64>() / views.max(1) as f64
-        };
+        let mean =
+            |f: &dyn Fn(&Self) -> f64| scores.iter().map(|s| f(s) * s.views as f64).sum::<f64>() / views.max(1) as f64;
         let all = scores.iter().all(|s| s.lpips.is_some());
         (views > 0).then(|| Self {
             psnr: mean(&|s| s.psnr),

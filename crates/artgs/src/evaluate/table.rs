@@ -67,8 +67,8 @@ impl Display for Scores {
         let c = &self.counts;
         writeln!(
             f,
-            "CD: squared scene units, at 10,000 samples per mesh, dense at 100,000; floor: of two samples of the truth, \
-             what a perfect mesh scores; F: share within 1 % of the object's diagonal"
+            "floor: what the true mesh itself scores, by sampling; dense: 100,000 samples, not 10,000; F: F-score at 1 % \
+             of the diagonal"
         )?;
         write!(
             f,

@@ -32,7 +32,9 @@ pub enum Error {
     )]
     PartsMissing,
     /// The output folder was made with other settings.
-    #[error("{0} was made with other settings; give the same ones to resume, or start afresh with --force or in another folder")]
+    #[error(
+        "{0} was made with other settings; give the same ones to resume, or start afresh with --force or in another folder"
+    )]
     OtherSettings(String),
     /// Settings that cannot be used.
     #[error(transparent)]

@@ -1,8 +1,8 @@
 //! `preview.png`: both states, photograph beside rendering beside parts in colours with their axes.
 
+use super::lettering::lettered;
 use super::{Built, Error};
 use crate::articulate::Posed;
-use super::lettering::lettered;
 use artgs_core::{Camera, Capture, Joint, JointKind, STATE_NAMES, View};
 use artgs_raster::Rasterizer;
 use glam::{DVec2, DVec3};
