@@ -62,7 +62,8 @@ pub fn axis_angle_deg(a: DVec3, b: DVec3) -> f64 {
     if sine + cosine > 0.0 { sine.atan2(cosine).to_degrees() } else { 90.0 }
 }
 
-/// Distance between the two axes as lines, scene units; none if the true joint is prismatic. A predicted prismatic
+/// Shortest distance between the two axes as endless lines, as published, scene units; none if the true joint is
+/// prismatic. Lines that cross far from the object thus score 0: the angle tells those apart. A predicted prismatic
 /// joint is measured by the line through its origin. Infinite if the prediction is not finite.
 pub fn axis_position(predicted: &Joint, truth: &Joint) -> Option<f64> {
     if truth.kind == JointKind::Prismatic {
