@@ -39,7 +39,7 @@ pub(crate) enum Command {
     Inspect(Inspect),
     /// Make a replica from a capture
     Reconstruct(Reconstruct),
-    /// Score a replica against the truth
+    /// Score a replica against the truth, against held-out photographs, or both
     Evaluate(Evaluate),
     /// Photograph a procedural cabinet, reconstruct it and score the result
     Demo(Demo),
@@ -114,8 +114,14 @@ pub(crate) struct Evaluate {
     /// Folder that `reconstruct` made
     pub(crate) out: PathBuf,
     /// Folder with the true joints and meshes
+    #[arg(long, value_name = "DIR", required_unless_present = "capture")]
+    pub(crate) gt: Option<PathBuf>,
+    /// Folder with the capture: its held-out views are compared with what the replica shows there
     #[arg(long, value_name = "DIR")]
-    pub(crate) gt: PathBuf,
+    pub(crate) capture: Option<PathBuf>,
+    /// Weights of AlexNet or VGG16 for LPIPS, as safetensors; docs/lpips.md says how to make the file
+    #[arg(long, value_name = "FILE", requires = "capture")]
+    pub(crate) lpips: Option<PathBuf>,
     /// Write the scores as JSON to FILE; `-` or nothing: to standard output instead of the table
     #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-")]
     pub(crate) json: Option<PathBuf>,

@@ -3,7 +3,7 @@
 use crate::args::{Cli, Command, Evaluate, Method, Reconstruct};
 use crate::failure::Failure;
 use crate::library::{Config, Settings};
-use crate::output::{Report, say};
+use crate::output::{Report, note, say};
 use crate::{demo, folder, library, progress};
 use anyhow::Context;
 use artgs::observer::{JsonLines, Tee};
@@ -50,12 +50,23 @@ fn reconstruct(args: &Reconstruct, style: Style) -> Result<(), Failure> {
 
 fn evaluate(args: &Evaluate, style: Style) -> Result<(), Failure> {
     use_threads(args.threads)?;
-    for folder in [&args.out, &args.gt] {
+    for folder in std::iter::once(&args.out).chain(&args.gt) {
         if !folder.is_dir() {
-            return Err(Failure::bad(format!("{}: no such folder", folder.display())));
+            let what = if folder.exists() { "is a file; give a folder" } else { "no such folder" };
+            return Err(Failure::bad(format!("{}: {what}", folder.display())));
         }
     }
-    let scores = library::evaluate(&args.out, &args.gt)?;
+    let truth = args.gt.as_deref();
+    let scores = match &args.capture {
+        None => library::score(&args.out, truth, None)?,
+        Some(folder) => {
+            let (weights, capture) = (library::weights(args.lpips.as_deref())?, library::load(folder)?);
+            if let Some(reason) = library::no_pictures(&args.out, &capture) {
+                note(&format!("pictures are not scored: {reason}"), style);
+            }
+            library::score(&args.out, truth, Some((&capture, weights.as_ref())))?
+        }
+    };
     if let Some(file) = args.json.as_ref().filter(|file| file.as_os_str() != "-") {
         write_json(file, &scores)?;
     }

@@ -19,6 +19,7 @@ pub(crate) fn run(args: &Demo, style: Style) -> Result<(), Failure> {
     let seed = args.method.seed.unwrap_or_default();
     let options = CabinetOptions { views: args.views, size: args.size, seed, ..CabinetOptions::default() };
     options.check().map_err(Failure::bad)?;
+    check_folder(&args.out)?;
     let found = Found::at(&capture, &options)?;
     folder::prepare(&replica, args.earlier)?;
     if !(args.earlier.resume && found == Found::Same) {
@@ -35,6 +36,19 @@ pub(crate) fn run(args: &Demo, style: Style) -> Result<(), Failure> {
         summary.show(false)?;
         scores.show(false)?;
         say(format!("capture in {}, replica in {}", capture.display(), replica.display()))?;
+    }
+    Ok(())
+}
+
+/// Refuses a folder with files of someone else: every demo makes one of two folders first.
+fn check_folder(out: &Path) -> Result<(), Failure> {
+    let shown = out.display();
+    if out.exists() && !out.is_dir() {
+        return Err(Failure::bad(format!("{shown} is a file; give a folder to -o")));
+    }
+    let filled = std::fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some());
+    if filled && !["capture", "replica"].iter().any(|name| out.join(name).exists()) {
+        return Err(Failure::bad(format!("{shown} holds files that no demo wrote; give an empty folder to -o")));
     }
     Ok(())
 }

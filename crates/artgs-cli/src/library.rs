@@ -3,6 +3,8 @@
 use crate::args::Preset;
 use crate::failure::Failure;
 use crate::output::Report;
+use artgs::evaluate::pictures::has_splats;
+use artgs::evaluate::{Lpips, PictureReport, Scores, score_replica};
 use artgs::observer::Observer;
 use artgs_core::Capture;
 use std::path::{Path, PathBuf};
@@ -60,8 +62,36 @@ pub(crate) fn reconstruct(
 
 /// Scores a replica against the truth.
 pub(crate) fn evaluate(out: &Path, gt: &Path) -> Result<Report, Failure> {
+    score(out, Some(gt), None)
+}
+
+/// Weights for LPIPS, if there are any.
+pub(crate) fn weights(file: Option<&Path>) -> Result<Option<Lpips>, Failure> {
+    file.map(|file| Lpips::load(file).map_err(|e| Failure::BadInput(e.into()))).transpose()
+}
+
+/// Why a replica cannot be compared with the held-out views of a capture.
+pub(crate) fn no_pictures(out: &Path, capture: &Capture) -> Option<String> {
+    if !has_splats(out) {
+        return Some(format!("{} has no Gaussians to draw, splats/canonical.ply is missing", out.display()));
+    }
+    capture.states.iter().all(|s| s.test.is_empty()).then(|| "the capture has no held-out views".into())
+}
+
+/// Scores a replica against the truth, against the held-out views of a capture, or both.
+pub(crate) fn score(
+    out: &Path,
+    truth: Option<&Path>,
+    capture: Option<(&Capture, Option<&Lpips>)>,
+) -> Result<Report, Failure> {
     // Whatever is wrong with files that only are read is the caller's to mend.
-    Report::new(&artgs::run::evaluate(out, gt).map_err(|e| Failure::BadInput(e.into()))?)
+    let bad = |e: artgs::Error| Failure::BadInput(e.into());
+    let pictures = capture.map(|(capture, lpips)| score_replica(out, capture, lpips));
+    let pictures = pictures.transpose().map_err(|e| Failure::BadInput(e.into()))?;
+    match (truth, pictures) {
+        (None, pictures) => Report::new(&PictureReport { pictures: pictures.unwrap_or_default() }),
+        (Some(truth), pictures) => Report::new(&Scores { pictures, ..artgs::run::evaluate(out, truth).map_err(bad)? }),
+    }
 }
 
 fn failure(error: artgs::Error) -> Failure {

@@ -1,5 +1,6 @@
 //! Standard output and standard error. A reader that has gone away (`artgs inspect X | head`) is no error.
 
+use crate::commands::Style;
 use crate::failure::Failure;
 use anyhow::Context;
 use serde::Serialize;
@@ -34,6 +35,14 @@ pub(crate) fn say(text: impl Display) -> Result<(), Failure> {
             Err(anyhow::Error::new(error).context("cannot write to standard output").into())
         }
         _ => Ok(()),
+    }
+}
+
+/// A remark about a result, on standard error so that it never mixes with the result itself.
+pub(crate) fn note(text: &str, style: Style) {
+    if !style.quiet {
+        // The result is what matters.
+        let _ = writeln!(io::stderr(), "note: {text}");
     }
 }
 

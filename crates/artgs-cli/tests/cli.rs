@@ -40,6 +40,7 @@ fn wrong_usage_exits_2_and_says_what_is_wrong() {
         (&["reconstruct", "x", "-o", "y", "--preset", "magic"], "default, paper"),
         (&["demo", "--threads", "0"], "--threads"),
         (&["evaluate", "x"], "--gt"),
+        (&["evaluate", "x", "--gt", "y", "--lpips", "z"], "--capture"),
     ] {
         let output = artgs(args);
         assert_eq!(output.status.code(), Some(2), "{args:?}");
@@ -85,6 +86,18 @@ fn foreign_folders_are_refused() {
         assert!(text(&output.stderr).contains("other than a finished demo"), "{}", text(&output.stderr));
     }
     assert_eq!(std::fs::read_dir(&capture).unwrap().count(), 1);
+    let photo = capture.join("photo.jpg");
+    for (args, words) in [
+        (&["demo", "-o", str(&capture)][..], "no demo wrote"),
+        (&["demo", "-o", str(&photo)], "is a file"),
+        (&["inspect", str(&photo)], "photo.jpg: is a file"),
+        (&["evaluate", str(&photo), "--gt", str(&capture)], "photo.jpg: is a file"),
+    ] {
+        let output = artgs(args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(text(&output.stderr).contains(words), "{}", text(&output.stderr));
+    }
+    assert_eq!(std::fs::read_dir(&capture).unwrap().count(), 1);
 }
 
 #[test]
@@ -95,7 +108,13 @@ fn inspect_describes_a_cabinet_for_people_and_for_programs() {
     let output = artgs(&["inspect", str(folder.path())]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let shown = text(&output.stdout);
-    assert!(shown.contains("state end") && shown.contains("5 views, 48x48") && !shown.contains("warning"), "{shown}");
+    assert!(
+        shown.contains("state end")
+            && shown.contains("5 views, 48x48")
+            && shown.contains("boxes share")
+            && !shown.contains("warning"),
+        "{shown}"
+    );
     let output = artgs(&["inspect", "--json", str(folder.path())]);
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(json["states"][1]["train"]["views"], 5);

@@ -1,6 +1,6 @@
 //! The result: parts, joints and where their meshes are. Serialises to `replica.json`, version 1.
 
-use crate::{Joint, JointKind};
+use crate::{Joint, JointKind, Rigid};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -157,6 +157,17 @@ impl Replica {
         self.parts.get(part)?.joint.map(Joint::from)
     }
 
+    /// Motion of a part from start to end in the world: that of its joint, then those of the parts it hangs on. The
+    /// joint is where it is at the start state; parts without one stay.
+    pub fn world_motion(&self, part: usize) -> Rigid {
+        let own = self.joint(part).map_or(Rigid::IDENTITY, |joint| joint.start_to_end());
+        // Valid replicas name earlier parts only, so that this ends.
+        match self.parts.get(part).and_then(|p| p.parent).filter(|parent| *parent < part) {
+            Some(parent) => self.world_motion(parent) * own,
+            None => own,
+        }
+    }
+
     /// Checks format, version, numbering, parents, and that every joint is finite with a unit axis and ordered limits.
     pub fn validate(&self) -> Result<(), ReplicaError> {
         if self.format != REPLICA_FORMAT {
@@ -198,7 +209,6 @@ impl Replica {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Rigid;
 
     fn sample() -> Replica {
         let hinge = Rigid::about(DVec3::Z, DVec3::new(0.1, 0.2, 0.0), 0.7);
@@ -208,6 +218,18 @@ mod tests {
     #[test]
     fn a_fresh_replica_is_valid() {
         assert_eq!(sample().validate(), Ok(()));
+    }
+
+    #[test]
+    fn a_drawer_in_a_door_slides_and_is_carried() {
+        let slide = Joint::from_motion(JointKind::Prismatic, &Rigid::shift(DVec3::new(0.0, 0.2, 0.0)));
+        let hinge = sample().joint(1).unwrap();
+        let mut r = Replica::new(&[hinge, slide]);
+        r.parts[2].parent = Some(1);
+        let x = DVec3::new(0.5, 0.6, 0.7);
+        let expected = hinge.start_to_end().apply(x + DVec3::new(0.0, 0.2, 0.0));
+        assert!((r.world_motion(2).apply(x) - expected).length() < 1e-12);
+        assert_eq!((r.world_motion(0), r.world_motion(9)), (Rigid::IDENTITY, Rigid::IDENTITY));
     }
 
     #[test]

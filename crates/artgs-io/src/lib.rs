@@ -13,6 +13,7 @@ mod ply;
 pub mod replica;
 pub mod splat_ply;
 pub mod summary;
+pub mod tensors;
 pub mod urdf;
 
 pub use atomic::write_atomic;
@@ -24,4 +25,5 @@ pub use mesh_ply::{read_mesh_ply, write_mesh_ply};
 pub use replica::{read_replica, write_replica};
 pub use splat_ply::{read_splat_ply, write_splat_ply};
 pub use summary::{CaptureSummary, summarize};
+pub use tensors::{Tensor, read_safetensors};
 pub use urdf::{Inertial, Link, UrdfOptions, export_urdf, link_mesh, write_urdf};

@@ -134,6 +134,9 @@ mod tests {
                 "meshes/start/hole.ply",
                 "field `whole.start`: there is no mesh meshes/start/hole",
             ),
+            ("\"lower\": 0.0", "\"lower\": NaN", "line "),
+            ("\"lower\": 0.0", "\"lower\": null", "invalid type: null"),
+            ("\"lower\": 0.0", "\"lower\": 1e999", "number out of range"),
             ("{", "", "line 2"),
         ] {
             let (dir, _) = folder();

@@ -31,6 +31,14 @@ impl Bounds {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
+    /// Volume of what they share over that of both together, [0, 1]; boxes without volume share nothing.
+    pub fn shared_volume(&self, other: &Self) -> f64 {
+        let volume = |size: DVec3| size.max(DVec3::ZERO).element_product();
+        let common = volume(self.max.min(other.max) - self.min.max(other.min));
+        let both = volume(self.max - self.min) + volume(other.max - other.min) - common;
+        if both > 0.0 { common / both } else { 0.0 }
+    }
+
     /// True if they share a point.
     pub fn intersects(&self, other: &Self) -> bool {
         self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
@@ -42,6 +50,10 @@ impl Bounds {
 pub struct CaptureSummary {
     /// Start and end.
     pub states: [StateSummary; 2],
+    /// Volume that the object boxes of both states share over that of both together, [0, 1]; none without depth.
+    pub shared_volume: Option<f64>,
+    /// Distance between the points that the training cameras of each state look at, scene units.
+    pub gaze_distance: Option<f64>,
     /// Largest distance of a training camera from their mean, scene units.
     pub camera_extent: f64,
     /// What was odd but usable.
@@ -103,8 +115,13 @@ pub fn summarize(capture: &Capture) -> CaptureSummary {
             camera_distance: center.and_then(|c| range(views.train.iter().map(|v| (v.camera.position() - c).length()))),
         }
     };
+    let states = [state(0), state(1)];
+    let boxes = states[0].object_box.zip(states[1].object_box);
+    let gaze = visual_center(&capture.states[0].train).zip(visual_center(&capture.states[1].train));
     CaptureSummary {
-        states: [state(0), state(1)],
+        states,
+        shared_volume: boxes.map(|(a, b)| a.shared_volume(&b)),
+        gaze_distance: gaze.map(|(a, b)| (a.point - b.point).length()),
         camera_extent: capture.camera_extent(),
         warnings: capture.warnings.clone(),
     }
@@ -206,6 +223,11 @@ impl fmt::Display for CaptureSummary {
             }
         }
         writeln!(f, "camera extent      {:.3}", self.camera_extent)?;
+        if let Some(share) = self.shared_volume {
+            writeln!(f, "overlap of states  their object boxes share {:.1} % of their volume", 100.0 * share)?;
+        } else if let Some(distance) = self.gaze_distance {
+            writeln!(f, "overlap of states  their cameras look at points {distance:.3} apart")?;
+        }
         self.warnings.iter().try_for_each(|w| writeln!(f, "warning: {w}"))
     }
 }
@@ -228,5 +250,19 @@ fn write_split(f: &mut fmt::Formatter, name: &str, split: &SplitSummary) -> fmt:
             let valid = 100.0 * d.valid_fraction;
             writeln!(f, "        depth in {} views, {near:.3} to {far:.3}, on {valid:.1} % of the object", d.views)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_share_what_both_fill() {
+        let cube = |at: f64, size: f64| Bounds { min: DVec3::splat(at), max: DVec3::splat(at + size) };
+        assert_eq!(cube(0.0, 2.0).shared_volume(&cube(0.0, 2.0)), 1.0);
+        assert!((cube(0.0, 2.0).shared_volume(&cube(1.0, 2.0)) - 1.0 / 15.0).abs() < 1e-12);
+        assert_eq!(cube(0.0, 1.0).shared_volume(&cube(3.0, 1.0)), 0.0);
+        assert_eq!(cube(0.0, 0.0).shared_volume(&cube(0.0, 0.0)), 0.0);
     }
 }

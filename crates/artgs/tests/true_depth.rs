@@ -21,7 +21,13 @@ fn true_depth_gives_surfaces_near_the_floor() {
     };
     let capture = load_capture(&dir).unwrap();
     let found = load_ground_truth(&dir.join("gt")).unwrap();
-    let truth = Truth { joints: found.joints, whole: found.whole, fixed: found.fixed, movable: found.movable };
+    let truth = Truth {
+        joints: found.joints,
+        parents: found.parents,
+        whole: found.whole,
+        fixed: found.fixed,
+        movable: found.movable,
+    };
     let masks: Vec<Vec<Vec<u16>>> = (0..2)
         .map(|s| {
             let mask = |i: usize| {

@@ -11,6 +11,12 @@ pub enum CaptureError {
         /// What was asked for.
         dir: PathBuf,
     },
+    /// It is a file.
+    #[error("{}: is a file; give the folder that holds the capture", path.display())]
+    NotADirectory {
+        /// What was asked for.
+        path: PathBuf,
+    },
     /// The folder holds none of the known camera files.
     #[error(
         "{}: not a capture, there is none of {looked_for}; give the folder of an ArtGS or PARIS capture",

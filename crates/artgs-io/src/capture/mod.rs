@@ -25,6 +25,9 @@ const SPLITS: [&str; 2] = ["train", "test"];
 /// Loads a capture folder. What is odd but usable lands in [`Capture::warnings`]; what is not is an error that names
 /// file, frame and key and says what to do. Views come in the order of their image paths.
 pub fn load_capture(dir: &Path) -> Result<Capture, CaptureError> {
+    if dir.exists() && !dir.is_dir() {
+        return Err(CaptureError::NotADirectory { path: dir.into() });
+    }
     if !dir.is_dir() {
         return Err(CaptureError::DirectoryMissing { dir: dir.into() });
     }

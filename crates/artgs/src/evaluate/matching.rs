@@ -1,7 +1,6 @@
 //! Which predicted part is which true part.
 
-use super::joints::{Motion, joint_errors};
-use artgs_core::Joint;
+use super::joints::{JointErrors, Motion};
 
 /// Bound and stand-in for an angle error, degrees; the other terms are scaled to compare with it.
 const ANGLE_BOUND: f64 = 90.0;
@@ -16,12 +15,11 @@ const TYPE_PRICE: f64 = 50.0;
 /// `min(axis angle, 90) + min(10 distance, 100) + motion + 50 [wrong type] + min(1000 chamfer, 100)`
 ///
 /// with a motion in degrees, at most 180, or as `min(100 length, 100)`. A part without a joint pays the bounds.
-pub fn pair_cost(predicted: Option<&Joint>, truth: &Joint, chamfer: Option<f64>, diagonal: f64) -> f64 {
+pub fn pair_cost(errors: Option<&JointErrors>, chamfer: Option<f64>, diagonal: f64) -> f64 {
     let unit = if diagonal > 0.0 { diagonal } else { 1.0 };
     let bounded = |v: f64, bound: f64| if v <= bound { v.max(0.0) } else { bound };
     let surface = bounded(chamfer.map_or(f64::INFINITY, |c| 1000.0 * c / (unit * unit)), TERM_BOUND);
-    let Some(predicted) = predicted else { return ANGLE_BOUND + 2.0 * TERM_BOUND + TYPE_PRICE + surface };
-    let errors = joint_errors(predicted, truth);
+    let Some(errors) = errors else { return ANGLE_BOUND + 2.0 * TERM_BOUND + TYPE_PRICE + surface };
     let motion = match errors.motion {
         Motion::Degrees(d) => bounded(d, 180.0),
         Motion::Length(l) => bounded(100.0 * l / unit, TERM_BOUND),
@@ -105,8 +103,9 @@ fn assign(rows: usize, columns: usize, cost: impl Fn(usize, usize) -> f64) -> Ve
 
 #[cfg(test)]
 mod tests {
+    use super::super::joints::joint_errors;
     use super::*;
-    use artgs_core::JointKind;
+    use artgs_core::{Joint, JointKind};
     use glam::DVec3;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
@@ -168,12 +167,11 @@ mod tests {
         };
         let slide = joint(JointKind::Prismatic, DVec3::X, 0.2);
         let turn = joint(JointKind::Revolute, DVec3::X, 0.2);
-        assert!(pair_cost(Some(&slide), &slide, Some(0.0), 2.0) < 1e-9);
-        assert!((pair_cost(Some(&slide), &slide, Some(0.004), 2.0) - 1.0).abs() < 1e-9);
-        assert!((pair_cost(Some(&turn), &slide, Some(0.0), 2.0) - 60.0).abs() < 1e-9, "type 50, motion 100 * 0.2 / 2");
+        let cost = |a: &Joint, b: &Joint, chamfer| pair_cost(Some(&joint_errors(a, b)), chamfer, 2.0);
+        assert!(cost(&slide, &slide, Some(0.0)) < 1e-9);
+        assert!((cost(&slide, &slide, Some(0.004)) - 1.0).abs() < 1e-9);
+        assert!((cost(&turn, &slide, Some(0.0)) - 60.0).abs() < 1e-9, "type 50, motion 100 * 0.2 / 2");
         let broken = joint(JointKind::Revolute, DVec3::NAN, f64::NAN);
-        assert!(
-            pair_cost(Some(&broken), &turn, None, 0.0).is_finite() && pair_cost(None, &turn, None, 0.0).is_finite()
-        );
+        assert!(cost(&broken, &turn, None).is_finite() && pair_cost(None, None, 0.0).is_finite());
     }
 }

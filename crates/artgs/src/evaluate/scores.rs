@@ -1,19 +1,23 @@
 //! Everything measured about one replica.
 
 use super::geometry::{GeometryConfig, MeshScore, chamfer, sample_surface, score_mesh};
-use super::joints::{JointErrors, Motion, joint_errors};
+use super::joints::{JointErrors, Motion, joint_errors, read_as};
 use super::matching::{match_parts, pair_cost};
+use super::pictures::PictureScores;
 use crate::surface::PartMeshes;
 use artgs_core::{Joint, JointKind, Mesh, Replica};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
 
-/// The true object. `joints[i]` and `movable[i]` belong together; meshes in world coordinates of both states.
+/// The true object. `joints[i]`, `parents[i]` and `movable[i]` belong together; meshes in world coordinates of both
+/// states.
 #[derive(Clone, Debug, Default)]
 pub struct Truth {
-    /// Joints of the movable parts.
+    /// Joints of the movable parts against their parents, where they are at the start state.
     pub joints: Vec<Joint>,
+    /// Position in `joints` of the part that carries each; none, or no entry at all: the static part.
+    pub parents: Vec<Option<usize>>,
     /// The whole object.
     pub whole: [Mesh; 2],
     /// The static part.
@@ -87,6 +91,9 @@ pub struct Counts {
     pub extra: usize,
     /// Found parts with the wrong kind of joint.
     pub wrong_type: usize,
+    /// Found parts that hang on another part than the truth's.
+    #[serde(default)]
+    pub wrong_parent: usize,
     /// Meshes, of either state, that are missing or empty though the truth has them.
     pub missing_meshes: usize,
 }
@@ -106,6 +113,42 @@ pub struct Scores {
     pub joints: JointMeans,
     /// Counts.
     pub counts: Counts,
+    /// Held-out pictures of start and end, where they were scored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pictures: Option<[Option<PictureScores>; 2]>,
+}
+
+/// A joint of the replica as the truth would state it: where both hang the part on the same parent the joint itself,
+/// else the motion against the part that takes the true parent's place, in the start state's frame, read as a joint of
+/// the true kind.
+fn stated(replica: &Replica, part: usize, truth: &Truth, index: usize, matched: &[Option<usize>]) -> Option<Stated> {
+    let joint = replica.joint(part)?;
+    let wanted = match truth.parents.get(index).copied().flatten() {
+        Some(parent) => matched.get(parent).copied().flatten(),
+        None => Some(0),
+    };
+    let same_parent = replica.parts[part].parent == wanted;
+    let Some(parent) = wanted.filter(|w| !same_parent && *w != part) else {
+        return Some(Stated { joint, kind: joint.kind, same_parent });
+    };
+    let against = replica.world_motion(parent).inverse() * replica.world_motion(part);
+    let target = &truth.joints[index];
+    Some(Stated { joint: read_as(target.kind, &against, target.origin), kind: joint.kind, same_parent })
+}
+
+/// See [`stated`].
+struct Stated {
+    joint: Joint,
+    /// Kind as the replica states it.
+    kind: JointKind,
+    /// The replica hangs the part where the truth does.
+    same_parent: bool,
+}
+
+impl Stated {
+    fn errors(&self, truth: &Joint) -> JointErrors {
+        JointErrors { type_ok: self.kind == truth.kind, ..joint_errors(&self.joint, truth) }
+    }
 }
 
 /// Scores a replica, whose meshes are `meshes`, against the truth. Parts are matched by [`pair_cost`]; part 0 is the
@@ -122,18 +165,19 @@ pub fn evaluate(replica: &Replica, meshes: &PartMeshes, truth: &Truth, config: &
     let mut count_absent = |guess: Option<&[Mesh; 2]>, true_mesh: &[Mesh; 2]| {
         absent += (0..2).filter(|s| !true_mesh[*s].is_empty() && guess.is_none_or(|m| m[*s].is_empty())).count();
     };
-    let mut parts = Vec::new();
+    let (mut parts, mut wrong_parent) = (Vec::new(), 0);
     for (index, true_joint) in truth.joints.iter().enumerate() {
         let part = matched[index];
         let (guess, true_mesh) = (part.and_then(|p| meshes.parts.get(p)), truth.movable.get(index).unwrap_or(&none));
-        let joint = part.and_then(|p| replica.joint(p));
+        let joint = part.and_then(|p| stated(replica, p, truth, index, &matched));
+        wrong_parent += usize::from(joint.as_ref().is_some_and(|j| !j.same_parent));
         count_absent(guess, true_mesh);
         parts.push(PartScore {
             truth: index,
             part,
             true_kind: true_joint.kind,
-            kind: joint.map(|j| j.kind),
-            joint: joint.map(|j| joint_errors(&j, true_joint)),
+            kind: joint.as_ref().map(|j| j.kind),
+            joint: joint.map(|j| j.errors(true_joint)),
             mesh: score(guess, true_mesh),
         });
     }
@@ -147,6 +191,7 @@ pub fn evaluate(replica: &Replica, meshes: &PartMeshes, truth: &Truth, config: &
         missing: parts.len() - found,
         extra: moving.len() - matched.iter().flatten().count(),
         wrong_type: parts.iter().filter(|p| p.joint.is_some_and(|j| !j.type_ok)).count(),
+        wrong_parent,
         missing_meshes: absent,
     };
     Scores {
@@ -156,10 +201,12 @@ pub fn evaluate(replica: &Replica, meshes: &PartMeshes, truth: &Truth, config: &
         joints: joint_means(&parts),
         parts,
         counts,
+        pictures: None,
     }
 }
 
-/// Part of the replica for every true movable part.
+/// Part of the replica for every true movable part. Parts that others carry are matched again once it is known which
+/// parts carry them.
 fn match_movable(
     replica: &Replica,
     meshes: &PartMeshes,
@@ -175,18 +222,26 @@ fn match_movable(
     };
     let true_points: Vec<_> = (0..truth.joints.len()).map(|i| sample(truth.movable.get(i))).collect();
     let size = 0.5 * (diagonal(&truth.whole[0]) + diagonal(&truth.whole[1]));
-    let costs: Vec<Vec<f64>> = moving
-        .iter()
-        .map(|part| {
-            let (joint, points) = (replica.joint(*part), sample(meshes.parts.get(*part)));
-            let pair = |(true_joint, t): (&Joint, &[Vec<[f64; 3]>; 2])| {
-                let distance = chamfer(&points[0], &t[0]).zip(chamfer(&points[1], &t[1])).map(|(a, b)| 0.5 * (a + b));
-                pair_cost(joint.as_ref(), true_joint, distance, size)
-            };
-            truth.joints.iter().zip(&true_points).map(pair).collect()
-        })
-        .collect();
-    match_parts(&costs, truth.joints.len()).into_iter().map(|row| row.map(|r| moving[r])).collect()
+    let distances = |part: &usize| {
+        let points = sample(meshes.parts.get(*part));
+        let pair = |t: &[Vec<[f64; 3]>; 2]| {
+            chamfer(&points[0], &t[0]).zip(chamfer(&points[1], &t[1])).map(|(a, b)| 0.5 * (a + b))
+        };
+        true_points.iter().map(pair).collect::<Vec<_>>()
+    };
+    let distances: Vec<Vec<Option<f64>>> = moving.iter().map(distances).collect();
+    let assign = |matched: &[Option<usize>]| -> Vec<Option<usize>> {
+        let cost = |row: usize, index: usize| {
+            let joint = stated(replica, moving[row], truth, index, matched);
+            let errors = joint.map(|j| j.errors(&truth.joints[index]));
+            pair_cost(errors.as_ref(), distances[row][index], size)
+        };
+        let costs: Vec<Vec<f64>> =
+            (0..moving.len()).map(|row| (0..truth.joints.len()).map(|i| cost(row, i)).collect()).collect();
+        match_parts(&costs, truth.joints.len()).into_iter().map(|row| row.map(|r| moving[r])).collect()
+    };
+    let matched = assign(&[]);
+    if truth.parents.iter().any(Option::is_some) { assign(&matched) } else { matched }
 }
 
 fn joint_means(parts: &[PartScore]) -> JointMeans {
@@ -252,7 +307,7 @@ mod tests {
             movable.iter().for_each(|m| all.append(&m[s]));
             all
         });
-        Truth { joints, whole, fixed: [fixed.clone(), fixed], movable }
+        Truth { joints, parents: vec![], whole, fixed: [fixed.clone(), fixed], movable }
     }
 
     /// The truth as a replica whose movable parts are the true ones in the given order.
@@ -317,6 +372,86 @@ mod tests {
         assert!(!errors.type_ok && errors.axis_angle_deg < 1e-9);
         assert!((errors.motion.value() - 1f64.to_degrees()).abs() < 1e-9);
         assert!(s.to_string().contains("prismatic, not revolute"), "{s}");
+    }
+
+    /// A plate that turns as a door, carrying one that slides on it, and the world motion of the latter.
+    fn chain() -> (Truth, artgs_core::Rigid) {
+        let (door, drawer) = (joint(JointKind::Revolute, DVec3::X, 1.2), joint(JointKind::Prismatic, DVec3::Y, 0.3));
+        let carried = door.start_to_end() * drawer.start_to_end();
+        let fixed = plate([0.0, 0.0], [1.0, 1.0], 0.0);
+        let movable: Vec<[Mesh; 2]> = [(0.3, door.start_to_end()), (0.5, carried)]
+            .iter()
+            .map(|(z, motion)| {
+                let start = plate([0.0, 0.2], [0.4, 0.4], *z);
+                [start.clone(), start.moved(motion)]
+            })
+            .collect();
+        let whole = [0, 1].map(|s| {
+            let mut all = fixed.clone();
+            movable.iter().for_each(|m| all.append(&m[s]));
+            all
+        });
+        let (joints, parents) = (vec![door, drawer], vec![None, Some(0)]);
+        (Truth { joints, parents, whole, fixed: [fixed.clone(), fixed], movable }, carried)
+    }
+
+    #[test]
+    fn a_carried_part_is_compared_against_what_carries_it() {
+        let (truth, carried) = chain();
+        for order in [[0, 1], [1, 0]] {
+            let (_, meshes) = replica_of(&truth, &order);
+            // Most methods hang every part on the static one, so that the drawer's own motion is that of a screw.
+            let flat = |i: usize| match i {
+                0 => truth.joints[0],
+                _ => Joint::from_motion(JointKind::Screw, &carried),
+            };
+            let s = evaluate(&Replica::new(&order.map(flat)), &meshes, &truth, &quick());
+            let drawer = s.parts[1].joint.unwrap();
+            assert_eq!(s.parts[1].part.map(|p| order[p - 1]), Some(1));
+            assert!(drawer.axis_angle_deg < 1e-6 && drawer.motion.value() < 1e-9, "{drawer:?}");
+            assert_eq!((drawer.type_ok, s.counts.wrong_type, s.counts.wrong_parent), (false, 1, 1));
+        }
+        let (mut replica, meshes) = replica_of(&truth, &[0, 1]);
+        replica.parts[2].parent = Some(1);
+        let s = evaluate(&replica, &meshes, &truth, &quick());
+        assert!(s.parts[1].joint.unwrap().motion.value() < 1e-9);
+        assert_eq!((s.counts.wrong_type, s.counts.wrong_parent, s.counts.found), (0, 0, 2));
+        // Stated as if nothing carried it, the right joint is the wrong motion.
+        let s = evaluate(&Replica::new(&truth.joints), &meshes, &truth, &quick());
+        assert!(s.parts[1].joint.unwrap().motion.value() > 0.1 && s.counts.wrong_parent == 1);
+        // Without the door there is nothing to compare against but what is stated.
+        let (replica, meshes) = replica_of(&truth, &[1]);
+        let s = evaluate(&replica, &meshes, &truth, &quick());
+        assert_eq!((s.counts.found, s.counts.missing), (1, 1));
+        assert!(s.parts[1].joint.unwrap().motion.value() < 1e-9);
+    }
+
+    #[test]
+    fn a_screw_shows_its_slide() {
+        let mut truth = object();
+        truth.joints[2] = Joint { kind: JointKind::Screw, pitch: 0.05, ..truth.joints[2] };
+        let (_, meshes) = replica_of(&truth, &[0, 1, 2]);
+        let s = evaluate(&Replica::new(&object().joints), &meshes, &truth, &quick());
+        assert!((s.parts[2].joint.unwrap().slide.unwrap() - 0.05).abs() < 1e-12 && s.counts.wrong_type == 1);
+        let text = s.to_string();
+        assert!(text.contains("revolute, not screw, part 3, slide off by 0.0500"), "{text}");
+    }
+
+    #[test]
+    fn scores_of_earlier_versions_load() {
+        let truth = object();
+        let (replica, meshes) = replica_of(&truth, &[0, 1, 2]);
+        let s = evaluate(&replica, &meshes, &truth, &quick());
+        let mut old = serde_json::to_value(&s).unwrap();
+        old["counts"].as_object_mut().unwrap().remove("wrong_parent");
+        assert!(old.get("pictures").is_none());
+        assert_eq!(serde_json::from_value::<Scores>(old).unwrap().counts, s.counts);
+        let start = PictureScores { psnr: 30.0, ssim: 0.9, flip: 0.1, lpips: None, views: 3 };
+        let seen = Scores { pictures: Some([Some(start), None]), ..s };
+        let back: Scores = serde_json::from_value(serde_json::to_value(&seen).unwrap()).unwrap();
+        assert_eq!(back.pictures, seen.pictures);
+        let text = seen.to_string();
+        assert!(text.contains("FLIP") && text.contains("30.00"), "{text}");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 pub mod assemble;
 mod folder;
+mod lettering;
 pub mod points;
 pub mod preview;
 pub mod rendered;
@@ -31,7 +32,9 @@ pub enum Error {
     )]
     PartsMissing,
     /// The output folder was made with other settings.
-    #[error("{0} was made with other settings; give the same ones to resume, or start afresh in another folder")]
+    #[error(
+        "{0} was made with other settings; give the same ones to resume, or start afresh with --force or in another folder"
+    )]
     OtherSettings(String),
     /// Settings that cannot be used.
     #[error(transparent)]
@@ -152,6 +155,11 @@ pub fn reconstruct(
     run.assemble(&built, &meshes)
 }
 
+fn truth_of(read: artgs_io::GroundTruth) -> Truth {
+    let artgs_io::GroundTruth { joints, parents, whole, fixed, movable } = read;
+    Truth { joints, parents, whole, fixed, movable }
+}
+
 /// Scores the replica in the folder `out` against the ground truth in the folder `gt`.
 pub fn evaluate(out: &Path, gt: &Path) -> Result<Scores, Error> {
     let replica = artgs_io::read_replica(out)?;
@@ -161,8 +169,7 @@ pub fn evaluate(out: &Path, gt: &Path) -> Result<Scores, Error> {
         parts.push([mesh(part.meshes.get(0))?, mesh(part.meshes.get(1))?]);
     }
     let whole = [mesh(replica.whole.get(0))?, mesh(replica.whole.get(1))?];
-    let truth = artgs_io::load_ground_truth(gt)?;
-    let truth = Truth { joints: truth.joints, whole: truth.whole, fixed: truth.fixed, movable: truth.movable };
+    let truth = truth_of(artgs_io::load_ground_truth(gt)?);
     let meshes = PartMeshes { parts, whole };
     Ok(crate::evaluate::evaluate(&replica, &meshes, &truth, &EvaluateConfig::default()))
 }

@@ -1,8 +1,9 @@
 //! `preview.png`: both states, photograph beside rendering beside parts in colours with their axes.
 
+use super::lettering::lettered;
 use super::{Built, Error};
 use crate::articulate::Posed;
-use artgs_core::{Camera, Capture, Joint, JointKind, View};
+use artgs_core::{Camera, Capture, Joint, JointKind, STATE_NAMES, View};
 use artgs_raster::Rasterizer;
 use glam::{DVec2, DVec3};
 use std::path::Path;
@@ -20,6 +21,7 @@ const PALETTE: [[f32; 3]; 8] = [
 ];
 const STATIC: [f32; 3] = [0.65, 0.65, 0.68];
 const AXIS: [f32; 3] = [1.0, 1.0, 0.2];
+const LETTERS: [f32; 3] = [0.85, 0.85, 0.85];
 const BACKGROUND: f32 = 0.12;
 
 /// Colour of a part in pictures.
@@ -73,6 +75,9 @@ pub(super) fn write_preview(root: &Path, capture: &Capture, built: &Built, rotat
             rendering(&mut canvas, at(1), view, &posed, rotate_sh, &mut rasterizer);
             parts(&mut canvas, at(2), view, &posed, &mut rasterizer);
             axes(&mut canvas, at(2), &view.camera, built, state);
+            for (tile, panel) in ["PHOTO", "RENDERED", "PARTS"].into_iter().enumerate() {
+                label(&mut canvas, at(tile), &format!("{} {panel}", STATE_NAMES[state].to_uppercase()), w);
+            }
         }
     }
     let bytes: Vec<[u8; 3]> =
@@ -139,6 +144,20 @@ fn parts(canvas: &mut Canvas, tile: (usize, usize), view: &View, posed: &Posed<'
         (0..3).for_each(|c| shaded.rgb[c * n + i] *= 0.55 + 0.6 * luminance);
     }
     paste(canvas, tile, &shaded);
+}
+
+/// Words in the corner of a tile, as large as leaves most of it free; none where they do not fit.
+fn label(canvas: &mut Canvas, tile: (usize, usize), text: &str, width: usize) {
+    let scale = (width / 240).max(1);
+    let pixels = lettered(text);
+    if pixels.iter().any(|(x, _)| (x + 3) * scale > width) {
+        return;
+    }
+    for (x, y) in pixels {
+        for (dx, dy) in (0..scale).flat_map(|dy| (0..scale).map(move |dx| (dx, dy))) {
+            canvas.put(tile.0 + (x + 2) * scale + dx, tile.1 + (y + 2) * scale + dy, LETTERS);
+        }
+    }
 }
 
 /// Axes of the joints: through the hinge, or from the part's centre along the slide.

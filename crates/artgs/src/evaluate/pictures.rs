@@ -1,0 +1,276 @@
+//! How well a finished replica draws pictures it has not seen: its Gaussians, moved by its joints, against the held-out
+//! photographs of both states.
+
+use super::flip::{PIXELS_PER_DEGREE, flip};
+use super::lpips::Lpips;
+use crate::articulate::Trained;
+use crate::articulation::{MotionModel, MotionParameters};
+use crate::config::{Config, ConfigError};
+use crate::fit::images::Rect;
+use crate::fit::score::{over_black, psnr};
+use crate::fit::ssim::Ssim;
+use artgs_core::{Capture, Replica, STATE_NAMES, View};
+use artgs_io::FileError;
+use artgs_io::replica::ReplicaFileError;
+use artgs_raster::{Frame, Rasterizer};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::path::Path;
+
+/// Where a replica keeps its Gaussians.
+const SPLATS: &str = "splats/canonical.ply";
+/// Where a replica keeps the settings it was made with.
+const SETTINGS: &str = "config.toml";
+
+/// Why pictures could not be scored.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    /// `replica.json` cannot be used.
+    #[error(transparent)]
+    Replica(#[from] ReplicaFileError),
+    /// Gaussians or settings cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The settings do not make sense.
+    #[error("{path}: {source}")]
+    Settings {
+        /// The file.
+        path: String,
+        /// What is wrong.
+        source: ConfigError,
+    },
+}
+
+/// Means over the held-out views of a state, pictures over black.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PictureScores {
+    /// Peak signal-to-noise ratio, dB.
+    pub psnr: f64,
+    /// Structural similarity, at most 1.
+    pub ssim: f64,
+    /// Visible difference, [0, 1], at 67 pixels per degree.
+    pub flip: f64,
+    /// Distance of deep features, at least 0; none without weights or if a picture is too small for the network.
+    pub lpips: Option<f64>,
+    /// Number of views.
+    pub views: usize,
+}
+
+impl PictureScores {
+    /// Means weighted by views; none for none. LPIPS only where all have it.
+    pub fn mean_of(scores: &[Self]) -> Option<Self> {
+        let views: usize = scores.iter().map(|s| s.views).sum();
+        let mean =
+            |f: &dyn Fn(&Self) -> f64| scores.iter().map(|s| f(s) * s.views as f64).sum::<f64>() / views.max(1) as f64;
+        let all = scores.iter().all(|s| s.lpips.is_some());
+        (views > 0).then(|| Self {
+            psnr: mean(&|s| s.psnr),
+            ssim: mean(&|s| s.ssim),
+            flip: mean(&|s| s.flip),
+            lpips: all.then(|| mean(&|s| s.lpips.unwrap_or_default())),
+            views,
+        })
+    }
+}
+
+/// Scores of both states as a report of their own, for captures without known joints. Its `Display` is a table.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PictureReport {
+    /// Start and end; none without held-out views, or without Gaussians.
+    pub pictures: [Option<PictureScores>; 2],
+}
+
+impl fmt::Display for PictureReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:<8} {:>9} {:>9} {:>9} {:>9} {:>9}", "pictures", "PSNR dB", "SSIM", "FLIP", "LPIPS", "views")?;
+        let found: Vec<PictureScores> = self.pictures.into_iter().flatten().collect();
+        let rows = STATE_NAMES.into_iter().zip(self.pictures).chain([("mean", PictureScores::mean_of(&found))]);
+        for (name, scores) in rows {
+            let Some(s) = scores else {
+                write!(f, "\n{name:<8} {:>9} {:>9} {:>9} {:>9} {:>9}", "-", "-", "-", "-", 0)?;
+                continue;
+            };
+            let lpips = s.lpips.map_or_else(|| "-".into(), |v| format!("{v:.4}"));
+            write!(f, "\n{name:<8} {:>9.2} {:>9.4} {:>9.4} {lpips:>9} {:>9}", s.psnr, s.ssim, s.flip, s.views)?;
+        }
+        Ok(())
+    }
+}
+
+/// True if a replica's folder has Gaussians, without which there is nothing to draw.
+pub fn has_splats(out: &Path) -> bool {
+    out.join(SPLATS).is_file()
+}
+
+/// Scores the held-out views of start and end of `capture`, drawn by the replica in the folder `out` at full size. None
+/// for a state without held-out views and for a replica without Gaussians. PSNR and SSIM are those of `metrics.json`
+/// where the joints tell all of the trained motion, which those of `--preset paper` do not.
+pub fn score_replica(
+    out: &Path,
+    capture: &Capture,
+    lpips: Option<&Lpips>,
+) -> Result<[Option<PictureScores>; 2], PictureError> {
+    let replica = artgs_io::read_replica(out)?;
+    if !has_splats(out) {
+        return Ok([None, None]);
+    }
+    let trained = load(out, &replica)?;
+    let rotate_sh = settings(out)?.articulate.rotate_sh;
+    let mut rasterizer = Rasterizer::new();
+    Ok([0, 1].map(|state| {
+        let posed = trained.posed(state);
+        let score = |view: &View| score_view(posed.render(&mut rasterizer, &view.camera, rotate_sh), view, lpips);
+        let scores: Vec<PictureScores> = capture.states[state].test.iter().map(score).collect();
+        PictureScores::mean_of(&scores)
+    }))
+}
+
+/// The settings that a run left beside the replica; the default ones where there are none.
+fn settings(out: &Path) -> Result<Config, PictureError> {
+    let path = out.join(SETTINGS);
+    match std::fs::read_to_string(&path) {
+        Ok(text) => Config::default()
+            .overridden_by(&text)
+            .map_err(|source| PictureError::Settings { path: path.display().to_string(), source }),
+        Err(source) if source.kind() == std::io::ErrorKind::NotFound => Ok(Config::default()),
+        Err(source) => Err(FileError::Read { path, source }.into()),
+    }
+}
+
+/// Gaussians with the motions that the replica's joints give.
+fn load(out: &Path, replica: &Replica) -> Result<Trained, PictureError> {
+    let path = out.join(SPLATS);
+    let (splats, labels) = artgs_io::read_splat_ply(&path)?;
+    let labels = labels.ok_or_else(|| FileError::malformed(&path, "property `part` is missing"))?;
+    let parts = replica.parts.len();
+    if let Some(label) = labels.iter().find(|l| usize::from(**l) >= parts) {
+        let reason = format!("a Gaussian belongs to part {label}, but the replica has {parts} parts");
+        return Err(FileError::malformed(&path, reason).into());
+    }
+    let motion = |part| MotionParameters::from_motion(MotionModel::Free, &replica.world_motion(part));
+    Ok(Trained { splats, labels, joints: (1..parts).map(motion).collect() })
+}
+
+fn score_view(frame: &Frame, view: &View, lpips: Option<&Lpips>) -> PictureScores {
+    let picture: Vec<f32> = frame.rgb.iter().map(|v| v.clamp(0.0, 1.0)).collect();
+    let (truth, (w, h)) = (over_black(view), view.size());
+    let mut unused = vec![0.0; picture.len()];
+    PictureScores {
+        psnr: psnr(&picture, &truth),
+        ssim: Ssim::new().evaluate(&picture, &truth, w, h, Rect::full(w, h), 0.0, &mut unused),
+        flip: flip(&truth, &picture, w, h, PIXELS_PER_DEGREE),
+        lpips: lpips.and_then(|l| l.distance(&truth, &picture, w, h)),
+        views: 1,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artgs_core::{Camera, Intrinsics, Joint, JointKind, Rigid, Splats};
+    use artgs_io::{write_atomic, write_replica, write_splat_ply};
+    use glam::DVec3;
+
+    const SIZE: u32 = 48;
+
+    /// A row of blobs on the static part and a row on a hinged one, midway between the states.
+    fn scene() -> (Splats, Vec<u16>, Joint) {
+        let hinge = Rigid::about(DVec3::Z, DVec3::new(0.0, 0.4, 0.0), 1.2);
+        let mut splats = Splats { sh_degree: 0, ..Splats::default() };
+        let labels: Vec<u16> = (0..16).map(|i| i / 8).collect();
+        for (i, label) in labels.iter().enumerate() {
+            let x = (i % 8) as f32 * 0.12 - 0.4;
+            splats.means.push([x, 0.4 * f32::from(*label) - 0.2, 0.0]);
+            splats.rotations.push([1.0, 0.0, 0.0, 0.0]);
+            splats.log_scales.push([-2.8; 3]);
+            splats.logit_opacities.push(3.0);
+            splats.sh.extend([1.5 - 0.2 * (i % 8) as f32, 0.3, -0.5 + 0.2 * (i % 8) as f32]);
+        }
+        (splats, labels, Joint::from_motion(JointKind::Revolute, &hinge))
+    }
+
+    fn camera() -> Camera {
+        let f = f64::from(SIZE);
+        let intrinsics = Intrinsics { fx: f, fy: f, cx: f / 2.0, cy: f / 2.0, width: SIZE, height: SIZE };
+        Camera::look_at(intrinsics, DVec3::new(0.1, -0.2, 1.7), DVec3::ZERO, DVec3::Y)
+    }
+
+    /// A photograph of the blobs moved by hand.
+    fn photograph(state: usize) -> View {
+        let (mut splats, labels, joint) = scene();
+        let half = joint.motion(joint.state_values[1] * if state == 1 { 0.5 } else { -0.5 });
+        for (mean, label) in splats.means.iter_mut().zip(&labels) {
+            if *label == 1 {
+                *mean = half.apply(DVec3::from_array(mean.map(f64::from))).as_vec3().to_array();
+            }
+        }
+        let mut rasterizer = Rasterizer::new();
+        let frame = crate::fit::render_view(&mut rasterizer, &splats, &camera());
+        let n = frame.alpha.len();
+        let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let rgba = (0..n).map(|i| [byte(frame.rgb[i]), byte(frame.rgb[n + i]), byte(frame.rgb[2 * n + i]), 255]);
+        View { name: "test".into(), camera: camera(), rgba: rgba.collect(), depth: None }
+    }
+
+    fn capture() -> Capture {
+        let mut capture = Capture::default();
+        for state in 0..2 {
+            capture.states[state].test = vec![photograph(state); 2];
+        }
+        capture
+    }
+
+    fn replica(labels: Option<&[u16]>) -> tempfile::TempDir {
+        let (splats, _, joint) = scene();
+        let dir = tempfile::tempdir().unwrap();
+        let replica = Replica::new(&[joint]);
+        for mesh in replica.parts.iter().map(|p| &p.meshes).chain([&replica.whole]) {
+            (0..2).for_each(|s| write_atomic(&dir.path().join(mesh.get(s)), b"").unwrap());
+        }
+        write_replica(dir.path(), &replica).unwrap();
+        write_splat_ply(&dir.path().join(SPLATS), &splats, labels, "canonical").unwrap();
+        dir
+    }
+
+    #[test]
+    fn a_replica_shows_what_was_photographed_in_both_states() {
+        let (capture, (_, labels, _)) = (capture(), scene());
+        let dir = replica(Some(&labels));
+        for scores in score_replica(dir.path(), &capture, None).unwrap() {
+            let s = scores.unwrap();
+            // Rounding to bytes leaves 10 log10(12 * 255^2) dB where nothing is black.
+            assert!(s.psnr > 58.0 && s.ssim > 0.999 && s.flip < 0.01 && s.lpips.is_none() && s.views == 2, "{s:?}");
+        }
+        let mut swapped = capture.clone();
+        swapped.states.swap(0, 1);
+        swapped.states[1].test.clear();
+        let [start, end] = score_replica(dir.path(), &swapped, None).unwrap();
+        assert!(start.unwrap().psnr < 25.0 && start.unwrap().flip > 0.05 && end.is_none(), "{start:?}");
+    }
+
+    #[test]
+    fn what_cannot_be_drawn_is_none_or_named() {
+        let (capture, (_, mut labels, _)) = (capture(), scene());
+        let dir = replica(None);
+        let message = |dir: &tempfile::TempDir| score_replica(dir.path(), &capture, None).unwrap_err().to_string();
+        assert!(message(&dir).contains("canonical.ply: property `part`"), "{}", message(&dir));
+        std::fs::remove_file(dir.path().join(SPLATS)).unwrap();
+        assert_eq!(score_replica(dir.path(), &capture, None).unwrap(), [None, None]);
+        labels[3] = 2;
+        let dir = replica(Some(&labels));
+        assert!(message(&dir).contains("belongs to part 2, but the replica has 2 parts"), "{}", message(&dir));
+        std::fs::write(dir.path().join(SETTINGS), "seed = \"x\"").unwrap();
+        labels[3] = 0;
+        write_splat_ply(&dir.path().join(SPLATS), &scene().0, Some(&labels), "canonical").unwrap();
+        assert!(message(&dir).contains("config.toml") && message(&dir).contains("seed"), "{}", message(&dir));
+    }
+
+    #[test]
+    fn means_weigh_views_and_need_every_lpips() {
+        let one = PictureScores { psnr: 10.0, ssim: 0.1, flip: 0.4, lpips: Some(0.2), views: 1 };
+        let three = PictureScores { psnr: 30.0, ssim: 0.9, flip: 0.0, lpips: None, views: 3 };
+        let mean = PictureScores::mean_of(&[one, three]).unwrap();
+        assert!((mean.psnr - 25.0).abs() < 1e-12 && (mean.flip - 0.1).abs() < 1e-12);
+        assert_eq!((mean.lpips, mean.views, PictureScores::mean_of(&[])), (None, 4, None));
+    }
+}

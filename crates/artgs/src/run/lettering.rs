@@ -1,0 +1,46 @@
+//! Capital letters of five by seven pixels, for labels in pictures.
+
+/// Rows of a letter from the top, the leftmost pixel in bit 4; none for what has no picture here.
+fn glyph(letter: char) -> Option<[u8; 7]> {
+    Some(match letter {
+        'A' => [0b01110, 0b10001, 0b10001, 0b11111, 0b10001, 0b10001, 0b10001],
+        'D' => [0b11110, 0b10001, 0b10001, 0b10001, 0b10001, 0b10001, 0b11110],
+        'E' => [0b11111, 0b10000, 0b10000, 0b11110, 0b10000, 0b10000, 0b11111],
+        'H' => [0b10001, 0b10001, 0b10001, 0b11111, 0b10001, 0b10001, 0b10001],
+        'N' => [0b10001, 0b11001, 0b11001, 0b10101, 0b10011, 0b10011, 0b10001],
+        'O' => [0b01110, 0b10001, 0b10001, 0b10001, 0b10001, 0b10001, 0b01110],
+        'P' => [0b11110, 0b10001, 0b10001, 0b11110, 0b10000, 0b10000, 0b10000],
+        'R' => [0b11110, 0b10001, 0b10001, 0b11110, 0b10100, 0b10010, 0b10001],
+        'S' => [0b01111, 0b10000, 0b10000, 0b01110, 0b00001, 0b00001, 0b11110],
+        'T' => [0b11111, 0b00100, 0b00100, 0b00100, 0b00100, 0b00100, 0b00100],
+        _ => return None,
+    })
+}
+
+/// Pixels `(x, y)` of a text whose top left corner is (0, 0); letters without a picture stay blank.
+pub(super) fn lettered(text: &str) -> Vec<(usize, usize)> {
+    let mut out = Vec::new();
+    for (place, letter) in text.chars().enumerate() {
+        let Some(rows) = glyph(letter) else { continue };
+        for (y, row) in rows.into_iter().enumerate() {
+            out.extend((0..5).filter(|x| row >> (4 - x) & 1 == 1).map(|x| (6 * place + x, y)));
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn letters_stand_side_by_side() {
+        let drawn: Vec<String> = (0..7)
+            .map(|y| (0..11).map(|x| if lettered("TH").contains(&(x, y)) { '#' } else { '.' }).collect())
+            .collect();
+        assert_eq!(drawn[0], "#####.#...#");
+        assert_eq!(drawn[3], "..#...#####");
+        assert!(artgs_core::STATE_NAMES.iter().all(|n| n.to_uppercase().chars().all(|c| glyph(c).is_some())));
+        assert_eq!(lettered(" ?"), []);
+    }
+}
