@@ -24,7 +24,7 @@ pub struct GroundTruth {
 
 /// Reads a `gt` folder. Degrees become radians, axis directions are normalised; a zero axis is an error.
 pub fn load_ground_truth(gt_dir: &Path) -> Result<GroundTruth, FileError> {
-    let joints = read_joints(&gt_dir.join("trans.json"))?;
+    let joints = read_true_joints(gt_dir)?;
     let mesh = |state: usize, name: &str| read_mesh_ply(&mesh_path(gt_dir, state, name));
     let both = |name: &str| Ok([mesh(0, name)?, mesh(1, name)?]);
     let movable = (0..joints.len()).map(|i| {
@@ -41,7 +41,9 @@ fn mesh_path(gt_dir: &Path, state: usize, name: &str) -> PathBuf {
     gt_dir.join(state).join(format!("{state}{name}_rotate.ply"))
 }
 
-fn read_joints(path: &Path) -> Result<Vec<Joint>, FileError> {
+/// Reads the joints of a `gt` folder and nothing else.
+pub fn read_true_joints(gt_dir: &Path) -> Result<Vec<Joint>, FileError> {
+    let path = &gt_dir.join("trans.json");
     let bytes = read_bytes(path)?;
     let root: Value = serde_json::from_slice(&bytes).map_err(|e| FileError::malformed(path, e.to_string()))?;
     let joints = match root.get("trans_info") {
