@@ -226,9 +226,8 @@ pub fn run(
     })?;
     let mut made = made.into_inner().unwrap_or_default();
     let of = |job: &Job<'_>| {
-        let same = |r: &Record| {
-            (&r.variant, &r.object, r.seed) == (&job.variant.name, &job.object.name, job.settings.seed)
-        };
+        let same =
+            |r: &Record| (&r.variant, &r.object, r.seed) == (&job.variant.name, &job.object.name, job.settings.seed);
         job.kept.clone().or_else(|| made.iter().position(same).map(|i| made.swap_remove(i)))
     };
     let total = jobs.len();

@@ -137,7 +137,8 @@ mod tests {
 
     #[test]
     fn failed_runs_are_counted_and_not_averaged() {
-        let mut records = vec![record("full", "a", 0, 0.1), record("full", "a", 1, 0.3), failed("full", "a", 2, "bang")];
+        let mut records =
+            vec![record("full", "a", 0, 0.1), record("full", "a", 1, 0.3), failed("full", "a", 2, "bang")];
         if let crate::Outcome::Done(m) = &mut records[1].outcome {
             m.scores.counts.missing = 1;
             m.scores.counts.wrong_type = 2;

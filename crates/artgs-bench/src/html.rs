@@ -49,7 +49,9 @@ pub(crate) fn document(
     let (first, rest) = tables.split_at(tables.len().min(2));
     first.iter().for_each(|t| table(&mut out, t));
     if !plots.is_empty() {
-        out.push_str("<h2>Plots</h2>\n<p>Means over seeds, bars of one standard deviation.</p>\n<div class=\"flow\">\n");
+        out.push_str(
+            "<h2>Plots</h2>\n<p>Means over seeds, bars of one standard deviation.</p>\n<div class=\"flow\">\n",
+        );
         plots.iter().for_each(|p| out.push_str(&p.svg()));
         out.push_str("</div>\n");
     }

@@ -194,7 +194,8 @@ impl Plot {
 
 /// Writes a label beside its point where there is room; otherwise pointing at the point still tells.
 fn label(out: &mut String, name: &str, (x, y): (f64, f64), right: f64, taken: &mut Vec<[f64; 4]>) {
-    let shown: String = if name.chars().count() > 22 { name.chars().take(21).chain(['…']).collect() } else { name.into() };
+    let shown: String =
+        if name.chars().count() > 22 { name.chars().take(21).chain(['…']).collect() } else { name.into() };
     let width = CHARACTER * shown.chars().count() as f64;
     for (anchor, from) in [("start", x + 6.0), ("end", x - 6.0 - width)] {
         let place = [from, y - 5.0, from + width, y + 5.0];
@@ -210,8 +211,7 @@ fn label(out: &mut String, name: &str, (x, y): (f64, f64), right: f64, taken: &m
 
 fn line(out: &mut String, from: (f64, f64), to: (f64, f64), color: &str) {
     let ((x1, y1), (x2, y2)) = (from, to);
-    let _ =
-        writeln!(out, "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"{color}\" />");
+    let _ = writeln!(out, "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"{color}\" />");
 }
 
 fn text(out: &mut String, (x, y): (f64, f64), anchor: &str, more: &str, content: &str) {
@@ -253,7 +253,8 @@ mod tests {
         for (values, log) in [(&[(2.0, 0.03), (5.0, 3.0)][..], true), (&[(3.0, 0.0)], true), (&[(3.0, 8.0)], false)] {
             let svg = plot(values, log).svg();
             let parsed = roxmltree::Document::parse(&svg).unwrap();
-            let circles: Vec<_> = parsed.descendants().filter(|n| n.has_children() && n.has_tag_name("circle")).collect();
+            let circles: Vec<_> =
+                parsed.descendants().filter(|n| n.has_children() && n.has_tag_name("circle")).collect();
             assert_eq!(circles.len(), values.len());
             for circle in circles {
                 let at = |name| circle.attribute(name).unwrap().parse::<f64>().unwrap();

@@ -45,11 +45,8 @@ pub struct Files {
 /// Writes `BENCHMARKS.md`, `results.json` and `index.html` into the folder of the bench. The same records give the same
 /// bytes.
 pub fn write_report(out: &Path, all: &Collected, how: &Circumstances) -> Result<Files, FileError> {
-    let files = Files {
-        markdown: out.join("BENCHMARKS.md"),
-        json: out.join("results.json"),
-        html: out.join("index.html"),
-    };
+    let files =
+        Files { markdown: out.join("BENCHMARKS.md"), json: out.join("results.json"), html: out.join("index.html") };
     let (tables, intro) = (tables(all), intro(all, how));
     write_atomic(&files.json, format!("{:#}\n", results(all, how)).as_bytes())?;
     write_atomic(&files.markdown, markdown::document(TITLE, &intro, &how.command, &tables).as_bytes())?;

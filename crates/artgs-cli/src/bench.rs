@@ -57,10 +57,9 @@ fn options(args: &Bench) -> Options {
 fn circumstances(args: &Bench) -> Circumstances {
     let cores = || std::thread::available_parallelism().map_or(1, Into::into);
     Circumstances {
-        command: std::iter::once("artgs".to_string()).chain(std::env::args().skip(1).map(|a| quoted(&a))).fold(
-            String::new(),
-            |line, word| if line.is_empty() { word } else { format!("{line} {word}") },
-        ),
+        command: std::iter::once("artgs".to_string())
+            .chain(std::env::args().skip(1).map(|a| quoted(&a)))
+            .fold(String::new(), |line, word| if line.is_empty() { word } else { format!("{line} {word}") }),
         threads: args.threads.map_or_else(cores, Into::into),
         jobs: args.jobs.get(),
         parts_given: args.parts == GivenParts::Given,
