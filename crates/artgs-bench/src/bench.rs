@@ -1,8 +1,8 @@
 //! All runs of a bench: which are still to be made, making them, scoring them.
 
 use crate::item::{Item, ItemError, Source, check_names};
-use crate::launch::{Ended, Launcher};
-use crate::record::{Facts, Measured, Outcome, Record, RunMetrics, RunSettings};
+use crate::launch::{Ended, Tools};
+use crate::record::{Facts, Outcome, Record, RunSettings};
 use crate::variant::{Variant, VariantError, check_variants};
 use artgs_io::{FileError, write_atomic};
 use serde_json::json;
@@ -183,7 +183,7 @@ pub fn run(
     items: &[Item],
     variants: &[Variant],
     options: &Options,
-    launcher: &Launcher,
+    tools: &Tools,
     stop: &AtomicBool,
     observe: &(dyn Fn(Event<'_>) + Sync),
 ) -> Result<Finished, BenchError> {
@@ -212,7 +212,7 @@ pub fn run(
             let Some(job) = wanted.get(index).filter(|_| !stop.load(Ordering::Relaxed)) else { return Ok(()) };
             observe(Event::Started { run: job.name(), number: index + 1, of: wanted.len() });
             let start = Instant::now();
-            let Some(record) = make(job, &prepared[job.item], options, launcher, stop)? else { return Ok(()) };
+            let Some(record) = make(job, &prepared[job.item], options, tools, stop)? else { return Ok(()) };
             let seconds = start.elapsed().as_secs_f64();
             observe(Event::Finished { run: job.name(), outcome: &record.outcome, seconds });
             if let Ok(mut made) = made.lock() {
@@ -373,7 +373,7 @@ fn make(
     job: &Job<'_>,
     prepared: &Prepared,
     options: &Options,
-    launcher: &Launcher,
+    tools: &Tools,
     stop: &AtomicBool,
 ) -> Result<Option<Record>, BenchError> {
     let folder = options.out.join(&job.folder);
@@ -382,15 +382,18 @@ fn make(
     let log = folder.with_file_name(format!("{}.log", file_name(&folder)));
     let ended = match &prepared.error {
         Some(reason) => Ended::Badly(reason.clone()),
-        None => launcher.run(&arguments(job, prepared, options, &folder), &log, options.timeout, stop),
+        None => tools.run(&arguments(job, prepared, options, &folder), &log, options.timeout, stop),
     };
     let outcome = match ended {
         Ended::Stopped => return Ok(None),
         Ended::Badly(reason) => Outcome::Failed(reason),
-        Ended::Well => match measure(&folder, &prepared.capture.join("gt")) {
-            Ok(measured) => Outcome::Done(measured),
-            Err(reason) => Outcome::Failed(reason),
-        },
+        Ended::Well => {
+            let measured = catch_unwind(|| (tools.measure)(&folder, &prepared.capture));
+            match measured.unwrap_or_else(|_| Err("scoring crashed".into())) {
+                Ok(measured) => Outcome::Done(measured),
+                Err(reason) => Outcome::Failed(reason),
+            }
+        }
     };
     let record = Record {
         variant: job.variant.name.clone(),
@@ -422,21 +425,6 @@ fn arguments(job: &Job<'_>, prepared: &Prepared, options: &Options, folder: &Pat
     args.push("--json".into());
     args.extend(job.variant.arguments.iter().map(OsString::from));
     args
-}
-
-/// Reads what the run wrote about itself and scores its replica; an error is the reason why it cannot be.
-fn measure(folder: &Path, gt: &Path) -> Result<Measured, String> {
-    let path = folder.join("metrics.json");
-    let bytes = std::fs::read(&path).map_err(|e| format!("{} cannot be read: {e}", path.display()))?;
-    let metrics: RunMetrics = serde_json::from_slice(&bytes).map_err(|e| format!("{}: {e}", path.display()))?;
-    let scores = catch_unwind(|| artgs::run::evaluate(folder, gt))
-        .map_err(|_| "scoring crashed".to_string())?
-        .map_err(|e| format!("cannot be scored: {e}"))?;
-    let text = format!("{:#}\n", json!(scores));
-    // JSON has no infinity: what does not come back is not a number anyone can average.
-    serde_json::from_str::<artgs::evaluate::Scores>(&text).map_err(|e| format!("scores are not finite: {e}"))?;
-    write_atomic(&folder.join("scores.json"), text.as_bytes()).map_err(|e| e.to_string())?;
-    Ok(Measured { metrics, scores })
 }
 
 #[cfg(test)]

@@ -11,8 +11,8 @@ h1 { font-size: 1.6rem; } h2 { font-size: 1.2rem; margin-top: 2.2rem; border-bot
 p { max-width: 75ch; } code { background: #f3f3f3; padding: .1rem .3rem; overflow-wrap: anywhere; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th, td { padding: .22rem .6rem; text-align: left; border-bottom: 1px solid #eee; white-space: nowrap; }
-td.number { text-align: right; } td.text { white-space: normal; max-width: 60ch; }
+th, td { padding: .22rem .6rem; border-bottom: 1px solid #eee; white-space: nowrap; }
+.number { text-align: right; } .text { text-align: left; } td.text { white-space: normal; max-width: 60ch; }
 th { background: #f6f6f6; position: sticky; top: 0; }
 tr.ours td { background: #eaf3ff; } tr.stand-in td { background: #fff6df; font-style: italic; }
 tr.next td { border-top: 2px solid #ccc; }
@@ -85,8 +85,9 @@ fn table(out: &mut String, table: &Table) {
     let _ = writeln!(out, "<h2>{}</h2>", escape(&table.title));
     paragraphs(out, &table.notes);
     out.push_str("<div class=\"wide\">\n<table>\n<thead><tr>");
-    for name in &table.head {
-        let _ = write!(out, "<th>{}</th>", escape(name));
+    for (column, name) in table.head.iter().enumerate() {
+        let class = if table.rows.iter().all(|r| is_number(&r.cells[column])) { "number" } else { "text" };
+        let _ = write!(out, "<th class=\"{class}\">{}</th>", escape(name));
     }
     out.push_str("</tr></thead>\n<tbody>\n");
     let mixed = table.rows.iter().any(|r| r.origin != Origin::Ours);
@@ -112,6 +113,8 @@ fn table(out: &mut String, table: &Table) {
     out.push_str("</tbody>\n</table>\n</div>\n");
 }
 
+/// True for `0.03±0.01 (1 F)` and for what stands where there is no number.
 fn is_number(cell: &str) -> bool {
-    cell == "-" || cell == "F" || cell.starts_with(|c: char| c.is_ascii_digit())
+    let first = cell.split(['±', ' ']).next().unwrap_or_default();
+    matches!(cell, "-" | "F") || first.parse::<f64>().is_ok()
 }

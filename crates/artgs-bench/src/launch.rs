@@ -1,5 +1,6 @@
 //! One run as a child process, so that its memory, its crash and its time are its own.
 
+use crate::measure::{Measure, measure};
 use serde_json::Value;
 use std::ffi::OsString;
 use std::fs::File;
@@ -14,11 +15,13 @@ const POLL: Duration = Duration::from_millis(50);
 /// Longest reason kept, characters.
 const REASON: usize = 400;
 
-/// The program that runs are made with.
+/// What runs are made and measured with.
 #[derive(Clone, Debug)]
-pub struct Launcher {
+pub struct Tools {
     /// Path of an `artgs` executable.
     pub program: PathBuf,
+    /// Measures finished runs.
+    pub measure: Measure,
 }
 
 /// How a child ended.
@@ -30,7 +33,12 @@ pub(crate) enum Ended {
     Stopped,
 }
 
-impl Launcher {
+impl Tools {
+    /// That program, and scores as `artgs evaluate` gives them.
+    pub fn new(program: PathBuf) -> Self {
+        Self { program, measure }
+    }
+
     /// Runs the program with both its streams in `log`, until it ends, `limit` has passed or `stop` is set.
     pub(crate) fn run(&self, args: &[OsString], log: &Path, limit: Option<Duration>, stop: &AtomicBool) -> Ended {
         let mut child = match self.start(args, log) {
@@ -131,9 +139,9 @@ mod tests {
     fn shell(script: &str, limit: Option<Duration>, stop: bool) -> (Ended, String) {
         let dir = tempfile::tempdir().unwrap();
         let log = dir.path().join("a/log.txt");
-        let launcher = Launcher { program: "sh".into() };
+        let tools = Tools::new("sh".into());
         let args = ["-c".into(), script.into()];
-        let ended = launcher.run(&args, &log, limit, &AtomicBool::new(stop));
+        let ended = tools.run(&args, &log, limit, &AtomicBool::new(stop));
         (ended, std::fs::read_to_string(&log).unwrap())
     }
 
@@ -158,7 +166,7 @@ mod tests {
         assert_eq!(bad(panic), "exit code 101: thread 'main' panicked at a.rs:1: index 9");
         assert!(bad("kill -9 $$").contains("out of memory"));
         assert!(bad("kill -6 $$").contains("signal 6"));
-        let nowhere = Launcher { program: "/nowhere/artgs".into() };
+        let nowhere = Tools::new("/nowhere/artgs".into());
         let dir = tempfile::tempdir().unwrap();
         let ended = nowhere.run(&[], &dir.path().join("log"), None, &AtomicBool::new(false));
         assert!(matches!(ended, Ended::Badly(reason) if reason.contains("/nowhere/artgs")));

@@ -49,7 +49,9 @@ pub fn plots(all: &Collected) -> Vec<Plot> {
 
 /// A plot of a metric, if there are at least `least` different values on its x axis.
 fn plot(all: &Collected, metric: Metric, y_label: &str, of: Trait, x_label: &str, least: usize) -> Option<Plot> {
-    let values: Vec<(&ObjectInfo, String)> = all.objects.iter().filter_map(|o| Some((o, of(all, o)?))).collect();
+    let shown = |o: &ObjectInfo| all.variants.iter().any(|v| all.aggregate(&v.name, o, metric).is_some());
+    let values: Vec<(&ObjectInfo, String)> =
+        all.objects.iter().filter(|o| shown(o)).filter_map(|o| Some((o, of(all, o)?))).collect();
     let x_ticks = places(values.iter().map(|v| v.1.as_str()));
     let place = |text: &str| x_ticks.iter().find(|t| t.1 == text).map_or(0.0, |t| t.0);
     let series = |variant: &crate::collect::VariantInfo| {

@@ -42,8 +42,8 @@ artgs 0.1.0: 4 runs, 2 failed; 4 threads, one run at a time. The number of parts
     for line in [
         "| Object | K | Variant | Axis Ang | Axis Pos | Motion (deg) | CD-s | CD-m | CD-w | PSNR | SSIM | Time (min) | \
          Memory (MiB) | Failures |",
-        "| a | 2 | full | 0.20±0.14 | 0.20±0.14 | 0.20±0.14 | 0.20±0.14 | 0.20±0.14 | 0.20±0.14 | 31.00±0.00 | \
-         0.980±0.000 | 1.50±0.00 | 512±0 | - |",
+        "| a | 2 | full | 0.200±0.141 | 0.200±0.141 | 0.200±0.141 | 0.20±0.14 | 0.20±0.14 | 0.20±0.14 | 31.00±0.00 | \
+         0.980±0.000 | 1.50±0.00 | 512±0 | none |",
         "| b | 3 | full | F | F | F | F | F | F | F | F | F | F | 2 failed |",
         "## PARIS objects, two parts",
         "| Axis Ang | PARIS\\* | 0.71±0.8 |",

@@ -52,10 +52,11 @@ impl Table {
         self.rows.push(Row { cells, origin });
     }
 
-    /// Leaves out columns after the first `keep` in which no row has anything.
+    /// Leaves out columns after the first `keep` in which no row has a number or a word.
     pub(crate) fn without_empty_columns(mut self, keep: usize) -> Self {
-        let used: Vec<bool> =
-            (0..self.head.len()).map(|c| c < keep || self.rows.iter().any(|r| r.cells[c] != NOTHING)).collect();
+        let used: Vec<bool> = (0..self.head.len())
+            .map(|c| c < keep || self.rows.iter().any(|r| r.cells[c] != NOTHING && r.cells[c] != FAILED))
+            .collect();
         let strip = |cells: &mut Vec<String>| {
             let mut column = 0..;
             cells.retain(|_| column.next().is_some_and(|c: usize| used[c]));
@@ -99,7 +100,7 @@ mod tests {
     fn columns_without_anything_go() {
         let mut t = Table::new("t", ["a", "b", "c"].map(String::from).to_vec());
         t.push(Origin::Ours, ["x", "-", "1"].map(String::from).to_vec());
-        t.push(Origin::Ours, ["-", "-", "-"].map(String::from).to_vec());
+        t.push(Origin::Ours, ["-", "F", "-"].map(String::from).to_vec());
         let t = t.without_empty_columns(1);
         assert_eq!(t.head, ["a", "c"]);
         assert_eq!(t.rows[1].cells, ["-", "-"]);

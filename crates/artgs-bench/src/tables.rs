@@ -1,6 +1,6 @@
 //! The tables of a bench: every object, both states, the paper's tables, variants, failures.
 
-use crate::collect::{Collected, ObjectInfo};
+use crate::collect::{Collected, Failures, ObjectInfo};
 use crate::metric::{At, Metric, Surface};
 use crate::paper::{self, PaperObject};
 use crate::record::Outcome;
@@ -12,8 +12,8 @@ const CD_M: Metric = Metric::Cd(Surface::Movable, At::Reported);
 const CD_W: Metric = Metric::Cd(Surface::Whole, At::Reported);
 
 /// What must be said wherever a stand-in is beside an object of the paper.
-pub(crate) const STAND_IN: &str = "Rows marked \"stand-in\" are of a procedural object with the same joints as the paper's \
-    object, not of that object: their numbers are not comparable with the paper's object by object.";
+pub(crate) const STAND_IN: &str = "Rows marked \"stand-in\" are of another object, with joints like those of the paper's: \
+    their numbers are not comparable with the paper's object by object.";
 
 fn named(first: &[&str], metrics: &[Metric]) -> Vec<String> {
     first.iter().map(|s| (*s).to_string()).chain(metrics.iter().map(|m| m.label())).collect()
@@ -36,10 +36,26 @@ fn parts(object: &ObjectInfo) -> String {
     object.parts.map_or_else(|| NOTHING.into(), |k| k.to_string())
 }
 
-fn cells(all: &Collected, variant: &str, object: &ObjectInfo, metrics: &[Metric], more_digits: usize) -> Vec<String> {
+/// A digit more than the paper prints, of the numbers that come out below what it prints.
+fn finer(metric: Metric) -> usize {
+    usize::from(matches!(metric, Metric::AxisAngle | Metric::AxisPosition | Metric::MotionDegrees))
+}
+
+/// A cell for every metric, with as many more digits than the paper as asked for.
+fn cells(
+    all: &Collected,
+    variant: &str,
+    object: &ObjectInfo,
+    metrics: &[Metric],
+    more_digits: fn(Metric) -> usize,
+) -> Vec<String> {
     let failures = all.failures(variant, &object.name);
-    let cell = |m: &Metric| number(all.aggregate(variant, object, *m), failures, *m, more_digits);
+    let cell = |m: &Metric| number(all.aggregate(variant, object, *m), failures, *m, more_digits(*m));
     metrics.iter().map(cell).collect()
+}
+
+fn told(failures: &Failures) -> String {
+    Some(failures.told()).filter(|t| !t.is_empty()).unwrap_or_else(|| "none".into())
 }
 
 /// Objects and variants as rows.
@@ -72,13 +88,9 @@ fn every_object(all: &Collected) -> Table {
     for object in &all.objects {
         for variant in &all.variants {
             let mut row = vec![object.name.clone(), parts(object), variant.name.clone()];
-            row.extend(cells(all, &variant.name, object, &metrics, 0));
+            row.extend(cells(all, &variant.name, object, &metrics, finer));
             let failures = all.failures(&variant.name, &object.name);
-            row.push(if failures.runs == 0 {
-                "not run".into()
-            } else {
-                Some(failures.told()).filter(|t| !t.is_empty()).unwrap_or_else(|| NOTHING.into())
-            });
+            row.push(if failures.runs == 0 { "not run".into() } else { told(&failures) });
             table.push(Origin::Ours, row);
         }
     }
@@ -106,7 +118,7 @@ fn both_states(all: &Collected) -> Table {
                 At::Mean | At::Reported => "mean",
             };
             let mut row = vec![object.name.clone(), variant.name.clone(), state.into()];
-            row.extend(cells(all, &variant.name, object, &metrics, 0));
+            row.extend(cells(all, &variant.name, object, &metrics, |_| 0));
             table.push(Origin::Ours, row);
         }
     }
@@ -147,12 +159,11 @@ fn variants(all: &Collected) -> Option<Table> {
         let failures = all.all_failures(&variant.name);
         let cell = |m: &Metric| {
             let value = over_objects(all, &variant.name, &objects, *m);
-            number(value, Default::default(), *m, 0)
+            number(value, Default::default(), *m, finer(*m))
         };
         let mut row = vec![variant.name.clone(), failures.runs.to_string()];
         row.extend(metrics.iter().map(cell));
-        let told = Some(failures.told()).filter(|t| !t.is_empty()).unwrap_or_else(|| NOTHING.into());
-        row.extend([told, variant.description.clone()]);
+        row.extend([told(&failures), variant.description.clone()]);
         table.push(Origin::Ours, row);
     }
     Some(table.without_empty_columns(2))
@@ -236,9 +247,9 @@ fn paris_cell(all: &Collected, variant: &str, metric: Metric, column: usize, sam
     let members = column_members(column);
     let objects: Vec<&ObjectInfo> = members.iter().filter_map(|o| ours(all, o, same)).collect();
     match objects.as_slice() {
-        [one] if members.len() == 1 => cells(all, variant, one, &[metric], 0).remove(0),
+        [one] if members.len() == 1 => cells(all, variant, one, &[metric], |_| 0).remove(0),
         many if many.len() == members.len() && members.len() > 1 => {
-            let mut failures = crate::collect::Failures::default();
+            let mut failures = Failures::default();
             many.iter().for_each(|o| failures.failed += all.failures(variant, &o.name).failed);
             number(over_objects(all, variant, many, metric), failures, metric, 0)
         }
@@ -268,7 +279,7 @@ fn our_rows(all: &Collected, object: &PaperObject, metrics: &[Metric], table: &m
             let Some(info) = ours(all, object, same) else { continue };
             if all.failures(&variant.name, &info.name).runs > 0 {
                 let mut line = vec![first.to_string(), format!("artgs {}{mark}", variant.name)];
-                line.extend(cells(all, &variant.name, info, metrics, 0));
+                line.extend(cells(all, &variant.name, info, metrics, |_| 0));
                 table.push(origin, line);
             }
         }

@@ -91,7 +91,8 @@ fn own_objects_fill_no_table_of_the_paper() {
     let titles: Vec<String> = tables(&all).into_iter().map(|t| t.title).collect();
     assert_eq!(titles, ["Every object", "Surfaces at both states"]);
     let every = every_object(&all);
-    assert_eq!(every.rows[0].cells.last().unwrap(), "-");
+    assert_eq!(every.rows[0].cells.last().unwrap(), "none");
+    assert_eq!(every.rows[0].cells[3], "0.123");
     assert!(!every.head.iter().any(|h| h == "LPIPS" || h == "Motion (length)"), "{:?}", every.head);
 }
 

@@ -8,7 +8,7 @@ use crate::output::say;
 use crate::suites::{self, Photos};
 use anyhow::{Context, anyhow};
 use artgs_bench::{
-    Circumstances, Collected, Event, Files, Finished, Item, Launcher, Options, Outcome, Parts, RunName, Variant,
+    Circumstances, Collected, Event, Files, Finished, Item, Options, Outcome, Parts, RunName, Tools, Variant,
     items_of_folder, paper,
 };
 use serde_json::{Value, json};
@@ -25,7 +25,7 @@ pub(crate) fn run(args: &Bench, style: Style) -> Result<(), Failure> {
     let flag = Arc::clone(&stop);
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("cannot watch for Ctrl-C")?;
     let tell = |event: Event<'_>| show(&event, style);
-    let finished = artgs_bench::run(&items, &variants, &options(args), &Launcher { program }, &stop, &tell)
+    let finished = artgs_bench::run(&items, &variants, &options(args), &Tools::new(program), &stop, &tell)
         .map_err(|e| if e.is_bad_input() { Failure::BadInput(e.into()) } else { Failure::Failed(e.into()) })?;
     let Finished { records, missing } = finished;
     let all = Collected::new(&items, &variants, records);
