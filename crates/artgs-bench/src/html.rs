@@ -115,6 +115,7 @@ fn table(out: &mut String, table: &Table) {
 
 /// True for `0.03±0.01 (1 F)` and for what stands where there is no number.
 fn is_number(cell: &str) -> bool {
-    let first = cell.split(['±', ' ']).next().unwrap_or_default();
-    matches!(cell, "-" | "F") || first.parse::<f64>().is_ok()
+    let (number, rest) = cell.split_once(' ').unwrap_or((cell, "("));
+    let mean = number.split('±').next().unwrap_or_default();
+    matches!(cell, "-" | "F") || (mean.parse::<f64>().is_ok() && rest.starts_with('('))
 }

@@ -8,8 +8,15 @@ const SIZE: (f64, f64) = (460.0, 300.0);
 const MARGIN: (f64, f64, f64, f64) = (62.0, 16.0, 34.0, 62.0);
 /// Colours of series, repeated when they run out.
 const COLORS: [&str; 8] = ["#2563eb", "#dc2626", "#059669", "#d97706", "#7c3aed", "#0891b2", "#be185d", "#57534e"];
-/// Horizontal distance between series at the same place, pixels.
+/// Horizontal distance between series at the same place, and width over which their points there are spread, pixels.
 const STEP_ASIDE: f64 = 7.0;
+const SPREAD: f64 = 14.0;
+/// Widest place of all series together, pixels.
+const CROWD: f64 = 44.0;
+/// Height of a line of the legend, pixels.
+const LEGEND_LINE: f64 = 14.0;
+/// Most points that are labelled; of more, only pointing at them tells.
+const LABELS: usize = 14;
 /// Font size of labels and their mean width per character, pixels.
 const FONT: f64 = 10.0;
 const CHARACTER: f64 = 5.4;
@@ -107,8 +114,10 @@ impl Plot {
         let (first, last) = (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
         let pad = if last > first { 0.08 * (last - first) } else { 1.0 };
         let x = Scale { low: first - pad, high: last + pad, from: left, to: width - right, log: false };
+        let lines = self.legend_places().last().map_or(0, |place| place.1);
+        let total = height + LEGEND_LINE * lines as f64;
         let mut out = format!(
-            "<svg viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" role=\"img\" \
+            "<svg viewBox=\"0 0 {width} {total}\" width=\"{width}\" height=\"{total}\" role=\"img\" \
              font-family=\"sans-serif\" font-size=\"{FONT}\" fill=\"#333\">\n"
         );
         let middle = 0.5 * (left + width - right);
@@ -150,19 +159,13 @@ impl Plot {
     }
 
     fn marks(&self, out: &mut String, x: &Scale, y: &Scale) {
-        let mut taken: Vec<[f64; 4]> = Vec::new();
-        let centre = 0.5 * (self.series.len().max(1) - 1) as f64;
-        let aside = |s: usize| (s as f64 - centre) * STEP_ASIDE;
-        for (s, series) in self.series.iter().enumerate() {
-            taken.extend(series.points.iter().map(|p| {
-                let (px, py) = (x.at(p.x) + aside(s), y.at(p.y));
-                [px - 4.0, py - 4.0, px + 4.0, py + 4.0]
-            }));
-        }
+        let at: Vec<Vec<(f64, f64)>> = (0..self.series.len()).map(|s| self.places(s, x, y)).collect();
+        let mut taken: Vec<[f64; 4]> =
+            at.iter().flatten().map(|(px, py)| [px - 4.0, py - 4.0, px + 4.0, py + 4.0]).collect();
+        let labelled = taken.len() <= LABELS;
         for (s, series) in self.series.iter().enumerate() {
             let color = COLORS[s % COLORS.len()];
-            for p in &series.points {
-                let (px, py) = (x.at(p.x) + aside(s), y.at(p.y));
+            for (p, (px, py)) in series.points.iter().zip(at[s].iter().copied()) {
                 if let Some(spread) = p.spread {
                     let (high, low) = (y.at(p.y + spread), y.at(p.y - spread));
                     line(out, (px, low), (px, high), color);
@@ -175,19 +178,50 @@ impl Plot {
                     "<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"3.5\" fill=\"{color}\" fill-opacity=\"0.8\"><title>{}</title></circle>",
                     escape(&told)
                 );
-                label(out, &p.label, (px, py), x.to, &mut taken);
+                if labelled {
+                    label(out, &p.label, (px, py), x.to, &mut taken);
+                }
             }
         }
     }
 
+    /// Pixels of the points of a series; series and points that share a place stand side by side.
+    fn places(&self, s: usize, x: &Scale, y: &Scale) -> Vec<(f64, f64)> {
+        let shared = |points: &[Point], p: &Point| points.iter().filter(|o| o.x == p.x).count();
+        let crowded = self.series.iter().any(|s| s.points.iter().any(|p| shared(&s.points, p) > 1));
+        let wanted = STEP_ASIDE + if crowded { SPREAD } else { 0.0 };
+        let step = wanted.min(CROWD / self.series.len() as f64);
+        let spread = SPREAD.min(0.7 * step);
+        let aside = (s as f64 - 0.5 * (self.series.len() as f64 - 1.0)) * step;
+        let points = &self.series[s].points;
+        let place = |(i, p): (usize, &Point)| {
+            let (before, all) = (shared(&points[..i], p) as f64, shared(points, p) as f64);
+            let within = spread * ((before + 0.5) / all - 0.5);
+            (x.at(p.x) + aside + within, y.at(p.y))
+        };
+        points.iter().enumerate().map(place).collect()
+    }
+
+    /// Where the names of the series are: x, and the line counted from 0.
+    fn legend_places(&self) -> Vec<(f64, usize)> {
+        let (mut x, mut line) = (MARGIN.0, 0);
+        let place = |series: &Series| {
+            let width = 22.0 + CHARACTER * series.name.chars().count() as f64;
+            if x > MARGIN.0 && x + width > SIZE.0 {
+                (x, line) = (MARGIN.0, line + 1);
+            }
+            let at = (x, line);
+            x += width;
+            at
+        };
+        if self.series.len() > 1 { self.series.iter().map(place).collect() } else { Vec::new() }
+    }
+
     fn legend(&self, out: &mut String) {
-        let mut x = MARGIN.0;
-        let y = SIZE.1 - 10.0;
-        for (s, series) in self.series.iter().enumerate().filter(|_| self.series.len() > 1) {
-            let color = COLORS[s % COLORS.len()];
+        for (s, ((x, line), series)) in self.legend_places().into_iter().zip(&self.series).enumerate() {
+            let (y, color) = (SIZE.1 - 10.0 + LEGEND_LINE * line as f64, COLORS[s % COLORS.len()]);
             let _ = writeln!(out, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3.5\" fill=\"{color}\" />");
             text(out, (x + 7.0, y + 3.5), "start", "", &series.name);
-            x += 22.0 + CHARACTER * series.name.chars().count() as f64;
         }
     }
 }
@@ -246,6 +280,21 @@ mod tests {
         assert_eq!([0.001, 0.5, 20.0, 0.0].map(tick_text), ["0.001", "0.5", "20", "0"]);
         let log = Scale { low: 0.01, high: 1.0, from: 0.0, to: 100.0, log: true };
         assert!((log.at(0.1) - 50.0).abs() < 1e-9 && log.at(0.0) == 0.0 && log.at(5.0) == 100.0);
+    }
+
+    #[test]
+    fn many_series_stay_together_and_their_legend_wraps() {
+        let mut many = plot(&[(2.0, 0.5), (2.0, 0.7), (3.0, 0.9)], false);
+        let first = many.series[0].clone();
+        many.series = (0..9).map(|i| Series { name: format!("variant number {i}"), ..first.clone() }).collect();
+        let x = Scale { low: 1.0, high: 4.0, from: MARGIN.0, to: 440.0, log: false };
+        for s in 0..9 {
+            for (p, (px, _)) in first.points.iter().zip(many.places(s, &x, &x)) {
+                assert!((px - x.at(p.x)).abs() < 0.6 * CROWD);
+            }
+        }
+        let legend = many.legend_places();
+        assert!(legend.iter().all(|(x, _)| *x < SIZE.0 - 80.0) && legend[8].1 >= 2, "{legend:?}");
     }
 
     #[test]

@@ -2,7 +2,8 @@
 
 use serde_json::Value;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 fn artgs(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_artgs")).args(args).output().expect("the program starts")
@@ -20,7 +21,7 @@ fn str(path: &Path) -> &str {
 fn broken_capture(folder: &Path) {
     let truth = r#"{"trans_info": {"axis": {"o": [0, 0, 0], "d": [0, 0, 1]}, "type": "rotate",
                     "rotate": {"l": 0, "r": 30}}}"#;
-    artgs_io::write_atomic(&folder.join("gt/trans.json"), truth.as_bytes()).unwrap();
+    artgs_io::write_atomic(&folder.join("gt/trans.json"), truth.as_bytes()).expect("the truth is written");
 }
 
 #[test]
@@ -93,7 +94,7 @@ fn wrong_usage_exits_2_and_says_what_is_wrong() {
         (&[b, "--views", "3"], "for suites"),
         (&[b, b], "two objects are called `broken`"),
         (&[b, "--seeds", "0"], "--seeds"),
-        (&[b, "--timeout", "-1"], "above 0"),
+        (&[b, "--timeout", "0"], "above 0"),
         (&[str(root.path().join("broken/gt").as_path())], "gt/trans.json"),
     ] {
         let output = artgs(&[&["bench", "-o", str(&out)], args].concat());
@@ -112,4 +113,30 @@ fn a_bench_of_which_every_run_failed_fails() {
     assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
     assert!(text(&output.stderr).contains("every run failed"), "{}", text(&output.stderr));
     assert!(out.join("index.html").is_file());
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_bench_ends_its_run_and_says_how_to_go_on() {
+    let root = tempfile::tempdir().unwrap();
+    let out = root.path().join("out");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_artgs"));
+    command.args(["bench", "cabinet", "-o", str(&out), "--views", "16", "--size", "80"]);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let started = Instant::now();
+    while !out.join("runs/full/cabinet/seed_0/events.jsonl").is_file() {
+        assert!(started.elapsed() < Duration::from_secs(120), "no run was started");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("1 runs to go"), "{}", text(&output.stderr));
+    assert!(!out.join("runs/full/cabinet/seed_0/run.json").exists());
+    // The run itself is gone: it writes nothing any more.
+    let size = || std::fs::metadata(out.join("runs/full/cabinet/seed_0.log")).unwrap().len();
+    let before = size();
+    std::thread::sleep(Duration::from_millis(500));
+    assert_eq!(size(), before);
 }
