@@ -32,13 +32,13 @@ impl Fake {
              mkdir -p \"$2\" && cp -r '{root}/perfect/.' \"$2\"\n",
             root = root.path().display()
         );
-        std::fs::write(at("fake.sh"), script).unwrap();
+        // The copy is written by a process of its own: a program that any thread's child still has open for writing cannot
+        // be started.
+        std::fs::write(at("fake.txt"), script).unwrap();
+        let copy = "cat \"$0/fake.txt\" > \"$0/fake.sh\" && chmod +x \"$0/fake.sh\"";
+        let copied = std::process::Command::new("sh").args(["-c", copy]).arg(root.path()).status().unwrap();
+        assert!(copied.success());
         let tools = Tools { program: at("fake.sh"), measure: quickly };
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            std::fs::set_permissions(at("fake.sh"), std::fs::Permissions::from_mode(0o755)).unwrap();
-        }
         Self { root, tools }
     }
 

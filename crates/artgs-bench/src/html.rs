@@ -12,13 +12,16 @@ p { max-width: 75ch; } code { background: #f3f3f3; padding: .1rem .3rem; overflo
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { padding: .22rem .6rem; border-bottom: 1px solid #eee; white-space: nowrap; }
-.number { text-align: right; } .text { text-align: left; } td.text { white-space: normal; max-width: 60ch; }
+.number { text-align: right; } .text { text-align: left; } td.long { white-space: normal; max-width: 60ch; }
 th { background: #f6f6f6; position: sticky; top: 0; }
 tr.ours td { background: #eaf3ff; } tr.stand-in td { background: #fff6df; font-style: italic; }
 tr.next td { border-top: 2px solid #ccc; }
 .flow { display: flex; flex-wrap: wrap; gap: 1.2rem; } figure { margin: 0; }
 figure img { max-width: 100%; border: 1px solid #ddd; } figcaption { font-size: 12px; color: #555; }
 ";
+
+/// Characters above which a cell may take several lines.
+const LONG: usize = 40;
 
 /// A picture with its caption.
 pub(crate) struct Picture {
@@ -55,6 +58,7 @@ pub(crate) fn document(
         plots.iter().for_each(|p| out.push_str(&p.svg()));
         out.push_str("</div>\n");
     }
+    rest.iter().for_each(|t| table(&mut out, t));
     if !pictures.is_empty() {
         out.push_str(
             "<h2>Pictures</h2>\n<p>Photograph, rendering, and parts with their axes; start above, end below.</p>\n\
@@ -70,7 +74,6 @@ pub(crate) fn document(
         }
         out.push_str("</div>\n");
     }
-    rest.iter().for_each(|t| table(&mut out, t));
     out.push_str("</body>\n</html>\n");
     out
 }
@@ -105,7 +108,11 @@ fn table(out: &mut String, table: &Table) {
         before = first;
         let _ = write!(out, "<tr class=\"{}\">", classes.join(" "));
         for cell in &row.cells {
-            let class = if is_number(cell) { "number" } else { "text" };
+            let class = match cell {
+                c if is_number(c) => "number",
+                c if c.chars().count() > LONG => "text long",
+                _ => "text",
+            };
             let _ = write!(out, "<td class=\"{class}\">{}</td>", escape(cell));
         }
         out.push_str("</tr>\n");

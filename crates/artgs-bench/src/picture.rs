@@ -6,7 +6,7 @@ use image::{ExtendedColorType, ImageEncoder, RgbImage};
 use std::path::Path;
 
 /// Widest embedded picture, pixels.
-const WIDTH: u32 = 600;
+const WIDTH: u32 = 450;
 
 /// The left half of a run's preview (photograph, rendering and parts of one view, both states), small, as a `data:` URL;
 /// none if there is no readable preview.
@@ -63,7 +63,7 @@ mod tests {
         let path = dir.path().join("preview.png");
         RgbImage::new(2400, 400).save(&path).unwrap();
         assert!(preview_url(&path).unwrap().starts_with("data:image/png;base64,iVBOR"));
-        assert_eq!(shrunk(RgbImage::new(1200, 400)).dimensions(), (600, 200));
+        assert_eq!(shrunk(RgbImage::new(1200, 400)).dimensions(), (450, 150));
         assert_eq!(shrunk(RgbImage::new(60, 40)).dimensions(), (60, 40));
         assert_eq!(preview_url(&dir.path().join("none.png")), None);
     }
