@@ -3,6 +3,7 @@
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
+use std::time::Duration;
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 130 interrupted.";
 
@@ -29,6 +30,7 @@ impl Cli {
                 Command::Reconstruct(a) => a.json,
                 Command::Evaluate(a) => a.json.as_ref().is_some_and(|file| file.as_os_str() == "-"),
                 Command::Demo(a) => a.json,
+                Command::Bench(a) => a.json,
             }
     }
 }
@@ -43,6 +45,8 @@ pub(crate) enum Command {
     Evaluate(Evaluate),
     /// Photograph a procedural cabinet, reconstruct it and score the result
     Demo(Demo),
+    /// Reconstruct and score many captures, and tabulate the results beside those of the paper
+    Bench(Bench),
 }
 
 #[derive(Debug, Args)]
@@ -148,6 +152,79 @@ pub(crate) struct Demo {
     /// Write events as JSON, one per line
     #[arg(long)]
     json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Bench {
+    /// Suites of procedural objects, captures with their truth under `gt`, or folders of such captures
+    #[arg(required = true, value_name = "SUITE|DIR")]
+    pub(crate) what: Vec<PathBuf>,
+    /// Folder for runs and results; made if missing; an interrupted bench goes on where it stopped
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Runs of every object and variant, with seeds 0, 1, ...
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) seeds: u64,
+    /// Ways to run the method, separated by commas; `full` if neither this nor --variant-config is given
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    pub(crate) variants: Vec<String>,
+    /// A further way: settings in a TOML file that replace those of the default preset
+    #[arg(long, value_name = "NAME=FILE", value_parser = pair)]
+    pub(crate) variant_config: Vec<(String, String)>,
+    /// Whether the method is told the true number of parts
+    #[arg(long, value_enum, default_value_t = GivenParts::Given)]
+    pub(crate) parts: GivenParts,
+    /// Training views per state of the objects of suites
+    #[arg(long, value_name = "N")]
+    pub(crate) views: Option<usize>,
+    /// Width and height of the pictures of the objects of suites, pixels
+    #[arg(long, value_name = "PX")]
+    pub(crate) size: Option<u32>,
+    /// A capture that is an object of the paper, such as `mine=paris/fridge`
+    #[arg(long, value_name = "NAME=OBJECT", value_parser = pair)]
+    pub(crate) same_object: Vec<(String, String)>,
+    /// A capture that stands for an object of the paper
+    #[arg(long, value_name = "NAME=OBJECT", value_parser = pair)]
+    pub(crate) stand_in: Vec<(String, String)>,
+    /// Seconds after which a run counts as failed
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub(crate) timeout: Option<Duration>,
+    /// Runs at a time; times and memory are honest only with one
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub(crate) jobs: NonZeroUsize,
+    /// Number of threads of a run; all cores if absent
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<NonZeroUsize>,
+    /// Make runs again that were made with other settings
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Make failed runs again
+    #[arg(long)]
+    pub(crate) retry_failed: bool,
+    /// Write events as JSON, one per line
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum GivenParts {
+    /// Told, as in the paper
+    Given,
+    /// Not told
+    Auto,
+}
+
+fn pair(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.is_empty() && !value.is_empty() => Ok((name.into(), value.into())),
+        _ => Err("two words with `=` between them".into()),
+    }
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0);
+    let duration = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
+    duration.ok_or_else(|| "a number of seconds above 0".into())
 }
 
 fn parts(text: &str) -> Result<usize, String> {

@@ -9,6 +9,8 @@ pub(crate) enum Failure {
     BadInput(anyhow::Error),
     /// Everything else.
     Failed(anyhow::Error),
+    /// The user stopped it.
+    Interrupted(anyhow::Error),
 }
 
 impl Failure {
@@ -17,11 +19,12 @@ impl Failure {
         Self::BadInput(anyhow::anyhow!("{reason}"))
     }
 
-    /// 2 for bad input, else 1.
+    /// 2 for bad input, 130 for an interruption, else 1.
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::BadInput(_) => 2,
             Self::Failed(_) => 1,
+            Self::Interrupted(_) => 130,
         }
     }
 }
@@ -34,7 +37,7 @@ impl From<anyhow::Error> for Failure {
 
 impl Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let (Self::BadInput(error) | Self::Failed(error)) = self;
+        let (Self::BadInput(error) | Self::Failed(error) | Self::Interrupted(error)) = self;
         // Most errors say in their own words what caused them; what they left out follows.
         let mut said = String::new();
         for cause in error.chain().map(ToString::to_string).filter(|cause| !cause.is_empty()) {

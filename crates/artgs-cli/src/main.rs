@@ -1,8 +1,9 @@
 //! `artgs`: photos of an articulated object in two states to an interactable replica.
 //!
-//! Exit codes: 0 done, 1 failed, 2 wrong usage or bad input.
+//! Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 130 interrupted.
 
 mod args;
+mod bench;
 mod commands;
 mod demo;
 mod failure;
@@ -10,6 +11,7 @@ mod folder;
 mod library;
 mod output;
 mod progress;
+mod suites;
 
 use clap::Parser;
 use std::process::ExitCode;

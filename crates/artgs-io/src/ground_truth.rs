@@ -56,6 +56,11 @@ fn mesh_path(gt_dir: &Path, state: usize, name: &str) -> PathBuf {
     gt_dir.join(state).join(format!("{state}{name}_rotate.ply"))
 }
 
+/// Reads the joints of a `gt` folder and nothing else.
+pub fn read_true_joints(gt_dir: &Path) -> Result<Vec<Joint>, FileError> {
+    Ok(read_joints(&gt_dir.join("trans.json"))?.into_iter().map(|(joint, _)| joint).collect())
+}
+
 /// Joints and the parents they sit on.
 fn read_joints(path: &Path) -> Result<Vec<(Joint, Option<usize>)>, FileError> {
     let bytes = read_bytes(path)?;

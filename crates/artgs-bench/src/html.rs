@@ -1,0 +1,128 @@
+//! `index.html`: one file, well-formed, that refers to nothing outside itself.
+
+use crate::escape::html as escape;
+use crate::plot::Plot;
+use crate::table::{Origin, Table};
+use std::fmt::Write;
+
+const STYLE: &str = "
+body { font: 14px/1.45 sans-serif; color: #222; background: #fff; margin: 2rem auto; max-width: 1500px; padding: 0 1.5rem; }
+h1 { font-size: 1.6rem; } h2 { font-size: 1.2rem; margin-top: 2.2rem; border-bottom: 1px solid #ddd; padding-bottom: .2rem; }
+p { max-width: 75ch; } code { background: #f3f3f3; padding: .1rem .3rem; overflow-wrap: anywhere; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
+th, td { padding: .22rem .6rem; border-bottom: 1px solid #eee; white-space: nowrap; }
+.number { text-align: right; } .text { text-align: left; } td.long { white-space: normal; max-width: 60ch; }
+th { background: #f6f6f6; position: sticky; top: 0; }
+tr.ours td { background: #eaf3ff; } tr.stand-in td { background: #fff6df; font-style: italic; }
+tr.next td { border-top: 2px solid #ccc; }
+.flow { display: flex; flex-wrap: wrap; gap: 1.2rem; } figure { margin: 0; }
+figure img { max-width: 100%; border: 1px solid #ddd; } figcaption { font-size: 12px; color: #555; }
+";
+
+/// Characters above which a cell may take several lines.
+const LONG: usize = 40;
+
+/// A picture with its caption.
+pub(crate) struct Picture {
+    /// What it shows.
+    pub(crate) caption: String,
+    /// `data:` URL.
+    pub(crate) url: String,
+}
+
+/// The report as a page.
+pub(crate) fn document(
+    title: &str,
+    intro: &[String],
+    command: &str,
+    tables: &[Table],
+    plots: &[Plot],
+    pictures: &[Picture],
+) -> String {
+    let title = escape(title);
+    let mut out = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\" />\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\" />\n\
+         <title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n\
+         <p>Made by <code>{}</code></p>\n",
+        escape(command)
+    );
+    paragraphs(&mut out, intro);
+    let (first, rest) = tables.split_at(tables.len().min(2));
+    first.iter().for_each(|t| table(&mut out, t));
+    if !plots.is_empty() {
+        out.push_str(
+            "<h2>Plots</h2>\n<p>Means over seeds, bars of one standard deviation.</p>\n<div class=\"flow\">\n",
+        );
+        plots.iter().for_each(|p| out.push_str(&p.svg()));
+        out.push_str("</div>\n");
+    }
+    rest.iter().for_each(|t| table(&mut out, t));
+    if !pictures.is_empty() {
+        out.push_str(
+            "<h2>Pictures</h2>\n<p>Photograph, rendering, and parts with their axes; start above, end below.</p>\n\
+             <div class=\"flow\">\n",
+        );
+        for Picture { caption, url } in pictures {
+            let caption = escape(caption);
+            let _ = writeln!(
+                out,
+                "<figure><img src=\"{}\" alt=\"{caption}\" /><figcaption>{caption}</figcaption></figure>",
+                escape(url)
+            );
+        }
+        out.push_str("</div>\n");
+    }
+    out.push_str("</body>\n</html>\n");
+    out
+}
+
+fn paragraphs(out: &mut String, texts: &[String]) {
+    for text in texts {
+        let _ = writeln!(out, "<p>{}</p>", escape(text));
+    }
+}
+
+fn table(out: &mut String, table: &Table) {
+    let _ = writeln!(out, "<h2>{}</h2>", escape(&table.title));
+    paragraphs(out, &table.notes);
+    out.push_str("<div class=\"wide\">\n<table>\n<thead><tr>");
+    for (column, name) in table.head.iter().enumerate() {
+        let class = if table.rows.iter().all(|r| is_number(&r.cells[column])) { "number" } else { "text" };
+        let _ = write!(out, "<th class=\"{class}\">{}</th>", escape(name));
+    }
+    out.push_str("</tr></thead>\n<tbody>\n");
+    let mixed = table.rows.iter().any(|r| r.origin != Origin::Ours);
+    let mut before: Option<&str> = None;
+    for row in &table.rows {
+        let mut classes = match row.origin {
+            Origin::Ours if mixed => vec!["ours"],
+            Origin::StandIn => vec!["stand-in"],
+            Origin::Ours | Origin::Paper => vec![],
+        };
+        let first = row.cells.first().map(String::as_str);
+        if before.is_some() && before != first {
+            classes.push("next");
+        }
+        before = first;
+        let _ = write!(out, "<tr class=\"{}\">", classes.join(" "));
+        for cell in &row.cells {
+            let class = match cell {
+                c if is_number(c) => "number",
+                c if c.chars().count() > LONG => "text long",
+                _ => "text",
+            };
+            let _ = write!(out, "<td class=\"{class}\">{}</td>", escape(cell));
+        }
+        out.push_str("</tr>\n");
+    }
+    out.push_str("</tbody>\n</table>\n</div>\n");
+}
+
+/// True for `0.03±0.01 (1 F)` and for what stands where there is no number.
+fn is_number(cell: &str) -> bool {
+    let (number, rest) = cell.split_once(' ').unwrap_or((cell, "("));
+    let mean = number.split('±').next().unwrap_or_default();
+    matches!(cell, "-" | "F") || (mean.parse::<f64>().is_ok() && rest.starts_with('('))
+}

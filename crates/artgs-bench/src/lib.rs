@@ -1,0 +1,37 @@
+//! Benchmarks: runs the method on many captures, each run a process of its own, scores the replicas, and puts means and
+//! spreads into the tables of the paper beside the numbers printed there.
+
+mod bench;
+mod collect;
+mod escape;
+mod html;
+mod item;
+mod launch;
+mod markdown;
+mod measure;
+pub mod metric;
+pub mod paper;
+mod picture;
+pub mod plot;
+mod plots;
+mod record;
+mod report;
+mod stats;
+mod table;
+mod tables;
+#[cfg(test)]
+mod testing;
+mod variant;
+
+pub use bench::{BenchError, Event, Finished, Options, Parts, RunName, run};
+pub use collect::{Collected, Failures, ObjectInfo, VariantInfo};
+pub use item::{Item, ItemError, Photographer, Source, check_names, items_of_folder};
+pub use launch::Tools;
+pub use measure::{Measure, measure};
+pub use plots::plots;
+pub use record::{Facts, Measured, Outcome, PictureScores, Record, RunMetrics, RunSettings};
+pub use report::{Circumstances, Files, overview, write_report};
+pub use stats::{Aggregate, aggregate};
+pub use table::{Origin, Row, Table};
+pub use tables::tables;
+pub use variant::{Variant, VariantError, check_variants};

@@ -1,0 +1,29 @@
+//! Numbers of a finished run: what it wrote about itself, and scores against the truth.
+
+use crate::record::{Measured, RunMetrics};
+use artgs::evaluate::Scores;
+use artgs_io::write_atomic;
+use serde_json::json;
+use std::path::Path;
+
+/// Measures the replica in the first folder against the truth of the capture in the second; an error is the reason why
+/// it cannot be.
+pub type Measure = fn(&Path, &Path) -> Result<Measured, String>;
+
+/// Reads `metrics.json`, scores joints and surfaces, and leaves the scores in `scores.json`.
+pub fn measure(folder: &Path, capture: &Path) -> Result<Measured, String> {
+    let metrics = read_metrics(folder)?;
+    let scores = artgs::run::evaluate(folder, &capture.join("gt")).map_err(|e| format!("cannot be scored: {e}"))?;
+    let text = format!("{:#}\n", json!(scores));
+    // JSON has no infinity: what does not come back is not a number anyone can average.
+    serde_json::from_str::<Scores>(&text).map_err(|e| format!("scores are not finite: {e}"))?;
+    write_atomic(&folder.join("scores.json"), text.as_bytes()).map_err(|e| e.to_string())?;
+    Ok(Measured { metrics, scores })
+}
+
+/// What the run wrote about itself.
+pub(crate) fn read_metrics(folder: &Path) -> Result<RunMetrics, String> {
+    let path = folder.join("metrics.json");
+    let bytes = std::fs::read(&path).map_err(|e| format!("{} cannot be read: {e}", path.display()))?;
+    serde_json::from_slice(&bytes).map_err(|e| format!("{}: {e}", path.display()))
+}

@@ -1,0 +1,108 @@
+//! A table before it is Markdown or HTML.
+
+use crate::collect::Failures;
+use crate::metric::Metric;
+use crate::stats::Aggregate;
+
+/// Cell of a number that there is not.
+pub(crate) const NOTHING: &str = "-";
+/// Cell of a number of which every run failed.
+pub(crate) const FAILED: &str = "F";
+
+/// Where the numbers of a row come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// This bench, on the object that the table names.
+    Ours,
+    /// This bench, on another object that stands for the one that the table names.
+    StandIn,
+    /// The paper.
+    Paper,
+}
+
+/// A row.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Row {
+    /// Plain text, as many as columns.
+    pub cells: Vec<String>,
+    /// Where its numbers come from.
+    pub origin: Origin,
+}
+
+/// A table with its heading.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Table {
+    /// Heading.
+    pub title: String,
+    /// Paragraphs before it.
+    pub notes: Vec<String>,
+    /// Names of the columns.
+    pub head: Vec<String>,
+    /// Rows.
+    pub rows: Vec<Row>,
+}
+
+impl Table {
+    pub(crate) fn new(title: impl Into<String>, head: Vec<String>) -> Self {
+        Self { title: title.into(), notes: Vec::new(), head, rows: Vec::new() }
+    }
+
+    pub(crate) fn push(&mut self, origin: Origin, cells: Vec<String>) {
+        debug_assert_eq!(cells.len(), self.head.len(), "{}", self.title);
+        self.rows.push(Row { cells, origin });
+    }
+
+    /// Leaves out columns after the first `keep` in which no row has a number or a word.
+    pub(crate) fn without_empty_columns(mut self, keep: usize) -> Self {
+        let used: Vec<bool> = (0..self.head.len())
+            .map(|c| c < keep || self.rows.iter().any(|r| r.cells[c] != NOTHING && r.cells[c] != FAILED))
+            .collect();
+        let strip = |cells: &mut Vec<String>| {
+            let mut column = 0..;
+            cells.retain(|_| column.next().is_some_and(|c: usize| used[c]));
+        };
+        strip(&mut self.head);
+        self.rows.iter_mut().for_each(|r| strip(&mut r.cells));
+        self
+    }
+}
+
+/// A mean with its standard deviation, and how many runs failed: `0.03±0.01 (1 F)`.
+pub(crate) fn number(value: Option<Aggregate>, failures: Failures, metric: Metric, more_digits: usize) -> String {
+    let digits = metric.digits() + more_digits;
+    match value {
+        None if failures.runs > 0 && failures.failed == failures.runs => FAILED.into(),
+        None => NOTHING.into(),
+        Some(a) => {
+            let std = a.std.map(|s| format!("±{s:.digits$}")).unwrap_or_default();
+            let failed = if failures.failed > 0 { format!(" ({} F)", failures.failed) } else { String::new() };
+            format!("{:.digits$}{std}{failed}", a.mean)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_tell_spread_and_failures() {
+        let a = |std, runs| Some(Aggregate { mean: 0.034, std, runs });
+        let f = |runs, failed| Failures { runs, failed, ..Failures::default() };
+        assert_eq!(number(a(None, 1), f(1, 0), Metric::AxisAngle, 0), "0.03");
+        assert_eq!(number(a(Some(0.01), 2), f(3, 1), Metric::AxisAngle, 1), "0.034±0.010 (1 F)");
+        assert_eq!(number(None, f(2, 2), Metric::AxisAngle, 0), "F");
+        assert_eq!(number(None, f(2, 0), Metric::Lpips, 0), "-");
+        assert_eq!(number(None, f(0, 0), Metric::Lpips, 0), "-");
+    }
+
+    #[test]
+    fn columns_without_anything_go() {
+        let mut t = Table::new("t", ["a", "b", "c"].map(String::from).to_vec());
+        t.push(Origin::Ours, ["x", "-", "1"].map(String::from).to_vec());
+        t.push(Origin::Ours, ["-", "F", "-"].map(String::from).to_vec());
+        let t = t.without_empty_columns(1);
+        assert_eq!(t.head, ["a", "c"]);
+        assert_eq!(t.rows[1].cells, ["-", "-"]);
+    }
+}

@@ -1,0 +1,196 @@
+//! `artgs bench`: many runs as child processes of this program, and their report.
+
+use crate::args::{Bench, GivenParts};
+use crate::commands::{Style, use_threads};
+use crate::failure::Failure;
+use crate::library::Config;
+use crate::output::say;
+use crate::suites::{self, Photos};
+use anyhow::{Context, anyhow};
+use artgs_bench::{
+    Circumstances, Collected, Event, Files, Finished, Item, Options, Outcome, Parts, RunName, Tools, Variant,
+    items_of_folder, paper,
+};
+use serde_json::{Value, json};
+use std::io::{self, Write};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+pub(crate) fn run(args: &Bench, style: Style) -> Result<(), Failure> {
+    use_threads(args.threads)?;
+    let (items, variants) = (items(args)?, variants(args)?);
+    let program = std::env::current_exe().context("cannot tell where this program is")?;
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("cannot watch for Ctrl-C")?;
+    let tell = |event: Event<'_>| show(&event, style);
+    let finished = artgs_bench::run(&items, &variants, &options(args), &Tools::new(program), &stop, &tell)
+        .map_err(|e| if e.is_bad_input() { Failure::BadInput(e.into()) } else { Failure::Failed(e.into()) })?;
+    let Finished { records, missing } = finished;
+    let all = Collected::new(&items, &variants, records);
+    let files = artgs_bench::write_report(&args.out, &all, &circumstances(args)).map_err(anyhow::Error::from)?;
+    conclude(&all, &files, style)?;
+    if missing > 0 {
+        let more = format!("interrupted with {missing} runs to go; the same command goes on from here");
+        return Err(Failure::Interrupted(anyhow!(more)));
+    }
+    if all.records.iter().all(|r| r.measured().is_none()) {
+        return Err(Failure::Failed(anyhow!("every run failed; {} tells why", files.markdown.display())));
+    }
+    Ok(())
+}
+
+fn options(args: &Bench) -> Options {
+    Options {
+        out: args.out.clone(),
+        seeds: args.seeds,
+        parts: if args.parts == GivenParts::Given { Parts::Given } else { Parts::Auto },
+        timeout: args.timeout,
+        jobs: args.jobs.get(),
+        threads: args.threads.map(Into::into),
+        force: args.force,
+        retry_failed: args.retry_failed,
+    }
+}
+
+fn circumstances(args: &Bench) -> Circumstances {
+    let cores = || std::thread::available_parallelism().map_or(1, Into::into);
+    Circumstances {
+        command: std::iter::once("artgs".to_string())
+            .chain(std::env::args().skip(1).map(|a| quoted(&a)))
+            .fold(String::new(), |line, word| if line.is_empty() { word } else { format!("{line} {word}") }),
+        threads: args.threads.map_or_else(cores, Into::into),
+        jobs: args.jobs.get(),
+        parts_given: args.parts == GivenParts::Given,
+    }
+}
+
+/// A word as a shell reads it back.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,:+".contains(c);
+    if !word.is_empty() && word.chars().all(plain) { word.into() } else { format!("'{}'", word.replace('\'', "'\\''")) }
+}
+
+/// Objects of the suites and folders named, in that order.
+fn items(args: &Bench) -> Result<Vec<Item>, Failure> {
+    let photos = Photos { views: args.views, size: args.size };
+    let (mut items, mut of_suites) = (Vec::new(), false);
+    for what in &args.what {
+        match what.to_str().and_then(|name| suites::suite(name, photos)) {
+            Some(suite) => {
+                items.extend(suite.map_err(Failure::bad)?);
+                of_suites = true;
+            }
+            None => items.extend(folder_items(what)?),
+        }
+    }
+    if !of_suites && (args.views.is_some() || args.size.is_some()) {
+        return Err(Failure::bad("--views and --size are for suites; captures in folders are taken as they are"));
+    }
+    for (pairs, same) in [(&args.same_object, true), (&args.stand_in, false)] {
+        for (name, object) in pairs {
+            relate(&mut items, name, object, same)?;
+        }
+    }
+    Ok(items)
+}
+
+fn folder_items(folder: &Path) -> Result<Vec<Item>, Failure> {
+    if !folder.is_dir() {
+        let (shown, known) = (folder.display(), suites::SUITES.join(", "));
+        return Err(Failure::bad(format!("{shown}: neither a folder nor a suite; the suites are {known}")));
+    }
+    items_of_folder(folder).map_err(Failure::bad)
+}
+
+/// Says what an object is, or stands for, in the paper.
+fn relate(items: &mut [Item], name: &str, object: &str, same: bool) -> Result<(), Failure> {
+    let flag = if same { "--same-object" } else { "--stand-in" };
+    let Some(item) = items.iter_mut().find(|i| i.name == name) else {
+        return Err(Failure::bad(format!("{flag} {name}={object}: no object is called `{name}`")));
+    };
+    let Some(found) = paper::find(object) else {
+        let known: Vec<&str> = paper::OBJECTS.iter().map(|o| o.id).collect();
+        let known = known.join(", ");
+        return Err(Failure::bad(format!("{flag} {name}={object}: the paper's objects are {known}")));
+    };
+    (item.stands_for, item.same_object) = (Some(found), same);
+    Ok(())
+}
+
+fn variants(args: &Bench) -> Result<Vec<Variant>, Failure> {
+    let default = ["full".to_string()];
+    let none = args.variants.is_empty() && args.variant_config.is_empty();
+    let mut variants = Vec::new();
+    for name in if none { &default[..] } else { &args.variants } {
+        let known = || format!("no variant is called `{name}`; there are {}", suites::VARIANTS.join(", "));
+        variants.push(suites::variant(name).ok_or_else(|| Failure::bad(known()))?);
+    }
+    for (name, file) in &args.variant_config {
+        let text = std::fs::read_to_string(file).map_err(|e| Failure::bad(format!("{file}: {e}")))?;
+        Config::default().overridden_by(&text).map_err(|e| Failure::bad(format!("{file}: {e}")))?;
+        variants.push(Variant::with_overlay(name, "default", &format!("settings of {file}"), text));
+    }
+    Ok(variants)
+}
+
+fn show(event: &Event<'_>, style: Style) {
+    if style.json {
+        // A reader that went away does not stop the bench.
+        let _ = say(event_json(event));
+    } else if !style.quiet {
+        let _ = writeln!(io::stderr(), "{}", event_text(event));
+    }
+}
+
+fn event_text(event: &Event<'_>) -> String {
+    match event {
+        Event::Kept { runs } => format!("{runs} runs are there already"),
+        Event::Photographing { object } => format!("photographing {object}"),
+        Event::Started { run, number, of } => format!("run {number} of {of}: {run}"),
+        Event::Finished { run, outcome: Outcome::Done(_), seconds } => format!("{run}: done in {seconds:.0} s"),
+        Event::Finished { run, outcome: Outcome::Failed(reason), .. } => format!("{run}: failed, {reason}"),
+    }
+}
+
+fn event_json(event: &Event<'_>) -> Value {
+    let name = |run: &RunName<'_>| json!({ "variant": run.variant, "object": run.object, "seed": run.seed });
+    match event {
+        Event::Kept { runs } => json!({ "event": "kept", "runs": runs }),
+        Event::Photographing { object } => json!({ "event": "photographing", "object": object }),
+        Event::Started { run, number, of } => {
+            json!({ "event": "run_started", "run": name(run), "number": number, "of": of })
+        }
+        Event::Finished { run, outcome, seconds } => {
+            let failure = if let Outcome::Failed(reason) = outcome { Some(reason) } else { None };
+            json!({ "event": "run_finished", "run": name(run), "failure": failure, "seconds": seconds })
+        }
+    }
+}
+
+fn conclude(all: &Collected, files: &Files, style: Style) -> Result<(), Failure> {
+    let failed = all.records.iter().filter(|r| r.measured().is_none()).count();
+    let runs = all.records.len();
+    if style.json {
+        return say(json!({
+            "event": "result", "runs": runs, "failed": failed,
+            "markdown": files.markdown, "json": files.json, "html": files.html,
+        }));
+    }
+    if !style.quiet {
+        say(artgs_bench::overview(all).trim_end())?;
+        say(format!("{runs} runs, {failed} failed; tables and plots in {}", files.html.display()))?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_come_back_from_a_shell() {
+        assert_eq!(["a/b-c.d=e", "a b", "", "it's"].map(quoted), ["a/b-c.d=e", "'a b'", "''", "'it'\\''s'"]);
+    }
+}
