@@ -3,7 +3,9 @@
 use crate::error::read_bytes;
 use crate::{FileError, write_atomic};
 use artgs_core::DepthMap;
-use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, codecs::png::PngEncoder};
+use image::codecs::png::{PngDecoder, PngEncoder};
+use image::{ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageError};
+use std::io::Cursor;
 use std::path::Path;
 
 /// A decoded colour image.
@@ -32,38 +34,59 @@ pub struct DepthImage {
     pub counts: Vec<u16>,
 }
 
-fn decode(path: &Path) -> Result<DynamicImage, FileError> {
-    let bytes = read_bytes(path)?;
-    image::load_from_memory_with_format(&bytes, ImageFormat::Png)
-        .map_err(|e| FileError::malformed(path, format!("not a whole, readable PNG ({e}); write it again")))
+fn open(path: &Path, bytes: &[u8]) -> Result<impl ImageDecoder, FileError> {
+    let decoder = PngDecoder::new(Cursor::new(bytes)).map_err(|e| unreadable(path, &e))?;
+    if decoder.total_bytes() > LARGEST {
+        let (width, height) = decoder.dimensions();
+        let reason = format!("it claims {width}x{height} pixels, more than fit in 1 GiB; make it smaller");
+        return Err(FileError::malformed(path, reason));
+    }
+    Ok(decoder)
+}
+
+/// Largest size of a decoded image, bytes: a header that claims more is damaged or hostile.
+const LARGEST: u64 = 1 << 30;
+
+fn unreadable(path: &Path, error: &ImageError) -> FileError {
+    FileError::malformed(path, format!("not a whole, readable PNG ({error}); write it again"))
 }
 
 /// Reads a PNG of any colour type as straight 8-bit RGBA.
 pub fn read_rgba(path: &Path) -> Result<RgbaImage, FileError> {
-    let image = decode(path)?;
-    let color = image.color();
+    let bytes = read_bytes(path)?;
+    let decoder = open(path, &bytes)?;
+    let ((width, height), color) = (decoder.dimensions(), decoder.color_type());
     let (has_alpha, was_16_bit) = (color.has_alpha(), color.bytes_per_pixel() / color.channel_count() > 1);
-    let image = image.into_rgba8();
-    let (width, height) = image.dimensions();
-    let pixels = image.into_raw().as_chunks::<4>().0.to_vec();
+    let pixels = if color == ColorType::Rgba8 {
+        // Straight into its place: copies of hundreds of images leave memory in pieces.
+        let mut pixels = vec![[0; 4]; width as usize * height as usize];
+        decoder.read_image(pixels.as_flattened_mut()).map_err(|e| unreadable(path, &e))?;
+        pixels
+    } else {
+        let image = DynamicImage::from_decoder(decoder).map_err(|e| unreadable(path, &e))?;
+        image.into_rgba8().into_raw().as_chunks::<4>().0.to_vec()
+    };
     Ok(RgbaImage { width, height, pixels, has_alpha, was_16_bit })
 }
 
 /// Reads a 16-bit one-channel PNG. Any other kind of PNG is an error.
 pub fn read_depth(path: &Path) -> Result<DepthImage, FileError> {
-    let image = decode(path)?;
-    let DynamicImage::ImageLuma16(image) = image else {
+    let bytes = read_bytes(path)?;
+    let decoder = open(path, &bytes)?;
+    let color = decoder.color_type();
+    if color != ColorType::L16 {
         return Err(FileError::malformed(
             path,
             format!(
-                "depth must be a 16-bit one-channel PNG, this one is {:?}; \
-                 write round(depth * depth_scale) as 16-bit greyscale",
-                image.color()
+                "depth must be a 16-bit one-channel PNG, this one is {color:?}; \
+                 write round(depth * depth_scale) as 16-bit greyscale"
             ),
         ));
-    };
-    let (width, height) = image.dimensions();
-    Ok(DepthImage { width, height, counts: image.into_raw() })
+    }
+    let (width, height) = decoder.dimensions();
+    let mut counts = vec![0_u16; width as usize * height as usize];
+    decoder.read_image(bytemuck::cast_slice_mut(&mut counts)).map_err(|e| unreadable(path, &e))?;
+    Ok(DepthImage { width, height, counts })
 }
 
 fn encode(path: &Path, width: u32, height: u32, bytes: &[u8], color: ExtendedColorType) -> Result<(), FileError> {
@@ -126,6 +149,25 @@ mod tests {
         let message = read_depth(&path).unwrap_err().to_string();
         assert!(message.contains("d.png") && message.contains("16-bit"), "{message}");
         assert!(write_rgb(&path, 2, 2, &[[0; 3]; 3]).is_err());
+    }
+
+    #[test]
+    fn a_header_that_claims_too_much_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("huge.png");
+        write_rgb(&path, 1, 1, &[[1; 3]]).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        bytes[16..24].copy_from_slice(&[0, 1, 0, 0, 0, 1, 0, 0]);
+        // The checksum of the header chunk must fit its new content.
+        let mut crc = u32::MAX;
+        for byte in &bytes[12..29] {
+            crc ^= u32::from(*byte);
+            (0..8).for_each(|_| crc = if crc & 1 == 1 { crc >> 1 ^ 0xedb8_8320 } else { crc >> 1 });
+        }
+        bytes[29..33].copy_from_slice(&(!crc).to_be_bytes());
+        std::fs::write(&path, &bytes).unwrap();
+        let message = read_rgba(&path).unwrap_err().to_string();
+        assert!(message.contains("huge.png") && message.contains("65536x65536"), "{message}");
     }
 
     #[test]
