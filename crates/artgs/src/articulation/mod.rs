@@ -2,16 +2,26 @@
 
 pub(crate) mod adam;
 pub mod assign;
+pub mod assignment;
 mod block;
+mod encoder;
+#[cfg(test)]
+mod encoder_testing;
 pub mod hash_grid;
 pub mod joints;
 pub mod mlp;
+pub mod mlp_assign;
 mod quaternion;
+pub mod slot_assign;
+mod slot_cell;
 pub mod warp;
 
-pub use assign::{AssignConfig, PartAssignment};
+pub use assign::{AssignConfig, AssignKind, PartAssignment, SlotConfig};
+pub use assignment::Assignment;
 pub use hash_grid::{HashGrid, HashGridConfig};
 pub use joints::{MotionModel, MotionParameters};
+pub use mlp_assign::MlpAssignment;
+pub use slot_assign::SlotAssignment;
 pub use warp::{DualQuaternion, Skin, Warp, WarpGradients, WarpInput};
 
 use rand::RngExt;
