@@ -37,7 +37,11 @@ fn wrong_usage_exits_2_and_says_what_is_wrong() {
         (&["reconstruct", "x", "-o", "y", "--parts", "1"], "counts the static part"),
         (&["reconstruct", "x", "-o", "y", "--parts", "two"], "number of rigid parts"),
         (&["reconstruct", "x", "-o", "y", "--resume", "--force"], "--force"),
-        (&["reconstruct", "x", "-o", "y", "--preset", "magic"], "default, paper"),
+        (&["reconstruct", "x", "-o", "y", "--preset", "magic"], "default, paper, registration"),
+        (&["reconstruct", "x", "-o", "y", "--parts", "2", "--variant", "magic"], "random-centres"),
+        (&["reconstruct", "x", "-o", "y", "--parts", "2", "--schedule", "0.1"], "--preset paper"),
+        (&["reconstruct", "x", "-o", "y", "--parts", "2", "--preset", "paper", "--schedule", "2"], "`schedule`"),
+        (&["reconstruct", "x", "-o", "y", "--method", "registration", "--variant", "mlp"], "trains nothing"),
         (&["demo", "--threads", "0"], "--threads"),
         (&["evaluate", "x"], "--gt"),
     ] {

@@ -28,7 +28,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
 /// A standard normal variate (Box and Muller).
-fn normal(rng: &mut Pcg64Mcg) -> f64 {
+pub(crate) fn normal(rng: &mut Pcg64Mcg) -> f64 {
     let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
     radius * (std::f64::consts::TAU * rng.random::<f64>()).cos()
 }
