@@ -54,7 +54,8 @@ pub(super) fn align(start: &Cloud, end: &Cloud, scales: &Scales, config: &Regist
     };
     let mut best: Vec<Rigid> = Vec::new();
     for fit in ranked(&guesses(start, end, config.turns), &rough) {
-        let differs = |m: &Rigid| (m.inverse() * fit.motion).angle() > 0.1 || far(m, &fit.motion, start) > 2.0 * spacing;
+        let differs =
+            |m: &Rigid| (m.inverse() * fit.motion).angle() > 0.1 || far(m, &fit.motion, start) > 2.0 * spacing;
         if best.len() < REFINED && best.iter().all(differs) {
             best.push(fit.motion);
         }
@@ -84,7 +85,8 @@ fn far(a: &Rigid, b: &Rigid, cloud: &Cloud) -> f64 {
 /// Middle onto middle, with `turns` turns about each principal axis of the start cluster.
 fn guesses(start: &Cloud, end: &Cloud, turns: usize) -> Vec<Rigid> {
     let (from, to) = (middle(start), middle(end));
-    let about = |q: DQuat| Rigid::shift(to) * Rigid::from_matrix(DMat3::from_quat(q), DVec3::ZERO) * Rigid::shift(-from);
+    let about =
+        |q: DQuat| Rigid::shift(to) * Rigid::from_matrix(DMat3::from_quat(q), DVec3::ZERO) * Rigid::shift(-from);
     let mut out = vec![about(DQuat::IDENTITY)];
     for axis in principal_axes(start) {
         let turn = |i: usize| about(DQuat::from_axis_angle(axis, TAU * i as f64 / turns.max(1) as f64));

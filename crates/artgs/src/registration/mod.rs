@@ -105,14 +105,9 @@ pub fn register_parts(
 }
 
 /// Clusters of start and end that fit each other best, one to one, with the motions between them; largest first.
-fn matched(
-    groups: &[Vec<Cloud>; 2],
-    scene: &Scene,
-    config: &RegistrationConfig,
-) -> Vec<(usize, usize, Option<Fit>)> {
+fn matched(groups: &[Vec<Cloud>; 2], scene: &Scene, config: &RegistrationConfig) -> Vec<(usize, usize, Option<Fit>)> {
     let fit = |a: &Cloud, b: &Cloud| (a.len().min(b.len()) >= LEAST).then(|| align::align(a, b, &scene.scales, config));
-    let fits: Vec<Vec<Option<Fit>>> =
-        groups[0].iter().map(|a| groups[1].iter().map(|b| fit(a, b)).collect()).collect();
+    let fits: Vec<Vec<Option<Fit>>> = groups[0].iter().map(|a| groups[1].iter().map(|b| fit(a, b)).collect()).collect();
     let cost = |fit: &Option<Fit>| fit.map_or(f64::from(scene.scales.diagonal), |f| f.cost);
     let costs: Vec<Vec<f64>> = fits.iter().map(|row| row.iter().map(cost).collect()).collect();
     let taken = hungarian(&costs, groups[1].len());
