@@ -8,10 +8,10 @@ use artgs_core::{Capture, JointKind};
 use std::fs;
 use std::path::Path;
 
-fn cabinet(folder: &Path) -> Capture {
-    let options = CabinetOptions { views: 16, test_views: 1, size: 72, ..CabinetOptions::default() };
-    write_cabinet(folder, &options).unwrap();
-    artgs_io::load_capture(folder).unwrap()
+fn cabinet(folder: &Path, views: usize, size: u32) -> Capture {
+    let options = CabinetOptions { views, test_views: 1, size, ..CabinetOptions::default() };
+    write_cabinet(folder, &options).expect("the cabinet is written");
+    artgs_io::load_capture(folder).expect("the cabinet is read")
 }
 
 /// So short that only the way is tested, not where it leads.
@@ -36,7 +36,7 @@ fn started(events: &[Event], name: &str) -> bool {
 #[test]
 fn published_variants_run_and_only_one_skips_the_types() {
     let root = tempfile::tempdir().unwrap();
-    let capture = cabinet(&root.path().join("capture"));
+    let capture = cabinet(&root.path().join("capture"), 10, 56);
     let mut seen: Vec<Vec<u8>> = Vec::new();
     for (name, _) in variants() {
         let Ok(config) = apply(name, hasty(Config::paper_scaled(0.002).unwrap())) else { continue };
@@ -45,7 +45,9 @@ fn published_variants_run_and_only_one_skips_the_types() {
         let summary = reconstruct(&capture, &out, &config, false, &mut events).unwrap();
         assert!(summary.parts == 3 && summary.test[0].is_some(), "{name}");
         assert_eq!(started(&events, "types"), *name != "no-types", "{name}");
-        artgs::run::evaluate(&out, &root.path().join("capture/gt")).unwrap();
+        if *name == "mlp" {
+            artgs::run::evaluate(&out, &root.path().join("capture/gt")).unwrap();
+        }
         let splats = fs::read(out.join("splats/canonical.ply")).unwrap();
         assert!(!seen.contains(&splats), "{name} comes out like another variant");
         seen.push(splats);
@@ -56,22 +58,23 @@ fn published_variants_run_and_only_one_skips_the_types() {
 #[test]
 fn default_variants_run_repeatably() {
     let root = tempfile::tempdir().unwrap();
-    let capture = cabinet(&root.path().join("capture"));
-    for (name, _) in variants() {
+    let capture = cabinet(&root.path().join("capture"), 16, 72);
+    // The full method has tests of its own.
+    for (name, _) in &variants()[1..] {
         let mut config = hasty(Config::default());
         config.articulate.steps = 24;
         let config = apply(name, config).unwrap();
         let run = |out: &Path| {
             let summary = reconstruct(&capture, out, &config, false, &mut NullObserver).unwrap();
             assert!(summary.parts == 3 && summary.gaussians > 500, "{name}: {summary}");
-            artgs::run::evaluate(out, &root.path().join("capture/gt")).unwrap()
         };
         let out = root.path().join(name);
-        let scores = run(&out);
+        run(&out);
         let replica = artgs_io::read_replica(&out).unwrap();
         assert!((1..3).all(|k| replica.joint(k).unwrap().kind != JointKind::Screw), "{name}");
-        if matches!(*name, "full" | "no-types" | "random-gaussians") {
-            // Those keep what discovery found; types are told rightly without deciding on them first.
+        if *name == "no-types" {
+            // Discovery's motions are good enough to tell types without deciding on them first.
+            let scores = artgs::run::evaluate(&out, &root.path().join("capture/gt")).unwrap();
             assert!(scores.counts.wrong_type == 0 && scores.joints.axis_angle_deg.unwrap() < 2.0, "{name}: {scores}");
         }
         if *name == "slots" {

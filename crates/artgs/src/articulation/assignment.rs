@@ -13,7 +13,7 @@ pub enum Assignment {
     /// By a perceptron.
     Mlp(MlpAssignment),
     /// By slot attention.
-    Slots(SlotAssignment),
+    Slots(Box<SlotAssignment>),
 }
 
 impl Assignment {
@@ -29,7 +29,7 @@ impl Assignment {
         match config.kind {
             AssignKind::Centres => Self::Centres(PartAssignment::new(config, centres, radii, bounds, rng)),
             AssignKind::Mlp => Self::Mlp(MlpAssignment::new(config, centres.len(), bounds, rng)),
-            AssignKind::Slots => Self::Slots(SlotAssignment::new(config, centres.len(), bounds, rng)),
+            AssignKind::Slots => Self::Slots(Box::new(SlotAssignment::new(config, centres.len(), bounds, rng))),
         }
     }
 

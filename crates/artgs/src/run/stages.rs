@@ -23,6 +23,9 @@ use std::time::Instant;
 /// Depth maps of the training views of both states, scene units, 0 where there is none.
 pub(super) type Depths<'a> = [Vec<Cow<'a, [f32]>>; 2];
 
+/// Where Gaussians of each state should be, for the Chamfer term.
+type ChamferPoints = [Vec<[f32; 3]>; 2];
+
 /// A run under way.
 pub(super) struct Run<'a> {
     capture: &'a Capture,
@@ -212,7 +215,7 @@ impl<'a> Run<'a> {
     }
 
     /// What training begins with, and targets of the Chamfer term if parts are to be learnt.
-    fn start(&self, found: &Discovery, parts: usize) -> Result<(Start, Option<[Vec<[f32; 3]>; 2]>), Error> {
+    fn start(&self, found: &Discovery, parts: usize) -> Result<(Start, Option<ChamferPoints>), Error> {
         let config = self.config;
         if config.start.parts == PartSource::Learnt {
             let (start, canonical) = uninformed_start(found, parts, config).map_err(FitError::from)?;
