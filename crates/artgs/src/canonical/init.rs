@@ -325,7 +325,11 @@ mod tests {
 
         let all = with(|c| c.centres = CentreSource::All);
         assert_eq!(all.splats, full.splats);
-        assert!(all.centres != full.centres && all.movable_clusters.len() < 3300 * 2 / 3);
+        // What lies far apart is told apart without motion too, the largest being static; published clustering is not
+        // as lucky and cuts the plate.
+        assert!(all.movable_clusters.len() == 800 && all.centres[0] == full.centres[0]);
+        let cut = with(|c| (c.centres, c.cluster) = (CentreSource::All, ClusterConfig::paper()));
+        assert!(cut.movable_clusters.iter().any(|m| m.0 < 2500) && cut.centres[0] != full.centres[0]);
         let drawn = with(|c| c.centres = CentreSource::Random);
         assert_eq!(drawn.splats, full.splats);
         assert!(drawn.movable_clusters.is_empty());
