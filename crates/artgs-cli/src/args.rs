@@ -80,9 +80,15 @@ pub(crate) struct Reconstruct {
 /// How to reconstruct.
 #[derive(Debug, Args)]
 pub(crate) struct Method {
-    /// Settings to start from
-    #[arg(long, value_enum, default_value_t = Preset::Default)]
+    /// The method, with its settings to start from
+    #[arg(long, visible_alias = "method", value_enum, default_value_t = Preset::Default)]
     pub(crate) preset: Preset,
+    /// Only this share of the published steps, 0 to 1, with bolder rates; with `--preset paper`
+    #[arg(long, value_name = "SHARE")]
+    pub(crate) schedule: Option<f64>,
+    /// Take one idea away, as the ablations of the paper do; a name that is none lists them
+    #[arg(long, value_name = "NAME")]
+    pub(crate) variant: Option<String>,
     /// TOML file with settings that replace those of the preset
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
@@ -111,6 +117,8 @@ pub(crate) enum Preset {
     Default,
     /// The published method, as closely as possible
     Paper,
+    /// A baseline without Gaussians: clusters of what moved, registered; needs depth
+    Registration,
 }
 
 #[derive(Debug, Args)]

@@ -95,7 +95,14 @@ pub(crate) fn observed(
 
 /// The part of the method's configuration that flags set.
 pub(crate) fn settings(method: &Method, parts: Option<usize>) -> Settings {
-    Settings { preset: method.preset, file: method.config.clone(), parts, seed: method.seed }
+    Settings {
+        preset: method.preset,
+        schedule: method.schedule,
+        variant: method.variant.clone(),
+        file: method.config.clone(),
+        parts,
+        seed: method.seed,
+    }
 }
 
 /// Sizes the thread pool that everything shares.

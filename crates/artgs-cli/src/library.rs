@@ -3,6 +3,7 @@
 use crate::args::Preset;
 use crate::failure::Failure;
 use crate::output::Report;
+use artgs::ablation;
 use artgs::evaluate::pictures::has_splats;
 use artgs::evaluate::{Lpips, PictureReport, Scores, score_replica};
 use artgs::observer::Observer;
@@ -15,6 +16,8 @@ pub(crate) use artgs::Config;
 #[derive(Clone, Debug)]
 pub(crate) struct Settings {
     pub(crate) preset: Preset,
+    pub(crate) schedule: Option<f64>,
+    pub(crate) variant: Option<String>,
     pub(crate) file: Option<PathBuf>,
     pub(crate) parts: Option<usize>,
     pub(crate) seed: Option<u64>,
@@ -30,12 +33,17 @@ pub(crate) fn inspect(capture: &Path) -> Result<Report, Failure> {
     Report::new(&artgs_io::summarize(&load(capture)?))
 }
 
-/// The preset, overridden by the file, overridden by the flags.
+/// The preset, less what a variant takes away, overridden by the file, overridden by the flags.
 pub(crate) fn configure(settings: &Settings) -> Result<Config, Failure> {
-    let mut config = match settings.preset {
-        Preset::Default => Config::default(),
-        Preset::Paper => Config::paper(),
+    let mut config = match (settings.preset, settings.schedule) {
+        (Preset::Paper, schedule) => Config::paper_scaled(schedule.unwrap_or(1.0)).map_err(Failure::bad)?,
+        (_, Some(_)) => return Err(Failure::bad("--schedule shortens the published method: add --preset paper")),
+        (Preset::Default, None) => Config::default(),
+        (Preset::Registration, None) => Config::registration(),
     };
+    if let Some(variant) = &settings.variant {
+        config = ablation::apply(variant, config).map_err(|e| Failure::bad(without(&e)))?;
+    }
     if let Some(file) = &settings.file {
         let text = std::fs::read_to_string(file).map_err(|e| Failure::bad(format!("{}: {e}", file.display())))?;
         config = config.overridden_by(&text).map_err(|e| Failure::bad(format!("{}: {e}", file.display())))?;
@@ -47,6 +55,15 @@ pub(crate) fn configure(settings: &Settings) -> Result<Config, Failure> {
         return Err(Failure::bad(artgs::Error::PartsMissing));
     }
     Ok(config)
+}
+
+/// Why there is no such variant, and what each does if none was named rightly.
+fn without(error: &ablation::AblationError) -> String {
+    let mut text = error.to_string();
+    if matches!(error, ablation::AblationError::Unknown { .. }) {
+        ablation::variants().iter().for_each(|(name, what)| text.push_str(&format!("\n  {name:17} {what}")));
+    }
+    text
 }
 
 /// Runs the method on a capture; files go to `out`.

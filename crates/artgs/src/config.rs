@@ -4,6 +4,7 @@ use crate::articulate::{ArticulateConfig, TypeConfig};
 use crate::canonical::init::CanonicalConfig;
 use crate::discover::DiscoverConfig;
 use crate::fit::single::SingleConfig;
+use crate::registration::RegistrationConfig;
 use crate::run::points::StartConfig;
 use crate::surface::SurfaceConfig;
 use serde::{Deserialize, Serialize};
@@ -12,11 +13,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
-    /// From depth: moved points, registration, labels; then Gaussians are trained on the found parts.
+    /// From depth: what explains it best, a part for every surface point; then Gaussians are trained on the found parts.
     #[default]
-    Registration,
+    Discover,
     /// As published: matched Gaussians, clustered centres, learned assignment and motions.
     Paper,
+    /// A baseline without Gaussians: clusters of what moved are registered and fused.
+    Registration,
 }
 
 /// Settings of a reconstruction. Every field may be left out of a file; unknown fields are refused.
@@ -29,16 +32,18 @@ pub struct Config {
     pub seed: u64,
     /// How parts and joints are found.
     pub method: Method,
-    /// Gaussians of each state alone. `registration` needs them only where a capture has no depth.
+    /// Gaussians of each state alone. `discover` needs them only where a capture has no depth.
     pub single: SingleConfig,
-    /// Part discovery of `registration`.
+    /// Part discovery of `discover`; its distance between points also serves `registration`.
     pub discover: DiscoverConfig,
-    /// First canonical Gaussians of `registration`.
+    /// First canonical Gaussians of `discover`.
     pub start: StartConfig,
     /// First canonical Gaussians and part centres of `paper`.
     pub canonical: CanonicalConfig,
-    /// Joint types of `paper`.
+    /// Joint types of `paper`; the least turn of a revolute part also where `discover` learns its parts.
     pub types: TypeConfig,
+    /// The baseline `registration`.
+    pub registration: RegistrationConfig,
     /// Training of the articulated Gaussians.
     pub articulate: ArticulateConfig,
     /// Meshes.
@@ -80,6 +85,22 @@ impl Config {
         }
     }
 
+    /// The published method with every count of steps (lengths of runs, densification, resets, temperature, levels,
+    /// learning rate schedules, Chamfer range) multiplied by `factor` in (0, 1], and learning rates by
+    /// `1 / sqrt(factor)`: for tables of many runs, where a full one takes too long. Not the published numbers.
+    pub fn paper_scaled(factor: f64) -> Result<Self, ConfigError> {
+        if factor > 0.0 && factor <= 1.0 {
+            return Ok(crate::shorten::shortened(Self::paper(), factor));
+        }
+        let rule = "the share of the published steps, greater than 0 and at most 1";
+        Err(ConfigError::Value { field: "schedule", value: factor.to_string(), rule })
+    }
+
+    /// The baseline that registers clusters of what moved.
+    pub fn registration() -> Self {
+        Self { method: Method::Registration, ..Self::default() }
+    }
+
     /// These settings with those replaced that the TOML text gives.
     pub fn overridden_by(&self, text: &str) -> Result<Self, ConfigError> {
         let changes: toml::Table = text.parse()?;
@@ -116,6 +137,17 @@ impl Config {
                 return bad(field, value.to_string(), "images are divided by this, so it is 1 or more");
             }
         }
+        for (field, assign) in
+            [("articulate.assign", &self.articulate.assign), ("types.train.assign", &self.types.train.assign)]
+        {
+            if assign.slots.width == 0 || assign.hidden == 0 {
+                return bad(field, "0".into(), "`hidden` and `slots.width` are numbers per Gaussian, 1 or more");
+            }
+        }
+        let reach = self.registration.reach;
+        if !(reach > 0.0 && reach < 1.0) {
+            return bad("registration.reach", reach.to_string(), "a fraction of the object's diagonal between 0 and 1");
+        }
         Ok(())
     }
 }
@@ -149,12 +181,35 @@ mod tests {
 
     #[test]
     fn settings_survive_toml_and_single_fields_can_be_replaced() {
-        for config in [Config::default(), Config::paper()] {
+        for config in [Config::default(), Config::paper(), Config::registration()] {
             assert_eq!(Config::default().overridden_by(&config.to_toml()).unwrap(), config);
         }
         let changed = Config::paper().overridden_by("parts = 3\n[discover]\nrounds = 7\n").unwrap();
         assert_eq!((changed.parts, changed.discover.rounds, changed.method), (Some(3), 7, Method::Paper));
         assert_eq!(changed.single, SingleConfig::paper());
+    }
+
+    #[test]
+    fn a_shorter_paper_run_keeps_its_proportions() {
+        assert_eq!(Config::paper_scaled(1.0).unwrap(), Config::paper());
+        let (short, paper) = (Config::paper_scaled(0.04).unwrap(), Config::paper());
+        assert_eq!((short.single.steps, short.types.train.steps, short.articulate.steps), (400, 120, 800));
+        assert_eq!((short.types.steps_for_many, short.articulate.assign.temperature_steps), (200, 400));
+        let (a, b) = (&short.articulate, &paper.articulate);
+        assert_eq!((a.chamfer_after, a.chamfer_before, a.centre_after), (40, 200, 120));
+        assert_eq!((a.densify.after, a.densify.before, a.densify.every, a.densify.reset_every), (20, 600, 4, 120));
+        assert_eq!(a.joint_rate.steps, 1600);
+        assert!((a.joint_rate.from / b.joint_rate.from - 5.0).abs() < 1e-9);
+        assert!((short.single.rates.sh_dc / paper.single.rates.sh_dc - 5.0).abs() < 1e-9);
+        // One that is hard by its end stays so: the share of steps after the temperature has fallen is the same.
+        let hard = |c: &crate::articulate::ArticulateConfig| {
+            let first = (0..c.steps).find(|s| c.assign.is_hard(*s)).unwrap();
+            first as f64 / c.steps as f64
+        };
+        assert!((hard(a) - hard(b)).abs() < 2e-3);
+        for factor in [0.0, -1.0, 1.5, f64::NAN] {
+            assert!(Config::paper_scaled(factor).unwrap_err().to_string().contains("schedule"));
+        }
     }
 
     #[test]
@@ -164,5 +219,10 @@ mod tests {
         assert!(message("parts = 1").contains("`parts`"));
         assert!(message("[discover]\nspacing = -1.0").contains("discover.spacing"));
         assert!(message("seed = \"x\"").contains("seed"));
+        assert!(message("method = \"magic\"").contains("magic"));
+        assert!(message("[articulate.assign]\nkind = \"tree\"").contains("tree"));
+        assert!(message("[canonical]\ncentres = \"best\"").contains("best"));
+        assert!(message("[articulate.assign.slots]\nwidth = 0").contains("articulate.assign"));
+        assert!(message("[registration]\nreach = 2.0").contains("registration.reach"));
     }
 }

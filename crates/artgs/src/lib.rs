@@ -1,5 +1,6 @@
 //! The method: two captures of an articulated object to an interactable replica.
 
+pub mod ablation;
 pub mod articulate;
 pub mod articulation;
 pub mod canonical;
@@ -9,7 +10,9 @@ pub mod evaluate;
 pub mod fit;
 pub mod neighbours;
 pub mod observer;
+pub mod registration;
 pub mod run;
+mod shorten;
 pub mod surface;
 pub mod synth;
 

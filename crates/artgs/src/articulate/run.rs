@@ -2,7 +2,7 @@
 
 use super::config::ArticulateConfig;
 use super::trained::Trained;
-use crate::articulation::{MotionModel, MotionParameters, PartAssignment};
+use crate::articulation::{Assignment, MotionModel, MotionParameters};
 use crate::fit::images::prepare;
 use crate::fit::single::camera_extent;
 use crate::fit::{
@@ -86,7 +86,7 @@ impl Start {
             SkinStart::Labels(labels) => Membership::Labels(labels.clone()),
             SkinStart::Centres { centres, radii } => {
                 let bounds = bounds(&self.splats.means);
-                let module = PartAssignment::new(config.assign.clone(), centres, radii, bounds, rng);
+                let module = Assignment::new(config.assign.clone(), centres, radii, bounds, rng);
                 Membership::Learned(Box::new(module))
             }
         }

@@ -15,6 +15,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TypeConfig {
+    /// Leave this stage out, the paper's ablation "w/o Joint Pred.": all parts keep general rigid motions, and those
+    /// whose learnt half motion exceeds `half_angle_deg` in the end are told revolute.
+    pub skip: bool,
     /// The optimisation; its number of steps is for a single movable part.
     pub train: ArticulateConfig,
     /// Number of steps for several movable parts.
@@ -28,6 +31,7 @@ impl TypeConfig {
     pub fn paper() -> Self {
         let third = ArticulateConfig::paper();
         Self {
+            skip: false,
             train: ArticulateConfig {
                 steps: 3000,
                 image_divisor: 8,
@@ -49,7 +53,7 @@ impl Default for TypeConfig {
 }
 
 /// Predicts the kind of every movable part's motion, `[K - 1]`: `Prismatic`, or `Free` for those that turn (published
-/// code does not hold them to a hinge).
+/// code does not hold them to a hinge). All are `Free` if the stage is left out.
 pub fn predict_types(
     views: [&[View]; 2],
     canonical: &Canonical,
@@ -58,6 +62,9 @@ pub fn predict_types(
     on_step: &mut dyn FnMut(StepStats),
 ) -> Result<Vec<MotionModel>, FitError> {
     let parts = canonical.centres.len();
+    if config.skip {
+        return Ok(vec![MotionModel::Free; parts.saturating_sub(1)]);
+    }
     let steps = if parts > 2 { config.steps_for_many } else { config.train.steps };
     let train = ArticulateConfig { steps, ..config.train.clone() };
     let start = still_start(canonical, &vec![MotionModel::Free; parts.saturating_sub(1)], seed);

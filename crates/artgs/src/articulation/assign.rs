@@ -22,10 +22,43 @@ const CHUNK: usize = BLOCKS * LANES;
 const FRAME: usize = 10;
 const OPACITY_FLOOR: f64 = 1e-5;
 
+/// What decides which part a Gaussian belongs to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AssignKind {
+    /// Distances from centres, corrected by a perceptron: the paper's.
+    #[default]
+    Centres,
+    /// A perceptron of the position alone: the paper's ablation "MLP Seg".
+    Mlp,
+    /// Slot attention over all Gaussians: the paper's ablation "SA Seg".
+    Slots,
+}
+
+/// Settings of the slot attention.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SlotConfig {
+    /// Numbers per slot and per Gaussian.
+    pub width: usize,
+    /// Times that the slots attend to the Gaussians before their last attention assigns these.
+    pub iterations: usize,
+}
+
+impl Default for SlotConfig {
+    fn default() -> Self {
+        Self { width: 32, iterations: 3 }
+    }
+}
+
 /// Settings of the module. The default is the paper's; [`AssignConfig::light`] is faster.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AssignConfig {
+    /// What decides.
+    pub kind: AssignKind,
+    /// The slots of `kind = "slots"`.
+    pub slots: SlotConfig,
     /// Hash encoding of positions.
     pub grid: HashGridConfig,
     /// Whether hash grid and perceptron see positions relative to the object's bounding box, its longest side being 1,
@@ -60,6 +93,8 @@ pub struct AssignConfig {
 impl Default for AssignConfig {
     fn default() -> Self {
         Self {
+            kind: AssignKind::Centres,
+            slots: SlotConfig::default(),
             grid: HashGridConfig::default(),
             normalise_coordinates: false,
             hidden: 32,
@@ -90,6 +125,24 @@ impl AssignConfig {
         let done = (step as f64 / self.temperature_steps.max(1) as f64).min(1.0);
         let (start, end) = (self.start_temperature, self.end_temperature);
         end + (start - end) * 0.5 * (1.0 + (std::f64::consts::PI * done).cos())
+    }
+
+    /// What logits are multiplied by before the softmax, for `parts` parts.
+    pub(super) fn inverse_temperature(&self, step: usize, parts: usize) -> f32 {
+        let movable = (parts.max(2) - 1) as f64;
+        let divisor = if self.divide_temperature_by_movable { movable } else { 1.0 };
+        (divisor / self.temperature(step)) as f32
+    }
+
+    /// Levels of the hash grid that learn at a step.
+    pub(super) fn active_levels(&self, step: usize) -> usize {
+        (self.initial_levels + step / self.steps_per_level.max(1)).min(self.grid.levels)
+    }
+
+    /// Origin and scale of the coordinates that hash grid and perceptron see.
+    pub(super) fn normalisation(&self, bounds: [[f32; 3]; 2]) -> ([f32; 3], f32) {
+        let longest = (0..3).map(|a| bounds[1][a] - bounds[0][a]).fold(1e-12, f32::max);
+        if self.normalise_coordinates { (bounds[0], 1.0 / longest) } else { ([0.0; 3], 1.0) }
     }
 
     /// Whether weights are one-hot at a step.
@@ -139,8 +192,7 @@ impl PartAssignment {
             .collect();
         let mlp = Mlp::new(4 * parts + FEATURES * config.grid.levels + 3, config.hidden, 2 * parts, rng);
         let grid = HashGrid::new(&config.grid, rng);
-        let longest = (0..3).map(|a| bounds[1][a] - bounds[0][a]).fold(1e-12, f32::max);
-        let normalisation = if config.normalise_coordinates { (bounds[0], 1.0 / longest) } else { ([0.0; 3], 1.0) };
+        let normalisation = config.normalisation(bounds);
         let len = parts * FRAME + mlp.params().len();
         Self {
             frames,
@@ -197,12 +249,6 @@ impl PartAssignment {
             .collect()
     }
 
-    fn effective_inverse_temperature(&self, step: usize) -> f32 {
-        let movable = (self.parts().max(2) - 1) as f64;
-        let divisor = if self.config.divide_temperature_by_movable { movable } else { 1.0 };
-        (divisor / self.config.temperature(step)) as f32
-    }
-
     fn coordinate(&self, x: [f32; 3]) -> [f32; 3] {
         let (origin, scale) = self.normalisation;
         std::array::from_fn(|a| (x[a] - origin[a]) * scale)
@@ -212,9 +258,8 @@ impl PartAssignment {
     pub fn forward(&mut self, means: &[[f32; 3]], step: usize, rng: &mut Pcg64Mcg, weights: &mut [f32]) {
         let parts = self.parts();
         assert_eq!(weights.len(), means.len() * parts, "one weight per Gaussian and part");
-        self.inverse_temperature = self.effective_inverse_temperature(step);
-        let more = step / self.config.steps_per_level.max(1);
-        self.active_levels = (self.config.initial_levels + more).min(self.grid.levels());
+        self.inverse_temperature = self.config.inverse_temperature(step, parts);
+        self.active_levels = self.config.active_levels(step);
         self.points.clear();
         self.points.extend_from_slice(means);
         let mut coordinates = std::mem::take(&mut self.coordinates);

@@ -78,8 +78,7 @@ fn schedule_turns_hard_at_the_published_step() {
     assert!(!c.is_hard(9787) && c.is_hard(9788) && c.is_hard(20_000));
     assert!((c.temperature(0) - 1.0).abs() < 1e-12 && (c.temperature(5000) - 0.55).abs() < 1e-12);
     assert!((c.temperature(15_000) - 0.1).abs() < 1e-12);
-    let m = module(config());
-    assert!((m.effective_inverse_temperature(20_000) - 20.0).abs() < 1e-5);
+    assert!((c.inverse_temperature(20_000, PARTS) - 20.0).abs() < 1e-5);
 }
 
 #[test]

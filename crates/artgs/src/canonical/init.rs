@@ -5,6 +5,8 @@ use super::cluster::{ClusterConfig, spectral_clusters};
 use super::fps::farthest_points;
 use super::matching::match_points;
 use super::motion::{StaticRule, analyse};
+use super::uninformed::{random_centres, random_gaussians};
+use crate::fit::RandomInit;
 use artgs_core::Splats;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
@@ -12,10 +14,40 @@ use serde::{Deserialize, Serialize};
 /// Least radius of a part, as a fraction of the object's longest side: the logarithm must stay finite.
 const MIN_RADIUS: f32 = 1e-4;
 
+/// Where canonical Gaussians come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CanonicalStart {
+    /// Static Gaussians and midpoints of matched pairs: the paper's.
+    #[default]
+    Matched,
+    /// Uniform in a cube around the object, near-grey: the paper's ablation "w/o Cano. Init."
+    Random,
+}
+
+/// Where part centres come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CentreSource {
+    /// Clusters of the Gaussians that moved, and the mean of the others: the paper's.
+    #[default]
+    Moved,
+    /// Clusters of all Gaussians, the largest taken for the static part: the paper's ablation "w/o Motion Prior".
+    All,
+    /// Drawn around the middle of the object: the paper's ablation "w/o Center Init."
+    Random,
+}
+
 /// Settings of the canonical start. Defaults follow the published code, save for quaternions and clustering.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CanonicalConfig {
+    /// Canonical Gaussians.
+    pub start: CanonicalStart,
+    /// Those of `start = "random"`.
+    pub random: RandomInit,
+    /// Part centres.
+    pub centres: CentreSource,
     /// Most pairs of Gaussians that are matched and averaged.
     pub max_matched: usize,
     /// Which Gaussians are copied as static.
@@ -34,6 +66,9 @@ pub struct CanonicalConfig {
 impl Default for CanonicalConfig {
     fn default() -> Self {
         Self {
+            start: CanonicalStart::Matched,
+            random: RandomInit::default(),
+            centres: CentreSource::Moved,
             max_matched: 5000,
             static_rule: StaticRule::default(),
             centre_ratio: None,
@@ -64,7 +99,7 @@ pub struct Canonical {
     pub more_motion_state: usize,
     /// All centres of each state's Gaussians, targets for the warped canonical ones.
     pub cd_targets: [Vec<[f32; 3]>; 2],
-    /// Gaussians of that state that moved: index and part (1..K).
+    /// Gaussians of that state in movable parts: index and part (1..K); none where centres are random.
     pub movable_clusters: Vec<(usize, u16)>,
 }
 
@@ -80,37 +115,77 @@ pub fn canonical_init(
     let state = motion.more_motion_state;
     let (distances, source) = (&motion.squared_distances[state], &single[state]);
 
-    let fixed = config.static_rule.mask(distances);
-    let mut splats = source.select((0..source.len()).filter(|&i| fixed[i]));
-    let middle = midpoints(single, config);
-    splats.extend_from(&middle, 0..middle.len());
+    let splats = match config.start {
+        CanonicalStart::Random => random_gaussians(single, &config.random, rng)?,
+        CanonicalStart::Matched => {
+            let fixed = config.static_rule.mask(distances);
+            let mut splats = source.select((0..source.len()).filter(|&i| fixed[i]));
+            let middle = midpoints(single, config);
+            splats.extend_from(&middle, 0..middle.len());
+            splats
+        }
+    };
+    let clusters = match config.centres {
+        CentreSource::Moved => moved_clusters(source, distances, parts, config, rng)?,
+        CentreSource::All => all_clusters(source, parts, config, rng)?,
+        CentreSource::Random => Vec::new(),
+    };
+    let (centres, radii) = match config.centres {
+        CentreSource::Random => random_centres(single, parts, rng),
+        _ => balls(source, &clusters, parts, config.radius_factor),
+    };
+    let movable_clusters = clusters.into_iter().enumerate().filter(|(_, part)| *part > 0).collect();
+    let cd_targets = [single[0].means.clone(), single[1].means.clone()];
+    Ok(Canonical { splats, centres, radii, more_motion_state: state, cd_targets, movable_clusters })
+}
 
+/// Part of every Gaussian of a state: 0 for those that stayed, clusters of the others.
+fn moved_clusters(
+    source: &Splats,
+    distances: &[f32],
+    parts: usize,
+    config: &CanonicalConfig,
+    rng: &mut Pcg64Mcg,
+) -> Result<Vec<u16>, CanonicalError> {
     let default_ratio = if parts > 3 { 0.05 } else { config.static_rule.ratio };
     let rule = StaticRule { ratio: config.centre_ratio.unwrap_or(default_ratio), ..config.static_rule };
     let fixed = rule.mask(distances);
-    let (still, moved): (Vec<usize>, Vec<usize>) = (0..source.len()).partition(|&i| fixed[i]);
-    let too_few = CanonicalError::TooFewPoints { points: moved.len(), clusters: parts - 1 };
+    let moved: Vec<usize> = (0..source.len()).filter(|&i| !fixed[i]).collect();
     if moved.len() < parts - 1 {
-        return Err(too_few);
+        return Err(CanonicalError::TooFewPoints { points: moved.len(), clusters: parts - 1 });
     }
     let points: Vec<[f32; 3]> = moved.iter().map(|&i| source.means[i]).collect();
     let labels = spectral_clusters(&points, parts - 1, &config.cluster, rng)?;
-    let movable_clusters: Vec<(usize, u16)> = moved.iter().zip(&labels).map(|(&i, &l)| (i, l + 1)).collect();
+    let mut clusters = vec![0; source.len()];
+    moved.iter().zip(&labels).for_each(|(&i, &label)| clusters[i] = label + 1);
+    Ok(clusters)
+}
 
+/// Cluster of every Gaussian of a state, the largest first.
+fn all_clusters(
+    source: &Splats,
+    parts: usize,
+    config: &CanonicalConfig,
+    rng: &mut Pcg64Mcg,
+) -> Result<Vec<u16>, CanonicalError> {
+    let labels = spectral_clusters(&source.means, parts, &config.cluster, rng)?;
+    let mut sizes: Vec<(usize, u16)> = (0..parts as u16).map(|k| (0, k)).collect();
+    labels.iter().for_each(|&l| sizes[usize::from(l)].0 += 1);
+    sizes.sort_by_key(|&(size, k)| (std::cmp::Reverse(size), k));
+    let place = |l: &u16| sizes.iter().position(|s| s.1 == *l).unwrap_or(0) as u16;
+    Ok(labels.iter().map(place).collect())
+}
+
+/// Mean and radius of every part, `[K]`; of a part without members those of everything.
+fn balls(source: &Splats, clusters: &[u16], parts: usize, factor: f32) -> (Vec<[f32; 3]>, Vec<f32>) {
     let floor = MIN_RADIUS * longest_side(&source.means);
-    let (mut centres, mut radii) = (Vec::with_capacity(parts), Vec::with_capacity(parts));
-    for part in 0..parts {
-        let members: Vec<[f32; 3]> = match part {
-            0 => still.iter().map(|&i| source.means[i]).collect(),
-            _ => points.iter().zip(&labels).filter(|(_, l)| usize::from(**l) + 1 == part).map(|(p, _)| *p).collect(),
-        };
-        // Without members: the middle of everything, rather than not a number.
+    let of_part = |part: usize| {
+        let own = source.means.iter().zip(clusters).filter(|(_, c)| usize::from(**c) == part);
+        let members: Vec<[f32; 3]> = own.map(|(p, _)| *p).collect();
         let (centre, farthest) = ball(if members.is_empty() { &source.means } else { &members });
-        centres.push(centre);
-        radii.push((config.radius_factor * farthest).max(floor));
-    }
-    let cd_targets = [single[0].means.clone(), single[1].means.clone()];
-    Ok(Canonical { splats, centres, radii, more_motion_state: state, cd_targets, movable_clusters })
+        (centre, (factor * farthest).max(floor))
+    };
+    (0..parts).map(of_part).unzip()
 }
 
 fn check(single: &[Splats; 2], parts: usize) -> Result<(), CanonicalError> {
@@ -224,6 +299,42 @@ mod tests {
         }
         assert!((c.radii[0] - 0.5 * 0.49 * 2f32.sqrt()).abs() < 1e-4);
         assert!((c.radii[1] - 0.5 * 0.19 * 2f32.sqrt()).abs() < 1e-4);
+    }
+
+    #[test]
+    fn every_variant_changes_what_it_says_and_nothing_else() {
+        let single = cabinet();
+        let with = |change: fn(&mut CanonicalConfig)| {
+            let mut config = CanonicalConfig { max_matched: 300, ..Default::default() };
+            config.random.count = 500;
+            change(&mut config);
+            canonical_init(&single, 3, &config, &mut Pcg64Mcg::new(1)).unwrap()
+        };
+        let full = with(|_| {});
+        let random = with(|c| c.start = CanonicalStart::Random);
+        assert_eq!((random.splats.len(), random.splats.sh_degree), (500, 1));
+        let inside = |p: &[f32; 3]| (0..2).all(|a| (p[a] - 0.49).abs() < 1.3 * 0.5);
+        assert!(random.splats.means.iter().all(inside) && random.splats.means.iter().any(|p| p[0] < -0.1));
+        // The generator is elsewhere by then, so parts may have changed places.
+        let sorted = |c: &Canonical| {
+            let mut centres = c.centres.clone();
+            centres.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[2].total_cmp(&b[2])));
+            centres
+        };
+        assert_eq!(sorted(&random), sorted(&full));
+
+        let all = with(|c| c.centres = CentreSource::All);
+        assert_eq!(all.splats, full.splats);
+        // What lies far apart is told apart without motion too, the largest being static; published clustering is not
+        // as lucky and cuts the plate.
+        assert!(all.movable_clusters.len() == 800 && all.centres[0] == full.centres[0]);
+        let cut = with(|c| (c.centres, c.cluster) = (CentreSource::All, ClusterConfig::paper()));
+        assert!(cut.movable_clusters.iter().any(|m| m.0 < 2500) && cut.centres[0] != full.centres[0]);
+        let drawn = with(|c| c.centres = CentreSource::Random);
+        assert_eq!(drawn.splats, full.splats);
+        assert!(drawn.movable_clusters.is_empty());
+        assert!(drawn.centres.iter().all(|p| (p[0] - 0.49).abs() < 0.03 && (p[1] - 0.49).abs() < 0.03));
+        assert!(drawn.centres[0] != drawn.centres[1] && drawn.radii.iter().all(|r| (r - 0.49).abs() < 0.05));
     }
 
     #[test]

@@ -7,8 +7,9 @@ pub mod matching;
 pub mod motion;
 mod spectral;
 mod tree;
+mod uninformed;
 
-pub use init::{Canonical, CanonicalConfig, canonical_init};
+pub use init::{Canonical, CanonicalConfig, CanonicalStart, CentreSource, canonical_init};
 
 /// A reason why there is no canonical start.
 #[derive(Debug, thiserror::Error, PartialEq)]
@@ -36,6 +37,9 @@ pub enum CanonicalError {
         /// Clusters asked for.
         clusters: usize,
     },
+    /// Random Gaussians could not be made.
+    #[error("random Gaussians: {0}")]
+    Random(String),
     /// The k-d tree refused the points.
     #[error("k-d tree: {0}")]
     Tree(String),

@@ -36,11 +36,21 @@ pub struct DiscoverConfig {
     pub rounds: usize,
     /// Motions that turn less than this are slides, degrees, unless a hinge fits clearly better.
     pub revolute_deg: f64,
+    /// Decide between hinge and slide and register parts on their joints. Otherwise, an ablation, they keep general rigid
+    /// motions, and those that turn by more than `revolute_deg` are told revolute in the end.
+    pub decide_joints: bool,
 }
 
 impl Default for DiscoverConfig {
     fn default() -> Self {
-        Self { spacing: 1.0 / 160.0, voxel: 1.0 / 110.0, least_share: 0.004, rounds: 3, revolute_deg: 3.0 }
+        Self {
+            spacing: 1.0 / 160.0,
+            voxel: 1.0 / 110.0,
+            least_share: 0.004,
+            rounds: 3,
+            revolute_deg: 3.0,
+            decide_joints: true,
+        }
     }
 }
 
@@ -200,7 +210,21 @@ fn label_points(
     [start, end]
 }
 
-/// Registers the points of one part; in the last round decides its joint and stays on it.
+/// Surface points of both states and nothing else: no parts, all labels static.
+pub fn undiscovered(scene: &Scene) -> Discovery {
+    let clouds = [&scene.states[0].cloud, &scene.states[1].cloud];
+    Discovery {
+        clouds: [clouds[0].clone(), clouds[1].clone()],
+        labels: clouds.map(|c| vec![0; c.len()]),
+        parts: Vec::new(),
+        diagonal: scene.scales.diagonal.into(),
+        spacing: scene.scales.spacing.into(),
+        tolerance: scene.tolerance.into(),
+        warnings: Vec::new(),
+    }
+}
+
+/// Registers the points of one part; in the last round decides its joint, if asked to, and stays on it.
 fn refine(
     part: &mut FoundPart,
     clouds: [&Cloud; 2],
@@ -215,7 +239,7 @@ fn refine(
         clouds[s].select(&members)
     });
     if own.iter().any(|c| c.len() < 12) {
-        if last {
+        if last && config.decide_joints {
             // Too little to fit anything to: the motion as proposed, on the likelier joint.
             let turns = part.motion.angle().to_degrees() > config.revolute_deg;
             part.kind = if turns { JointKind::Revolute } else { JointKind::Prismatic };
@@ -229,7 +253,7 @@ fn refine(
     let options = RegisterOptions { first_reach: 3.0 * spacing, last_reach: spacing, iterations, max_points };
     let free = register::register(Match::mutual(&points[0], &points[1]), part.motion, None, &options);
     *part = FoundPart { kind: JointKind::Screw, motion: free.motion, rms: free.rms };
-    if last {
+    if last && config.decide_joints {
         let (kind, fit) = choose_joint(&points, &free, &options, config.revolute_deg);
         *part = FoundPart { kind, motion: fit.motion, rms: fit.rms };
     }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::articulation::{AssignConfig, MotionModel, MotionParameters, PartAssignment};
+use crate::articulation::{AssignConfig, AssignKind, Assignment, MotionModel, MotionParameters};
 use crate::fit::images::{DepthPick, TrainImage};
 use crate::fit::{
     AdamConfig, Articulated, ChamferTargets, DeformConfig, DepthMode, LogLinear, LossConfig, Membership, PlateauConfig,
@@ -176,13 +176,15 @@ fn gradients_of_a_step_by_motions_are_exact() {
 
 #[test]
 fn gradients_by_motions_are_exact_for_soft_parts_too() {
-    let config = AssignConfig { gumbel: false, centre_weight: 0.0, ..AssignConfig::light() };
     let centres: Vec<[f32; 3]> = (0..4).map(|k| [0.2 * k as f32 - 0.3, 0.1, 0.2 - 0.1 * k as f32]).collect();
-    let mut rng = Pcg64Mcg::seed_from_u64(2);
-    let parts = PartAssignment::new(config, &centres, &[0.5; 4], [[-1.0; 3], [1.0; 3]], &mut rng);
-    for view in 0..2 {
-        let membership = Membership::Learned(Box::new(parts.clone()));
-        check_joints(&mut backend(membership, DeformConfig { chamfer: 2.0, ..deform() }), view);
+    for kind in [AssignKind::Centres, AssignKind::Mlp, AssignKind::Slots] {
+        let config = AssignConfig { kind, gumbel: false, centre_weight: 0.0, ..AssignConfig::light() };
+        let mut rng = Pcg64Mcg::seed_from_u64(2);
+        let parts = Assignment::new(config, &centres, &[0.5; 4], [[-1.0; 3], [1.0; 3]], &mut rng);
+        for view in 0..2 {
+            let membership = Membership::Learned(Box::new(parts.clone()));
+            check_joints(&mut backend(membership, DeformConfig { chamfer: 2.0, ..deform() }), view);
+        }
     }
 }
 

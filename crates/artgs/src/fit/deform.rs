@@ -4,7 +4,7 @@
 use super::chamfer::ChamferTargets;
 use super::schedule::LogLinear;
 use crate::articulation::adam::{Adam, corrections};
-use crate::articulation::{DualQuaternion, MotionParameters, PartAssignment, Skin};
+use crate::articulation::{Assignment, DualQuaternion, MotionParameters, Skin};
 use crate::articulation::{Warp, WarpGradients, WarpInput};
 use artgs_core::{Rigid, Splats};
 use artgs_raster::{Colors, ShFrames, SplatGrads, SplatView};
@@ -22,7 +22,7 @@ pub enum Membership {
     /// Fixed parts, `[n]`, below K.
     Labels(Vec<u16>),
     /// Learnt with everything else.
-    Learned(Box<PartAssignment>),
+    Learned(Box<Assignment>),
 }
 
 /// How parts and their motions are trained.
@@ -200,7 +200,7 @@ impl Articulated {
         std::mem::swap(&mut grads.rotations, &mut work.d_rotations);
         let mut extra = self.chamfer(splats, state, step, warp, work);
         if let Membership::Learned(assignment) = &mut self.membership {
-            if step > self.config.centre_after && assignment.config().centre_weight > 0.0 {
+            if step > self.config.centre_after {
                 extra += assignment.centre_regulariser(splats, &work.weights, &mut work.d_weights);
             }
             assignment.backward(&work.d_weights);

@@ -4,7 +4,7 @@ use super::densify::logit;
 use super::images::TrainImage;
 use super::{FitError, region::Region};
 use artgs_core::Splats;
-use glam::{DVec2, Quat, Vec3};
+use glam::{DVec2, DVec3, Quat, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::{Matrix3, SymmetricEigen};
 use rand::RngExt;
@@ -64,13 +64,23 @@ pub fn random_cube(
     sh_degree: usize,
     rng: &mut Pcg64Mcg,
 ) -> Result<Splats, FitError> {
-    let half = region.half_side() * config.margin;
-    let centre = region.centre();
-    let mut point = || std::array::from_fn(|i| (centre[i] + half * (2.0 * rng.random::<f64>() - 1.0)) as f32);
+    let half = DVec3::splat(region.half_side() * config.margin);
+    random_box(&Region { low: region.centre() - half, high: region.centre() + half }, config, sh_degree, rng)
+}
+
+/// Near-grey Gaussians, uniform in a box; the margin of `config` does not matter.
+pub fn random_box(
+    region: &Region,
+    config: &RandomInit,
+    sh_degree: usize,
+    rng: &mut Pcg64Mcg,
+) -> Result<Splats, FitError> {
+    let (centre, half) = (region.centre(), 0.5 * (region.high - region.low));
+    let mut point = || std::array::from_fn(|i| (centre[i] + half[i] * (2.0 * rng.random::<f64>() - 1.0)) as f32);
     let means: Vec<[f32; 3]> = (0..config.count).map(|_| point()).collect();
     let colors: Vec<[f32; 3]> =
         (0..config.count).map(|_| std::array::from_fn(|_| 0.5 + SH_DC * rng.random::<f32>() / 255.0)).collect();
-    let scales = neighbour_distances(&means, (half * 1e-4) as f32)?;
+    let scales = neighbour_distances(&means, (half.max_element() * 1e-4) as f32)?;
     Ok(isotropic(means, &colors, &scales, config.opacity, sh_degree))
 }
 

@@ -28,6 +28,13 @@ struct FoundFile {
     warnings: Vec<String>,
 }
 
+#[derive(Serialize, Deserialize)]
+struct TrainedFile {
+    parts: Vec<FoundPart>,
+    /// Half motions as trained: a general one is more than the joint it is taken for.
+    joints: Vec<MotionParameters>,
+}
+
 impl Folder {
     pub(super) fn new(root: &Path) -> Self {
         Self { root: root.to_path_buf() }
@@ -81,13 +88,13 @@ impl Folder {
 
     pub(super) fn save_trained(&self, trained: &Trained, parts: &[FoundPart]) -> Result<(), Error> {
         write_splat_ply(&self.stage("articulated.ply"), &trained.splats, Some(&trained.labels), CANONICAL)?;
-        self.write_json(&self.stage("joints.json"), &parts)
+        let file = TrainedFile { parts: parts.to_vec(), joints: trained.joints.clone() };
+        self.write_json(&self.stage("joints.json"), &file)
     }
 
     pub(super) fn load_trained(&self) -> Option<(Trained, Vec<FoundPart>)> {
-        let parts: Vec<FoundPart> = self.read_json("joints.json")?;
+        let TrainedFile { parts, joints } = self.read_json("joints.json")?;
         let (splats, labels) = read_splat_ply(&self.stage("articulated.ply")).ok()?;
-        let joints = motion_parameters(&parts);
         Some((Trained { splats, labels: labels?, joints }, parts))
     }
 }

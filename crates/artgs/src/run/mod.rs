@@ -2,6 +2,7 @@
 
 pub mod assemble;
 mod folder;
+mod learnt;
 mod lettering;
 pub mod points;
 pub mod preview;
@@ -14,6 +15,7 @@ use crate::discover::{DiscoverError, FoundPart};
 use crate::evaluate::{EvaluateConfig, Scores, Truth};
 use crate::fit::FitError;
 use crate::observer::Observer;
+use crate::registration::RegistrationError;
 use crate::surface::{PartMeshes, SurfaceError};
 use artgs_core::{Capture, STATE_NAMES};
 use artgs_io::FileError;
@@ -42,6 +44,9 @@ pub enum Error {
     /// Parts could not be found.
     #[error(transparent)]
     Discover(#[from] DiscoverError),
+    /// The baseline could not find parts.
+    #[error(transparent)]
+    Registration(#[from] RegistrationError),
     /// Training failed.
     #[error(transparent)]
     Fit(#[from] FitError),
@@ -60,9 +65,12 @@ impl Error {
     /// True if the user has to change the capture, the settings or the command.
     pub fn is_bad_input(&self) -> bool {
         match self {
-            Self::PartsMissing | Self::OtherSettings(_) | Self::Config(_) | Self::Discover(_) | Self::Replica(_) => {
-                true
-            }
+            Self::PartsMissing
+            | Self::OtherSettings(_)
+            | Self::Config(_)
+            | Self::Discover(_)
+            | Self::Registration(_)
+            | Self::Replica(_) => true,
             Self::Fit(_) | Self::Surface(_) | Self::File(_) => false,
         }
     }
@@ -117,10 +125,10 @@ impl fmt::Display for Summary {
     }
 }
 
-/// Trained object with what the surfaces are made from.
+/// Object with what the surfaces are made from.
 pub(crate) struct Built {
-    /// Canonical Gaussians, labels and motions.
-    pub(crate) trained: Trained,
+    /// Canonical Gaussians, labels and motions; none from the baseline.
+    pub(crate) trained: Option<Trained>,
     /// Movable parts: kinds and motions from start to end.
     pub(crate) parts: Vec<FoundPart>,
 }
@@ -138,10 +146,17 @@ pub fn reconstruct(
     let parts = config.parts.ok_or(Error::PartsMissing)?;
     let mut run = Run::open(capture, out, config, resume, observer)?;
     let (built, meshes) = match config.method {
-        Method::Registration => {
+        Method::Discover => {
             let depths = run.depths()?;
             let found = run.discover(&depths, parts)?;
-            let built = run.articulate(&found)?;
+            let (built, found) = run.articulate(found, parts)?;
+            let meshes = run.surface(&depths, &found, &built)?;
+            (built, meshes)
+        }
+        Method::Registration => {
+            let depths = run.captured_depths()?;
+            let found = run.register(&depths, parts)?;
+            let built = Built { trained: None, parts: found.parts.clone() };
             let meshes = run.surface(&depths, &found, &built)?;
             (built, meshes)
         }

@@ -3,20 +3,50 @@
 use crate::discover::Discovery;
 use crate::discover::observe::Cloud;
 use crate::fit::densify::logit;
+use crate::fit::init::random_box;
+use crate::fit::{FitError, RandomInit, Region};
 use crate::neighbours::PointTree;
 use crate::surface::part_meshes::BACKGROUND;
 use artgs_core::{Camera, Rigid, Splats};
-use glam::{DVec2, Quat, Vec3};
+use glam::{DVec2, DVec3, Quat, Vec3};
+use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Zeroth real spherical harmonic.
 const SH0: f32 = 0.282_094_8;
 
+/// Where first canonical Gaussians are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StartSource {
+    /// On the labelled surface points of both states.
+    #[default]
+    Surface,
+    /// As many, uniform in the box of those, near-grey, with the part of the nearest: an ablation.
+    Random,
+}
+
+/// Where the parts of canonical Gaussians come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PartSource {
+    /// From discovery.
+    #[default]
+    Labels,
+    /// From training, which starts with what `canonical` makes of the surface points of both states; there is no
+    /// discovery. An ablation.
+    Learnt,
+}
+
 /// Settings of the first canonical Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StartConfig {
+    /// Where they are.
+    pub from: StartSource,
+    /// Where their parts come from.
+    pub parts: PartSource,
     /// Distance between Gaussians relative to the distance between labelled points.
     pub spacing: f64,
     /// Standard deviation along the surface relative to the distance between Gaussians.
@@ -31,7 +61,15 @@ pub struct StartConfig {
 
 impl Default for StartConfig {
     fn default() -> Self {
-        Self { spacing: 1.0, spread: 0.5, flatness: 0.2, opacity: 0.9, sh_degree: 2 }
+        Self {
+            from: StartSource::Surface,
+            parts: PartSource::Labels,
+            spacing: 1.0,
+            spread: 0.5,
+            flatness: 0.2,
+            opacity: 0.9,
+            sh_degree: 2,
+        }
     }
 }
 
@@ -59,11 +97,34 @@ pub fn canonical_start(found: &Discovery, config: &StartConfig) -> (Splats, Vec<
     (splats, labels)
 }
 
+/// As many Gaussians as in a labelled start, uniform in its box, near-grey and as faint as random Gaussians are, each
+/// with the part of the nearest of that start.
+pub fn scattered(
+    start: &(Splats, Vec<u16>),
+    sh_degree: usize,
+    rng: &mut Pcg64Mcg,
+) -> Result<(Splats, Vec<u16>), FitError> {
+    let (surface, labels) = start;
+    let position = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    surface.means.iter().map(position).for_each(|p| (low, high) = (low.min(p), high.max(p)));
+    let random = RandomInit { count: surface.len(), ..RandomInit::default() };
+    let splats = random_box(&Region { low, high }, &random, sh_degree, rng)?;
+    let tree = PointTree::new(&surface.means);
+    let nearest = |p: &[f32; 3]| tree.nearest(p).map_or(0, |(i, _)| labels[i]);
+    let labels = splats.means.par_iter().with_min_len(256).map(nearest).collect();
+    Ok((splats, labels))
+}
+
 /// Labelled points as small Gaussians, for saving and for looking at.
 pub fn points_as_splats(cloud: &Cloud, spacing: f64) -> Splats {
-    let mut splats = Splats::empty(0);
-    let config = StartConfig { sh_degree: 0, ..StartConfig::default() };
-    (0..cloud.len()).for_each(|i| push_disc(&mut splats, cloud, i, spacing as f32, &config));
+    discs(cloud, spacing, &StartConfig { sh_degree: 0, ..StartConfig::default() })
+}
+
+/// Surface points `spacing` apart as flat Gaussians.
+pub fn discs(cloud: &Cloud, spacing: f64, config: &StartConfig) -> Splats {
+    let mut splats = Splats::empty(config.sh_degree);
+    (0..cloud.len()).for_each(|i| push_disc(&mut splats, cloud, i, spacing as f32, config));
     splats
 }
 

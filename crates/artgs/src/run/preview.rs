@@ -1,8 +1,9 @@
 //! `preview.png`: both states, photograph beside rendering beside parts in colours with their axes.
 
+use super::Error;
 use super::lettering::lettered;
-use super::{Built, Error};
-use crate::articulate::Posed;
+use crate::articulate::{Posed, Trained};
+use crate::discover::FoundPart;
 use artgs_core::{Camera, Capture, Joint, JointKind, STATE_NAMES, View};
 use artgs_raster::Rasterizer;
 use glam::{DVec2, DVec3};
@@ -61,20 +62,26 @@ impl Canvas {
 }
 
 /// Draws two views of each state.
-pub(super) fn write_preview(root: &Path, capture: &Capture, built: &Built, rotate_sh: bool) -> Result<(), Error> {
+pub(super) fn write_preview(
+    root: &Path,
+    capture: &Capture,
+    trained: &Trained,
+    found: &[FoundPart],
+    rotate_sh: bool,
+) -> Result<(), Error> {
     let views = |s: usize| &capture.states[s].train;
     let (w, h) = views(0).iter().chain(views(1)).map(View::size).fold((0, 0), |a, b| (a.0.max(b.0), a.1.max(b.1)));
     let mut canvas = Canvas::new(6 * w, 2 * h);
     let mut rasterizer = Rasterizer::new();
     for state in 0..2 {
-        let posed = built.trained.posed(state);
+        let posed = trained.posed(state);
         for (column, pick) in best_views(&posed, views(state), &mut rasterizer).into_iter().enumerate() {
             let view = &views(state)[pick];
             let at = |tile: usize| ((3 * column + tile) * w, state * h);
             photograph(&mut canvas, at(0), view);
             rendering(&mut canvas, at(1), view, &posed, rotate_sh, &mut rasterizer);
             parts(&mut canvas, at(2), view, &posed, &mut rasterizer);
-            axes(&mut canvas, at(2), &view.camera, built, state);
+            axes(&mut canvas, at(2), &view.camera, (trained, found), state);
             for (tile, panel) in ["PHOTO", "RENDERED", "PARTS"].into_iter().enumerate() {
                 label(&mut canvas, at(tile), &format!("{} {panel}", STATE_NAMES[state].to_uppercase()), w);
             }
@@ -161,10 +168,11 @@ fn label(canvas: &mut Canvas, tile: (usize, usize), text: &str, width: usize) {
 }
 
 /// Axes of the joints: through the hinge, or from the part's centre along the slide.
-fn axes(canvas: &mut Canvas, tile: (usize, usize), camera: &Camera, built: &Built, state: usize) {
-    let posed = built.trained.at_state(state);
-    for (k, part) in built.parts.iter().enumerate() {
-        let members = (0..posed.len()).filter(|&i| usize::from(built.trained.labels[i]) == k + 1);
+fn axes(canvas: &mut Canvas, tile: (usize, usize), camera: &Camera, object: (&Trained, &[FoundPart]), state: usize) {
+    let (trained, found) = object;
+    let posed = trained.at_state(state);
+    for (k, part) in found.iter().enumerate() {
+        let members = (0..posed.len()).filter(|&i| usize::from(trained.labels[i]) == k + 1);
         let points: Vec<DVec3> = members.map(|i| DVec3::from_array(posed.means[i].map(f64::from))).collect();
         if points.is_empty() {
             continue;

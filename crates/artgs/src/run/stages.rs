@@ -1,16 +1,20 @@
 //! The stages, each a function from saved nouns to saved nouns.
 
 use super::folder::{Folder, motion_parameters};
-use super::points::{canonical_start, label_pixels};
+use super::learnt::{relabelled, told_parts, uninformed_start};
+use super::points::{PartSource, StartSource, canonical_start, label_pixels, scattered};
 use super::rendered::{part_meshes_from_renderings, rendered_depths};
 use super::{Built, Error, Summary, assemble};
 use crate::articulate::{PaperConfig, SkinStart, Stage, Start, articulate, paper_pipeline};
 use crate::config::Config;
 use crate::discover::{self, DepthPicture, Discovery, FoundPart, Scene};
-use crate::fit::{StepStats, single::fit_single};
+use crate::fit::{FitError, StepStats, single::fit_single};
 use crate::observer::{Event, Observer};
+use crate::registration::{RegistrationError, register_parts};
 use crate::surface::{LabelledDepth, PartMeshes, SurfaceConfig, part_meshes};
-use artgs_core::{Camera, Capture, DepthMap, Splats, View};
+use artgs_core::{Camera, Capture, DepthMap, STATE_NAMES, Splats, View};
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::path::Path;
@@ -18,6 +22,9 @@ use std::time::Instant;
 
 /// Depth maps of the training views of both states.
 pub(super) type Depths<'a> = [Vec<Cow<'a, DepthMap>>; 2];
+
+/// Where Gaussians of each state should be, for the Chamfer term.
+type ChamferPoints = [Vec<[f32; 3]>; 2];
 
 /// A run under way.
 pub(super) struct Run<'a> {
@@ -116,12 +123,8 @@ impl<'a> Run<'a> {
 
     /// Depth of every training view: the capture's where all views have it, else that of Gaussians fitted to each state.
     pub(super) fn depths(&mut self) -> Result<Depths<'a>, Error> {
-        let captured = |views: &'a [View]| -> Option<Vec<Cow<'a, DepthMap>>> {
-            views.iter().map(|v| Some(Cow::Borrowed(v.depth.as_ref()?))).collect()
-        };
-        let [start, end] = self.train_views();
-        if let (Some(start), Some(end)) = (captured(start), captured(end)) {
-            return Ok([start, end]);
+        if let Ok(depths) = self.captured_depths() {
+            return Ok(depths);
         }
         let single = self.single()?;
         self.observer.event(Event::note("the capture has no depth: parts are found from depth rendered by Gaussians"));
@@ -131,12 +134,47 @@ impl<'a> Run<'a> {
         }))
     }
 
-    /// Parts, joints and labelled points.
+    /// The capture's own depth of every training view.
+    pub(super) fn captured_depths(&self) -> Result<Depths<'a>, Error> {
+        let captured = |state: usize| -> Result<Vec<Cow<'a, DepthMap>>, RegistrationError> {
+            let views = self.train_views()[state].iter();
+            let depths: Option<Vec<_>> = views.map(|v| Some(Cow::Borrowed(v.depth.as_ref()?))).collect();
+            depths.ok_or(RegistrationError::NoDepth(STATE_NAMES[state]))
+        };
+        Ok([captured(0)?, captured(1)?])
+    }
+
+    fn scene(&self, depths: &Depths<'a>) -> Result<Scene, Error> {
+        let pictures = pictures(self.train_views(), depths);
+        Ok(Scene::new([&pictures[0], &pictures[1]], &self.config.discover)?)
+    }
+
+    /// Parts, joints and labelled points; only points where training is to learn the parts.
     pub(super) fn discover(&mut self, depths: &Depths<'a>, parts: usize) -> Result<Discovery, Error> {
-        let found = self.stage("discover", Folder::load_discovery, |run| {
-            let pictures = pictures(run.train_views(), depths);
-            let scene = Scene::new([&pictures[0], &pictures[1]], &run.config.discover)?;
-            let found = discover::discover(&scene, parts - 1, &run.config.discover)?;
+        self.found("discover", |run| {
+            let scene = run.scene(depths)?;
+            Ok(match run.config.start.parts {
+                PartSource::Labels => discover::discover(&scene, parts - 1, &run.config.discover)?,
+                PartSource::Learnt => discover::undiscovered(&scene),
+            })
+        })
+    }
+
+    /// The same by the baseline.
+    pub(super) fn register(&mut self, depths: &Depths<'a>, parts: usize) -> Result<Discovery, Error> {
+        self.found("register", |run| {
+            let Config { registration, seed, .. } = run.config;
+            Ok(register_parts(&run.scene(depths)?, parts - 1, registration, *seed)?)
+        })
+    }
+
+    fn found(
+        &mut self,
+        name: &'static str,
+        find: impl FnOnce(&Self) -> Result<Discovery, Error>,
+    ) -> Result<Discovery, Error> {
+        let found = self.stage(name, Folder::load_discovery, |run| {
+            let found = find(run)?;
             run.folder.save_discovery(&found)?;
             // As a resumed run would: files hold less than memory, and both must go on from the same.
             Ok(run.folder.load_discovery().unwrap_or(found))
@@ -145,26 +183,47 @@ impl<'a> Run<'a> {
         Ok(found)
     }
 
-    /// Canonical Gaussians trained on both states with the found parts.
-    pub(super) fn articulate(&mut self, found: &Discovery) -> Result<Built, Error> {
+    /// Canonical Gaussians trained on both states with the found parts, or with parts that training learns; these then
+    /// label the points.
+    pub(super) fn articulate(&mut self, found: Discovery, parts: usize) -> Result<(Built, Discovery), Error> {
+        let learnt = self.config.start.parts == PartSource::Learnt;
         let (trained, parts) = self.stage("articulate", Folder::load_trained, |run| {
-            let (splats, labels) = canonical_start(found, &run.config.start);
-            let start = Start { splats, skin: SkinStart::Labels(labels), joints: motion_parameters(&found.parts) };
             let config = &run.config.articulate;
+            let (start, targets) = run.start(&found, parts)?;
             let observer = &mut *run.observer;
             let mut on_step = |s: StepStats| observer.event(progress("articulate", &s));
             let views = [&run.capture.states[0].train[..], &run.capture.states[1].train[..]];
-            let trained = articulate(views, start, None, config, run.config.seed, &mut on_step)?;
-            let parts: Vec<FoundPart> = found
-                .parts
-                .iter()
-                .zip(&trained.joints)
-                .map(|(p, j)| if config.learn_joints { FoundPart { motion: j.full_motion(), ..*p } } else { *p })
-                .collect();
-            run.folder.save_trained(&trained, &parts)?;
-            Ok((trained, parts))
+            let trained = articulate(views, start, targets.as_ref(), config, run.config.seed, &mut on_step)?;
+            let told = if learnt {
+                told_parts(&trained, run.config.types.half_angle_deg.to_radians())
+            } else if !run.config.discover.decide_joints {
+                told_parts(&trained, 0.5 * run.config.discover.revolute_deg.to_radians())
+            } else {
+                let pairs = found.parts.iter().zip(&trained.joints);
+                let learn = config.learn_joints;
+                pairs.map(|(p, j)| if learn { FoundPart { motion: j.full_motion(), ..*p } } else { *p }).collect()
+            };
+            run.folder.save_trained(&trained, &told)?;
+            Ok((trained, told))
         })?;
-        Ok(Built { trained, parts })
+        let found = if learnt { relabelled(&found, &trained) } else { found };
+        Ok((Built { trained: Some(trained), parts }, found))
+    }
+
+    /// What training begins with, and targets of the Chamfer term if parts are to be learnt.
+    fn start(&self, found: &Discovery, parts: usize) -> Result<(Start, Option<ChamferPoints>), Error> {
+        let config = self.config;
+        if config.start.parts == PartSource::Learnt {
+            let (start, canonical) = uninformed_start(found, parts, config).map_err(FitError::from)?;
+            return Ok((start, Some(canonical.cd_targets)));
+        }
+        let mut labelled = canonical_start(found, &config.start);
+        if config.start.from == StartSource::Random {
+            let mut rng = Pcg64Mcg::seed_from_u64(config.seed);
+            labelled = scattered(&labelled, config.start.sh_degree, &mut rng)?;
+        }
+        let (splats, labels) = labelled;
+        Ok((Start { splats, skin: SkinStart::Labels(labels), joints: motion_parameters(&found.parts) }, None))
     }
 
     /// The published method from the Gaussians of each state on.
@@ -178,17 +237,11 @@ impl<'a> Run<'a> {
             };
             let views = [&run.capture.states[0].train[..], &run.capture.states[1].train[..]];
             let result = paper_pipeline(views, single, parts, &config, run.config.seed, &mut on_step)?;
-            let half_angle = config.types.half_angle_deg.to_radians();
-            let parts: Vec<FoundPart> = result
-                .trained
-                .joints
-                .iter()
-                .map(|j| FoundPart { kind: j.joint_kind(half_angle), motion: j.full_motion(), rms: 0.0 })
-                .collect();
+            let parts = told_parts(&result.trained, config.types.half_angle_deg.to_radians());
             run.folder.save_trained(&result.trained, &parts)?;
             Ok((result.trained, parts))
         })?;
-        Ok(Built { trained, parts })
+        Ok(Built { trained: Some(trained), parts })
     }
 
     /// Part meshes from depth maps whose pixels are labelled by the nearest labelled points.
@@ -222,7 +275,10 @@ impl<'a> Run<'a> {
         self.stage(
             "surface",
             |_| None,
-            |run| Ok(part_meshes_from_renderings(&built.trained, run.train_views(), &run.config.surface)),
+            |run| {
+                let meshes = |t| part_meshes_from_renderings(t, run.train_views(), &run.config.surface);
+                Ok(built.trained.as_ref().map(meshes).unwrap_or_default())
+            },
         )
     }
 
@@ -238,11 +294,13 @@ impl<'a> Run<'a> {
             |run| {
                 let rotate = run.config.articulate.rotate_sh;
                 assemble::write_replica_files(&run.folder.root, built, meshes)?;
-                assemble::write_splats(&run.folder.root, &built.trained)?;
-                super::preview::write_preview(&run.folder.root, run.capture, built, rotate)?;
                 run.summary.parts = built.parts.len() + 1;
-                run.summary.gaussians = built.trained.splats.len();
-                (run.summary.test, run.summary.train) = assemble::score_pictures(run.capture, &built.trained, rotate);
+                if let Some(trained) = &built.trained {
+                    assemble::write_splats(&run.folder.root, trained)?;
+                    super::preview::write_preview(&run.folder.root, run.capture, trained, &built.parts, rotate)?;
+                    run.summary.gaussians = trained.splats.len();
+                    (run.summary.test, run.summary.train) = assemble::score_pictures(run.capture, trained, rotate);
+                }
                 Ok(())
             },
         )?;
