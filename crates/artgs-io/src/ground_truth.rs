@@ -1,10 +1,14 @@
 //! The benchmark's true joints and meshes: `gt/trans.json` and `gt/{start,end}/*_rotate.ply`.
 //!
+//! Beyond the benchmark's entries of `trans_info`, an entry may be a screw (`"type": "screw"`, `"screw": {"l", "r",
+//! "pitch"}`: degrees and slide per radian, scene units) and may sit on another movable part (`"parent"`: the
+//! `part_id` of that part, which is its place in the list plus 2).
+//!
 //! For scoring only: nothing that reconstructs may call this.
 
 use crate::error::read_bytes;
 use crate::{FileError, read_mesh_ply};
-use artgs_core::{Joint, JointKind, Mesh, STATE_NAMES};
+use artgs_core::{Joint, JointKind, Mesh, Rigid, STATE_NAMES};
 use glam::DVec3;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -12,8 +16,10 @@ use std::path::{Path, PathBuf};
 /// The true articulated object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GroundTruth {
-    /// Joints of the movable parts, in the order of `trans_info`. Value 0 at the start state.
+    /// Joints of the movable parts, in the order of `trans_info`, where they are at the start state. Value 0 there.
     pub joints: Vec<Joint>,
+    /// Index into `joints` of the movable part that carries each part; None: the static part.
+    pub parents: Vec<Option<usize>>,
     /// The whole object at start and end, world frame.
     pub whole: [Mesh; 2],
     /// The static part at start and end.
@@ -22,9 +28,17 @@ pub struct GroundTruth {
     pub movable: Vec<[Mesh; 2]>,
 }
 
+impl GroundTruth {
+    /// World motion of a movable part from start to end: its joint's motion, carried along by its parents.
+    pub fn start_to_end(&self, part: usize) -> Rigid {
+        let own = self.joints[part].start_to_end();
+        self.parents[part].map_or(own, |parent| self.start_to_end(parent) * own)
+    }
+}
+
 /// Reads a `gt` folder. Degrees become radians, axis directions are normalised; a zero axis is an error.
 pub fn load_ground_truth(gt_dir: &Path) -> Result<GroundTruth, FileError> {
-    let joints = read_joints(&gt_dir.join("trans.json"))?;
+    let (joints, parents): (Vec<_>, Vec<_>) = read_joints(&gt_dir.join("trans.json"))?.into_iter().unzip();
     let mesh = |state: usize, name: &str| read_mesh_ply(&mesh_path(gt_dir, state, name));
     let both = |name: &str| Ok([mesh(0, name)?, mesh(1, name)?]);
     let movable = (0..joints.len()).map(|i| {
@@ -32,7 +46,8 @@ pub fn load_ground_truth(gt_dir: &Path) -> Result<GroundTruth, FileError> {
         let single = joints.len() == 1 && !mesh_path(gt_dir, 0, &numbered).is_file();
         both(if single { "_dynamic" } else { &numbered })
     });
-    Ok(GroundTruth { movable: movable.collect::<Result<_, _>>()?, whole: both("")?, fixed: both("_static")?, joints })
+    let movable = movable.collect::<Result<_, _>>()?;
+    Ok(GroundTruth { movable, whole: both("")?, fixed: both("_static")?, joints, parents })
 }
 
 /// `_rotate` in the names means turned to z-up.
@@ -41,17 +56,44 @@ fn mesh_path(gt_dir: &Path, state: usize, name: &str) -> PathBuf {
     gt_dir.join(state).join(format!("{state}{name}_rotate.ply"))
 }
 
-fn read_joints(path: &Path) -> Result<Vec<Joint>, FileError> {
+/// Joints and the parents they sit on.
+fn read_joints(path: &Path) -> Result<Vec<(Joint, Option<usize>)>, FileError> {
     let bytes = read_bytes(path)?;
     let root: Value = serde_json::from_slice(&bytes).map_err(|e| FileError::malformed(path, e.to_string()))?;
     let joints = match root.get("trans_info") {
         Some(Value::Array(list)) => {
-            list.iter().enumerate().map(|(i, v)| joint(v).map_err(|e| format!("trans_info[{i}]: {e}"))).collect()
+            let entry = |(i, v)| Ok((joint(v)?, parent(v, i, list.len())?));
+            let named = |(i, v)| entry((i, v)).map_err(|e: String| format!("trans_info[{i}]: {e}"));
+            list.iter().enumerate().map(named).collect::<Result<Vec<_>, _>>().and_then(without_circles)
         }
-        Some(one @ Value::Object(_)) => joint(one).map(|j| vec![j]).map_err(|e| format!("trans_info: {e}")),
+        Some(one @ Value::Object(_)) => joint(one).map(|j| vec![(j, None)]).map_err(|e| format!("trans_info: {e}")),
         _ => Err("key `trans_info` must be an object or a list of objects".to_string()),
     };
     joints.map_err(|reason| FileError::malformed(path, reason))
+}
+
+/// Index of the part that carries part `index` of `count`.
+fn parent(info: &Value, index: usize, count: usize) -> Result<Option<usize>, String> {
+    let Some(parent) = info.get("parent").filter(|v| !v.is_null()) else { return Ok(None) };
+    match parent.as_u64() {
+        Some(1) => Ok(None),
+        Some(id) if id >= 2 && id < count as u64 + 2 && id != index as u64 + 2 => Ok(Some(id as usize - 2)),
+        _ => Err(format!("key `parent` is {parent}; it must be the `part_id` of another part, 2 to {}", count + 1)),
+    }
+}
+
+/// Refuses parts that carry each other.
+fn without_circles(joints: Vec<(Joint, Option<usize>)>) -> Result<Vec<(Joint, Option<usize>)>, String> {
+    for start in 0..joints.len() {
+        let mut above = joints[start].1;
+        for _ in 0..joints.len() {
+            above = above.and_then(|p| joints[p].1);
+        }
+        if above.is_some() {
+            return Err(format!("trans_info[{start}]: key `parent` leads around in a circle"));
+        }
+    }
+    Ok(joints)
 }
 
 fn joint(info: &Value) -> Result<Joint, String> {
@@ -64,18 +106,20 @@ fn joint(info: &Value) -> Result<Joint, String> {
     let (kind, name, unit) = match info.get("type").and_then(Value::as_str) {
         Some("rotate") => (JointKind::Revolute, "rotate", std::f64::consts::PI / 180.0),
         Some("translate") => (JointKind::Prismatic, "translate", 1.0),
-        _ => return Err("key `type` must be \"rotate\" or \"translate\"".into()),
+        Some("screw") => (JointKind::Screw, "screw", std::f64::consts::PI / 180.0),
+        _ => return Err("key `type` must be \"rotate\", \"translate\" or \"screw\"".into()),
     };
     let value = |key: &str| {
         let number = info.get(name).and_then(|v| v.get(key)).and_then(Value::as_f64);
         number.ok_or_else(|| format!("key `{name}.{key}` must be a number"))
     };
+    let pitch = if kind == JointKind::Screw { value("pitch")? } else { 0.0 };
     let moved = (value("r")? - value("l")?) * unit;
     Ok(Joint {
         kind,
         axis: direction / axis_length,
         origin: vector(axis, "o")?,
-        pitch: 0.0,
+        pitch,
         state_values: [0.0, moved],
         limits: [moved.min(0.0), moved.max(0.0)],
     })
@@ -143,8 +187,24 @@ mod tests {
     }
 
     #[test]
+    fn screws_and_chains_compose() {
+        let screw = HINGE.replace("rotate", "screw").replace("-60", "-60, \"pitch\": -0.5");
+        let carried = SLIDE.replacen('{', "{\"parent\": 2,", 1);
+        let dir = folder(&format!(r#"{{"trans_info": [{screw}, {carried}]}}"#), &["_dynamic_0", "_dynamic_1"]);
+        let truth = load_ground_truth(dir.path()).unwrap();
+        assert_eq!((truth.joints[0].kind, truth.joints[0].pitch), (JointKind::Screw, -0.5));
+        assert_eq!(truth.parents, [None, Some(0)]);
+        // A slide by 0.25 along y, then -90 degrees about -z through (1, 2, .) and pi / 4 along -z.
+        let moved = truth.start_to_end(1).apply(DVec3::new(1.0, 2.0, 3.0));
+        let expected = DVec3::new(0.75, 2.0, 3.0 - std::f64::consts::FRAC_PI_4);
+        assert!((moved - expected).length() < 1e-12, "{moved}");
+    }
+
+    #[test]
     fn bad_entries_are_named() {
         for (from, to, words) in [
+            ("\"type\"", "\"parent\": 3, \"type\"", "trans_info[1]: key `parent` is 3"),
+            ("\"type\"", "\"parent\": 9, \"type\"", "trans_info[1]: key `parent` is 9"),
             ("-2", "0", "trans_info[1]: key `axis.d` is zero"),
             ("\"rotate\",", "\"twist\",", "trans_info[1]: key `type`"),
             ("\"l\"", "\"left\"", "trans_info[1]: key `rotate.l`"),

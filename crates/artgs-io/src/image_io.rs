@@ -91,6 +91,11 @@ pub fn write_rgba(path: &Path, width: u32, height: u32, pixels: &[[u8; 4]]) -> R
     encode(path, width, height, pixels.as_flattened(), ExtendedColorType::Rgba8)
 }
 
+/// Writes an 8-bit greyscale PNG, row-major: labels, one number per pixel.
+pub fn write_gray(path: &Path, width: u32, height: u32, pixels: &[u8]) -> Result<(), FileError> {
+    encode(path, width, height, pixels, ExtendedColorType::L8)
+}
+
 /// Writes a 16-bit depth PNG: `round(depth * scale)`. What does not fit 16 bits, or is not finite, becomes 0 (none).
 pub fn write_depth(path: &Path, width: u32, height: u32, depth: &[f32], scale: f64) -> Result<(), FileError> {
     let value = |d: &f32| {
@@ -117,6 +122,9 @@ mod tests {
         write_rgb(&path, 1, 2, &[[9, 8, 7], [6, 5, 4]]).unwrap();
         let back = read_rgba(&path).unwrap();
         assert_eq!((back.pixels, back.has_alpha), (vec![[9, 8, 7, 255], [6, 5, 4, 255]], false));
+
+        write_gray(&path, 2, 1, &[0, 7]).unwrap();
+        assert_eq!(read_rgba(&path).unwrap().pixels, [[0, 0, 0, 255], [7, 7, 7, 255]]);
 
         write_depth(&path, 3, 1, &[1.2344, 0.0, 70.0], 1000.0).unwrap();
         assert_eq!(read_depth(&path, 1000.0).unwrap().depth, [1.234, 0.0, 0.0]);

@@ -11,7 +11,6 @@ pub mod neighbours;
 pub mod observer;
 pub mod run;
 pub mod surface;
-pub mod synth;
 
 pub use config::Config;
 pub use run::{Error, Summary, reconstruct};
