@@ -29,6 +29,7 @@ impl Cli {
                 Command::Reconstruct(a) => a.json,
                 Command::Evaluate(a) => a.json.as_ref().is_some_and(|file| file.as_os_str() == "-"),
                 Command::Demo(a) => a.json,
+                Command::Synth(a) => a.json,
             }
     }
 }
@@ -43,6 +44,8 @@ pub(crate) enum Command {
     Evaluate(Evaluate),
     /// Photograph a procedural cabinet, reconstruct it and score the result
     Demo(Demo),
+    /// Photograph procedural objects with everything known about them
+    Synth(Synth),
 }
 
 #[derive(Debug, Args)]
@@ -142,6 +145,57 @@ pub(crate) struct Demo {
     /// Write events as JSON, one per line
     #[arg(long)]
     json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Synth {
+    /// Name of an object or a suite; --list shows them
+    #[arg(value_name = "OBJECT|SUITE", required_unless_present = "list")]
+    pub(crate) what: Option<String>,
+    /// Folder for the capture of an object, or for a folder per object of a suite
+    #[arg(short, long, value_name = "DIR", required_unless_present = "list")]
+    pub(crate) out: Option<PathBuf>,
+    /// List objects and suites
+    #[arg(long)]
+    pub(crate) list: bool,
+    /// Training views per state
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    pub(crate) views: usize,
+    /// Held-out views per state
+    #[arg(long, value_name = "N", default_value_t = 16)]
+    pub(crate) test_views: usize,
+    /// Width and height of the images, pixels
+    #[arg(long, value_name = "PX", default_value_t = 400)]
+    pub(crate) size: u32,
+    /// What shall be wrong with the capture; may be repeated. One of depth=SIGMA (noise at distance 1, grows with its
+    /// square), edges=on|DEG (no depth where surfaces are grazed), gloss=FRACTION (no depth on glossy patches),
+    /// pose=DEG,LENGTH (jitter of the stated cameras), misalign=DEG,LENGTH (of the end state against the start),
+    /// front=on (cameras only there), light=camera, no-depth
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub(crate) noise: Vec<String>,
+    /// Seed of placement, textures and degradations
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// How the files are laid out
+    #[arg(long, value_enum, default_value_t = SynthLayout::Artgs)]
+    pub(crate) layout: SynthLayout,
+    /// Write into a folder that holds other files, too
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Number of threads; all cores if absent
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<NonZeroUsize>,
+    /// Write JSON, one line per object
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SynthLayout {
+    /// transforms_{train,test}_{start,end}.json
+    Artgs,
+    /// {start,end}/camera_{train,test}.json
+    Paris,
 }
 
 fn parts(text: &str) -> Result<usize, String> {

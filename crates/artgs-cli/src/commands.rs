@@ -4,7 +4,7 @@ use crate::args::{Cli, Command, Evaluate, Method, Reconstruct};
 use crate::failure::Failure;
 use crate::library::{Config, Settings};
 use crate::output::{Report, say};
-use crate::{demo, folder, library, progress};
+use crate::{demo, folder, library, progress, synth};
 use anyhow::Context;
 use artgs::observer::{JsonLines, Tee};
 use artgs_core::Capture;
@@ -28,6 +28,7 @@ pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Reconstruct(args) => reconstruct(args, style),
         Command::Evaluate(args) => evaluate(args, style),
         Command::Demo(args) => demo::run(args, style),
+        Command::Synth(args) => synth::run(args, style),
     }
 }
 

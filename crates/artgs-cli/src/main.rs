@@ -10,6 +10,7 @@ mod folder;
 mod library;
 mod output;
 mod progress;
+mod synth;
 
 use clap::Parser;
 use std::process::ExitCode;

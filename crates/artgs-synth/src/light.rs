@@ -9,9 +9,9 @@ use std::f64::consts::TAU;
 /// Distance between lattice points, scene units.
 const SPACING: f64 = 0.022;
 /// Rays to the sky per lattice point.
-const SKY_RAYS: usize = 96;
+const SKY_RAYS: usize = 64;
 /// Rays to the sun per lattice point.
-const SUN_RAYS: usize = 16;
+const SUN_RAYS: usize = 12;
 /// Angle of the sun's disc from its middle to its edge, radians: how soft shadows are.
 const SUN_RADIUS: f64 = 0.16;
 /// What a ray that another surface stops still brings, against one to the sky overhead: light bounces.
@@ -26,62 +26,63 @@ pub(crate) struct Shade {
     pub(crate) sun: f64,
 }
 
-/// A lattice of shades on one triangle: points at `(i, j) / steps` along its two edges.
+/// Shades of one triangle on a fan from the corner opposite its shortest edge: `(along + 1) * (across + 1)` values, rows
+/// outward from that corner. Long thin triangles, of which rods are made, need few.
 #[derive(Clone, Debug)]
-struct Lattice {
-    steps: usize,
+struct Fan {
+    apex: usize,
+    along: usize,
+    across: usize,
     shades: Vec<[f32; 2]>,
 }
 
 /// Shades of all triangles.
 #[derive(Clone, Debug)]
-pub(crate) struct LightMap(Vec<Lattice>);
+pub(crate) struct LightMap(Vec<Fan>);
 
 impl LightMap {
     /// Measures the light on every triangle; `sun` is the direction to the sun.
     pub(crate) fn measure(surface: &Surface, sun: DVec3) -> Self {
         let sky = sky_directions();
         let disc = sun_directions(sun);
-        let lattice = |triangle: usize| {
-            let [a, b, c] = surface.corners(triangle);
-            let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-            let steps = ((longest / SPACING).ceil() as usize).clamp(1, 48);
+        let fan = |triangle: usize| {
+            let corners = surface.corners(triangle);
+            let opposite = |k: usize| corners[(k + 1) % 3].distance(corners[(k + 2) % 3]);
+            let apex = (0..3).fold(0, |best, k| if opposite(k) < opposite(best) { k } else { best });
+            let [a, b, c] = [0, 1, 2].map(|k| corners[(apex + k) % 3]);
+            let steps = |length: f64| ((length / SPACING).ceil() as usize).clamp(1, 48);
+            let (along, across) = (steps(a.distance(b).max(a.distance(c))), steps(b.distance(c)));
             let (normal, middle) = (surface.normal(triangle), (a + b + c) / 3.0);
-            let lattice = (0..=steps).flat_map(|i| (0..=steps - i).map(move |j| (i, j)));
+            let points = (0..=along).flat_map(|i| (0..=across).map(move |j| (i, j)));
             let shade = |(i, j): (usize, usize)| {
-                let p = a + (b - a) * (i as f64 / steps as f64) + (c - a) * (j as f64 / steps as f64);
+                let p = a.lerp(b.lerp(c, j as f64 / across as f64), i as f64 / along as f64);
                 // Off the edges, where two faces meet, and off the face itself.
                 let p = p.lerp(middle, 0.01) + normal * 4e-4;
                 let shade = shade(surface, p, normal, &sky, &disc);
                 [shade.sky as f32, shade.sun as f32]
             };
-            Lattice { steps, shades: lattice.map(shade).collect() }
+            Fan { apex, along, across, shades: points.map(shade).collect() }
         };
-        Self((0..surface.len()).into_par_iter().map(lattice).collect())
+        Self((0..surface.len()).into_par_iter().map(fan).collect())
     }
 
     /// Shade at the point of a triangle with weights `u` and `v` of its second and third corner.
     pub(crate) fn at(&self, triangle: usize, u: f64, v: f64) -> Shade {
-        let Lattice { steps, shades } = &self.0[triangle];
-        let n = *steps;
-        let (x, y) = (u.clamp(0.0, 1.0) * n as f64, v.clamp(0.0, 1.0) * n as f64);
-        let (i, j) = ((x as usize).min(n - 1), (y as usize).min(n - 1));
+        let Fan { apex, along, across, shades } = &self.0[triangle];
+        let weights = [1.0 - u - v, u, v];
+        let (second, third) = (weights[(apex + 1) % 3].max(0.0), weights[(apex + 2) % 3].max(0.0));
+        let out = second + third;
+        let x = out.min(1.0) * *along as f64;
+        let y = if out > 0.0 { third / out } else { 0.0 } * *across as f64;
+        let (i, j) = ((x as usize).min(along - 1), (y as usize).min(across - 1));
         let (fx, fy) = (x - i as f64, y - j as f64);
-        let get = |i: usize, j: usize| {
-            let i = i.min(n);
-            let j = j.min(n - i);
-            // Rows of n + 1, n, n - 1, ... points.
-            shades[i * (n + 1) - i * i.saturating_sub(1) / 2 + j].map(f64::from)
+        let get = |i: usize, j: usize| shades[i * (across + 1) + j].map(f64::from);
+        let (near, far) = ([get(i, j), get(i, j + 1)], [get(i + 1, j), get(i + 1, j + 1)]);
+        let mix = |k: usize| {
+            let row = |pair: [[f64; 2]; 2]| pair[0][k] + fy * (pair[1][k] - pair[0][k]);
+            row(near) + fx * (row(far) - row(near))
         };
-        let mix = |p: [f64; 2], q: [f64; 2], r: [f64; 2], s: f64, t: f64| Shade {
-            sky: p[0] + s * (q[0] - p[0]) + t * (r[0] - p[0]),
-            sun: p[1] + s * (q[1] - p[1]) + t * (r[1] - p[1]),
-        };
-        if fx + fy <= 1.0 || i + j + 2 > n {
-            mix(get(i, j), get(i + 1, j), get(i, j + 1), fx, fy)
-        } else {
-            mix(get(i + 1, j + 1), get(i, j + 1), get(i + 1, j), 1.0 - fx, 1.0 - fy)
-        }
+        Shade { sky: mix(0), sun: mix(1) }
     }
 }
 

@@ -190,7 +190,7 @@ impl<'a> Studio<'a> {
         let seed = self.object.seed ^ seen.part as u64;
         let bend = |axis: u64| 1.4 * value_noise(p * 0.8, seed ^ (axis << 40));
         let cell = (p + DVec3::new(bend(1), bend(2), bend(3))).floor();
-        cell_noise([cell.x as i64, cell.y as i64, cell.z as i64], seed ^ 0x61_0551) < degradation.gloss
+        cell_noise([cell.x as i64, cell.y as i64, cell.z as i64], seed ^ 0x0061_0551) < degradation.gloss
     }
 }
 
@@ -202,8 +202,8 @@ fn shots(object: &Object, options: &PhotoOptions) -> Vec<Shot> {
     let front = object.placement.turn(DVec3::NEG_Y);
     let stand = Stand { middle, front, distance: DISTANCE * radius, around };
     // A little air around the ball.
-    let intrinsics = stand.intrinsics(1.02 * radius, options.size);
-    let mut rng = Pcg64Mcg::seed_from_u64(options.seed ^ 0x0ff5_e7);
+    let intrinsics = stand.intrinsics(1.05 * radius, options.size);
+    let mut rng = Pcg64Mcg::seed_from_u64(options.seed ^ 0x0f_f5e7);
     let off = [Rigid::IDENTITY, degradation.misalignment(middle, &mut rng)];
     let mut shots = Vec::new();
     for state in 0..2 {

@@ -34,7 +34,7 @@ fn every_object_has_the_stated_parts_and_joints_that_move() {
             assert!(part.parent.is_none_or(|p| p < index), "{} {}", info.name, part.name);
             let joint = object.world_joint(index).unwrap();
             let (by, least) = match joint.kind {
-                JointKind::Prismatic => (joint.state_values[1] - joint.state_values[0], 0.05),
+                JointKind::Prismatic => (joint.state_values[1] - joint.state_values[0], 0.04),
                 _ => (joint.state_values[1] - joint.state_values[0], 0.45),
             };
             assert!(by.abs() > least, "{} {}: moves by {by} only", info.name, part.name);
