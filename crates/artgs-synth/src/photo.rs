@@ -195,7 +195,7 @@ impl<'a> Studio<'a> {
 }
 
 /// All pictures of a capture, state by state, training views first.
-fn shots(object: &Object, options: &PhotoOptions) -> Vec<Shot> {
+pub(crate) fn shots(object: &Object, options: &PhotoOptions) -> Vec<Shot> {
     let (middle, radius) = object.ball();
     let degradation = &options.degradation;
     let around = if degradation.front { TAU / 3.0 } else { TAU };

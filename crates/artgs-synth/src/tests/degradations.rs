@@ -113,7 +113,7 @@ fn change_of_colour(a: &View, b: &View) -> f64 {
             count += 1.0;
         }
     }
-    assert!(count > 300.0, "{count} pixels are seen twice");
+    assert!(count > 100.0, "{count} pixels are seen twice");
     sum / count
 }
 
