@@ -388,7 +388,7 @@ fn make(
         Ended::Stopped => return Ok(None),
         Ended::Badly(reason) => Outcome::Failed(reason),
         Ended::Well => {
-            let measured = catch_unwind(|| (tools.measure)(&folder, &prepared.capture));
+            let measured = catch_unwind(AssertUnwindSafe(|| (tools.measure)(&folder, &prepared.capture)));
             match measured.unwrap_or_else(|_| Err("scoring crashed".into())) {
                 Ok(measured) => Outcome::Done(measured),
                 Err(reason) => Outcome::Failed(reason),

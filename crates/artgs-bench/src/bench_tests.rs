@@ -2,6 +2,7 @@ use super::*;
 use crate::testing::write_truth;
 use artgs_core::Replica;
 use artgs_io::{load_ground_truth, write_mesh_ply, write_replica};
+use std::sync::Arc;
 
 /// A capture that is nothing but its truth, and a program that answers every run with a perfect replica of it, a line
 /// in `calls`, and what `behaviour` (a shell script) does before.
@@ -38,7 +39,7 @@ impl Fake {
         let copy = "cat \"$0/fake.txt\" > \"$0/fake.sh\" && chmod +x \"$0/fake.sh\"";
         let copied = std::process::Command::new("sh").args(["-c", copy]).arg(root.path()).status().unwrap();
         assert!(copied.success());
-        let tools = Tools { program: at("fake.sh"), measure: quickly };
+        let tools = Tools { program: at("fake.sh"), measure: Arc::new(quickly) };
         Self { root, tools }
     }
 
@@ -220,7 +221,7 @@ fn procedural_objects_are_photographed_once() {
     let fake = Fake::new("");
     let truth = fake.root.path().join("captures/one/gt");
     let options = Options { seeds: 1, ..fake.options() };
-    let shots = std::sync::Arc::new(AtomicUsize::new(0));
+    let shots = Arc::new(AtomicUsize::new(0));
     let bench = |settings: &str, fails: bool| {
         let (truth, shots) = (truth.clone(), shots.clone());
         let write = move |folder: &Path| {
@@ -253,7 +254,7 @@ fn procedural_objects_are_photographed_once() {
 #[test]
 fn a_perfect_replica_is_measured_so() {
     let fake = Fake::new("");
-    let tools = Tools { measure: crate::measure, ..fake.tools.clone() };
+    let tools = Tools { measure: Arc::new(|run, capture| crate::measure(run, capture, None)), ..fake.tools.clone() };
     let options = Options { seeds: 1, ..fake.options() };
     let item = fake.items().into_iter().take(1).collect::<Vec<_>>();
     let finished = run(&item, &[full()], &options, &tools, &AtomicBool::new(false), &|_| ()).unwrap();

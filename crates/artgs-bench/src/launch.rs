@@ -1,6 +1,6 @@
 //! One run as a child process, so that its memory, its crash and its time are its own.
 
-use crate::measure::{Measure, measure};
+use crate::measure::Measure;
 use serde_json::Value;
 use std::ffi::OsString;
 use std::fs::File;
@@ -16,7 +16,7 @@ const POLL: Duration = Duration::from_millis(50);
 const REASON: usize = 400;
 
 /// What runs are made and measured with.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Tools {
     /// Path of an `artgs` executable.
     pub program: PathBuf,
@@ -34,11 +34,6 @@ pub(crate) enum Ended {
 }
 
 impl Tools {
-    /// That program, and scores as `artgs evaluate` gives them.
-    pub fn new(program: PathBuf) -> Self {
-        Self { program, measure }
-    }
-
     /// Runs the program with both its streams in `log`, until it ends, `limit` has passed or `stop` is set.
     pub(crate) fn run(&self, args: &[OsString], log: &Path, limit: Option<Duration>, stop: &AtomicBool) -> Ended {
         let mut child = match self.start(args, log) {
@@ -136,10 +131,15 @@ fn last_words(log: &str) -> String {
 mod tests {
     use super::*;
 
+    fn tools(program: &str) -> Tools {
+        let measure = std::sync::Arc::new(|_: &Path, _: &Path| Err("nothing is measured here".to_string()));
+        Tools { program: program.into(), measure }
+    }
+
     fn shell(script: &str, limit: Option<Duration>, stop: bool) -> (Ended, String) {
         let dir = tempfile::tempdir().unwrap();
         let log = dir.path().join("a/log.txt");
-        let tools = Tools::new("sh".into());
+        let tools = tools("sh");
         let args = ["-c".into(), script.into()];
         let ended = tools.run(&args, &log, limit, &AtomicBool::new(stop));
         (ended, std::fs::read_to_string(&log).unwrap())
@@ -166,7 +166,7 @@ mod tests {
         assert_eq!(bad(panic), "exit code 101: thread 'main' panicked at a.rs:1: index 9");
         assert!(bad("kill -9 $$").contains("out of memory"));
         assert!(bad("kill -6 $$").contains("signal 6"));
-        let nowhere = Tools::new("/nowhere/artgs".into());
+        let nowhere = tools("/nowhere/artgs");
         let dir = tempfile::tempdir().unwrap();
         let ended = nowhere.run(&[], &dir.path().join("log"), None, &AtomicBool::new(false));
         assert!(matches!(ended, Ended::Badly(reason) if reason.contains("/nowhere/artgs")));

@@ -1,23 +1,34 @@
 //! Numbers of a finished run: what it wrote about itself, and scores against the truth.
 
 use crate::record::{Measured, RunMetrics};
-use artgs::evaluate::Scores;
-use artgs_io::write_atomic;
+use artgs::evaluate::pictures::has_splats;
+use artgs::evaluate::{Lpips, Scores, score_replica};
+use artgs_io::{load_capture, write_atomic};
 use serde_json::json;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Measures the replica in the first folder against the truth of the capture in the second; an error is the reason why
 /// it cannot be.
-pub type Measure = fn(&Path, &Path) -> Result<Measured, String>;
+pub type Measure = Arc<dyn Fn(&Path, &Path) -> Result<Measured, String> + Send + Sync>;
 
-/// Reads `metrics.json`, scores joints and surfaces, and leaves the scores in `scores.json`.
-pub fn measure(folder: &Path, capture: &Path) -> Result<Measured, String> {
-    let metrics = read_metrics(folder)?;
+/// Reads `metrics.json`, scores joints, surfaces and held-out pictures, and leaves the scores in `scores.json`.
+pub fn measure(folder: &Path, capture: &Path, lpips: Option<&Lpips>) -> Result<Measured, String> {
+    let mut metrics = read_metrics(folder)?;
     let scores = artgs::run::evaluate(folder, &capture.join("gt")).map_err(|e| format!("cannot be scored: {e}"))?;
     let text = format!("{:#}\n", json!(scores));
     // JSON has no infinity: what does not come back is not a number anyone can average.
     serde_json::from_str::<Scores>(&text).map_err(|e| format!("scores are not finite: {e}"))?;
     write_atomic(&folder.join("scores.json"), text.as_bytes()).map_err(|e| e.to_string())?;
+    if has_splats(folder) {
+        let views = load_capture(capture).map_err(|e| e.to_string())?;
+        let pictures = score_replica(folder, &views, lpips).map_err(|e| format!("pictures cannot be scored: {e}"))?;
+        for (test, seen) in metrics.test.iter_mut().zip(pictures) {
+            if let (Some(test), Some(seen)) = (test, seen) {
+                (test.flip, test.lpips) = (Some(seen.flip), seen.lpips);
+            }
+        }
+    }
     Ok(Measured { metrics, scores })
 }
 

@@ -32,6 +32,7 @@ pub(crate) fn measured(error: f64) -> Measured {
             ..RunMetrics::default()
         },
         scores: Scores {
+            pictures: None,
             parts: Vec::new(),
             whole: surface(error),
             fixed: surface(error),

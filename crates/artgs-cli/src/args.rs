@@ -31,6 +31,7 @@ impl Cli {
                 Command::Evaluate(a) => a.json.as_ref().is_some_and(|file| file.as_os_str() == "-"),
                 Command::Demo(a) => a.json,
                 Command::Bench(a) => a.json,
+                Command::Synth(a) => a.json,
             }
     }
 }
@@ -47,6 +48,8 @@ pub(crate) enum Command {
     Demo(Demo),
     /// Reconstruct and score many captures, and tabulate the results beside those of the paper
     Bench(Bench),
+    /// Photograph procedural objects with everything known about them
+    Synth(Synth),
 }
 
 #[derive(Debug, Args)]
@@ -182,12 +185,25 @@ pub(crate) struct Bench {
     /// Whether the method is told the true number of parts
     #[arg(long, value_enum, default_value_t = GivenParts::Given)]
     pub(crate) parts: GivenParts,
-    /// Training views per state of the objects of suites
-    #[arg(long, value_name = "N")]
-    pub(crate) views: Option<usize>,
-    /// Width and height of the pictures of the objects of suites, pixels
-    #[arg(long, value_name = "PX")]
-    pub(crate) size: Option<u32>,
+    /// Training views per state of the objects of suites; several, separated by commas: each of them
+    #[arg(long, value_name = "N", value_delimiter = ',')]
+    pub(crate) views: Vec<usize>,
+    /// Width and height of the pictures of the objects of suites, pixels; several: each of them
+    #[arg(long, value_name = "PX", value_delimiter = ',')]
+    pub(crate) size: Vec<u32>,
+    /// What is wrong with the captures of suites, as `artgs synth --noise` reads it, several joined by `+`; `none` for
+    /// nothing; may be repeated: each of them
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub(crate) noise: Vec<String>,
+    /// Seed of placement, textures and degradations of the objects of suites
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) photo_seed: u64,
+    /// Share of the published steps that variants of the paper make, above 0 and at most 1
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    pub(crate) schedule: Option<f64>,
+    /// Weights of LPIPS, to score pictures with it
+    #[arg(long, value_name = "FILE")]
+    pub(crate) lpips: Option<PathBuf>,
     /// A capture that is an object of the paper, such as `mine=paris/fridge`
     #[arg(long, value_name = "NAME=OBJECT", value_parser = pair)]
     pub(crate) same_object: Vec<(String, String)>,
@@ -229,10 +245,65 @@ fn pair(text: &str) -> Result<(String, String), String> {
     }
 }
 
+fn share(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|s| (f64::MIN_POSITIVE..=1.0).contains(s)).ok_or_else(|| "above 0 and at most 1".into())
+}
+
 fn seconds(text: &str) -> Result<Duration, String> {
     let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0);
     let duration = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
     duration.ok_or_else(|| "a number of seconds above 0".into())
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Synth {
+    /// Name of an object or a suite; --list shows them
+    #[arg(value_name = "OBJECT|SUITE", required_unless_present = "list")]
+    pub(crate) what: Option<String>,
+    /// Folder for the capture of an object, or for a folder per object of a suite
+    #[arg(short, long, value_name = "DIR", required_unless_present = "list")]
+    pub(crate) out: Option<PathBuf>,
+    /// List objects and suites
+    #[arg(long)]
+    pub(crate) list: bool,
+    /// Training views per state
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    pub(crate) views: usize,
+    /// Held-out views per state
+    #[arg(long, value_name = "N", default_value_t = 16)]
+    pub(crate) test_views: usize,
+    /// Width and height of the images, pixels
+    #[arg(long, value_name = "PX", default_value_t = 400)]
+    pub(crate) size: u32,
+    /// What shall be wrong with the capture; may be repeated. One of depth=SIGMA (noise at distance 1, grows with its
+    /// square), edges=on|DEG (no depth where surfaces are grazed), gloss=FRACTION (no depth on glossy patches),
+    /// pose=DEG,LENGTH (jitter of the stated cameras), misalign=DEG,LENGTH (of the end state against the start),
+    /// front=on (cameras only there), light=camera, no-depth
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub(crate) noise: Vec<String>,
+    /// Seed of placement, textures and degradations
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// How the files are laid out
+    #[arg(long, value_enum, default_value_t = SynthLayout::Artgs)]
+    pub(crate) layout: SynthLayout,
+    /// Write into a folder that holds other files, too
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Number of threads; all cores if absent
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<NonZeroUsize>,
+    /// Write JSON, one line per object
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SynthLayout {
+    /// transforms_{train,test}_{start,end}.json
+    Artgs,
+    /// {start,end}/camera_{train,test}.json
+    Paris,
 }
 
 fn parts(text: &str) -> Result<usize, String> {

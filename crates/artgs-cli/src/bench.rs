@@ -7,9 +7,10 @@ use crate::library::Config;
 use crate::output::say;
 use crate::suites::{self, Photos};
 use anyhow::{Context, anyhow};
+use artgs::evaluate::Lpips;
 use artgs_bench::{
     Circumstances, Collected, Event, Files, Finished, Item, Options, Outcome, Parts, RunName, Tools, Variant,
-    items_of_folder, paper,
+    items_of_folder, measure, paper,
 };
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -25,7 +26,9 @@ pub(crate) fn run(args: &Bench, style: Style) -> Result<(), Failure> {
     let flag = Arc::clone(&stop);
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("cannot watch for Ctrl-C")?;
     let tell = |event: Event<'_>| show(&event, style);
-    let finished = artgs_bench::run(&items, &variants, &options(args), &Tools::new(program), &stop, &tell)
+    let lpips = args.lpips.as_deref().map(Lpips::load).transpose().map_err(Failure::bad)?;
+    let tools = Tools { program, measure: Arc::new(move |run, capture| measure(run, capture, lpips.as_ref())) };
+    let finished = artgs_bench::run(&items, &variants, &options(args), &tools, &stop, &tell)
         .map_err(|e| if e.is_bad_input() { Failure::BadInput(e.into()) } else { Failure::Failed(e.into()) })?;
     let Finished { records, missing } = finished;
     let all = Collected::new(&items, &variants, records);
@@ -74,10 +77,11 @@ fn quoted(word: &str) -> String {
 
 /// Objects of the suites and folders named, in that order.
 fn items(args: &Bench) -> Result<Vec<Item>, Failure> {
-    let photos = Photos { views: args.views, size: args.size };
+    let Bench { views, size, noise, .. } = args;
+    let photos = Photos { views: views.clone(), size: size.clone(), noise: noise.clone(), seed: args.photo_seed };
     let (mut items, mut of_suites) = (Vec::new(), false);
     for what in &args.what {
-        match what.to_str().and_then(|name| suites::suite(name, photos)) {
+        match what.to_str().and_then(|name| suites::suite(name, &photos)) {
             Some(suite) => {
                 items.extend(suite.map_err(Failure::bad)?);
                 of_suites = true;
@@ -85,8 +89,10 @@ fn items(args: &Bench) -> Result<Vec<Item>, Failure> {
             None => items.extend(folder_items(what)?),
         }
     }
-    if !of_suites && (args.views.is_some() || args.size.is_some()) {
-        return Err(Failure::bad("--views and --size are for suites; captures in folders are taken as they are"));
+    let as_they_are = views.is_empty() && size.is_empty() && noise.is_empty();
+    if !of_suites && !as_they_are {
+        let why = "--views, --size and --noise are for suites; captures in folders are taken as they are";
+        return Err(Failure::bad(why));
     }
     for (pairs, same) in [(&args.same_object, true), (&args.stand_in, false)] {
         for (name, object) in pairs {
@@ -98,8 +104,8 @@ fn items(args: &Bench) -> Result<Vec<Item>, Failure> {
 
 fn folder_items(folder: &Path) -> Result<Vec<Item>, Failure> {
     if !folder.is_dir() {
-        let (shown, known) = (folder.display(), suites::SUITES.join(", "));
-        return Err(Failure::bad(format!("{shown}: neither a folder nor a suite; the suites are {known}")));
+        let (shown, known) = (folder.display(), suites::known());
+        return Err(Failure::bad(format!("{shown}: neither a folder nor a suite nor an object; {known}")));
     }
     items_of_folder(folder).map_err(Failure::bad)
 }
@@ -124,8 +130,8 @@ fn variants(args: &Bench) -> Result<Vec<Variant>, Failure> {
     let none = args.variants.is_empty() && args.variant_config.is_empty();
     let mut variants = Vec::new();
     for name in if none { &default[..] } else { &args.variants } {
-        let known = || format!("no variant is called `{name}`; there are {}", suites::VARIANTS.join(", "));
-        variants.push(suites::variant(name).ok_or_else(|| Failure::bad(known()))?);
+        let known = || format!("no variant is called `{name}`; there are {}", suites::variant_names().join(", "));
+        variants.push(suites::variant(name, args.schedule).ok_or_else(|| Failure::bad(known()))?);
     }
     for (name, file) in &args.variant_config {
         let text = std::fs::read_to_string(file).map_err(|e| Failure::bad(format!("{file}: {e}")))?;

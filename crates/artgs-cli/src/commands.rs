@@ -4,7 +4,7 @@ use crate::args::{Cli, Command, Evaluate, Method, Reconstruct};
 use crate::failure::Failure;
 use crate::library::{Config, Settings};
 use crate::output::{Report, note, say};
-use crate::{bench, demo, folder, library, progress};
+use crate::{bench, demo, folder, library, progress, synth};
 use anyhow::Context;
 use artgs::observer::{JsonLines, Tee};
 use artgs_core::Capture;
@@ -29,6 +29,7 @@ pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Evaluate(args) => evaluate(args, style),
         Command::Demo(args) => demo::run(args, style),
         Command::Bench(args) => bench::run(args, style),
+        Command::Synth(args) => synth::run(args, style),
     }
 }
 

@@ -5,7 +5,7 @@ use crate::commands::{Style, observed, settings, use_threads, write_json};
 use crate::failure::Failure;
 use crate::output::say;
 use crate::{folder, library};
-use artgs::synth::{CabinetOptions, GENERATOR, write_cabinet};
+use artgs_synth::cabinet::{CabinetOptions, GENERATOR, write_cabinet};
 use serde_json::{Value, json};
 use std::path::Path;
 

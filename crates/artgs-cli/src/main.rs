@@ -12,6 +12,7 @@ mod library;
 mod output;
 mod progress;
 mod suites;
+mod synth;
 
 use clap::Parser;
 use std::process::ExitCode;

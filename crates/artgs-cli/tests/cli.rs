@@ -1,6 +1,6 @@
 //! The program as its users meet it: exit codes, messages, streams.
 
-use artgs::synth::{CabinetOptions, write_cabinet};
+use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
 use std::path::Path;
 use std::process::{Command, Output};
 

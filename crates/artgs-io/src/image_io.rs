@@ -114,6 +114,11 @@ pub fn write_rgba(path: &Path, width: u32, height: u32, pixels: &[[u8; 4]]) -> R
     encode(path, width, height, pixels.as_flattened(), ExtendedColorType::Rgba8)
 }
 
+/// Writes an 8-bit greyscale PNG, row-major: labels, one number per pixel.
+pub fn write_gray(path: &Path, width: u32, height: u32, pixels: &[u8]) -> Result<(), FileError> {
+    encode(path, width, height, pixels, ExtendedColorType::L8)
+}
+
 /// Writes the counts of a depth map as a 16-bit PNG.
 pub fn write_depth(path: &Path, width: u32, height: u32, depth: &DepthMap) -> Result<(), FileError> {
     let bytes: Vec<u8> = depth.counts().iter().flat_map(|count| count.to_ne_bytes()).collect();
@@ -136,6 +141,9 @@ mod tests {
         write_rgb(&path, 1, 2, &[[9, 8, 7], [6, 5, 4]]).unwrap();
         let back = read_rgba(&path).unwrap();
         assert_eq!((back.pixels, back.has_alpha), (vec![[9, 8, 7, 255], [6, 5, 4, 255]], false));
+
+        write_gray(&path, 2, 1, &[0, 7]).unwrap();
+        assert_eq!(read_rgba(&path).unwrap().pixels, [[0, 0, 0, 255], [7, 7, 7, 255]]);
 
         write_depth(&path, 3, 1, &DepthMap::new(vec![1234, 0, 65535], 1000.0)).unwrap();
         assert_eq!(read_depth(&path).unwrap().counts, [1234, 0, 65535]);

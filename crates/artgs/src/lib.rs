@@ -14,7 +14,6 @@ pub mod registration;
 pub mod run;
 mod shorten;
 pub mod surface;
-pub mod synth;
 
 pub use config::Config;
 pub use run::{Error, Summary, reconstruct};

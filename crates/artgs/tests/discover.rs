@@ -1,8 +1,8 @@
 //! Part discovery on a procedural cabinet: joints and the part of every surface point, against the truth.
 
 use artgs::discover::{DepthPicture, DiscoverConfig, Discovery, Scene, discover};
-use artgs::synth::{Cabinet, CabinetOptions, cabinet_capture, render};
 use artgs_core::{Capture, JointKind, View};
+use artgs_synth::cabinet::{Cabinet, CabinetOptions, cabinet_capture, render};
 use glam::Vec3;
 
 fn pictures(views: &[View]) -> Vec<DepthPicture<'_>> {

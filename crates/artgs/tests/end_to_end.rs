@@ -1,9 +1,9 @@
 //! The whole method on a small procedural cabinet: numbers within bounds, the same bytes for the same seed, resuming.
 
 use artgs::observer::{Event, NullObserver};
-use artgs::synth::{CabinetOptions, write_cabinet};
 use artgs::{Config, reconstruct};
 use artgs_core::Capture;
+use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
 use std::fs;
 use std::path::Path;
 

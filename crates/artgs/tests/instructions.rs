@@ -6,9 +6,9 @@ use artgs::canonical::matching::match_points;
 use artgs::fit::adam::adam;
 use artgs::fit::ssim::Ssim;
 use artgs::fit::{AdamConfig, InitKind, Moments, Rect, SingleConfig, fit_single};
-use artgs::synth::{CabinetOptions, cabinet_capture};
 use artgs_core::View;
 use artgs_raster::simd::{Instructions, use_instructions};
+use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

@@ -1,8 +1,8 @@
 //! The baseline without Gaussians on a procedural cabinet: a door and a drawer, the files of a replica but splats.
 
 use artgs::observer::{Event, NullObserver};
-use artgs::synth::{CabinetOptions, write_cabinet};
 use artgs::{Config, reconstruct};
+use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
 use std::fs;
 
 #[test]

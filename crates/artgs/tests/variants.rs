@@ -2,9 +2,9 @@
 
 use artgs::ablation::{apply, variants};
 use artgs::observer::{Event, NullObserver};
-use artgs::synth::{CabinetOptions, write_cabinet};
 use artgs::{Config, reconstruct};
 use artgs_core::{Capture, JointKind};
+use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
 use std::fs;
 use std::path::Path;
 

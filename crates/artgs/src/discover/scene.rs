@@ -164,7 +164,7 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::{CabinetOptions, cabinet_capture};
+    use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 
     #[test]
     fn only_fine_pictures_are_thinned_and_hardly_change_what_is_known() {

@@ -8,18 +8,19 @@ mod tests;
 mod write;
 
 pub use render::{Rendering, render};
-pub use scene::{Cabinet, CabinetPart, Cuboid, Material};
+pub use scene::{Cabinet, CabinetPart, Cuboid};
 pub use write::{GENERATOR, write_cabinet};
 
+use crate::SynthError;
+use crate::camera::Stand;
+use crate::degrade::{depth_count, gaussian};
+use crate::write::{DEPTH_SCALE, SPLIT_NAMES};
 use artgs_core::{Camera, Capture, DepthMap, Intrinsics, STATE_NAMES, StateViews, View};
 use glam::DVec3;
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-
-/// Depth images count in this many steps per scene unit.
-pub(super) const DEPTH_SCALE: f64 = 1000.0;
 
 /// How the cabinet is photographed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,17 +43,6 @@ impl Default for CabinetOptions {
     fn default() -> Self {
         Self { views: 40, test_views: 8, size: 200, seed: 0, depth_noise: 0.0, principal_offset: [0.0; 2] }
     }
-}
-
-/// A reason why no capture was made.
-#[derive(Debug, thiserror::Error)]
-pub enum SynthError {
-    /// The options ask for something impossible.
-    #[error("cabinet options: {0}")]
-    Options(&'static str),
-    /// A file could not be written.
-    #[error(transparent)]
-    File(#[from] artgs_io::FileError),
 }
 
 impl CabinetOptions {
@@ -97,9 +87,6 @@ pub fn cabinet_capture(options: &CabinetOptions) -> Result<(Capture, Cabinet), S
     Ok((capture, cabinet))
 }
 
-/// Names of the splits, as files spell them.
-const SPLIT_NAMES: [&str; 2] = ["train", "test"];
-
 fn photograph(cabinet: &Cabinet, options: &CabinetOptions, state: usize, split: usize, count: usize) -> Vec<View> {
     let folder = format!("{}/{}/rgba", STATE_NAMES[state], SPLIT_NAMES[split]);
     let set = 2 * state + split;
@@ -107,7 +94,8 @@ fn photograph(cabinet: &Cabinet, options: &CabinetOptions, state: usize, split: 
     let shoot = |(index, camera): (usize, Camera)| {
         let mut rng = Pcg64Mcg::seed_from_u64(options.seed.wrapping_mul(4) + set as u64 + ((index as u64) << 32));
         let picture = render(cabinet, state, &camera);
-        let measured = |d: &f64| if *d > 0.0 { depth_count(d + options.depth_noise * gaussian(&mut rng)) } else { 0 };
+        let measured =
+            |d: &f64| if *d > 0.0 { depth_count(d + options.depth_noise * gaussian(&mut rng), DEPTH_SCALE) } else { 0 };
         View {
             name: format!("{folder}/{index:04}.png"),
             camera,
@@ -118,31 +106,10 @@ fn photograph(cabinet: &Cabinet, options: &CabinetOptions, state: usize, split: 
     cameras.into_par_iter().enumerate().map(shoot).collect()
 }
 
-/// Cameras on a spiral from 10 degrees below to 75 degrees above, all around but denser before the front.
-/// `phase` in [0, 1) turns and shifts the spiral.
+/// Cameras all around, denser before the front.
 fn cameras(cabinet: &Cabinet, options: &CabinetOptions, count: usize, phase: f64) -> Vec<Camera> {
     let (middle, radius) = cabinet.ball();
     let front = cabinet.placement.turn(DVec3::NEG_Y);
-    let facing = front.y.atan2(front.x);
-    let (low, high) = ((-10_f64).to_radians().sin(), 75_f64.to_radians().sin());
-    let golden = (5_f64.sqrt() - 1.0) / 2.0;
-    let at = |index: usize| {
-        let sin = low + (high - low) * (index as f64 + 0.25 + 0.5 * phase) / count as f64;
-        let turn = std::f64::consts::TAU * ((index as f64 * golden + phase).fract() - 0.5);
-        let azimuth = facing + turn - 0.55 * turn.sin();
-        let flat = (1.0 - sin * sin).sqrt();
-        let eye = middle + DISTANCE * DVec3::new(flat * azimuth.cos(), flat * azimuth.sin(), sin);
-        Camera::look_at(options.intrinsics(radius), eye, middle, DVec3::Z)
-    };
-    (0..count).map(at).collect()
-}
-
-fn depth_count(depth: f64) -> u16 {
-    (depth * DEPTH_SCALE).round().clamp(0.0, f64::from(u16::MAX)) as u16
-}
-
-/// A standard normal number (Box and Muller).
-fn gaussian(rng: &mut Pcg64Mcg) -> f64 {
-    let (u, v): (f64, f64) = (rng.random(), rng.random());
-    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+    let stand = Stand { middle, front, distance: DISTANCE, around: std::f64::consts::TAU };
+    stand.cameras(options.intrinsics(radius), count, phase)
 }

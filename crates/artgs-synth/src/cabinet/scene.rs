@@ -1,72 +1,8 @@
 //! The cabinet: boxes, materials and joints.
 
+use crate::Material;
 use artgs_core::{Joint, JointKind, Mesh, Rigid};
 use glam::{BVec3, DVec3};
-
-/// Colour as a function of a point of the part, so that it moves with it. Colours are sRGB in [0, 1].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Material {
-    /// Wavy stripes along an axis.
-    Wood {
-        /// Axis the grain follows: 0 x, 1 y, 2 z.
-        grain: usize,
-        /// Colour between the stripes.
-        light: [f64; 3],
-        /// Colour of the stripes.
-        dark: [f64; 3],
-        /// Distance between stripes, scene units.
-        period: f64,
-    },
-    /// A three-dimensional checkerboard.
-    Checks {
-        /// Colour of even cells.
-        even: [f64; 3],
-        /// Colour of odd cells.
-        odd: [f64; 3],
-        /// Edge of a cell, scene units.
-        cell: f64,
-    },
-}
-
-impl Material {
-    /// Colour at a point of the part.
-    pub fn color(&self, p: DVec3, seed: u64) -> DVec3 {
-        match *self {
-            Self::Wood { grain, light, dark, period } => {
-                let mut stretched = p / period;
-                stretched[grain] *= 0.15;
-                let across: f64 = (0..3).filter(|&i| i != grain).map(|i| stretched[i]).sum();
-                let wave = across + 1.2 * value_noise(stretched * 0.9, seed);
-                let stripe = 0.5 + 0.5 * (std::f64::consts::TAU * wave).sin();
-                let grey = 0.9 + 0.2 * value_noise(p / (3.0 * period), seed ^ 0x9e37);
-                DVec3::from(light).lerp(DVec3::from(dark), stripe) * grey
-            }
-            Self::Checks { even, odd, cell } => {
-                let parity = (p / cell).floor().to_array().iter().sum::<f64>().rem_euclid(2.0);
-                let grey = 0.9 + 0.2 * value_noise(p / (2.0 * cell), seed);
-                DVec3::from(if parity < 0.5 { even } else { odd }) * grey
-            }
-        }
-    }
-}
-
-/// Smooth noise in [0, 1] with features of size 1.
-fn value_noise(p: DVec3, seed: u64) -> f64 {
-    let cell = p.floor();
-    let f = p - cell;
-    let f = f * f * (3.0 - 2.0 * f);
-    let corner = |x: i64, y: i64, z: i64| {
-        let mut h = seed ^ 0x2545_f491_4f6c_dd1d;
-        for v in [cell.x as i64 + x, cell.y as i64 + y, cell.z as i64 + z] {
-            h = (h ^ v as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-            h ^= h >> 29;
-        }
-        (h >> 11) as f64 / (1u64 << 53) as f64
-    };
-    let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
-    let row = |y, z| mix(corner(0, y, z), corner(1, y, z), f.x);
-    mix(mix(row(0, 0), row(1, 0), f.y), mix(row(0, 1), row(1, 1), f.y), f.z)
-}
 
 /// A box whose faces are parallel to the axes of the cabinet while everything is closed.
 #[derive(Clone, Copy, Debug, PartialEq)]

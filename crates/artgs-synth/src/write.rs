@@ -1,0 +1,233 @@
+//! Captures on disk, in the layouts of the ArtGS and PARIS benchmarks, and the truth about them.
+
+use crate::photo::{Shot, Studio};
+use crate::{Object, PhotoOptions, SynthError, object};
+use artgs_core::{Camera, Joint, JointKind, Mesh, STATE_NAMES, View};
+use artgs_io::capture::opengl_pose;
+use artgs_io::image_io::{write_depth, write_gray, write_rgba};
+use artgs_io::{FileError, write_atomic, write_mesh_ply};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+use std::path::{Path, PathBuf};
+
+/// Depth images count in this many steps per scene unit.
+pub(crate) const DEPTH_SCALE: f64 = 1000.0;
+/// Names of the splits, as files spell them.
+pub(crate) const SPLIT_NAMES: [&str; 2] = ["train", "test"];
+/// Tells a folder made here from any other, and a finished one from an interrupted one.
+const MARKER: &str = "synth.json";
+/// Value of `input.generator` in the `gt/trans.json` of an object.
+const GENERATOR: &str = "artgs synth";
+
+/// How the files of a capture are laid out. Both can hold the same capture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Layout {
+    /// `transforms_{split}_{state}.json` and `{state}/{split}/rgba`.
+    #[default]
+    ArtGs,
+    /// `{state}/camera_{split}.json` and `{state}/{split}`.
+    Paris,
+}
+
+impl Layout {
+    /// Path of a colour image, relative to the capture.
+    pub(crate) fn image(self, state: &str, split: &str, index: usize) -> String {
+        match self {
+            Self::ArtGs => format!("{state}/{split}/rgba/{index:04}.png"),
+            Self::Paris => format!("{state}/{split}/{index:04}.png"),
+        }
+    }
+
+    fn camera_file(self, state: &str, split: &str) -> String {
+        match self {
+            Self::ArtGs => format!("transforms_{split}_{state}.json"),
+            Self::Paris => format!("{state}/camera_{split}.json"),
+        }
+    }
+}
+
+/// What a folder made by [`write_object`] holds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Made {
+    /// Name of the object.
+    pub object: String,
+    /// Number of its parts, the static part included: what to give to `--parts`.
+    pub parts: usize,
+    /// How it was photographed.
+    pub options: PhotoOptions,
+    /// False while it is being written.
+    pub complete: bool,
+}
+
+/// What is known about a folder that [`write_object`] began; None for any other folder.
+pub fn made(folder: &Path) -> Option<Made> {
+    serde_json::from_slice(&std::fs::read(folder.join(MARKER)).ok()?).ok()
+}
+
+/// Photographs the object of this name and writes the capture into `folder`, the truth under `gt`. A capture of this
+/// crate that is there already is kept if it is finished and the same, else replaced; other files are left alone.
+/// The marker that [`made`] reads says `complete` only at the very end.
+pub fn write_object(name: &str, options: &PhotoOptions, folder: &Path) -> Result<Made, SynthError> {
+    options.check()?;
+    let object = object(name, options.seed)?;
+    let marker = |complete| Made { object: name.into(), parts: object.parts.len(), options: *options, complete };
+    let earlier = made(folder);
+    if earlier.as_ref() == Some(&marker(true)) {
+        return Ok(marker(true));
+    }
+    write_marker(folder, &marker(false))?;
+    if earlier.is_some() {
+        discard(folder)?;
+    }
+    let studio = Studio::new(&object, options);
+    studio.shots.par_iter().try_for_each(|shot| write_shot(folder, &studio, shot))?;
+    for (state, name) in STATE_NAMES.into_iter().enumerate() {
+        for (split, split_name) in SPLIT_NAMES.into_iter().enumerate() {
+            let of_split = |shot: &&Shot| (shot.state, shot.split) == (state, split);
+            let shots: Vec<&Shot> = studio.shots.iter().filter(of_split).collect();
+            let frames: Vec<(&str, &Camera)> = shots.iter().map(|s| (s.name.as_str(), &s.stated)).collect();
+            if !frames.is_empty() {
+                let value = match options.layout {
+                    Layout::ArtGs => transforms(&frames, state, !options.degradation.no_depth),
+                    Layout::Paris => paris_cameras(&frames),
+                };
+                write_json(&folder.join(options.layout.camera_file(name, split_name)), &value)?;
+            }
+        }
+        let meshes: Vec<Mesh> = (0..object.parts.len()).map(|part| object.mesh(part, state)).collect();
+        write_meshes(folder, &meshes, state)?;
+    }
+    write_json(&folder.join("gt/trans.json"), &truth(&object, options))?;
+    write_marker(folder, &marker(true))?;
+    Ok(marker(true))
+}
+
+/// Removes an earlier capture, by name; anything else in the folder stays.
+fn discard(folder: &Path) -> Result<(), FileError> {
+    let folders = ["start", "end", "gt"].map(|name| folder.join(name));
+    let cameras = STATE_NAMES.into_iter().flat_map(|s| SPLIT_NAMES.map(|split| Layout::ArtGs.camera_file(s, split)));
+    let files: Vec<PathBuf> = cameras.map(|name| folder.join(name)).collect();
+    let removals = folders.iter().map(|p| (p, std::fs::remove_dir_all(p)));
+    for (path, result) in removals.chain(files.iter().map(|p| (p, std::fs::remove_file(p)))) {
+        match result {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+            other => other.map_err(|source| FileError::Write { path: path.clone(), source })?,
+        }
+    }
+    Ok(())
+}
+
+fn write_marker(folder: &Path, made: &Made) -> Result<(), FileError> {
+    write_json(&folder.join(MARKER), &json!(made))
+}
+
+fn write_shot(folder: &Path, studio: &Studio, shot: &Shot) -> Result<(), FileError> {
+    let (view, labels) = studio.take(shot);
+    write_view(folder, &view)?;
+    let k = &view.camera.intrinsics;
+    let (state, split, index) = (STATE_NAMES[shot.state], SPLIT_NAMES[shot.split], shot.index);
+    let path = folder.join(format!("gt/part_masks/{state}/{split}/{index:04}.png"));
+    write_gray(&path, k.width, k.height, &labels)
+}
+
+/// The depth image of a colour image: in a folder `depth` in place of `rgba`, or in one beside the colour images.
+fn depth_path(name: &str) -> String {
+    match name.rsplit_once('/') {
+        _ if name.contains("/rgba/") => name.replace("/rgba/", "/depth/"),
+        Some((folder, file)) => format!("{folder}/depth/{file}"),
+        None => format!("depth/{name}"),
+    }
+}
+
+/// Writes the images of a view.
+pub(crate) fn write_view(folder: &Path, view: &View) -> Result<(), FileError> {
+    let k = &view.camera.intrinsics;
+    write_rgba(&folder.join(&view.name), k.width, k.height, &view.rgba)?;
+    let Some(depth) = &view.depth else { return Ok(()) };
+    write_depth(&folder.join(depth_path(&view.name)), k.width, k.height, depth)
+}
+
+/// `transforms_{split}_{state}.json` for images and their cameras, of which there must be one.
+pub(crate) fn transforms(frames: &[(&str, &Camera)], state: usize, has_depth: bool) -> Value {
+    let k = &frames[0].1.intrinsics;
+    let angle = |size: u32, focal: f64| 2.0 * (0.5 * f64::from(size) / focal).atan();
+    let frame = |(name, camera): &(&str, &Camera)| {
+        let mut frame = json!({
+            "file_path": name,
+            "time": state as f64,
+            "transform_matrix": opengl_pose(camera),
+        });
+        if has_depth {
+            frame["depth_path"] = depth_path(name).into();
+        }
+        frame
+    };
+    json!({
+        "camera_angle_x": angle(k.width, k.fx),
+        "camera_angle_y": angle(k.height, k.fy),
+        "w": k.width, "h": k.height, "fl_x": k.fx, "fl_y": k.fy, "cx": k.cx, "cy": k.cy,
+        "depth_scale": DEPTH_SCALE,
+        "frames": frames.iter().map(frame).collect::<Vec<_>>(),
+    })
+}
+
+/// `{state}/camera_{split}.json`: intrinsics and a pose per image.
+fn paris_cameras(frames: &[(&str, &Camera)]) -> Value {
+    let k = &frames[0].1.intrinsics;
+    let mut cameras = Map::new();
+    cameras.insert("K".into(), json!([[k.fx, 0.0, k.cx], [0.0, k.fy, k.cy], [0.0, 0.0, 1.0]]));
+    for (name, camera) in frames {
+        let id = Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        cameras.insert(id, json!(opengl_pose(camera)));
+    }
+    Value::Object(cameras)
+}
+
+/// One entry of `trans_info`; `part_id` is what part masks hold.
+pub(crate) fn joint_entry(joint: &Joint, name: &str, part_id: usize) -> Value {
+    let degrees = joint.state_values.map(f64::to_degrees);
+    let (kind, values) = match joint.kind {
+        JointKind::Prismatic => ("translate", json!({ "l": joint.state_values[0], "r": joint.state_values[1] })),
+        JointKind::Revolute => ("rotate", json!({ "l": degrees[0], "r": degrees[1] })),
+        JointKind::Screw => ("screw", json!({ "l": degrees[0], "r": degrees[1], "pitch": joint.pitch })),
+    };
+    json!({
+        "axis": { "o": joint.origin.to_array(), "d": joint.axis.to_array() },
+        "type": kind,
+        kind: values,
+        "link": name,
+        "part_id": part_id,
+    })
+}
+
+fn truth(object: &Object, options: &PhotoOptions) -> Value {
+    let mut joints = Vec::new();
+    for (index, part) in object.parts.iter().enumerate() {
+        let Some(joint) = object.world_joint(index) else { continue };
+        let mut entry = joint_entry(&joint, &part.name, index + 1);
+        if let Some(parent) = part.parent.filter(|p| *p > 0) {
+            entry["parent"] = (parent + 1).into();
+        }
+        joints.push(entry);
+    }
+    let input = json!({ "generator": GENERATOR, "object": object.name, "options": options });
+    json!({ "input": input, "trans_info": joints })
+}
+
+/// Writes the true meshes of a state, the static part first.
+pub(crate) fn write_meshes(folder: &Path, parts: &[Mesh], state: usize) -> Result<(), FileError> {
+    let name = STATE_NAMES[state];
+    let mut whole = Mesh::default();
+    for (part, mesh) in parts.iter().enumerate() {
+        let slot = if part == 0 { "static".to_string() } else { format!("dynamic_{}", part - 1) };
+        write_mesh_ply(&folder.join(format!("gt/{name}/{name}_{slot}_rotate.ply")), mesh)?;
+        whole.append(mesh);
+    }
+    write_mesh_ply(&folder.join(format!("gt/{name}/{name}_rotate.ply")), &whole)
+}
+
+pub(crate) fn write_json(path: &Path, value: &Value) -> Result<(), FileError> {
+    write_atomic(path, format!("{value:#}\n").as_bytes())
+}
