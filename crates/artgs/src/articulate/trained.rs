@@ -104,6 +104,11 @@ pub fn render_state_fixed<'r>(
 }
 
 /// Scores every view of a state at full size, over black.
-pub fn score_state(trained: &Trained, views: &[View], state: usize, rotate_sh: bool) -> Vec<ViewScore> {
+pub fn score_state<'v>(
+    trained: &Trained,
+    views: impl IntoIterator<Item = &'v View>,
+    state: usize,
+    rotate_sh: bool,
+) -> Vec<ViewScore> {
     score_splats(trained.posed(state).view(rotate_sh), trained.splats.sh_degree, views)
 }

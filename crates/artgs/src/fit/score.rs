@@ -39,7 +39,11 @@ pub fn score_views(splats: &Splats, views: &[View]) -> Vec<ViewScore> {
 }
 
 /// Like [`score_views`], drawing borrowed Gaussians with harmonics up to `sh_degree`.
-pub fn score_splats(splats: SplatView<'_>, sh_degree: usize, views: &[View]) -> Vec<ViewScore> {
+pub fn score_splats<'v>(
+    splats: SplatView<'_>,
+    sh_degree: usize,
+    views: impl IntoIterator<Item = &'v View>,
+) -> Vec<ViewScore> {
     let options = RenderOptions { sh_degree, ..RenderOptions::default() };
     let (mut rasterizer, mut ssim) = (Rasterizer::new(), Ssim::new());
     let (mut picture, mut unused) = (Vec::new(), Vec::new());
@@ -53,7 +57,7 @@ pub fn score_splats(splats: SplatView<'_>, sh_degree: usize, views: &[View]) -> 
         let similarity = ssim.evaluate(&picture, &truth, w, h, Rect::full(w, h), 0.0, &mut unused);
         ViewScore { psnr: psnr(&picture, &truth), ssim: similarity }
     };
-    views.iter().map(score).collect()
+    views.into_iter().map(score).collect()
 }
 
 /// Means of scores; zero for none.

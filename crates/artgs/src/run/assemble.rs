@@ -65,15 +65,14 @@ type Means = [Option<ViewMeans>; 2];
 
 /// Scores of held-out and of training pictures.
 pub(super) fn score_pictures(capture: &Capture, trained: &Trained, rotate_sh: bool) -> (Means, Means) {
-    let means = |views: &[View], state: usize| {
-        let scores = score_state(trained, views, state, rotate_sh);
+    let means = |views: &[View], step: usize, state: usize| {
+        let scores = score_state(trained, views.iter().step_by(step), state, rotate_sh);
         let mean = mean_score(&scores);
         (!scores.is_empty()).then_some(ViewMeans { psnr: mean.psnr, ssim: mean.ssim, views: scores.len() })
     };
-    // Enough to tell overfitting.
-    let some = |views: &[View]| views.iter().step_by(views.len().div_ceil(8).max(1)).cloned().collect::<Vec<_>>();
-    let states = [0, 1];
-    (states.map(|s| means(&capture.states[s].test, s)), states.map(|s| means(&some(&capture.states[s].train), s)))
+    // A few training views are enough to tell overfitting.
+    let train = |s: usize| means(&capture.states[s].train, capture.states[s].train.len().div_ceil(8).max(1), s);
+    ([0, 1].map(|s| means(&capture.states[s].test, 1, s)), [0, 1].map(train))
 }
 
 /// Largest resident memory so far, MiB; only Linux tells without further crates.
