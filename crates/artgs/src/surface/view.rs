@@ -105,6 +105,7 @@ impl Prepared {
     }
 
     /// Verdict on a ball around `centre` (camera frame); `front` and `behind` bound the reach of a sample along its ray.
+    #[inline(always)]
     pub(super) fn verdict(&self, centre: DVec3, radius: f64, front: f32, behind: f32) -> Verdict {
         let (near, far) = (centre.z - radius, centre.z + radius);
         if far <= 0.0 {
@@ -144,14 +145,14 @@ impl Prepared {
     }
 
     /// Code and slant of a pixel inside the image.
-    #[inline]
+    #[inline(always)]
     pub(super) fn nearest(&self, x: i32, y: i32) -> [f32; 2] {
         self.pixels[y as usize * self.width + x as usize]
     }
 
     /// Depth at continuous pixel coordinates that lie in the pixel (x, y), whose code `own` is a depth: interpolated
     /// between the four nearest samples if they are of one surface, else `own`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn interpolated(&self, u: f32, v: f32, x: i32, y: i32, own: f32) -> f32 {
         // From the pixel's corner to the lattice of pixel centres.
         let shift = |c: f32, i: i32| {

@@ -25,6 +25,7 @@ pub fn match_points(a: &[[f32; 3]], b: &[[f32; 3]]) -> Vec<usize> {
     let mut row_of = vec![NONE; b.len()];
     let mut column_of = vec![NONE; a.len()];
     reduce_columns(level, a, &mut columns, &mut row_of, &mut column_of);
+    auction(level, a, &mut columns, &mut row_of, &mut column_of);
     let free = reduce_rows(level, a, &mut columns, &mut row_of, &mut column_of);
     let mut search = Search::new(&columns);
     for row in free {
@@ -47,6 +48,43 @@ fn reduce_columns(level: Level, a: &[[f32; 3]], columns: &mut Columns, row_of: &
         columns.price[j] = least.first;
         if column_of[least.at] == NONE {
             (column_of[least.at], row_of[j]) = (j as u32, least.at as u32);
+        }
+    }
+}
+
+/// Brings the prices near their final values: in rounds of ever smaller steps, all rows bid for their best column at the
+/// price of their second best and a step more (Bertsekas 1988). Only pairs that are best at the last prices stay.
+/// With such prices augmenting paths are short: 5,000 pairs took 1.0 s without.
+fn auction(level: Level, a: &[[f32; 3]], columns: &mut Columns, row_of: &mut [u32], column_of: &mut [u32]) {
+    const SMALLER: f32 = 5.0;
+    const ROUNDS: i32 = 5;
+    let best = |columns: &Columns, row: usize| dispatch!(level, s => s.vectorize(#[inline(always)] || two_least(s, columns, a[row])));
+    // A column costs its nearest row now: their mean is the length that matters.
+    let scale = columns.price.iter().take(row_of.len()).sum::<f32>() / row_of.len().max(1) as f32;
+    for round in (0..ROUNDS).filter(|_| scale > 0.0) {
+        let step = scale * SMALLER.powi(1 - round);
+        row_of.fill(NONE);
+        column_of.fill(NONE);
+        let mut queue: Vec<u32> = (0..a.len() as u32).rev().collect();
+        // Bids of a rounding error can go on for ever.
+        let mut bids = 50 * a.len();
+        while let Some(row) = queue.pop().filter(|_| bids > 0) {
+            bids -= 1;
+            let least = best(columns, row as usize);
+            let raise = if least.second.is_finite() { least.second - least.first } else { 0.0 };
+            columns.price[least.at] -= raise + step;
+            let owner = std::mem::replace(&mut row_of[least.at], row);
+            column_of[row as usize] = least.at as u32;
+            if owner != NONE {
+                column_of[owner as usize] = NONE;
+                queue.push(owner);
+            }
+        }
+    }
+    for row in 0..a.len() {
+        let column = column_of[row];
+        if column != NONE && best(columns, row).at != column as usize {
+            (row_of[column as usize], column_of[row]) = (NONE, NONE);
         }
     }
 }
