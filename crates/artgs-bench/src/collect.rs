@@ -58,7 +58,13 @@ impl Failures {
         told.collect::<Vec<_>>().join(", ")
     }
 
-    fn add(&mut self, other: &Self) {
+    /// Runs that are no success: failed, or with a part missing or a joint of the wrong type. A run with both of the
+    /// latter counts once where it can be told.
+    pub fn wrong(&self) -> usize {
+        (self.failed + self.missing_part + self.wrong_type).min(self.runs)
+    }
+
+    pub(crate) fn add(&mut self, other: &Self) {
         self.runs += other.runs;
         self.failed += other.failed;
         self.missing_part += other.missing_part;

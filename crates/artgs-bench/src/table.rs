@@ -67,16 +67,16 @@ impl Table {
     }
 }
 
-/// A mean with its standard deviation, and how many runs failed: `0.03±0.01 (1 F)`.
+/// A mean with its standard deviation, and how many runs went wrong: `0.03±0.01 (1 F)`.
 pub(crate) fn number(value: Option<Aggregate>, failures: Failures, metric: Metric, more_digits: usize) -> String {
     let digits = metric.digits() + more_digits;
     match value {
-        None if failures.runs > 0 && failures.failed == failures.runs => FAILED.into(),
+        None if failures.runs > 0 && failures.wrong() >= failures.runs => FAILED.into(),
         None => NOTHING.into(),
         Some(a) => {
             let std = a.std.map(|s| format!("±{s:.digits$}")).unwrap_or_default();
-            let failed = if failures.failed > 0 { format!(" ({} F)", failures.failed) } else { String::new() };
-            format!("{:.digits$}{std}{failed}", a.mean)
+            let wrong = if failures.wrong() > 0 { format!(" ({} F)", failures.wrong()) } else { String::new() };
+            format!("{:.digits$}{std}{wrong}", a.mean)
         }
     }
 }
@@ -92,6 +92,10 @@ mod tests {
         assert_eq!(number(a(None, 1), f(1, 0), Metric::AxisAngle, 0), "0.03");
         assert_eq!(number(a(Some(0.01), 2), f(3, 1), Metric::AxisAngle, 1), "0.034±0.010 (1 F)");
         assert_eq!(number(None, f(2, 2), Metric::AxisAngle, 0), "F");
+        let without = Failures { runs: 3, missing_part: 1, wrong_type: 1, ..Failures::default() };
+        assert_eq!(number(a(None, 2), without, Metric::AxisAngle, 0), "0.03 (2 F)");
+        let all_missing = Failures { runs: 1, missing_part: 1, ..Failures::default() };
+        assert_eq!(number(None, all_missing, Metric::AxisAngle, 0), "F");
         assert_eq!(number(None, f(2, 0), Metric::Lpips, 0), "-");
         assert_eq!(number(None, f(0, 0), Metric::Lpips, 0), "-");
     }

@@ -125,8 +125,11 @@ fn both_states(all: &Collected) -> Table {
     table
 }
 
-/// Means of a variant over objects, of their means over seeds.
+/// Means of a variant over objects, of their means over seeds; none before all of them have been run.
 fn over_objects(all: &Collected, variant: &str, objects: &[&ObjectInfo], metric: Metric) -> Option<Aggregate> {
+    if objects.iter().any(|o| all.failures(variant, &o.name).runs == 0) {
+        return None;
+    }
     let means = objects.iter().filter_map(|o| all.aggregate(variant, o, metric)).map(|a| a.mean);
     aggregate(&means.collect::<Vec<_>>()).map(|a| Aggregate { std: None, ..a })
 }
@@ -250,7 +253,7 @@ fn paris_cell(all: &Collected, variant: &str, metric: Metric, column: usize, sam
         [one] if members.len() == 1 => cells(all, variant, one, &[metric], |_| 0).remove(0),
         many if many.len() == members.len() && members.len() > 1 => {
             let mut failures = Failures::default();
-            many.iter().for_each(|o| failures.failed += all.failures(variant, &o.name).failed);
+            many.iter().for_each(|o| failures.add(&all.failures(variant, &o.name)));
             number(over_objects(all, variant, many, metric), failures, metric, 0)
         }
         _ => NOTHING.into(),

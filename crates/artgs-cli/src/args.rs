@@ -182,9 +182,6 @@ pub(crate) struct Bench {
     /// A further way: settings in a TOML file that replace those of the default preset
     #[arg(long, value_name = "NAME=FILE", value_parser = pair)]
     pub(crate) variant_config: Vec<(String, String)>,
-    /// Whether the method is told the true number of parts
-    #[arg(long, value_enum, default_value_t = GivenParts::Given)]
-    pub(crate) parts: GivenParts,
     /// Training views per state of the objects of suites; several, separated by commas: each of them
     #[arg(long, value_name = "N", value_delimiter = ',')]
     pub(crate) views: Vec<usize>,
@@ -228,14 +225,6 @@ pub(crate) struct Bench {
     /// Write events as JSON, one per line
     #[arg(long)]
     json: bool,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum GivenParts {
-    /// Told, as in the paper
-    Given,
-    /// Not told
-    Auto,
 }
 
 fn pair(text: &str) -> Result<(String, String), String> {

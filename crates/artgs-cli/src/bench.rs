@@ -1,6 +1,6 @@
 //! `artgs bench`: many runs as child processes of this program, and their report.
 
-use crate::args::{Bench, GivenParts};
+use crate::args::Bench;
 use crate::commands::{Style, use_threads};
 use crate::failure::Failure;
 use crate::library::Config;
@@ -48,7 +48,7 @@ fn options(args: &Bench) -> Options {
     Options {
         out: args.out.clone(),
         seeds: args.seeds,
-        parts: if args.parts == GivenParts::Given { Parts::Given } else { Parts::Auto },
+        parts: Parts::Given,
         timeout: args.timeout,
         jobs: args.jobs.get(),
         threads: args.threads.map(Into::into),
@@ -65,7 +65,7 @@ fn circumstances(args: &Bench) -> Circumstances {
             .fold(String::new(), |line, word| if line.is_empty() { word } else { format!("{line} {word}") }),
         threads: args.threads.map_or_else(cores, Into::into),
         jobs: args.jobs.get(),
-        parts_given: args.parts == GivenParts::Given,
+        parts_given: true,
     }
 }
 
@@ -81,7 +81,14 @@ fn items(args: &Bench) -> Result<Vec<Item>, Failure> {
     let photos = Photos { views: views.clone(), size: size.clone(), noise: noise.clone(), seed: args.photo_seed };
     let (mut items, mut of_suites) = (Vec::new(), false);
     for what in &args.what {
-        match what.to_str().and_then(|name| suites::suite(name, &photos)) {
+        let suite = what.to_str().and_then(|name| suites::suite(name, &photos));
+        if suite.is_some() && what.is_dir() {
+            let name = what.display();
+            return Err(Failure::bad(format!(
+                "{name} is a suite or object and a folder here: write ./{name} for the folder"
+            )));
+        }
+        match suite {
             Some(suite) => {
                 items.extend(suite.map_err(Failure::bad)?);
                 of_suites = true;
@@ -90,6 +97,9 @@ fn items(args: &Bench) -> Result<Vec<Item>, Failure> {
         }
     }
     let as_they_are = views.is_empty() && size.is_empty() && noise.is_empty();
+    if args.schedule.is_some() && !args.variants.iter().any(|v| v.starts_with("paper")) {
+        return Err(Failure::bad("--schedule is for variants of the paper, of which there is none here"));
+    }
     if !of_suites && !as_they_are {
         let why = "--views, --size and --noise are for suites; captures in folders are taken as they are";
         return Err(Failure::bad(why));

@@ -69,7 +69,15 @@ fn check(folder: &Path, force: bool) -> Result<(), Failure> {
         return Err(Failure::bad(format!("{shown} is a file; give a folder to -o")));
     }
     let empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.next().is_none());
-    if empty || force || made(folder).is_some() {
+    if empty || made(folder).is_some() {
+        return Ok(());
+    }
+    // A capture of ours replaces these folders whole.
+    let taken = ["start", "end", "gt"].into_iter().find(|name| folder.join(name).exists());
+    if let Some(name) = taken {
+        return Err(Failure::bad(format!("{shown} holds `{name}` of another capture; give another folder to -o")));
+    }
+    if force {
         return Ok(());
     }
     Err(Failure::bad(format!(

@@ -144,6 +144,17 @@ impl Config {
                 return bad(field, "0".into(), "`hidden` and `slots.width` are numbers per Gaussian, 1 or more");
             }
         }
+        if self.registration.rough_points == 0 {
+            return bad(
+                "registration.rough_points",
+                "0".into(),
+                "clusters are registered by so many points, 1 or more",
+            );
+        }
+        if !(self.surface.resolution > 0.0 && self.surface.resolution.is_finite()) {
+            let value = self.surface.resolution.to_string();
+            return bad("surface.resolution", value, "so many voxels make the object's diagonal, more than 0");
+        }
         let reach = self.registration.reach;
         if !(reach > 0.0 && reach < 1.0) {
             return bad("registration.reach", reach.to_string(), "a fraction of the object's diagonal between 0 and 1");
@@ -219,6 +230,8 @@ mod tests {
         assert!(message("parts = 1").contains("`parts`"));
         assert!(message("[discover]\nspacing = -1.0").contains("discover.spacing"));
         assert!(message("seed = \"x\"").contains("seed"));
+        assert!(message("[registration]\nrough_points = 0").contains("registration.rough_points"));
+        assert!(message("[surface]\nresolution = 0.0").contains("surface.resolution"));
         assert!(message("method = \"magic\"").contains("magic"));
         assert!(message("[articulate.assign]\nkind = \"tree\"").contains("tree"));
         assert!(message("[canonical]\ncentres = \"best\"").contains("best"));

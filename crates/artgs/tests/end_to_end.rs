@@ -68,6 +68,11 @@ fn a_cabinet_is_reconstructed_repeatably_and_resumably() {
         assert!(fs::read(one.join(file)).unwrap() == fs::read(two.join(file)).unwrap(), "{file} differs");
     }
 
+    let mut elsewhere = capture.clone();
+    elsewhere.states[0].train.swap(0, 1);
+    let refused = reconstruct(&elsewhere, &two, &config, true, &mut NullObserver).unwrap_err();
+    assert!(refused.is_bad_input() && refused.to_string().contains("another capture"), "{refused}");
+
     let other = Config { seed: 1, ..config };
     let refused = reconstruct(&capture, &two, &other, true, &mut NullObserver).unwrap_err();
     assert!(refused.is_bad_input() && refused.to_string().contains("other settings"), "{refused}");

@@ -38,6 +38,9 @@ pub enum Error {
         "{0} was made with other settings; give the same ones to resume, or start afresh with --force or in another folder"
     )]
     OtherSettings(String),
+    /// The output folder was made from other pictures.
+    #[error("{0} was made from another capture; resume with that one, start afresh in another folder, or add --force")]
+    OtherCapture(String),
     /// Settings that cannot be used.
     #[error(transparent)]
     Config(#[from] ConfigError),
@@ -67,6 +70,7 @@ impl Error {
         match self {
             Self::PartsMissing
             | Self::OtherSettings(_)
+            | Self::OtherCapture(_)
             | Self::Config(_)
             | Self::Discover(_)
             | Self::Registration(_)

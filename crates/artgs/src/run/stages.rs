@@ -53,6 +53,11 @@ impl<'a> Run<'a> {
                 return Err(Error::OtherSettings(out.display().to_string()));
             }
         }
+        let (mark, own) = (out.join("stages/capture.txt"), fingerprint(capture));
+        if resume && std::fs::read_to_string(&mark).is_ok_and(|earlier| earlier != own) {
+            return Err(Error::OtherCapture(out.display().to_string()));
+        }
+        artgs_io::write_atomic(&mark, own.as_bytes())?;
         artgs_io::write_atomic(&file, config.to_toml().as_bytes())?;
         let mut run = Self {
             capture,
@@ -309,6 +314,23 @@ impl<'a> Run<'a> {
         self.folder.write_json(&self.folder.root.join("metrics.json"), &self.summary)?;
         Ok(self.summary)
     }
+}
+
+/// Tells captures apart: names, cameras, and some of the pixels of the training views.
+fn fingerprint(capture: &Capture) -> String {
+    const PIXELS: usize = 97;
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    let mut add = |bytes: &[u8]| {
+        bytes.iter().for_each(|b| hash = (hash ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3));
+    };
+    for view in capture.states.iter().flat_map(|s| &s.train) {
+        add(view.name.as_bytes());
+        let eye = view.camera.position();
+        [eye.x, eye.y, eye.z, view.camera.intrinsics.fx].iter().for_each(|v| add(&v.to_le_bytes()));
+        view.rgba.iter().step_by(PIXELS).for_each(|pixel| add(pixel));
+        view.depth.iter().for_each(|d| d.counts().iter().step_by(PIXELS).for_each(|c| add(&c.to_le_bytes())));
+    }
+    format!("{hash:016x}\n")
 }
 
 /// Training views of both states with their depth.
