@@ -85,13 +85,14 @@ fn wrong_usage_exits_2_and_says_what_is_wrong() {
     broken_capture(&broken);
     let b = str(&broken);
     for (args, words) in [
-        (&["zoo"][..], "the suites are cabinet"),
+        (&["zoo"][..], "suites are paris"),
         (&[b, "--variants", "magic"], "there are full, paper"),
         (&[b, "--variant-config", "x"], "`=`"),
         (&[b, "--variant-config", "x=/nowhere.toml"], "/nowhere.toml"),
         (&[b, "--same-object", "broken=paris/dog"], "paris/fridge"),
         (&[b, "--stand-in", "dog=paris/fridge"], "no object is called `dog`"),
         (&[b, "--views", "3"], "for suites"),
+        (&[b, "--schedule", "0.5"], "--schedule"),
         (&[b, b], "two objects are called `broken`"),
         (&[b, "--seeds", "0"], "--seeds"),
         (&[b, "--timeout", "0"], "above 0"),
