@@ -2,6 +2,7 @@
 //!
 //! Frames, units and orders are fixed in `CONVENTIONS.md` at the root of the repository.
 
+pub mod asset;
 pub mod camera;
 pub mod capture;
 pub mod depth;
@@ -11,6 +12,7 @@ pub mod replica;
 pub mod rigid;
 pub mod splats;
 
+pub use asset::{Asset, AssetJoint, AssetLink, Inertial, Texture, TexturedMesh};
 pub use camera::{Camera, Intrinsics};
 pub use capture::{Capture, STATE_NAMES, StateViews, View};
 pub use depth::DepthMap;

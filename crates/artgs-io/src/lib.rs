@@ -2,6 +2,7 @@
 //!
 //! Axis flips and unit conversions of foreign formats happen here and nowhere else; see `CONVENTIONS.md`.
 
+pub mod asset;
 pub mod atomic;
 pub mod capture;
 pub mod error;

@@ -1,0 +1,173 @@
+//! A replica made fit for simulators: links in their own frames, metres, with what a capture does not show.
+//!
+//! The object's frame has +Z up. Link frames are parallel to it at the zero pose; link 0 is fixed to the world.
+
+use crate::{Joint, JointKind, Mesh, Rigid, Splats};
+use glam::DVec3;
+
+/// An articulated object as simulators want it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Asset {
+    /// Name of the object: lower case letters, digits and `_`, a letter first.
+    pub name: String,
+    /// Links, the base first, parents before children.
+    pub links: Vec<AssetLink>,
+}
+
+/// A rigid body of an asset.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AssetLink {
+    /// Unique, spelt like the asset's name.
+    pub name: String,
+    /// Link it hangs on; none for the base.
+    pub parent: Option<usize>,
+    /// How it moves against its parent; none for the base.
+    pub joint: Option<AssetJoint>,
+    /// Origin of the link frame in the object's frame at the zero pose, metres; on the joint's axis.
+    pub origin: DVec3,
+    /// What is drawn, link frame; may be empty.
+    pub visual: TexturedMesh,
+    /// Convex closed meshes to collide with, link frame, uncoloured; none if there is no volume.
+    pub collision: Vec<Mesh>,
+    /// Mass and inertia.
+    pub inertial: Inertial,
+    /// Gaussians of the link, link frame.
+    pub splats: Option<Splats>,
+}
+
+/// A joint of an asset; its frame is that of the child link at value 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AssetJoint {
+    /// How the link moves.
+    pub kind: JointKind,
+    /// Unit axis, link frame; the joint opens in its positive sense where that could be told.
+    pub axis: DVec3,
+    /// Metres along the axis per radian; 0 unless `kind` is `Screw`.
+    pub pitch: f64,
+    /// Lower and upper limit, radians or metres, lower below upper; 0 lies between them.
+    pub limits: [f64; 2],
+    /// Values in the two observed states, within the limits.
+    pub observed: [f64; 2],
+    /// Largest force (N) or torque (N m).
+    pub effort: f64,
+    /// Largest speed, radians or metres per second.
+    pub velocity: f64,
+    /// Viscous damping, N s/m or N m s/rad.
+    pub damping: f64,
+    /// Dry friction, N or N m.
+    pub friction: f64,
+}
+
+/// A mesh with normals and, if it was baked, a texture.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TexturedMesh {
+    /// Vertices with colours and triangles; vertices are split along seams of the texture.
+    pub mesh: Mesh,
+    /// Unit normals, one per vertex.
+    pub normals: Vec<[f32; 3]>,
+    /// Texture coordinates per vertex, (0, 0) at the top left corner of the texture, (1, 1) at the bottom right; empty
+    /// without a texture.
+    pub uvs: Vec<[f32; 2]>,
+    /// The picture, if there is one.
+    pub texture: Option<Texture>,
+}
+
+/// An sRGB picture, rows from the top.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Texture {
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `[height * width][3]`.
+    pub rgb: Vec<[u8; 3]>,
+}
+
+/// Mass and inertia of a link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inertial {
+    /// Kilograms, above 0.
+    pub mass: f64,
+    /// Centre of mass, link frame, metres.
+    pub center: DVec3,
+    /// `ixx iyy izz ixy ixz iyz` about the centre of mass, axes of the link frame, kg m^2.
+    pub inertia: [f64; 6],
+}
+
+impl Default for Inertial {
+    /// A kilogram in a cube of 10 cm.
+    fn default() -> Self {
+        let i = 1.0 / 600.0;
+        Self { mass: 1.0, center: DVec3::ZERO, inertia: [i, i, i, 0.0, 0.0, 0.0] }
+    }
+}
+
+impl AssetJoint {
+    /// Motion of the child in its own frame when the joint goes from 0 to `value`.
+    pub fn motion(&self, value: f64) -> Rigid {
+        let Self { kind, axis, pitch, limits, observed, .. } = *self;
+        Joint { kind, axis, origin: DVec3::ZERO, pitch, state_values: observed, limits }.motion(value)
+    }
+}
+
+impl Asset {
+    /// Link frames in the object's frame, one per link, where `values[i]` is the joint value of link `i` (that of the base
+    /// is ignored).
+    pub fn poses(&self, values: &[f64]) -> Vec<Rigid> {
+        let mut poses: Vec<Rigid> = Vec::with_capacity(self.links.len());
+        for (i, link) in self.links.iter().enumerate() {
+            let moved = link.joint.map_or(Rigid::IDENTITY, |j| j.motion(values.get(i).copied().unwrap_or(0.0)));
+            let pose = match link.parent {
+                Some(parent) => poses[parent] * Rigid::shift(link.origin - self.links[parent].origin) * moved,
+                None => Rigid::shift(link.origin) * moved,
+            };
+            poses.push(pose);
+        }
+        poses
+    }
+
+    /// Joint values of all links in an observed state, 0 or 1; 0 for the base.
+    pub fn observed(&self, state: usize) -> Vec<f64> {
+        self.links.iter().map(|l| l.joint.map_or(0.0, |j| j.observed[state])).collect()
+    }
+
+    /// Indices of the links that have a joint.
+    pub fn movable(&self) -> impl Iterator<Item = (usize, &AssetLink, &AssetJoint)> {
+        self.links.iter().enumerate().filter_map(|(i, l)| Some((i, l, l.joint.as_ref()?)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn link(parent: Option<usize>, kind: JointKind, axis: DVec3, origin: DVec3) -> AssetLink {
+        let joint = AssetJoint {
+            kind,
+            axis,
+            pitch: 0.0,
+            limits: [0.0, 1.0],
+            observed: [0.0, 0.5],
+            effort: 1.0,
+            velocity: 1.0,
+            damping: 0.0,
+            friction: 0.0,
+        };
+        AssetLink { parent, joint: parent.map(|_| joint), origin, ..AssetLink::default() }
+    }
+
+    #[test]
+    fn a_drawer_in_a_door_is_carried() {
+        let base = link(None, JointKind::Revolute, DVec3::Z, DVec3::ZERO);
+        let door = link(Some(0), JointKind::Revolute, DVec3::Z, DVec3::new(1.0, 0.0, 0.0));
+        let drawer = link(Some(1), JointKind::Prismatic, DVec3::X, DVec3::new(2.0, 0.0, 0.5));
+        let asset = Asset { name: "a".into(), links: vec![base, door, drawer] };
+        let zero = asset.poses(&[0.0; 3]);
+        assert!((zero[2].translation - DVec3::new(2.0, 0.0, 0.5)).length() < 1e-12);
+        let quarter = asset.poses(&[0.0, std::f64::consts::FRAC_PI_2, 0.25]);
+        // The door turns about (1, 0, 0); the drawer lies a metre from its axis and slides along what is +Y by now.
+        assert!((quarter[2].translation - DVec3::new(1.0, 1.25, 0.5)).length() < 1e-12);
+        assert_eq!(asset.observed(1), [0.0, 0.5, 0.5]);
+        assert_eq!(asset.movable().count(), 2);
+    }
+}

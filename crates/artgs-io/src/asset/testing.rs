@@ -1,0 +1,94 @@
+//! A small asset for the tests of the writers.
+
+use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, Splats, Texture, TexturedMesh};
+use glam::DVec3;
+
+/// An axis-aligned box, counter-clockwise from outside.
+pub(crate) fn cuboid(min: [f32; 3], max: [f32; 3]) -> Mesh {
+    let corner = |i: usize| [0, 1, 2].map(|a| if i >> a & 1 == 0 { min[a] } else { max[a] });
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    Mesh {
+        vertices: (0..8).map(corner).collect(),
+        colors: vec![],
+        triangles: quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect(),
+    }
+}
+
+/// A box with flat normals and a texture of 4 x 2 pixels on every side.
+fn textured(mesh: &Mesh) -> TexturedMesh {
+    let mut out = TexturedMesh::default();
+    for pair in mesh.triangles.chunks(2) {
+        let at = out.mesh.vertices.len() as u32;
+        let corners = [pair[0][0], pair[0][1], pair[0][2], pair[1][2]].map(|i| mesh.vertices[i as usize]);
+        let [a, b, c, _] = corners.map(|v| DVec3::from_array(v.map(f64::from)));
+        let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3().to_array();
+        out.mesh.vertices.extend(corners);
+        out.mesh.colors.extend([[200, 100, 50]; 4]);
+        out.normals.extend([normal; 4]);
+        out.uvs.extend([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
+        out.mesh.triangles.extend([[at, at + 1, at + 2], [at, at + 2, at + 3]]);
+    }
+    let rgb = (0..8u8).map(|i| [i * 30, 255 - i * 30, 128]).collect();
+    out.texture = Some(Texture { width: 4, height: 2, rgb });
+    out
+}
+
+fn splats(mean: [f32; 3]) -> Splats {
+    Splats {
+        means: vec![mean, [mean[0] + 0.01, mean[1], mean[2]]],
+        rotations: vec![[1.0, 0.0, 0.0, 0.0], [0.5, 0.5, -0.5, 0.5]],
+        log_scales: vec![[-4.0, -4.5, -5.0]; 2],
+        logit_opacities: vec![2.0, -1.0],
+        sh_degree: 1,
+        sh: (0..24).map(|i| i as f32 * 0.02 - 0.2).collect(),
+    }
+}
+
+fn joint(kind: JointKind, axis: DVec3, limits: [f64; 2], observed: [f64; 2]) -> AssetJoint {
+    AssetJoint { kind, axis, pitch: 0.0, limits, observed, effort: 50.0, velocity: 3.0, damping: 0.2, friction: 0.1 }
+}
+
+fn link(name: &str, origin: DVec3, walls: &[Mesh], joint: Option<AssetJoint>) -> AssetLink {
+    let mut whole = Mesh::default();
+    walls.iter().for_each(|w| whole.append(w));
+    let center = DVec3::from_array(
+        whole
+            .vertices
+            .iter()
+            .fold([0.0; 3], |s, v| [0, 1, 2].map(|a| s[a] + f64::from(v[a]) / whole.vertices.len() as f64)),
+    );
+    AssetLink {
+        name: name.into(),
+        parent: joint.map(|_| 0),
+        joint,
+        origin,
+        visual: textured(&whole),
+        collision: walls.to_vec(),
+        inertial: Inertial { mass: 2.0, center, inertia: [0.1, 0.12, 0.08, 0.001, -0.002, 0.003] },
+        splats: Some(splats([0.1, 0.2, 0.3])),
+    }
+}
+
+/// A cabinet of five panels, 1 m x 0.5 m x 1 m, open towards -Y, with a door on a hinge along -Z above and a drawer below
+/// that slides along -Y. Nothing touches at values 0 and the door opens by 1.5 rad, the drawer by 0.4 m.
+pub(crate) fn cabinet() -> Asset {
+    let walls = [
+        cuboid([-0.5, -0.25, 0.0], [-0.48, 0.25, 1.0]),
+        cuboid([0.48, -0.25, 0.0], [0.5, 0.25, 1.0]),
+        cuboid([-0.48, -0.25, 0.0], [0.48, 0.25, 0.02]),
+        cuboid([-0.48, -0.25, 0.98], [0.48, 0.25, 1.0]),
+        cuboid([-0.48, 0.23, 0.02], [0.48, 0.25, 0.98]),
+    ];
+    let hinge = DVec3::new(-0.5, -0.26, 0.75);
+    let door = cuboid([0.0, -0.02, -0.25], [1.0, 0.0, 0.25]);
+    let slide = DVec3::new(0.0, -0.26, 0.25);
+    let drawer = [cuboid([-0.47, -0.02, -0.2], [0.47, 0.0, 0.2]), cuboid([-0.45, 0.0, -0.2], [0.45, 0.45, -0.18])];
+    let opens = joint(JointKind::Revolute, DVec3::NEG_Z, [0.0, 1.6], [0.0, 1.5]);
+    let slides = joint(JointKind::Prismatic, DVec3::NEG_Y, [0.0, 0.42], [0.0, 0.4]);
+    let links = vec![
+        link("base", DVec3::ZERO, &walls, None),
+        link("part_1", hinge, &[door], Some(opens)),
+        link("part_2", slide, &drawer, Some(slides)),
+    ];
+    Asset { name: "cabinet".into(), links }
+}

@@ -1,0 +1,1 @@
+//! What a capture does not tell and simulators need: closed meshes, textures, convex hulls, masses, joint limits.
