@@ -1,1 +1,12 @@
 //! What a capture does not tell and simulators need: closed meshes, textures, convex hulls, masses, joint limits.
+
+pub mod assemble;
+pub mod clearance;
+pub mod config;
+pub mod decompose;
+pub mod hull;
+pub mod mass;
+pub mod stance;
+
+pub use assemble::{Decisions, PartSurface, assemble};
+pub use config::{Collision, PhysicalConfig, Up};

@@ -1,0 +1,262 @@
+//! From parts in the capture's frame to links in their own: units, upward axis, zero pose, names, hulls, masses, limits.
+
+use crate::clearance::{Clearance, Pieces, clear, deepest};
+use crate::config::{Collision, PhysicalConfig, Up};
+use crate::decompose::{DecomposeOptions, decompose};
+use crate::mass::inertial;
+use crate::stance::{Range, closed_state, extend};
+use artgs_core::{Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, Replica, Rigid, TexturedMesh};
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+
+/// A part's surface at the start state, frame and unit of the capture.
+#[derive(Clone, Debug, Default)]
+pub struct PartSurface {
+    /// What is drawn.
+    pub visual: TexturedMesh,
+    /// True if it encloses its volume.
+    pub closed: bool,
+}
+
+/// What was decided about an asset, beyond what it holds itself.
+#[derive(Clone, Debug, Default)]
+pub struct Decisions {
+    /// State in which each part is closed, where that could be told.
+    pub closed_state: Vec<Option<usize>>,
+    /// Limits of each joint and why they are there.
+    pub ranges: Vec<Option<Range>>,
+    /// What was cut off convex pieces over the observed range.
+    pub clearance: Clearance,
+    /// Deepest penetration that is left at any of the poses looked at, metres.
+    pub penetration: f64,
+    /// From the capture's frame at the start state to each link's frame: first this scale, then the motion.
+    pub scale: f64,
+    /// See `scale`.
+    pub to_link: Vec<Rigid>,
+}
+
+/// Poses per joint at which nothing may be in another's way.
+pub const POSES: usize = 20;
+
+/// Links of an asset from a valid replica and the surfaces of its parts. Splats are left to the caller, who knows where
+/// they were fitted.
+pub fn assemble(
+    name: &str,
+    replica: &Replica,
+    surfaces: &[PartSurface],
+    config: &PhysicalConfig,
+) -> (Asset, Decisions) {
+    let meshes: Vec<&Mesh> = surfaces.iter().map(|s| &s.visual.mesh).collect();
+    let diagonal = config.scale * diagonal(&meshes);
+    let closed: Vec<Option<usize>> = (0..replica.parts.len()).map(|part| told_closed(replica, &meshes, part)).collect();
+    let frames = frames(replica, &closed, config);
+    let names = names(replica);
+    let wall = config.wall_share * diagonal;
+    let link = |part: usize| {
+        let to_link = Rigid::shift(-frames[part].origin) * frames[part].from_start;
+        let visual = moved(&surfaces[part].visual, &to_link, config.scale);
+        let inertial = inertial(&visual.mesh, surfaces[part].closed, wall, config.density, config.least_mass);
+        let joint = frames[part].joint.map(|joint| dynamics(joint, inertial.mass, diagonal, config));
+        let (name, parent, origin) = (names[part].clone(), replica.parts[part].parent, frames[part].origin);
+        AssetLink { name, parent, joint, origin, visual, collision: Vec::new(), inertial, splats: None }
+    };
+    let links: Vec<AssetLink> = (0..replica.parts.len()).into_par_iter().map(link).collect();
+    let mut asset = Asset { name: spelt(name, "replica"), links };
+    let to_link = frames.iter().map(|f| Rigid::shift(-f.origin) * f.from_start).collect();
+    let mut decisions = Decisions { closed_state: closed, scale: config.scale, to_link, ..Decisions::default() };
+    collide(&mut asset, &mut decisions, diagonal, config);
+    (asset, decisions)
+}
+
+/// Hulls without conflict over the observed range, limits, and hulls without conflict over those.
+fn collide(asset: &mut Asset, decisions: &mut Decisions, diagonal: f64, config: &PhysicalConfig) {
+    let thinnest = 0.5 * config.contact_share * diagonal;
+    let tolerance = 0.5 * config.contact_share * diagonal;
+    let options = DecomposeOptions {
+        voxel: config.hull_voxel_share * diagonal,
+        concavity: config.concavity,
+        most: config.most_hulls,
+        corners: 32,
+        skin: 0.5 * config.wall_share * diagonal,
+        thinnest,
+    };
+    let mut pieces: Pieces = asset.links.par_iter().map(|l| decompose(&l.visual.mesh, &options)).collect();
+    decisions.clearance = clear(&mut pieces, &stances(asset), tolerance, thinnest);
+    decisions.ranges = extend(asset, &pieces, diagonal, config);
+    for (link, range) in asset.links.iter_mut().zip(&decisions.ranges) {
+        if let (Some(joint), Some(range)) = (&mut link.joint, range) {
+            joint.limits = range.limits;
+        }
+    }
+    // Joints that move at once are left to the engine: what touches there is in the way indeed.
+    let wide = stances(asset);
+    clear(&mut pieces, &wide, tolerance, thinnest);
+    decisions.penetration = wide.iter().map(|s| deepest(&pieces, s, |_, _| true).0).fold(0.0, f64::max);
+    if config.collision == Collision::Hulls {
+        for (link, hulls) in asset.links.iter_mut().zip(&pieces) {
+            link.collision = hulls.iter().map(crate::hull::Hull::mesh).collect();
+        }
+    }
+}
+
+/// Link poses in which nothing may penetrate: both observed states, and every joint at [`POSES`] values across its limits
+/// while the others are at zero or in either observed state.
+pub fn stances(asset: &Asset) -> Vec<Vec<Rigid>> {
+    let zero = vec![0.0; asset.links.len()];
+    let mut out = vec![asset.poses(&asset.observed(0)), asset.poses(&asset.observed(1)), asset.poses(&zero)];
+    for (i, _, joint) in asset.movable() {
+        for others in [&zero, &asset.observed(0), &asset.observed(1)] {
+            for step in 0..POSES {
+                let mut values = others.clone();
+                let [lower, upper] = joint.limits;
+                values[i] = lower + (upper - lower) * step as f64 / (POSES - 1) as f64;
+                out.push(asset.poses(&values));
+            }
+        }
+    }
+    out
+}
+
+/// Where a link's frame is.
+struct Frame {
+    /// From the scaled capture at the start state to the object's frame at the zero pose.
+    from_start: Rigid,
+    /// Object's frame, zero pose.
+    origin: DVec3,
+    joint: Option<AssetJoint>,
+}
+
+fn frames(replica: &Replica, closed: &[Option<usize>], config: &PhysicalConfig) -> Vec<Frame> {
+    let upright = match config.up {
+        Up::Z => Rigid::IDENTITY,
+        Up::Y => Rigid { rotation: DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2), translation: DVec3::ZERO },
+    };
+    let mut out: Vec<Frame> = Vec::new();
+    for (i, part) in replica.parts.iter().enumerate() {
+        let carried = part.parent.map_or(upright, |p| out[p].from_start);
+        let Some(joint) = replica.joint(i) else {
+            out.push(Frame { from_start: carried, origin: DVec3::ZERO, joint: None });
+            continue;
+        };
+        let joint = metric(joint, config.scale);
+        let zero = joint.state_values[closed[i].unwrap_or(0)];
+        // Opening counts positive: from the closed state towards the other.
+        let away = joint.state_values[usize::from(closed[i].unwrap_or(0) == 0)] - zero;
+        let sign = if away < 0.0 { -1.0 } else { 1.0 };
+        let from_start = carried * joint.motion(zero - joint.state_values[0]);
+        let ordered = |[a, b]: [f64; 2]| [a.min(b), a.max(b)];
+        let observed = joint.state_values.map(|v| sign * (v - zero));
+        let given = ordered(joint.limits.map(|v| sign * (v - zero)));
+        let seen = ordered(observed);
+        /// Joints narrower than this (radians or metres) are widened: engines refuse `lower = upper`.
+        const NARROWEST: f64 = 1e-4;
+        let limits = [given[0].min(seen[0]).min(0.0), given[1].max(seen[1]).max(seen[0] + NARROWEST)];
+        let asset_joint = AssetJoint {
+            kind: joint.kind,
+            axis: from_start.turn(joint.axis * sign).normalize_or(DVec3::Z),
+            pitch: joint.pitch,
+            limits,
+            observed,
+            effort: 0.0,
+            velocity: 0.0,
+            damping: 0.0,
+            friction: 0.0,
+        };
+        out.push(Frame { from_start, origin: from_start.apply(joint.origin), joint: Some(asset_joint) });
+    }
+    out
+}
+
+/// A joint in metres.
+fn metric(joint: Joint, scale: f64) -> Joint {
+    let values = |v: [f64; 2]| if joint.kind == JointKind::Prismatic { v.map(|x| x * scale) } else { v };
+    Joint {
+        origin: joint.origin * scale,
+        pitch: joint.pitch * scale,
+        state_values: values(joint.state_values),
+        limits: values(joint.limits),
+        ..joint
+    }
+}
+
+/// What drives and slows a joint. A hinge's part is taken for a plate a third of the diagonal wide.
+fn dynamics(joint: AssetJoint, mass: f64, diagonal: f64, config: &PhysicalConfig) -> AssetJoint {
+    const GRAVITY: f64 = 9.81;
+    let arm = diagonal / 3.0;
+    match joint.kind {
+        JointKind::Prismatic => AssetJoint {
+            effort: config.force.max(3.0 * mass * GRAVITY),
+            velocity: config.speed,
+            damping: mass / config.settle,
+            friction: config.friction * mass * GRAVITY,
+            ..joint
+        },
+        JointKind::Revolute | JointKind::Screw => AssetJoint {
+            effort: config.torque.max(3.0 * mass * GRAVITY * arm),
+            velocity: config.turn_rate,
+            damping: mass * arm * arm / 3.0 / config.settle,
+            friction: config.friction * mass * GRAVITY * 0.1 * arm,
+            ..joint
+        },
+    }
+}
+
+fn told_closed(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<usize> {
+    /// Shares of the diagonal: less than this difference tells nothing.
+    const TELLING: f64 = 0.01;
+    let parent = replica.parts[part].parent?;
+    // Against its carrier, in the carrier's frame.
+    let joint = replica.joint(part)?;
+    let end = meshes[part].moved(&joint.start_to_end());
+    closed_state([meshes[part], &end], [meshes[parent], meshes[parent]], TELLING * diagonal(meshes))
+}
+
+/// Diagonal of the box around all meshes.
+fn diagonal(meshes: &[&Mesh]) -> f64 {
+    let points = meshes.iter().flat_map(|m| &m.vertices).map(|v| DVec3::from_array(v.map(f64::from)));
+    let (low, high) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+    let length = (high - low).length();
+    if length.is_finite() { length } else { 0.0 }
+}
+
+/// A textured mesh scaled, then moved.
+fn moved(visual: &TexturedMesh, motion: &Rigid, scale: f64) -> TexturedMesh {
+    let mut out = visual.clone();
+    for v in &mut out.mesh.vertices {
+        *v = motion.apply(DVec3::from_array(v.map(f64::from)) * scale).as_vec3().to_array();
+    }
+    for n in &mut out.normals {
+        *n = motion.turn(DVec3::from_array(n.map(f64::from))).as_vec3().to_array();
+    }
+    out
+}
+
+/// Unique names that every format can hold.
+fn names(replica: &Replica) -> Vec<String> {
+    let mut out: Vec<String> = Vec::new();
+    for (i, part) in replica.parts.iter().enumerate() {
+        let wanted = spelt(&part.name, "part");
+        let taken = |name: &String| out.contains(name) || name == "world";
+        let name = if taken(&wanted) { format!("{wanted}_{i}") } else { wanted };
+        out.push(if taken(&name) { format!("link_{i}") } else { name });
+    }
+    out
+}
+
+/// Lower case letters, digits and `_`, a letter first.
+pub fn spelt(text: &str, otherwise: &str) -> String {
+    let mut out = String::new();
+    for c in text.chars().map(|c| c.to_ascii_lowercase()) {
+        match c {
+            'a'..='z' | '0'..='9' => out.push(c),
+            _ if !out.ends_with('_') => out.push('_'),
+            _ => {}
+        }
+    }
+    let out = out.trim_matches('_').to_string();
+    match out.chars().next() {
+        None => otherwise.into(),
+        Some('a'..='z') => out,
+        Some(_) => format!("{otherwise}_{out}"),
+    }
+}

@@ -1,0 +1,187 @@
+//! Cuts convex pieces so that none is in another link's way, wherever the joints go.
+//!
+//! Convex pieces of measured surfaces overlap by a voxel where parts touch, and by more where a piece bridges a hollow.
+//! Joints are never moved for that: what is in the way is cut off along a face of the other piece, the face that costs
+//! the least volume. Pieces only shrink, so this ends.
+
+use crate::hull::{Hull, pose};
+use artgs_core::Rigid;
+use parry3d::bounding_volume::BoundingVolume as _;
+use parry3d::math::Pose3;
+use parry3d::shape::Shape;
+
+/// What was cut.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Clearance {
+    /// Deepest penetration met before cutting.
+    pub deepest: f64,
+    /// Number of cuts.
+    pub cuts: usize,
+    /// Pieces of which nothing was left.
+    pub lost: usize,
+    /// Volume before and after, all links.
+    pub volume: [f64; 2],
+}
+
+/// Pieces of every link, link frames.
+pub type Pieces = Vec<Vec<Hull>>;
+
+/// Cuts `pieces` until in every one of `stances` (link poses in the object's frame, one per link) no two links penetrate
+/// by more than `tolerance`. What is thinner than `thinnest` after a cut goes.
+pub fn clear(pieces: &mut Pieces, stances: &[Vec<Rigid>], tolerance: f64, thinnest: f64) -> Clearance {
+    let volume = |pieces: &Pieces| pieces.iter().flatten().map(Hull::volume).sum::<f64>();
+    let count = |pieces: &Pieces| pieces.iter().map(Vec::len).sum::<usize>();
+    let (mut out, before) = (Clearance::default(), count(pieces));
+    out.volume[0] = volume(pieces);
+    for stance in stances {
+        let poses: Vec<Pose3> = stance.iter().map(pose).collect();
+        for a in 0..pieces.len() {
+            for b in a + 1..pieces.len() {
+                let to_a = stance[a].inverse() * stance[b];
+                let mut i = 0;
+                while i < pieces[a].len() {
+                    let mut j = 0;
+                    while i < pieces[a].len() && j < pieces[b].len() {
+                        let depth = overlap(&pieces[a][i], &poses[a], &pieces[b][j], &poses[b]);
+                        if depth <= tolerance {
+                            j += 1;
+                            continue;
+                        }
+                        out.deepest = out.deepest.max(depth);
+                        out.cuts += 1;
+                        match part(&pieces[a][i], &pieces[b][j], &to_a, thinnest) {
+                            Cut::First(rest) => replace(&mut pieces[a], i, rest),
+                            Cut::Second(rest) => replace(&mut pieces[b], j, rest),
+                        }
+                        // Whatever is at these places by now is looked at again; with the first one gone, all are.
+                        if i < pieces[a].len() {
+                            continue;
+                        }
+                    }
+                    i += 1;
+                }
+            }
+        }
+    }
+    out.lost = before - count(pieces);
+    out.volume[1] = volume(pieces);
+    out
+}
+
+/// Deepest penetration between any two links in one stance, with the links.
+pub fn deepest(pieces: &Pieces, stance: &[Rigid], of: impl Fn(usize, usize) -> bool) -> (f64, [usize; 2]) {
+    let poses: Vec<Pose3> = stance.iter().map(pose).collect();
+    let mut worst = (0.0, [0, 0]);
+    for a in 0..pieces.len() {
+        for b in (a + 1..pieces.len()).filter(|b| of(a, *b)) {
+            for x in &pieces[a] {
+                for y in &pieces[b] {
+                    let depth = overlap(x, &poses[a], y, &poses[b]);
+                    if depth > worst.0 {
+                        worst = (depth, [a, b]);
+                    }
+                }
+            }
+        }
+    }
+    worst
+}
+
+fn replace(pieces: &mut Vec<Hull>, at: usize, rest: Option<Hull>) {
+    match rest {
+        Some(rest) => pieces[at] = rest,
+        None => {
+            pieces.remove(at);
+        }
+    }
+}
+
+fn overlap(a: &Hull, pose_a: &Pose3, b: &Hull, pose_b: &Pose3) -> f64 {
+    if !a.shape().compute_aabb(pose_a).intersects(&b.shape().compute_aabb(pose_b)) {
+        return 0.0;
+    }
+    a.penetration(pose_a, b, pose_b)
+}
+
+enum Cut {
+    First(Option<Hull>),
+    Second(Option<Hull>),
+}
+
+/// The cut that separates two pieces at the least cost in volume.
+fn part(a: &Hull, b: &Hull, b_to_a: &Rigid, thinnest: f64) -> Cut {
+    /// Faces with the least depth are tried out.
+    const TRIED: usize = 6;
+    let a_to_b = b_to_a.inverse();
+    // Outside of a face of the one there must be nothing of itself, so what is left of the other beyond it is free.
+    let faces = |own: &Hull, other: &Hull, to_other: &Rigid| {
+        let planes = own.planes().into_iter().map(|plane| {
+            let plane = plane.moved(to_other);
+            (other.depth(&plane), crate::hull::Plane { normal: -plane.normal, offset: -plane.offset })
+        });
+        let mut planes: Vec<_> = planes.collect();
+        planes.sort_by(|x, y| x.0.total_cmp(&y.0));
+        planes.truncate(TRIED);
+        planes
+    };
+    let cost = |hull: &Hull, rest: &Option<Hull>| hull.volume() - rest.as_ref().map_or(0.0, Hull::volume);
+    let cut_a = faces(b, a, b_to_a).into_iter().map(|(_, plane)| {
+        let rest = a.clipped(&plane, thinnest);
+        (cost(a, &rest), Cut::First(rest))
+    });
+    let cut_b = faces(a, b, &a_to_b).into_iter().map(|(_, plane)| {
+        let rest = b.clipped(&plane, thinnest);
+        (cost(b, &rest), Cut::Second(rest))
+    });
+    cut_a.chain(cut_b).min_by(|x, y| x.0.total_cmp(&y.0)).map_or(Cut::First(None), |best| best.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    fn cuboid(low: DVec3, high: DVec3) -> Hull {
+        let corners: Vec<DVec3> = (0..8)
+            .map(|i: usize| DVec3::from_array([0, 1, 2].map(|a| if i >> a & 1 == 0 { low[a] } else { high[a] })))
+            .collect();
+        Hull::of(&corners, 1e-6).unwrap()
+    }
+
+    #[test]
+    fn a_tight_drawer_is_shaved_not_moved() {
+        let wall = |x: f64| cuboid(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 0.1, 1.0, 1.0));
+        let drawer = cuboid(DVec3::new(-0.01, -0.2, 0.0), DVec3::new(1.01, 0.9, 0.5));
+        let mut pieces = vec![vec![wall(-0.1), wall(1.0)], vec![drawer]];
+        let stances: Vec<Vec<Rigid>> =
+            (0..20).map(|i| vec![Rigid::IDENTITY, Rigid::shift(DVec3::NEG_Y * (i as f64 * 0.05))]).collect();
+        let done = clear(&mut pieces, &stances, 1e-4, 1e-3);
+        assert!((done.deepest - 0.01).abs() < 1e-4 && done.lost == 0, "{done:?}");
+        for stance in &stances {
+            assert!(deepest(&pieces, stance, |_, _| true).0 <= 1e-4);
+        }
+        // Only the slivers of a hundredth on both sides went, of one or the other.
+        assert!(done.volume[0] - done.volume[1] < 0.03, "{done:?}");
+    }
+
+    #[test]
+    fn a_turning_door_clears_its_frame() {
+        let frame = cuboid(DVec3::new(-0.2, -0.1, 0.0), DVec3::new(0.0, 0.1, 1.0));
+        let door = cuboid(DVec3::new(-0.02, -0.03, 0.0), DVec3::new(0.8, 0.03, 1.0));
+        let mut pieces = vec![vec![frame], vec![door]];
+        let turned = |i: usize| Rigid::about(DVec3::Z, DVec3::ZERO, 0.1 * i as f64);
+        let stances: Vec<Vec<Rigid>> = (0..20).map(|i| vec![Rigid::IDENTITY, turned(i)]).collect();
+        let done = clear(&mut pieces, &stances, 1e-4, 1e-3);
+        assert!(done.cuts > 0);
+        assert!(stances.iter().all(|s| deepest(&pieces, s, |_, _| true).0 <= 1e-4));
+        assert!(done.volume[1] > 0.9 * done.volume[0], "{done:?}");
+    }
+
+    #[test]
+    fn a_piece_that_fills_another_goes() {
+        let plug = cuboid(DVec3::splat(0.2), DVec3::splat(0.21));
+        let mut pieces = vec![vec![cuboid(DVec3::ZERO, DVec3::ONE)], vec![plug]];
+        let done = clear(&mut pieces, &[vec![Rigid::IDENTITY; 2]], 1e-4, 1e-3);
+        assert_eq!((done.lost, pieces[1].len()), (1, 0));
+    }
+}

@@ -1,0 +1,206 @@
+//! Convex polyhedra that can be cut by planes.
+
+use artgs_core::{Mesh, Rigid};
+use glam::DVec3;
+use parry3d::math::{Pose3, Rot3, Vec3};
+use parry3d::shape::ConvexPolyhedron;
+use parry3d::transformation::try_convex_hull;
+
+/// A half space: points with `normal . x <= offset` are inside.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// Unit normal, pointing outside.
+    pub normal: DVec3,
+    /// Distance of the plane from the origin along the normal.
+    pub offset: f64,
+}
+
+impl Plane {
+    /// Signed distance, positive outside.
+    pub fn distance(&self, point: DVec3) -> f64 {
+        self.normal.dot(point) - self.offset
+    }
+
+    /// The same plane moved.
+    pub fn moved(&self, motion: &Rigid) -> Self {
+        let normal = motion.turn(self.normal);
+        Self { normal, offset: self.offset + normal.dot(motion.translation) }
+    }
+}
+
+/// A convex polyhedron with volume.
+#[derive(Clone, Debug)]
+pub struct Hull {
+    points: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    shape: ConvexPolyhedron,
+}
+
+impl Hull {
+    /// Convex hull of points; none if they do not span space, or only by less than `thinnest`.
+    pub fn of(points: &[DVec3], thinnest: f64) -> Option<Self> {
+        if points.len() < 4 || points.iter().any(|p| !p.is_finite()) {
+            return None;
+        }
+        let single: Vec<Vec3> = points.iter().map(|p| to_parry(*p)).collect();
+        let (vertices, triangles) = try_convex_hull(&single).ok()?;
+        let shape = ConvexPolyhedron::from_convex_mesh(vertices.clone(), &triangles)?;
+        let hull = Self { points: vertices.iter().map(|v| from_parry(*v)).collect(), triangles, shape };
+        let thickness = hull.planes().iter().map(|plane| hull.depth(plane)).fold(f64::INFINITY, f64::min);
+        (thickness >= thinnest && hull.volume() > 0.0).then_some(hull)
+    }
+
+    /// The hull of those corners that lie farthest in evenly spread directions and along the edges of the box around it:
+    /// inside this one, with some `2 / 3` of `directions` corners at most.
+    pub fn coarser(self, directions: usize, thinnest: f64) -> Option<Self> {
+        if self.points.len() <= directions {
+            return Some(self);
+        }
+        let spread = (0..directions).map(|i| {
+            let z = 1.0 - (2 * i + 1) as f64 / directions as f64;
+            let (sin, cos) = (2.399_963_229_728_653 * i as f64).sin_cos();
+            let r = (1.0 - z * z).sqrt();
+            DVec3::new(r * cos, r * sin, z)
+        });
+        let farthest =
+            |d: DVec3| (0..self.points.len()).max_by(|a, b| self.points[*a].dot(d).total_cmp(&self.points[*b].dot(d)));
+        let mut kept: Vec<usize> = spread.filter_map(farthest).collect();
+        kept.sort_unstable();
+        kept.dedup();
+        let points: Vec<DVec3> = kept.into_iter().map(|i| self.points[i]).collect();
+        Self::of(&points, thinnest)
+    }
+
+    /// Corners.
+    pub fn points(&self) -> &[DVec3] {
+        &self.points
+    }
+
+    /// The shape as the collision library knows it.
+    pub fn shape(&self) -> &ConvexPolyhedron {
+        &self.shape
+    }
+
+    /// As a closed mesh without colours.
+    pub fn mesh(&self) -> Mesh {
+        let vertices = self.points.iter().map(|p| p.as_vec3().to_array()).collect();
+        Mesh { vertices, colors: Vec::new(), triangles: self.triangles.clone() }
+    }
+
+    /// Planes of the faces, triangles too small for a normal left out.
+    pub fn planes(&self) -> Vec<Plane> {
+        let plane = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|i| self.points[i as usize]);
+            let normal = (b - a).cross(c - a).try_normalize()?;
+            Some(Plane { normal, offset: normal.dot(a) })
+        };
+        self.triangles.iter().filter_map(plane).collect()
+    }
+
+    /// How far the hull reaches inside a plane.
+    pub fn depth(&self, plane: &Plane) -> f64 {
+        -self.points.iter().map(|p| plane.distance(*p)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Volume.
+    pub fn volume(&self) -> f64 {
+        let origin = self.points.first().copied().unwrap_or_default();
+        let six = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|i| self.points[i as usize] - origin);
+            a.dot(b.cross(c))
+        };
+        self.triangles.iter().map(six).sum::<f64>() / 6.0
+    }
+
+    /// What lies inside the plane; none if nothing thicker than `thinnest` is left.
+    pub fn clipped(&self, plane: &Plane, thinnest: f64) -> Option<Self> {
+        let mut kept: Vec<DVec3> = self.points.iter().copied().filter(|p| plane.distance(*p) <= 0.0).collect();
+        if kept.len() == self.points.len() {
+            return Some(self.clone());
+        }
+        for t in &self.triangles {
+            for (i, j) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                let (a, b) = (self.points[i as usize], self.points[j as usize]);
+                let (da, db) = (plane.distance(a), plane.distance(b));
+                // Every edge is met twice, once each way; one of them is enough.
+                if da <= 0.0 && db > 0.0 {
+                    kept.push(a + (b - a) * (da / (da - db)));
+                }
+            }
+        }
+        Self::of(&kept, thinnest)
+    }
+
+    /// How deep another hull, posed relative to the world like this one, reaches into this one; 0 if apart.
+    pub fn penetration(&self, pose: &Pose3, other: &Self, other_pose: &Pose3) -> f64 {
+        match parry3d::query::contact(pose, &self.shape, other_pose, &other.shape, 0.0) {
+            Ok(Some(contact)) => f64::from(-contact.dist).max(0.0),
+            _ => 0.0,
+        }
+    }
+}
+
+/// A point as the collision library spells it; its version of the vector crate is another.
+pub fn to_parry(p: DVec3) -> Vec3 {
+    Vec3::from_array(p.as_vec3().to_array())
+}
+
+/// A point of the collision library.
+pub fn from_parry(p: Vec3) -> DVec3 {
+    DVec3::from_array(p.to_array().map(f64::from))
+}
+
+/// A motion as the collision library spells it.
+pub fn pose(motion: &Rigid) -> Pose3 {
+    let q = motion.rotation.as_quat();
+    Pose3::from_parts(to_parry(motion.translation), Rot3::from_xyzw(q.x, q.y, q.z, q.w))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cube() -> Hull {
+        let corners: Vec<DVec3> =
+            (0..8).map(|i| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2 & 1) as f64)).collect();
+        Hull::of(&corners, 1e-6).unwrap()
+    }
+
+    #[test]
+    fn a_cut_cube_keeps_the_rest() {
+        let plane = Plane { normal: DVec3::X, offset: 0.25 };
+        let half = cube().clipped(&plane, 1e-6).unwrap();
+        assert!((half.volume() - 0.25).abs() < 1e-6 && (cube().volume() - 1.0).abs() < 1e-6);
+        assert!(half.points().iter().all(|p| p.x <= 0.25 + 1e-6));
+        let corner = Plane { normal: DVec3::ONE.normalize(), offset: 2.5 / 3f64.sqrt() };
+        let cut = cube().clipped(&corner, 1e-6).unwrap();
+        // The corner beyond x + y + z = 2.5 is a pyramid with legs of a half.
+        assert!((cut.volume() - (1.0 - 0.125 / 6.0)).abs() < 1e-6, "{}", cut.volume());
+        assert!(cube().clipped(&Plane { normal: DVec3::X, offset: 0.001 }, 0.01).is_none());
+        assert!((cube().clipped(&Plane { normal: DVec3::X, offset: 2.0 }, 0.01).unwrap().volume() - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn planes_move_with_hulls() {
+        let motion = Rigid::about(DVec3::Z, DVec3::new(1.0, 2.0, 0.0), 0.7);
+        let plane = Plane { normal: DVec3::X, offset: 0.25 }.moved(&motion);
+        assert!(plane.distance(motion.apply(DVec3::new(0.25, 9.0, -3.0))).abs() < 1e-12);
+        assert!((plane.distance(motion.apply(DVec3::new(1.25, 9.0, -3.0))) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn penetration_is_a_depth() {
+        let (a, b) = (cube(), cube());
+        let at = |x: f64| pose(&Rigid::shift(DVec3::new(x, 0.1, 0.2)));
+        assert!((a.penetration(&at(0.0), &b, &at(0.9)) - 0.1).abs() < 1e-5);
+        assert_eq!(a.penetration(&at(0.0), &b, &at(1.1)), 0.0);
+    }
+
+    #[test]
+    fn flat_or_broken_points_are_no_hull() {
+        let flat: Vec<DVec3> = (0..4).map(|i| DVec3::new((i & 1) as f64, (i >> 1) as f64, 0.0)).collect();
+        assert!(Hull::of(&flat, 1e-6).is_none());
+        assert!(Hull::of(&[DVec3::NAN; 5], 1e-6).is_none());
+        assert!(Hull::of(&[], 1e-6).is_none());
+    }
+}

@@ -1,0 +1,130 @@
+//! Mass, centre of mass and inertia of a surface, solid or as a shell.
+
+use artgs_core::{Inertial, Mesh};
+use glam::{DMat3, DVec3};
+
+/// Integrals over a body of density 1.
+#[derive(Clone, Copy, Debug)]
+struct Moments {
+    mass: f64,
+    first: DVec3,
+    second: DMat3,
+}
+
+impl Moments {
+    const ZERO: Self = Self { mass: 0.0, first: DVec3::ZERO, second: DMat3::ZERO };
+}
+
+/// What a link weighs: a closed surface as if filled, but never more than a shell of thickness `wall` would; an open one as
+/// that shell. Lengths in metres, density in kg/m^3. An empty mesh weighs `least`.
+pub fn inertial(mesh: &Mesh, closed: bool, wall: f64, density: f64, least: f64) -> Inertial {
+    let shell = shell(mesh);
+    let mut moments = scaled(&shell, wall);
+    if closed {
+        let solid = solid(mesh);
+        if solid.mass > 0.0 && solid.mass < moments.mass {
+            moments = solid;
+        }
+    }
+    if moments.mass.is_nan() || moments.mass <= 0.0 {
+        return Inertial { mass: least, ..Inertial::default() };
+    }
+    let mass = (moments.mass * density).max(least);
+    let center = moments.first / moments.mass;
+    // About the centre, per mass; a body cannot be thinner than its walls.
+    let covariance = moments.second * (1.0 / moments.mass) - outer(center, center);
+
+    let covariance = covariance + DMat3::from_diagonal(DVec3::splat(wall * wall / 12.0 * 0.1));
+    let trace = covariance.x_axis.x + covariance.y_axis.y + covariance.z_axis.z;
+    let inertia = (DMat3::IDENTITY * trace - covariance) * mass;
+    let (x, y, z) = (inertia.x_axis, inertia.y_axis, inertia.z_axis);
+    Inertial { mass, center, inertia: [x.x, y.y, z.z, x.y, x.z, y.z] }
+}
+
+fn scaled(m: &Moments, factor: f64) -> Moments {
+    Moments { mass: m.mass * factor, first: m.first * factor, second: m.second * factor }
+}
+
+fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+fn corners(mesh: &Mesh) -> impl Iterator<Item = [DVec3; 3]> + '_ {
+    mesh.triangles.iter().map(|t| t.map(|i| DVec3::from_array(mesh.vertices[i as usize].map(f64::from))))
+}
+
+/// Integrals over the surface.
+fn shell(mesh: &Mesh) -> Moments {
+    corners(mesh).fold(Moments::ZERO, |m, [a, b, c]| {
+        let area = 0.5 * (b - a).cross(c - a).length();
+        let sum = a + b + c;
+        let second = outer(sum, sum) + outer(a, a) + outer(b, b) + outer(c, c);
+        Moments { mass: m.mass + area, first: m.first + sum * (area / 3.0), second: m.second + second * (area / 12.0) }
+    })
+}
+
+/// Integrals over the volume inside, as a sum of tetrahedra with one corner in the middle.
+fn solid(mesh: &Mesh) -> Moments {
+    let n = mesh.vertices.len().max(1) as f64;
+    let middle = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from))).sum::<DVec3>() / n;
+    let about = corners(mesh).fold(Moments::ZERO, |m, t| {
+        let [a, b, c] = t.map(|p| p - middle);
+        let six = a.dot(b.cross(c));
+        let sum = a + b + c;
+        let second = outer(sum, sum) + outer(a, a) + outer(b, b) + outer(c, c);
+        Moments {
+            mass: m.mass + six / 6.0,
+            first: m.first + sum * (six / 24.0),
+            second: m.second + second * (six / 120.0),
+        }
+    });
+    let first = about.first + middle * about.mass;
+    let cross = outer(about.first, middle);
+    let second = about.second + cross + cross.transpose() + outer(middle, middle) * about.mass;
+    Moments { mass: about.mass, first, second }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cuboid(low: DVec3, high: DVec3) -> Mesh {
+        let corner = |i: usize| [0, 1, 2].map(|a| if i >> a & 1 == 0 { low[a] } else { high[a] } as f32);
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
+        Mesh { vertices: (0..8).map(corner).collect(), colors: Vec::new(), triangles }
+    }
+
+    #[test]
+    fn a_thick_walled_box_is_solid() {
+        let mesh = cuboid(DVec3::new(1.0, 2.0, 3.0), DVec3::new(2.0, 4.0, 6.0));
+        let found = inertial(&mesh, true, 10.0, 2.0, 0.01);
+        // The floor on thickness adds to all three; take walls of no consequence away from it.
+        let extra = found.mass * 2.0 * (100.0 / 120.0);
+        assert!((found.mass - 12.0).abs() < 1e-5 && (found.center - DVec3::new(1.5, 3.0, 4.5)).length() < 1e-6);
+        for (i, want) in [13.0, 10.0, 5.0].iter().enumerate() {
+            assert!((found.inertia[i] - extra - want).abs() < 1e-4, "{:?}", found.inertia);
+        }
+        assert!(found.inertia[3..].iter().all(|x| x.abs() < 1e-4));
+    }
+
+    #[test]
+    fn a_hollow_cube_weighs_its_walls() {
+        let mesh = cuboid(DVec3::splat(-0.5), DVec3::splat(0.5));
+        let found = inertial(&mesh, true, 0.01, 600.0, 0.01);
+        assert!((found.mass - 36.0).abs() < 1e-4, "{}", found.mass);
+        // A thin shell of a cube of edge 1: 5/18 of its mass.
+        assert!((found.inertia[0] / found.mass - 5.0 / 18.0).abs() < 1e-4, "{:?}", found.inertia);
+        let open = inertial(&mesh, false, 0.01, 600.0, 0.01);
+        assert!((open.mass - 36.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn nothing_and_little_have_mass() {
+        assert_eq!(inertial(&Mesh::default(), true, 0.01, 600.0, 0.01).mass, 0.01);
+        let tiny = cuboid(DVec3::ZERO, DVec3::splat(1e-3));
+        let found = inertial(&tiny, true, 0.01, 600.0, 0.01);
+        assert_eq!(found.mass, 0.01);
+        assert!(found.inertia[..3].iter().all(|i| *i > 0.0));
+    }
+}

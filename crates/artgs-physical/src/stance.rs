@@ -1,0 +1,221 @@
+//! Which observed state is the closed one, and how far joints go beyond what was observed.
+
+use crate::clearance::{Pieces, deepest};
+use crate::config::PhysicalConfig;
+use crate::hull::{Hull, to_parry};
+use artgs_core::{Asset, JointKind, Mesh};
+use glam::DVec3;
+use parry3d::query::PointQuery as _;
+
+/// The state, 0 or 1, in which a part lies closer to what carries it; none if they are alike within `telling`. `part`
+/// and `carrier` are the surfaces in both states, in one frame. Drawers and doors stand out when open.
+pub fn closed_state(part: [&Mesh; 2], carrier: [&Mesh; 2], telling: f64) -> Option<usize> {
+    let tucked = [0, 1].map(|s| standing_out(part[s], carrier[s]));
+    let [Some(start), Some(end)] = tucked else { return None };
+    if (start - end).abs() < telling {
+        return None;
+    }
+    Some(usize::from(end < start))
+}
+
+/// Mean distance of a surface's vertices from the convex hull of another.
+fn standing_out(part: &Mesh, carrier: &Mesh) -> Option<f64> {
+    const SAMPLE: usize = 4000;
+    let sampled = |mesh: &Mesh| -> Vec<DVec3> {
+        let stride = mesh.vertices.len().div_ceil(SAMPLE).max(1);
+        mesh.vertices.iter().step_by(stride).map(|v| DVec3::from_array(v.map(f64::from))).collect()
+    };
+    let hull = Hull::of(&sampled(carrier), 0.0)?;
+    let points = sampled(part);
+    let far = |p: &DVec3| f64::from(hull.shape().distance_to_local_point(to_parry(*p), true));
+    (!points.is_empty()).then(|| points.iter().map(far).sum::<f64>() / points.len() as f64)
+}
+
+/// Why a joint's limit is where it is.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Stop {
+    /// It was observed there; further was not tried or nothing more was free.
+    Observed,
+    /// Another link is in the way.
+    Contact(String),
+    /// A slide would leave what it slides in.
+    Support,
+    /// As far as a limit is ever extended.
+    Reach,
+}
+
+/// Limits of one joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Range {
+    /// Lower and upper limit.
+    pub limits: [f64; 2],
+    /// Reason of each.
+    pub stops: [Stop; 2],
+}
+
+/// Extends the limits of every joint from the observed values until another link is touched, in either observed state
+/// of the others, or a slide loses its support. Entry `i` belongs to link `i`; the base has none. `pieces` must not touch
+/// each other over the observed range; lengths in metres.
+pub fn extend(asset: &Asset, pieces: &Pieces, diagonal: f64, config: &PhysicalConfig) -> Vec<Option<Range>> {
+    let range = |link: usize| {
+        let joint = asset.links[link].joint?;
+        let observed = [joint.observed[0].min(joint.observed[1]), joint.observed[0].max(joint.observed[1])];
+        if !config.extend_limits {
+            return Some(Range { limits: observed, stops: [Stop::Observed, Stop::Observed] });
+        }
+        let span = observed[1] - observed[0];
+        let most = match joint.kind {
+            JointKind::Prismatic => config.most_slide * span,
+            JointKind::Revolute => config.most_turn.min(0.5 * (config.widest_turn - span)),
+            // How far a thread goes on cannot be seen.
+            JointKind::Screw => 0.0,
+        };
+        let mut out = Range { limits: observed, stops: [Stop::Observed, Stop::Observed] };
+        for (end, sign) in [(0, -1.0), (1, 1.0)] {
+            let (way, stop) = free_way(asset, pieces, link, observed[end], sign * most.max(0.0), diagonal, config);
+            out.limits[end] = observed[end] + sign * way;
+            out.stops[end] = stop;
+        }
+        Some(out)
+    };
+    (0..asset.links.len()).map(range).collect()
+}
+
+/// How far a joint can go on from `from` towards `from + most`, and what stops it.
+fn free_way(
+    asset: &Asset,
+    pieces: &Pieces,
+    link: usize,
+    from: f64,
+    most: f64,
+    diagonal: f64,
+    config: &PhysicalConfig,
+) -> (f64, Stop) {
+    const STEPS: usize = 45;
+    let tolerance = 2.0 * config.contact_share * diagonal;
+    let carried = carried(asset, link);
+    let Some(joint) = asset.links[link].joint else { return (0.0, Stop::Observed) };
+    let mut free = 0.0;
+    for step in 1..=STEPS {
+        let way = most * step as f64 / STEPS as f64;
+        for state in 0..2 {
+            let mut values = asset.observed(state);
+            values[link] = from + way;
+            let (depth, [a, b]) = deepest(pieces, &asset.poses(&values), |a, b| carried[a] != carried[b]);
+            if depth > tolerance {
+                let other = if carried[a] { b } else { a };
+                return (free * (1.0 - config.margin), Stop::Contact(asset.links[other].name.clone()));
+            }
+        }
+        let leaves = joint.kind == JointKind::Prismatic && !supported(asset, pieces, link, from, from + way, config);
+        if leaves {
+            return (free, Stop::Support);
+        }
+        free = way.abs();
+    }
+    (free, if most == 0.0 { Stop::Observed } else { Stop::Reach })
+}
+
+/// Links that move with a joint.
+fn carried(asset: &Asset, link: usize) -> Vec<bool> {
+    let mut out = vec![false; asset.links.len()];
+    out[link] = true;
+    for i in link + 1..asset.links.len() {
+        out[i] = asset.links[i].parent.is_some_and(|p| out[p]);
+    }
+    out
+}
+
+/// True if at least the wanted share of a sliding link lies within the extent of its carrier along the slide, or more
+/// than at `before`.
+fn supported(asset: &Asset, pieces: &Pieces, link: usize, before: f64, value: f64, config: &PhysicalConfig) -> bool {
+    let (Some(parent), Some(joint)) = (asset.links[link].parent, asset.links[link].joint) else { return true };
+    let (axis, shift) = (joint.axis, asset.links[link].origin - asset.links[parent].origin);
+    let extent = |of: usize, offset: f64| {
+        let along = pieces[of].iter().flat_map(Hull::points).map(|p| p.dot(axis) + offset);
+        along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+    };
+    let carrier = extent(parent, 0.0);
+    let held = |value: f64| {
+        let own = extent(link, shift.dot(axis) + value);
+        (own[1].min(carrier[1]) - own[0].max(carrier[0])) / (own[1] - own[0])
+    };
+    let now = held(value);
+    now.is_nan() || now >= config.least_support || now > held(before)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artgs_core::{AssetJoint, AssetLink};
+
+    fn cuboid(low: [f64; 3], high: [f64; 3]) -> Hull {
+        let corners: Vec<DVec3> = (0..8)
+            .map(|i: usize| DVec3::from_array([0, 1, 2].map(|a| if i >> a & 1 == 0 { low[a] } else { high[a] })))
+            .collect();
+        Hull::of(&corners, 1e-6).unwrap()
+    }
+
+    fn movable(kind: JointKind, axis: DVec3, origin: DVec3, open: f64) -> AssetLink {
+        let joint = AssetJoint {
+            kind,
+            axis,
+            pitch: 0.0,
+            limits: [0.0, open],
+            observed: [0.0, open],
+            effort: 1.0,
+            velocity: 1.0,
+            damping: 0.0,
+            friction: 0.0,
+        };
+        let name = format!("{kind:?}").to_lowercase();
+        AssetLink { name, parent: Some(0), joint: Some(joint), origin, ..AssetLink::default() }
+    }
+
+    /// Two side walls and a back, a drawer between them, a door before its left neighbour; everything opens along -Y.
+    fn cabinet() -> (Asset, Pieces) {
+        let base = vec![
+            cuboid([-0.5, 0.0, 0.0], [-0.45, 1.0, 1.0]),
+            cuboid([0.45, 0.0, 0.0], [0.5, 1.0, 1.0]),
+            cuboid([-0.45, 0.95, 0.0], [0.45, 1.0, 1.0]),
+        ];
+        let drawer = vec![cuboid([-0.4, 0.0, 0.0], [0.4, 0.8, 0.4])];
+        let door = vec![cuboid([0.0, -0.04, 0.0], [0.9, 0.0, 0.4])];
+        let links = vec![
+            AssetLink { name: "base".into(), ..AssetLink::default() },
+            movable(JointKind::Prismatic, DVec3::NEG_Y, DVec3::new(0.0, 0.0, 0.1), 0.5),
+            movable(JointKind::Revolute, DVec3::NEG_Z, DVec3::new(-0.45, -0.01, 0.55), 1.2),
+        ];
+        (Asset { name: "a".into(), links }, vec![base, drawer, door])
+    }
+
+    #[test]
+    fn drawers_stop_before_the_back_and_before_they_fall_out() {
+        let (asset, pieces) = cabinet();
+        let ranges = extend(&asset, &pieces, 1.7, &PhysicalConfig::default());
+        assert_eq!(ranges[0], None);
+        let drawer = ranges[1].clone().unwrap();
+        // 15 cm behind it, of which a tenth is left.
+        assert_eq!(drawer.stops[0], Stop::Contact("base".into()));
+        assert!((-0.15..-0.12).contains(&drawer.limits[0]), "{drawer:?}");
+        // A quarter of 80 cm stays inside.
+        assert_eq!(drawer.stops[1], Stop::Support);
+        assert!((0.58..=0.6).contains(&drawer.limits[1]), "{drawer:?}");
+        let door = ranges[2].clone().unwrap();
+        assert_eq!(door.stops[0], Stop::Contact("base".into()));
+        assert!(door.limits[0] > -0.1 && door.limits[1] > 1.2, "{door:?}");
+        let fixed = PhysicalConfig { extend_limits: false, ..PhysicalConfig::default() };
+        assert_eq!(extend(&asset, &pieces, 1.7, &fixed)[1].clone().unwrap().limits, [0.0, 0.5]);
+    }
+
+    #[test]
+    fn the_closed_state_is_the_tucked_one() {
+        let base = cuboid([-0.5, 0.0, 0.0], [0.5, 1.0, 1.0]).mesh();
+        let at = |y: f64| cuboid([-0.4, y, 0.0], [0.4, y + 0.8, 0.4]).mesh();
+        let (shut, open) = (at(0.1), at(-0.5));
+        assert_eq!(closed_state([&shut, &open], [&base, &base], 0.01), Some(0));
+        assert_eq!(closed_state([&open, &shut], [&base, &base], 0.01), Some(1));
+        assert_eq!(closed_state([&shut, &shut], [&base, &base], 0.01), None);
+        assert_eq!(closed_state([&shut, &Mesh::default()], [&base, &base], 0.01), None);
+    }
+}
