@@ -92,3 +92,17 @@ pub(crate) fn cabinet() -> Asset {
     ];
     Asset { name: "cabinet".into(), links }
 }
+
+/// Writes the sample where `ARTGS_WRITE_SAMPLE` says, for `validate/validate.py`; without the variable there is nothing
+/// to do but to see that it can be written.
+#[test]
+fn writes_the_sample_when_asked() {
+    let scratch = tempfile::tempdir().unwrap();
+    let dir = std::env::var_os("ARTGS_WRITE_SAMPLE").map_or(scratch.path().to_path_buf(), Into::into);
+    let asset = cabinet();
+    super::export_urdf(&dir.join("urdf"), &asset).unwrap();
+    super::export_mjcf(&dir.join("mjcf"), &asset).unwrap();
+    super::export_sdf(&dir.join("sdf"), &asset).unwrap();
+    super::export_partnet(&dir.join("partnet"), &asset).unwrap();
+    assert!(dir.join("partnet/mobility.urdf").is_file());
+}
