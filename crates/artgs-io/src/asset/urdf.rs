@@ -2,14 +2,15 @@
 //!
 //! The root link `world` carries the base on a fixed joint, so the object does not fall. Link frames are joint frames.
 //!
-//! Limitations: a screw is a revolute joint, its pitch in a comment. The observed states, splats and colours of vertices
-//! have no place; a link without texture gets its mean colour. PyBullet ignores contacts within a robot unless asked;
+//! Limitations: a screw is a revolute joint, its pitch in a comment. The observed states and splats have no place. A link
+//! without texture has its colours in the OBJ, where many loaders skip them; it gets no `<material>`, for which SAPIEN
+//! wants a renderer even where nothing is drawn. PyBullet ignores contacts within a robot unless asked;
 //! MuJoCo those between a body and its parent, but not where the parent is fixed to the world (its own format has
 //! excludes for that). URDF does not say that hulls are convex; every engine takes the hull of each collision mesh,
 //! which is the mesh itself here.
 
 use super::check_asset;
-use super::meshes::{LinkFiles, mean_color, write_link_meshes};
+use super::meshes::{LinkFiles, write_link_meshes};
 use super::xml::{row, screw_note, triple};
 use crate::{FileError, write_atomic};
 use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind};
@@ -78,27 +79,19 @@ fn write_link(out: &mut String, link: &AssetLink, folder: &str, files: &LinkFile
          \x20     <inertia ixx=\"{xx}\" ixy=\"{xy}\" ixz=\"{xz}\" iyy=\"{yy}\" iyz=\"{yz}\" izz=\"{zz}\"/>\n    </inertial>\n"
     );
     if let Some(file) = &files.visual {
-        // A texture comes with the MTL of the mesh; a material here would hide it.
-        let material = match files.texture {
-            Some(_) => String::new(),
-            None => {
-                let color = row(&mean_color(&link.visual));
-                format!("      <material name=\"{name}_material\"><color rgba=\"{color} 1\"/></material>\n")
-            }
-        };
-        write_shape(out, "visual", &format!("{name}_visual"), &format!("{folder}/{file}"), &material);
+        write_shape(out, "visual", &format!("{name}_visual"), &format!("{folder}/{file}"));
     }
     for (i, file) in files.collision.iter().enumerate() {
-        write_shape(out, "collision", &format!("{name}_collision_{i}"), &format!("{folder}/{file}"), "");
+        write_shape(out, "collision", &format!("{name}_collision_{i}"), &format!("{folder}/{file}"));
     }
     *out += "  </link>\n";
 }
 
-fn write_shape(out: &mut String, tag: &str, name: &str, file: &str, material: &str) {
+fn write_shape(out: &mut String, tag: &str, name: &str, file: &str) {
     let _ = writeln!(
         out,
         "    <{tag} name=\"{name}\">\n      <origin xyz=\"0 0 0\" rpy=\"0 0 0\"/>\n      <geometry><mesh filename=\"{file}\"/>\
-         </geometry>\n{material}    </{tag}>"
+         </geometry>\n    </{tag}>"
     );
 }
 
@@ -184,7 +177,7 @@ mod tests {
         assert_eq!(robot.joints[2].joint_type, urdf_rs::JointType::Revolute);
         assert!(text.contains("<!-- screw: slides -0.01 m per radian along its axis -->"));
         assert!(text.contains("<origin xyz=\"0.1 0 0\" rpy=\"0 0 0\"/>"));
-        assert!(text.contains("<material name=\"part_2_material\"><color rgba=\"0.7843 0.3922 0.1961 1\"/>"), "{text}");
+        assert!(!text.contains("<material"), "{text}");
         assert!(robot.links[2].visual.is_empty() && robot.links[2].collision.is_empty());
     }
 

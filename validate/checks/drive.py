@@ -1,0 +1,161 @@
+"""Drives the joints of an opened model; the same for every engine.
+
+An engine is an object with
+  names, kinds ('hinge' or 'slide'), lower, upper, effort, damping, friction: one entry per joint, SI units;
+  dt: seconds per step;
+  set(q): puts all joints at `q`, at rest;
+  get() -> (q, v);
+  gravity(q) -> generalised forces that hold all joints against gravity;
+  inertia(q) -> effective inertia of each joint;
+  step(tau): a step under generalised forces `tau`;
+  follow(target): a step of the engine's usual servo towards positions `target`, within the effort;
+  contacts(q) -> {(link, link): metres}: depths by which links overlap at `q` as the engine sees it, where the engine
+    would resist, and informative {(link, link): metres} of pairs that it ignores.
+"""
+
+import numpy as np
+
+from .report import DRIFT, PENETRATION, REACHED
+
+POSES = 20
+# A hand takes about this long over the range of a joint.
+STROKE_S = 1.0
+PATIENCE_S = 8.0
+HOLD_S = 1.0
+# The target glides for so long, so that no effort is spent on a jump; then it waits.
+GLIDE_S = 2.0
+WAIT_S = 3.0
+
+
+def check_motion(engine, states, report):
+    """Adds to the report what each joint does. `states` maps names of observed states to {joint: value}."""
+    rest = np.clip(np.zeros(len(engine.names)), engine.lower, engine.upper)
+    for j in range(len(engine.names)):
+        _limits(engine, j, rest, report)
+        _sweep(engine, j, rest, report)
+    _observed(engine, states, report)
+
+
+def _force(engine, j, rest):
+    """Twice what weight, friction, damping and inertia need over the range, at most the joint's effort."""
+    span = engine.upper[j] - engine.lower[j]
+    weight = inertia = 0.0
+    for value in np.linspace(engine.lower[j], engine.upper[j], 9):
+        q = rest.copy()
+        q[j] = value
+        weight = max(weight, abs(engine.gravity(q)[j]))
+        inertia = max(inertia, engine.inertia(q)[j])
+    # Half the stroke accelerates, half brakes: the range in time T takes 4 range / T^2.
+    need = weight + engine.friction[j] + engine.damping[j] * span / STROKE_S + 4.0 * inertia * span / STROKE_S**2
+    return min(engine.effort[j], 2.0 * need), need
+
+
+def _limits(engine, j, rest, report):
+    kind, name = engine.kinds[j], engine.names[j]
+    force, need = _force(engine, j, rest)
+    note = f"{force:.3g} {'N m' if kind == 'hinge' else 'N'}"
+    report.add(name, "effort suffices", force >= need, force / need if need > 0 else 1.0, "x", note)
+    for label, sign, limit in (("upper", 1.0, engine.upper[j]), ("lower", -1.0, engine.lower[j])):
+        q = rest.copy()
+        q[j] = 0.5 * (engine.lower[j] + engine.upper[j])
+        engine.set(q)
+        arrived, held = None, []
+        for i in range(int((PATIENCE_S + HOLD_S) / engine.dt)):
+            tau = engine.gravity(_pinned(engine, rest, j))
+            tau[j] = sign * force
+            engine.step(tau)
+            value = _pinned(engine, rest, j)[j]
+            speed = engine.get()[1][j]
+            if arrived is None:
+                near = abs(value - limit) <= REACHED[kind] and abs(speed) <= 2.0 * REACHED[kind]
+                if near:
+                    arrived = i
+                elif i * engine.dt > PATIENCE_S:
+                    break
+            else:
+                held.append(value)
+                if len(held) * engine.dt >= HOLD_S:
+                    break
+        off = abs(engine.get()[0][j] - limit)
+        note = "" if arrived is not None else f"stopped at {engine.get()[0][j]:.4f} of {limit:.4f}" + _blocked(engine)
+        report.add(name, f"reaches {label}", arrived is not None and off <= REACHED[kind], off, _unit(kind), note)
+        if held:
+            # The first tenth may still settle.
+            tail = held[len(held) // 10 :]
+            drift = max(tail) - min(tail)
+            report.add(name, f"holds {label}", drift <= DRIFT[kind], drift, _unit(kind))
+
+
+def _pinned(engine, rest, j):
+    """Puts every joint but `j` back to rest, so that only `j` is on trial; returns the positions."""
+    q, v = engine.get()
+    if len(q) > 1:
+        pinned, still = rest.copy(), np.zeros_like(v)
+        pinned[j], still[j] = q[j], v[j]
+        if not (np.array_equal(pinned, q) and np.array_equal(still, v)):
+            engine.set(pinned, still)
+        return pinned
+    return q
+
+
+def _blocked(engine):
+    touching = engine.contacts(engine.get()[0])[0]
+    pairs = [f"{a}/{b}" for (a, b), depth in sorted(touching.items()) if depth > -1e-3]
+    return f", touching {', '.join(pairs)}" if pairs else ""
+
+
+def _sweep(engine, j, rest, report):
+    worst, note, ignored, ignored_note = 0.0, "", 0.0, ""
+    for value in np.linspace(engine.lower[j], engine.upper[j], POSES):
+        q = rest.copy()
+        q[j] = value
+        resisted, passed_over = engine.contacts(q)
+        for pair, depth in resisted.items():
+            if depth > worst:
+                worst, note = depth, f"{'/'.join(pair)} at {value:.3f}"
+        for pair, depth in passed_over.items():
+            if depth > ignored:
+                ignored, ignored_note = depth, f"{'/'.join(pair)} at {value:.3f}"
+    report.add(engine.names[j], "penetration", worst <= PENETRATION, worst, "m", note)
+    report.add(engine.names[j], "overlap of pairs that it ignores", None, ignored, "m", ignored_note)
+
+
+def _observed(engine, states, report):
+    """Visits the observed states one from the other, all joints at once, within their efforts."""
+    if not states:
+        report.add("-", "observed states", None, note="no MJCF keyframes beside this export, not visited")
+        return
+    goals = {name: np.array([at.get(n, np.nan) for n in engine.names]) for name, at in states.items()}
+    for name, goal in goals.items():
+        missing = [n for n, g in zip(engine.names, goal) if not np.isfinite(g)]
+        if missing:
+            report.add("-", f"state {name}", False, note=f"the keyframe lacks {', '.join(missing)}")
+            return
+    names = list(goals)
+    for name in names:
+        other = goals[names[names.index(name) - 1]]
+        goal = goals[name]
+        depth = max(engine.contacts(goal)[0].values(), default=0.0)
+        report.add("-", f"penetration in state {name}", depth <= PENETRATION, max(depth, 0.0), "m")
+        engine.set(other)
+        final = _servo(engine, goal)
+        for j, joint in enumerate(engine.names):
+            off = abs(final[j] - goal[j])
+            report.add(joint, f"visits {name}", off <= REACHED[engine.kinds[j]], off, _unit(engine.kinds[j]))
+
+
+def _servo(engine, goal):
+    start, _ = engine.get()
+    last = []
+    steps = int((GLIDE_S + WAIT_S) / engine.dt)
+    for i in range(steps):
+        engine.follow(start + (goal - start) * min(1.0, i * engine.dt / GLIDE_S))
+        if i >= steps - int(0.5 / engine.dt):
+            last.append(engine.get()[0])
+    # The farthest of the last half second, so that a servo that hunts is not mistaken for one that rests.
+    last = np.array(last)
+    return last[np.abs(last - goal).argmax(axis=0), np.arange(len(goal))]
+
+
+def _unit(kind):
+    return "rad" if kind == "hinge" else "m"
