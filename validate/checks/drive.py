@@ -10,7 +10,7 @@ An engine is an object with
   step(tau): a step under generalised forces `tau`;
   follow(target): a step of the engine's usual servo towards positions `target`, within the effort;
   contacts(q) -> {(link, link): metres}: depths by which links overlap at `q` as the engine sees it, where the engine
-    would resist, and informative {(link, link): metres} of pairs that it ignores.
+    would resist, and for information {(link, link): metres} of pairs that it ignores, or None where it cannot tell.
 """
 
 import numpy as np
@@ -20,7 +20,9 @@ from .report import DRIFT, PENETRATION, REACHED
 POSES = 20
 # A hand takes about this long over the range of a joint.
 STROKE_S = 1.0
-PATIENCE_S = 8.0
+PATIENCE_S = 4.0
+# The hand goes from nothing to all of its force in this time.
+RISE_S = 0.2
 HOLD_S = 1.0
 # The target glides for so long, so that no effort is spent on a jump; then it waits.
 GLIDE_S = 2.0
@@ -55,35 +57,49 @@ def _limits(engine, j, rest, report):
     force, need = _force(engine, j, rest)
     note = f"{force:.3g} {'N m' if kind == 'hinge' else 'N'}"
     report.add(name, "effort suffices", force >= need, force / need if need > 0 else 1.0, "x", note)
+    q = rest.copy()
+    q[j] = engine.lower[j]
+    engine.set(q)
     for label, sign, limit in (("upper", 1.0, engine.upper[j]), ("lower", -1.0, engine.lower[j])):
-        q = rest.copy()
-        q[j] = 0.5 * (engine.lower[j] + engine.upper[j])
-        engine.set(q)
-        arrived, held = None, []
-        for i in range(int((PATIENCE_S + HOLD_S) / engine.dt)):
+        arrived, touching = _approach(engine, j, rest, sign, limit, force)
+        held = []
+        while arrived and len(held) * engine.dt < HOLD_S:
             tau = engine.gravity(_pinned(engine, rest, j))
             tau[j] = sign * force
             engine.step(tau)
-            value = _pinned(engine, rest, j)[j]
-            speed = engine.get()[1][j]
-            if arrived is None:
-                near = abs(value - limit) <= REACHED[kind] and abs(speed) <= 2.0 * REACHED[kind]
-                if near:
-                    arrived = i
-                elif i * engine.dt > PATIENCE_S:
-                    break
-            else:
-                held.append(value)
-                if len(held) * engine.dt >= HOLD_S:
-                    break
-        off = abs(engine.get()[0][j] - limit)
-        note = "" if arrived is not None else f"stopped at {engine.get()[0][j]:.4f} of {limit:.4f}" + _blocked(engine)
-        report.add(name, f"reaches {label}", arrived is not None and off <= REACHED[kind], off, _unit(kind), note)
+            held.append(_pinned(engine, rest, j)[j])
+        value = engine.get()[0][j]
+        off = abs(value - limit)
+        note = "" if arrived else f"stopped at {value:.4f} of {limit:.4f}{touching}"
+        report.add(name, f"reaches {label}", arrived and off <= REACHED[kind], off, _unit(kind), note)
         if held:
             # The first tenth may still settle.
             tail = held[len(held) // 10 :]
             drift = max(tail) - min(tail)
             report.add(name, f"holds {label}", drift <= DRIFT[kind], drift, _unit(kind))
+
+
+def _approach(engine, j, rest, sign, limit, force):
+    """Pushes a joint to a limit as a hand does, harder while it lags behind a steady pace, never with more than `force`.
+    Returns whether it arrived and, if not, what it touches."""
+    tolerance, span = REACHED[engine.kinds[j]], engine.upper[j] - engine.lower[j]
+    # An engine may notice a limit only a step after it was passed (PyBullet does, and stays there).
+    pace = min(span / STROKE_S, 0.4 * tolerance / engine.dt)
+    level = 0.0
+    for _ in range(int((PATIENCE_S + 1.5 * span / pace) / engine.dt)):
+        q = _pinned(engine, rest, j)
+        speed = engine.get()[1][j]
+        if abs(q[j] - limit) <= tolerance and abs(speed) <= 1.1 * pace:
+            return True, ""
+        lag = pace - sign * speed
+        rate = force / (pace * RISE_S)
+        inertia = engine.inertia(q)[j]
+        level = float(np.clip(level + rate * lag * engine.dt, -force, force))
+        grip = min(2.0 * np.sqrt(rate * inertia), 0.5 * inertia / engine.dt)
+        tau = engine.gravity(q)
+        tau[j] = np.clip(tau[j] + sign * (level + grip * lag), -force, force)
+        engine.step(tau)
+    return False, _blocked(engine)
 
 
 def _pinned(engine, rest, j):
@@ -113,11 +129,12 @@ def _sweep(engine, j, rest, report):
         for pair, depth in resisted.items():
             if depth > worst:
                 worst, note = depth, f"{'/'.join(pair)} at {value:.3f}"
-        for pair, depth in passed_over.items():
+        for pair, depth in (passed_over or {}).items():
             if depth > ignored:
                 ignored, ignored_note = depth, f"{'/'.join(pair)} at {value:.3f}"
     report.add(engine.names[j], "penetration", worst <= PENETRATION, worst, "m", note)
-    report.add(engine.names[j], "overlap of pairs that it ignores", None, ignored, "m", ignored_note)
+    if passed_over is not None:
+        report.add(engine.names[j], "overlap of pairs that it ignores", None, ignored, "m", ignored_note)
 
 
 def _observed(engine, states, report):

@@ -24,10 +24,15 @@ class Engine:
         self.lower, self.upper = articulation.get_qlimits().astype(float).T
         self.effort = np.full(len(joints), np.inf)
         self.damping = np.array([float(j.damping) for j in joints])
-        self.friction = np.array([float(j.friction) for j in joints])
+        # The loader leaves out the friction of a URDF; what joints have is the coefficient that PhysX gives all of them,
+        # which it multiplies with the load, here the weight that a joint carries.
+        self.friction = np.array([float(j.friction) * 9.81 * self._carried(j.child_link) for j in joints])
         self.dt = scene.get_timestep()
         articulation.set_sleep_threshold(0.0)
-        self.parents = {j.child_link.name: j.parent_link.name for j in articulation.joints if j.parent_link}
+
+    def _carried(self, link):
+        below = [j.child_link for j in self.body.joints if j.parent_link == link]
+        return link.mass + sum(self._carried(other) for other in below)
 
     def set(self, q, v=None):
         self.body.set_qpos(np.asarray(q, np.float32))
@@ -90,7 +95,7 @@ class Engine:
                 depths[pair] = max(depths.get(pair, -np.inf), depth)
         self.set(*kept)
         # Contacts with the parent are filtered out before they are measured.
-        return depths, {}
+        return depths, None
 
 
 def _load(path, report):
