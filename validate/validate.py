@@ -28,16 +28,21 @@ ON_REQUEST = [
     ("physx", "optional", "check_physx", "usd/*.usd*"),
     ("newton", "optional", "check_newton", "usd/*.usd*"),
     ("simready", "optional", "check_simready", "usd/*.usd*"),
+    ("drake", "optional", "check_drake", "sdf/model.sdf"),
 ]
 
 
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folders", nargs="+", metavar="FOLDER", type=Path, help="holds urdf/, mjcf/, usd/, sdf/, partnet/")
+    parser.add_argument(
+        "folders", nargs="+", metavar="FOLDER", type=Path, help="holds urdf/, mjcf/, usd/, sdf/, partnet/"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write every finding as JSON")
     parser.add_argument("--engine", action="append", metavar="NAME", help="only this engine; may be repeated")
     parser.add_argument("--all", action="store_true", help="list what passed, too")
-    parser.add_argument("--timeout", type=float, default=900.0, metavar="SECONDS", help="for each file and engine (900)")
+    parser.add_argument(
+        "--timeout", type=float, default=900.0, metavar="SECONDS", help="for each file and engine (900)"
+    )
     for name, *_ in ON_REQUEST:
         parser.add_argument(f"--{name}", action="store_true", help=f"also run {name}, if it is installed")
     return parser.parse_args()
@@ -66,8 +71,10 @@ def main():
             print_result(results[-1], args.all)
     if args.json:
         args.json.write_text(json.dumps(results, indent=1) + "\n")
-    failed = [r for r in results if not r["passed"]]
-    print(f"{len(results) - len(failed)} of {len(results)} passed")
+    failed = [r for r in results if r["passed"] is False]
+    absent = [r for r in results if r["passed"] is None]
+    run = len(results) - len(absent)
+    print(f"{run - len(failed)} of {run} passed" + (f", {len(absent)} not run" if absent else ""))
     return 3 if failed else 0
 
 
@@ -76,8 +83,15 @@ def isolated(check, folder, path, timeout):
     engine = check[0]
     with tempfile.TemporaryDirectory() as scratch:
         answer = Path(scratch, "report.json")
-        command = [sys.executable, str(Path(__file__).resolve()), "--worker", *check[:3], str(folder.resolve()),
-                   str(path.resolve()), str(answer)]
+        command = [
+            sys.executable,
+            str(Path(__file__).resolve()),
+            "--worker",
+            *check[:3],
+            str(folder.resolve()),
+            str(path.resolve()),
+            str(answer),
+        ]
         try:
             # Engines leave logs where they run.
             done = subprocess.run(command, cwd=scratch, capture_output=True, text=True, timeout=timeout, check=False)
@@ -91,8 +105,8 @@ def isolated(check, folder, path, timeout):
 
 
 def failure(engine, path, note):
-    finding = dict(subject="-", check="opens", passed=False, value=None, unit="", note=note)
-    return dict(engine=engine, file=str(path), passed=False, findings=[finding])
+    finding = {"subject": "-", "check": "opens", "passed": False, "value": None, "unit": "", "note": note}
+    return {"engine": engine, "file": str(path), "passed": False, "findings": [finding]}
 
 
 def work(engine, module, function, folder, path, answer):
@@ -111,7 +125,9 @@ def work(engine, module, function, folder, path, answer):
         report.add("-", "opens", False, note=f"{error}; pip install -r validate/requirements.txt")
     except Exception as error:  # Whatever an engine throws is a finding.
         last = traceback.extract_tb(error.__traceback__)[-1]
-        report.add("-", "opens", False, note=f"{type(error).__name__}: {error} ({Path(last.filename).name}:{last.lineno})")
+        report.add(
+            "-", "opens", False, note=f"{type(error).__name__}: {error} ({Path(last.filename).name}:{last.lineno})"
+        )
     Path(answer).write_text(json.dumps(report.data()))
     return 0
 
@@ -119,7 +135,8 @@ def work(engine, module, function, folder, path, answer):
 def print_result(result, everything):
     """A heading, a row per joint with its worst figures, and what failed."""
     file = Path(result["file"])
-    print(f"{'ok  ' if result['passed'] else 'FAIL'} {result['engine']:9} {file.parent.name}/{file.name}  ({result['folder']})")
+    mark = {True: "ok  ", False: "FAIL", None: "--  "}[result["passed"]]
+    print(f"{mark} {result['engine']:9} {file.parent.name}/{file.name}  ({result['folder']})")
     for finding in result["findings"]:
         note = f"  {finding['note']}" if finding["note"] else ""
         value = "" if finding["value"] is None else f"{finding['value']:.4g} {finding['unit']}".strip()
@@ -137,15 +154,18 @@ def print_joints(result):
     for finding in result["findings"]:
         if finding["value"] is not None and finding["passed"] is not None and finding["subject"] != "-":
             rows.setdefault(finding["subject"], {})[finding["check"]] = finding
+    columns = [("limits off", "reaches"), ("drift", "holds"), ("states off", "visits"), ("penetration", "penetration")]
     for joint, found in rows.items():
-        def worst(prefix):
-            values = [f for check, f in found.items() if check.startswith(prefix)]
-            top = max(values, key=lambda f: f["value"], default=None)
-            return "" if top is None else f"{top['value']:.2e} {top['unit']}"
-        columns = [("limits off", "reaches"), ("drift", "holds"), ("states off", "visits"), ("penetration", "penetration")]
-        cells = [f"{label} {worst(prefix)}" for label, prefix in columns if worst(prefix)]
+        cells = [f"{label} {worst(found, prefix)}" for label, prefix in columns if worst(found, prefix)]
         if cells:
             print(f"            {joint:20} {', '.join(cells)}")
+
+
+def worst(found, prefix):
+    """The largest value among the checks of a joint whose names begin so."""
+    values = [f for check, f in found.items() if check.startswith(prefix)]
+    top = max(values, key=lambda f: f["value"], default=None)
+    return "" if top is None else f"{top['value']:.2e} {top['unit']}"
 
 
 if __name__ == "__main__":

@@ -31,6 +31,9 @@ WAIT_S = 3.0
 
 def check_motion(engine, states, report):
     """Adds to the report what each joint does. `states` maps names of observed states to {joint: value}."""
+    if not (np.isfinite(engine.lower) & np.isfinite(engine.upper) & (engine.lower < engine.upper)).all():
+        report.add("-", "finite limits", False, note=f"{engine.lower} to {engine.upper}; nothing was driven")
+        return
     rest = np.clip(np.zeros(len(engine.names)), engine.lower, engine.upper)
     for j in range(len(engine.names)):
         _limits(engine, j, rest, report)
@@ -80,7 +83,8 @@ def _limits(engine, j, rest, report):
 
 
 def _approach(engine, j, rest, sign, limit, force):
-    """Pushes a joint to a limit as a hand does, harder while it lags behind a steady pace, never with more than `force`.
+    """Pushes a joint to a limit as a hand does: harder while it lags behind a steady pace, with `force` at most.
+
     Returns whether it arrived and, if not, what it touches."""
     tolerance, span = REACHED[engine.kinds[j]], engine.upper[j] - engine.lower[j]
     # An engine may notice a limit only a step after it was passed (PyBullet does, and stays there).

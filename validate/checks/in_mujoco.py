@@ -65,7 +65,8 @@ class Engine:
     def inertia(self, q):
         self._at(q)
         mujoco.mj_crb(self.model, self.probe)
-        full = _full_mass(self.model, self.probe)
+        full = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, self.probe, full)
         return np.diag(self.coupling.T @ full @ self.coupling).copy()
 
     def step(self, tau):
@@ -99,16 +100,6 @@ class Engine:
             pair = tuple(sorted(bodies))
             depths[pair] = max(depths.get(pair, 0.0), -contact.dist)
         return depths
-
-
-def _full_mass(model, data):
-    full = np.zeros((model.nv, model.nv))
-    try:
-        mujoco.mj_fullM(model, full, data.qM)
-    except (AttributeError, TypeError):
-        # Newer releases take the data itself.
-        mujoco.mj_fullM(model, data, full)
-    return full
 
 
 def check_mjcf(path, states, report):

@@ -26,7 +26,9 @@ class Engine:
         self.dt = bullet.getPhysicsEngineParameters(client)["fixedTimeStep"]
         self.braked = False
         for joint in self.joints:
-            bullet.changeDynamics(body, joint, activationState=bullet.ACTIVATION_STATE_DISABLE_SLEEPING, physicsClientId=client)
+            bullet.changeDynamics(
+                body, joint, activationState=bullet.ACTIVATION_STATE_DISABLE_SLEEPING, physicsClientId=client
+            )
 
     def set(self, q, v=None):
         v = np.zeros(len(q)) if v is None else v
@@ -48,8 +50,12 @@ class Engine:
         if not self.braked:
             # PyBullet reads the friction of a URDF but leaves it to a motor that brakes; the default one would hold.
             bullet.setJointMotorControlArray(
-                self.body, self.joints, bullet.VELOCITY_CONTROL, targetVelocities=[0.0] * len(self.joints),
-                forces=self.friction.tolist(), physicsClientId=self.client,
+                self.body,
+                self.joints,
+                bullet.VELOCITY_CONTROL,
+                targetVelocities=[0.0] * len(self.joints),
+                forces=self.friction.tolist(),
+                physicsClientId=self.client,
             )
             self.braked = True
         bullet.setJointMotorControlArray(
@@ -59,8 +65,12 @@ class Engine:
 
     def follow(self, target):
         bullet.setJointMotorControlArray(
-            self.body, self.joints, bullet.POSITION_CONTROL, targetPositions=target.tolist(),
-            forces=self.effort.tolist(), physicsClientId=self.client,
+            self.body,
+            self.joints,
+            bullet.POSITION_CONTROL,
+            targetPositions=target.tolist(),
+            forces=self.effort.tolist(),
+            physicsClientId=self.client,
         )
         self.braked = False
         bullet.stepSimulation(self.client)

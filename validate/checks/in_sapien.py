@@ -24,8 +24,8 @@ class Engine:
         self.lower, self.upper = articulation.get_qlimits().astype(float).T
         self.effort = np.full(len(joints), np.inf)
         self.damping = np.array([float(j.damping) for j in joints])
-        # The loader leaves out the friction of a URDF; what joints have is the coefficient that PhysX gives all of them,
-        # which it multiplies with the load, here the weight that a joint carries.
+        # The loader leaves out the friction of a URDF; what joints have is the coefficient that PhysX gives to all of
+        # them, which it multiplies with the load, here the weight that a joint carries.
         self.friction = np.array([float(j.friction) * 9.81 * self._carried(j.child_link) for j in joints])
         self.dt = scene.get_timestep()
         articulation.set_sleep_threshold(0.0)
@@ -130,7 +130,7 @@ def check_urdf(path, states, report):
 
 def _efforts(path):
     """SAPIEN drops the efforts of a URDF."""
-    import xml.etree.ElementTree as ElementTree
+    from xml.etree import ElementTree
 
     joints = ElementTree.parse(path).getroot().iterfind("joint")
     found = ((j.get("name"), j.find("limit")) for j in joints)

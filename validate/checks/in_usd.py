@@ -79,8 +79,13 @@ def _meshes(prims, report):
             faults.append("points not finite")
         for primvar in UsdGeom.PrimvarsAPI(prim).GetPrimvars():
             size = len(primvar.ComputeFlattened() or [])
-            expected = {"vertex": len(points), "varying": len(points), "faceVarying": len(indices),
-                        "uniform": len(counts), "constant": size}.get(primvar.GetInterpolation())
+            expected = {
+                "vertex": len(points),
+                "varying": len(points),
+                "faceVarying": len(indices),
+                "uniform": len(counts),
+                "constant": size,
+            }.get(primvar.GetInterpolation())
             if size != expected:
                 faults.append(f"{primvar.GetName()}: {size} values, {expected} needed")
         # One line for all good meshes would hide how many there are; a bad one is named.

@@ -11,7 +11,12 @@ REACHED = {"hinge": 0.5 * 3.141592653589793 / 180.0, "slide": 0.002}
 DRIFT = {"hinge": 0.1 * 3.141592653589793 / 180.0, "slide": 0.0005}
 PENETRATION = 0.002
 
-_SUSPICIOUS = re.compile(r"warn|error|fail|can.?not|could not|invalid|missing|not found|unable|no inertial", re.IGNORECASE)
+_SUSPICIOUS = re.compile(
+    r"warn|error|fail|can.?not|could not|invalid|missing|not found|unable|no inertial", re.IGNORECASE
+)
+
+# What engines say of the machine, whatever the file.
+_MACHINE = re.compile(r"CUDA|libvulkan", re.IGNORECASE)
 
 
 class Report:
@@ -20,6 +25,8 @@ class Report:
     def __init__(self, engine, file):
         self.engine, self.file = engine, file
         self.findings, self.warnings = [], []
+        # The engine is not installed.
+        self.absent = False
 
     def add(self, subject, check, passed, value=None, unit="", note=""):
         """A finding; `passed` of None is for information only."""
@@ -29,11 +36,13 @@ class Report:
         self.findings.append(finding)
 
     def data(self):
-        """All of it, ready for JSON. A warning of a loader counts as a failure."""
+        """All of it, ready for JSON. A warning of a loader counts as a failure; `passed` is None if nothing was run."""
         findings = list(self.findings)
         note = "; ".join(self.warnings)
-        findings.insert(0, dict(subject="-", check="no warnings", passed=not self.warnings, value=None, unit="", note=note))
-        passed = all(f["passed"] is not False for f in findings)
+        findings.insert(
+            0, dict(subject="-", check="no warnings", passed=not self.warnings, value=None, unit="", note=note)
+        )
+        passed = None if self.absent else all(f["passed"] is not False for f in findings)
         return dict(engine=self.engine, file=self.file, passed=passed, findings=findings)
 
 
@@ -53,6 +62,6 @@ def listening(report):
                 os.close(fd)
             log.seek(0)
             lines = log.read().decode("utf-8", "replace").splitlines()
-            said = [line.strip() for line in lines if _SUSPICIOUS.search(line)]
+            said = [line.strip() for line in lines if _SUSPICIOUS.search(line) and not _MACHINE.search(line)]
             said += [str(w.message) for w in caught if not issubclass(w.category, DeprecationWarning)]
             report.warnings += [line for i, line in enumerate(said) if line not in said[:i]]

@@ -1,6 +1,6 @@
 """Observed states of an export, read off the keyframes of its MJCF."""
 
-import xml.etree.ElementTree as ElementTree
+from xml.etree import ElementTree
 from pathlib import Path
 
 
