@@ -1,8 +1,8 @@
 """SDF, for which no engine here has a reader: well-formed XML, files that exist, frames that are defined."""
 
 import math
-from xml.etree import ElementTree
 from pathlib import Path
+from xml.etree import ElementTree
 
 
 def check_sdf(path, _states, report):

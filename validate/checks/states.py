@@ -1,7 +1,7 @@
 """Observed states of an export, read off the keyframes of its MJCF."""
 
-from xml.etree import ElementTree
 from pathlib import Path
+from xml.etree import ElementTree
 
 
 def observed_states(folder):

@@ -124,6 +124,15 @@ fn check_inertial(inertial: &Inertial) -> Result<(), String> {
     Ok(())
 }
 
+/// The inertia with its moments raised by up to a millionth where a plate, rounded, would violate the triangle inequality,
+/// which MuJoCo refuses.
+pub(super) fn sound_inertia(inertia: [f64; 6]) -> [f64; 6] {
+    let [a, b, c] = principal_moments(inertia);
+    let lack = (c * (1.0 + 1e-6) - (a + b)).clamp(0.0, 2e-6 * c);
+    let [xx, yy, zz, xy, xz, yz] = inertia;
+    [xx + lack, yy + lack, zz + lack, xy, xz, yz]
+}
+
 /// Eigenvalues, ascending, of the symmetric matrix `ixx iyy izz ixy ixz iyz`, by the cosines of its characteristic cubic.
 fn principal_moments([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> [f64; 3] {
     let mean = (xx + yy + zz) / 3.0;
@@ -235,5 +244,8 @@ mod tests {
         assert!(near(principal_moments([4.0, 4.0, 4.0, 0.0, 0.0, 0.0]), [4.0; 3]));
         let plate = Inertial { mass: 1.0, center: DVec3::ZERO, inertia: [0.1, 0.2, 0.1 + 0.2, 0.0, 0.0, 0.0] };
         assert_eq!(check_inertial(&plate), Ok(()));
+        let [a, b, c] = principal_moments(sound_inertia(plate.inertia));
+        assert!(a + b > c * (1.0 + 5e-7) && (c - 0.3).abs() < 1e-6);
+        assert_eq!(sound_inertia([3.0, 3.0, 4.0, 0.1, 0.0, 0.0]), [3.0, 3.0, 4.0, 0.1, 0.0, 0.0]);
     }
 }

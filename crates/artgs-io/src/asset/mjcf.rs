@@ -9,7 +9,7 @@
 //! through its parent is not stopped except by its limits. There are no actuators: a replica is moved by what touches it;
 //! `actuatorfrcrange` keeps the effort for actuators that users add.
 
-use super::check_asset;
+use super::check::{check_asset, sound_inertia};
 use super::meshes::{LinkFiles, mean_color, write_link_meshes};
 use super::xml::{row, triple};
 use crate::{FileError, write_atomic};
@@ -20,11 +20,13 @@ use std::path::{Path, PathBuf};
 /// MuJoCo takes no mesh with fewer vertices.
 const FEWEST_VERTICES: usize = 4;
 
-/// `implicitfast` takes damping at the end of the step, so a part of a few grams with the damping of a door stays stable;
-/// limits twice as stiff in time as a step (the stiffest that MuJoCo allows) and close to rigid in impedance give way
-/// by less than a millimetre under the largest effort, where the defaults give way by centimetres.
-const SETTINGS: &str = "  <option timestep=\"0.002\" integrator=\"implicitfast\"/>
-  <default>
+/// Seconds per step.
+const TIMESTEP: f64 = 0.002;
+
+/// `implicitfast` takes damping at the end of the step, so that it cannot make a light part unstable. Limits are springs;
+/// these are as stiff as a step allows, and give way by less than a millimetre at rest under the largest effort, where
+/// the defaults give way by centimetres.
+const SETTINGS: &str = "  <default>
     <joint solreflimit=\"0.004 1\" solimplimit=\"0.98 0.999 0.001\"/>
     <equality solref=\"0.004 1\" solimp=\"0.98 0.999 0.001\"/>
     <default class=\"visual\">
@@ -58,6 +60,7 @@ fn document(asset: &Asset, files: &[LinkFiles]) -> String {
         "<mujoco model=\"{}\">\n  <compiler angle=\"radian\" autolimits=\"true\" meshdir=\"assets\" texturedir=\"assets\"/>\n",
         asset.name
     );
+    let _ = writeln!(out, "  <option timestep=\"{TIMESTEP}\" integrator=\"implicitfast\"/>");
     out += SETTINGS;
     write_assets(&mut out, asset, files);
     out += "  <worldbody>\n";
@@ -96,7 +99,7 @@ fn write_body(out: &mut String, asset: &Asset, files: &[LinkFiles], index: usize
     let _ = writeln!(out, "{indent}<body name=\"{name}\" pos=\"{}\">", triple(at));
     let inside = format!("{indent}  ");
     let inertial = &link.inertial;
-    let (mass, center, inertia) = (inertial.mass, triple(inertial.center), row(&inertial.inertia));
+    let (mass, center, inertia) = (inertial.mass, triple(inertial.center), row(&sound_inertia(inertial.inertia)));
     let _ = writeln!(out, "{inside}<inertial mass=\"{mass}\" pos=\"{center}\" fullinertia=\"{inertia}\"/>");
     if let Some(joint) = &link.joint {
         write_joint(out, name, joint, &inside);
@@ -115,10 +118,13 @@ fn write_joint(out: &mut String, name: &str, joint: &AssetJoint, indent: &str) {
         let _ = writeln!(out, "{indent}<joint name=\"{name}_thread\" type=\"slide\" axis=\"{axis}\"/>");
     }
     let kind = if kind == JointKind::Prismatic { "slide" } else { "hinge" };
+    // Inertia that damping would brake within a step: without it MuJoCo, which solves limits without damping, lets parts
+    // of a few grams chatter at them. Next to that of a door it is nothing.
+    let armature = damping * TIMESTEP;
     let _ = writeln!(
         out,
-        "{indent}<joint name=\"{name}_joint\" type=\"{kind}\" axis=\"{axis}\" range=\"{range}\" damping=\"{damping}\" \
-         frictionloss=\"{friction}\" actuatorfrcrange=\"{}\"/>",
+        "{indent}<joint name=\"{name}_joint\" type=\"{kind}\" axis=\"{axis}\" range=\"{range}\" armature=\"{armature}\" \
+         damping=\"{damping}\" frictionloss=\"{friction}\" actuatorfrcrange=\"{}\"/>",
         row(&[-effort, effort])
     );
 }
@@ -212,7 +218,7 @@ mod tests {
         assert!(base.joints.is_empty() && model.bodies[2].parent == Some(1) && model.bodies[3].parent == Some(1));
         let hinge = &door.joints[0];
         assert_eq!((hinge.type_, hinge.axis, hinge.range), (JointType::Hinge, [0.0, 0.0, -1.0], Some([0.0, 1.6])));
-        assert_eq!((hinge.damping, hinge.frictionloss), (0.2, 0.1));
+        assert_eq!((hinge.damping, hinge.frictionloss, hinge.armature), (0.2, 0.1, 0.0004));
         assert_eq!((drawer.joints[0].type_, drawer.joints[0].range), (JointType::Slide, Some([0.0, 0.42])));
         let inertial = drawer.inertial.as_ref().unwrap();
         assert_eq!(inertial.mass, 2.0);

@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 
-/// Roll, pitch and yaw from `base` to `link_0`: half a right angle off is no option, every tool expects these.
+/// Roll, pitch and yaw from `base` to `link_0`, those that every object of the data set has.
 const UPRIGHT: [f64; 3] = [FRAC_PI_2, 0.0, -FRAC_PI_2];
 const FOLDER: &str = "textured_objs";
 

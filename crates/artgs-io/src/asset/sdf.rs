@@ -7,7 +7,7 @@
 //! it ignores contacts with the parent only for some engines. The observed states, splats and colours of vertices have
 //! no place; a link without texture gets its mean colour.
 
-use super::check_asset;
+use super::check::{check_asset, sound_inertia};
 use super::meshes::{LinkFiles, mean_color, write_link_meshes};
 use super::xml::{row, triple};
 use crate::{FileError, write_atomic};
@@ -54,7 +54,8 @@ fn document(asset: &Asset, files: &[LinkFiles]) -> String {
 }
 
 fn write_link(out: &mut String, link: &AssetLink, files: &LinkFiles) {
-    let Inertial { mass, center, inertia: [xx, yy, zz, xy, xz, yz] } = link.inertial;
+    let Inertial { mass, center, inertia } = link.inertial;
+    let [xx, yy, zz, xy, xz, yz] = sound_inertia(inertia);
     let (name, center) = (&link.name, triple(center));
     let pose = match link.joint {
         Some(_) => format!("<pose relative_to=\"{name}_joint\">0 0 0 0 0 0</pose>"),

@@ -121,6 +121,8 @@ pub(crate) fn contraption() -> Asset {
     add("flap", 0, DVec3::new(-0.56, 0.0, 0.9), cuboid([-0.02, -0.15, -0.3], [0.0, 0.15, 0.0]), 0.6, flap);
     asset.links[3].visual.texture = None;
     asset.links[4].visual = TexturedMesh::default();
+    // A thin plate that lies askew: rounding decides which side of the triangle inequality it is on.
+    asset.links[4].inertial.inertia = [0.3, 0.2, 0.5, 0.1, 0.0, 0.0];
     let flat = &mut asset.links[5].visual;
     flat.mesh.vertices.iter_mut().for_each(|v| v[0] = 0.0);
     for link in &mut asset.links {

@@ -9,7 +9,7 @@
 //! excludes for that). URDF does not say that hulls are convex; every engine takes the hull of each collision mesh,
 //! which is the mesh itself here.
 
-use super::check_asset;
+use super::check::{check_asset, sound_inertia};
 use super::meshes::{LinkFiles, write_link_meshes};
 use super::xml::{row, screw_note, triple};
 use crate::{FileError, write_atomic};
@@ -71,7 +71,8 @@ fn kind(joint: &AssetJoint) -> &'static str {
 }
 
 fn write_link(out: &mut String, link: &AssetLink, folder: &str, files: &LinkFiles) {
-    let Inertial { mass, center, inertia: [xx, yy, zz, xy, xz, yz] } = link.inertial;
+    let Inertial { mass, center, inertia } = link.inertial;
+    let [xx, yy, zz, xy, xz, yz] = sound_inertia(inertia);
     let (name, center) = (&link.name, triple(center));
     let _ = write!(
         out,
