@@ -1,4 +1,19 @@
 //! Assets as files of simulators, browsers and renderers; one file per format.
 
+pub mod check;
+mod meshes;
+pub mod mjcf;
+pub mod obj;
+pub mod partnet;
+pub mod sdf;
+pub mod urdf;
+mod xml;
+
 #[cfg(test)]
 pub(crate) mod testing;
+
+pub use check::check_asset;
+pub use mjcf::export_mjcf;
+pub use partnet::export_partnet;
+pub use sdf::export_sdf;
+pub use urdf::export_urdf;

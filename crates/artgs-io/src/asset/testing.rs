@@ -92,3 +92,57 @@ pub(crate) fn cabinet() -> Asset {
     ];
     Asset { name: "cabinet".into(), links }
 }
+
+/// What the cabinet lacks: a base off the origin, a screw on a part, a slide against gravity, a hinge that lies level, a
+/// part of a few grams, links without texture, without visual and with a flat one.
+pub(crate) fn contraption() -> Asset {
+    let mut asset = cabinet();
+    asset.name = "contraption".into();
+    let mut add = |name: &str, parent: usize, at: DVec3, hull: Mesh, mass: f64, joint: AssetJoint| {
+        let mut new = link(name, at, &[hull], Some(joint));
+        new.parent = Some(parent);
+        new.inertial.mass = mass;
+        // That of a ball of 2 cm, the smallest that the shapes below come near to.
+        new.inertial.inertia = [4e-4 * mass, 4e-4 * mass, 4e-4 * mass, 0.0, 0.0, 0.0];
+        asset.links.push(new);
+    };
+    let knob = AssetJoint {
+        pitch: 0.002,
+        friction: 0.0005,
+        damping: 0.0001,
+        effort: 2.0,
+        ..joint(JointKind::Screw, DVec3::NEG_Y, [0.0, 6.0], [1.0, 5.0])
+    };
+    let cube = cuboid([-0.02; 3], [0.02; 3]);
+    add("knob", 1, DVec3::new(0.4, -0.32, 0.75), cube, 0.005, knob);
+    let lift = joint(JointKind::Prismatic, DVec3::Z, [-0.005, 0.3], [0.0, 0.25]);
+    add("lift", 0, DVec3::new(0.0, 0.0, 1.01), cuboid([-0.3, -0.2, 0.0], [0.3, 0.2, 0.02]), 1.5, lift);
+    let flap = joint(JointKind::Revolute, DVec3::new(0.0, 0.96, 0.28), [-0.1, 1.4], [0.0, 1.2]);
+    add("flap", 0, DVec3::new(-0.56, 0.0, 0.9), cuboid([-0.02, -0.15, -0.3], [0.0, 0.15, 0.0]), 0.6, flap);
+    asset.links[3].visual.texture = None;
+    asset.links[4].visual = TexturedMesh::default();
+    // A thin plate that lies askew: rounding decides which side of the triangle inequality it is on.
+    asset.links[4].inertial.inertia = [0.3, 0.2, 0.5, 0.1, 0.0, 0.0];
+    let flat = &mut asset.links[5].visual;
+    flat.mesh.vertices.iter_mut().for_each(|v| v[0] = 0.0);
+    for link in &mut asset.links {
+        link.origin += DVec3::new(0.3, 0.2, 0.05);
+    }
+    asset
+}
+
+/// Writes the samples where `ARTGS_WRITE_SAMPLE` says, for `validate/validate.py`; without the variable there is nothing
+/// to do but to see that they can be written.
+#[test]
+fn writes_the_samples_when_asked() {
+    let scratch = tempfile::tempdir().unwrap();
+    let dir = std::env::var_os("ARTGS_WRITE_SAMPLE").map_or(scratch.path().to_path_buf(), Into::into);
+    for asset in [cabinet(), contraption()] {
+        let dir = dir.join(&asset.name);
+        super::export_urdf(&dir.join("urdf"), &asset).unwrap();
+        super::export_mjcf(&dir.join("mjcf"), &asset).unwrap();
+        super::export_sdf(&dir.join("sdf"), &asset).unwrap();
+        super::export_partnet(&dir.join("partnet"), &asset).unwrap();
+        assert!(dir.join("partnet/mobility.urdf").is_file());
+    }
+}

@@ -1,0 +1,279 @@
+//! MJCF, MuJoCo's own format: `NAME.xml` and `assets/`.
+//!
+//! The base is a body without joint, hence fixed to the world. A screw is a hinge and a slide along it, coupled by an
+//! equality. The observed states are the keyframes `start` and `end`.
+//!
+//! Limitations: splats have no place; vertices cannot be coloured, so a link without texture gets its mean colour; a
+//! visual mesh of fewer than four vertices is left out, since MuJoCo refuses it. Contacts between a link and its parent
+//! are excluded (MuJoCo does that by itself only where the parent is not fixed to the world), so a link that pushes
+//! through its parent is not stopped except by its limits. There are no actuators: a replica is moved by what touches it;
+//! `actuatorfrcrange` keeps the effort for actuators that users add.
+
+use super::check::{check_asset, sound_inertia};
+use super::meshes::{LinkFiles, mean_color, write_link_meshes};
+use super::xml::{row, triple};
+use crate::{FileError, write_atomic};
+use artgs_core::{Asset, AssetJoint, AssetLink, JointKind, STATE_NAMES};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// MuJoCo takes no mesh with fewer vertices.
+const FEWEST_VERTICES: usize = 4;
+
+/// Seconds per step.
+const TIMESTEP: f64 = 0.002;
+
+/// `implicitfast` takes damping at the end of the step, so that it cannot make a light part unstable. Limits are springs;
+/// these are as stiff as a step allows, and give way by less than a millimetre at rest under the largest effort, where
+/// the defaults give way by centimetres.
+const SETTINGS: &str = "  <default>
+    <joint solreflimit=\"0.004 1\" solimplimit=\"0.98 0.999 0.001\"/>
+    <equality solref=\"0.004 1\" solimp=\"0.98 0.999 0.001\"/>
+    <default class=\"visual\">
+      <mesh inertia=\"shell\"/>
+      <geom type=\"mesh\" group=\"2\" contype=\"0\" conaffinity=\"0\"/>
+    </default>
+    <default class=\"collision\">
+      <mesh inertia=\"convex\"/>
+      <geom type=\"mesh\" group=\"3\" rgba=\"0.6 0.7 0.8 0.5\"/>
+    </default>
+  </default>
+";
+
+/// Writes `DIR/NAME.xml` and `DIR/assets/`; returns what was written, the XML first.
+pub fn export_mjcf(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> {
+    let path = dir.join(format!("{}.xml", asset.name));
+    check_asset(asset).map_err(|reason| FileError::malformed(&path, reason))?;
+    let (mut files, mut written) = write_link_meshes(&dir.join("assets"), asset)?;
+    for (link, files) in asset.links.iter().zip(&mut files) {
+        if link.visual.mesh.vertices.len() < FEWEST_VERTICES {
+            (files.visual, files.texture) = (None, None);
+        }
+    }
+    write_atomic(&path, document(asset, &files).as_bytes())?;
+    written.insert(0, path);
+    Ok(written)
+}
+
+fn document(asset: &Asset, files: &[LinkFiles]) -> String {
+    let mut out = format!(
+        "<mujoco model=\"{}\">\n  <compiler angle=\"radian\" autolimits=\"true\" meshdir=\"assets\" texturedir=\"assets\"/>\n",
+        asset.name
+    );
+    let _ = writeln!(out, "  <option timestep=\"{TIMESTEP}\" integrator=\"implicitfast\"/>");
+    out += SETTINGS;
+    write_assets(&mut out, asset, files);
+    out += "  <worldbody>\n";
+    write_body(&mut out, asset, files, 0, "    ");
+    out += "  </worldbody>\n";
+    write_pairs(&mut out, asset);
+    write_keyframes(&mut out, asset);
+    out + "</mujoco>\n"
+}
+
+fn write_assets(out: &mut String, asset: &Asset, files: &[LinkFiles]) {
+    *out += "  <asset>\n";
+    for (link, files) in asset.links.iter().zip(files) {
+        let name = &link.name;
+        if let Some(file) = &files.texture {
+            let _ = writeln!(out, "    <texture name=\"{name}_texture\" type=\"2d\" file=\"{file}\"/>");
+            let _ = writeln!(
+                out,
+                "    <material name=\"{name}_material\" texture=\"{name}_texture\" specular=\"0\" shininess=\"0\"/>"
+            );
+        }
+        if let Some(file) = &files.visual {
+            let _ = writeln!(out, "    <mesh class=\"visual\" name=\"{name}_visual\" file=\"{file}\"/>");
+        }
+        for (i, file) in files.collision.iter().enumerate() {
+            let _ = writeln!(out, "    <mesh class=\"collision\" name=\"{name}_collision_{i}\" file=\"{file}\"/>");
+        }
+    }
+    *out += "  </asset>\n";
+}
+
+fn write_body(out: &mut String, asset: &Asset, files: &[LinkFiles], index: usize, indent: &str) {
+    let link = &asset.links[index];
+    let name = &link.name;
+    let at = link.origin - link.parent.map_or(glam::DVec3::ZERO, |p| asset.links[p].origin);
+    let _ = writeln!(out, "{indent}<body name=\"{name}\" pos=\"{}\">", triple(at));
+    let inside = format!("{indent}  ");
+    let inertial = &link.inertial;
+    let (mass, center, inertia) = (inertial.mass, triple(inertial.center), row(&sound_inertia(inertial.inertia)));
+    let _ = writeln!(out, "{inside}<inertial mass=\"{mass}\" pos=\"{center}\" fullinertia=\"{inertia}\"/>");
+    if let Some(joint) = &link.joint {
+        write_joint(out, name, joint, &inside);
+    }
+    write_geoms(out, link, &files[index], &inside);
+    for (child, _, _) in asset.movable().filter(|(_, l, _)| l.parent == Some(index)) {
+        write_body(out, asset, files, child, &inside);
+    }
+    let _ = writeln!(out, "{indent}</body>");
+}
+
+fn write_joint(out: &mut String, name: &str, joint: &AssetJoint, indent: &str) {
+    let AssetJoint { kind, axis, limits, effort, damping, friction, .. } = *joint;
+    let (axis, range) = (triple(axis), row(&limits));
+    if kind == JointKind::Screw {
+        let _ = writeln!(out, "{indent}<joint name=\"{name}_thread\" type=\"slide\" axis=\"{axis}\"/>");
+    }
+    let kind = if kind == JointKind::Prismatic { "slide" } else { "hinge" };
+    // Inertia that damping would brake within a step: without it MuJoCo, which solves limits without damping, lets parts
+    // of a few grams chatter at them. Next to that of a door it is nothing.
+    let armature = damping * TIMESTEP;
+    let _ = writeln!(
+        out,
+        "{indent}<joint name=\"{name}_joint\" type=\"{kind}\" axis=\"{axis}\" range=\"{range}\" armature=\"{armature}\" \
+         damping=\"{damping}\" frictionloss=\"{friction}\" actuatorfrcrange=\"{}\"/>",
+        row(&[-effort, effort])
+    );
+}
+
+fn write_geoms(out: &mut String, link: &AssetLink, files: &LinkFiles, indent: &str) {
+    let name = &link.name;
+    if files.visual.is_some() {
+        let look = match files.texture {
+            Some(_) => format!("material=\"{name}_material\""),
+            None => format!("rgba=\"{} 1\"", row(&mean_color(&link.visual))),
+        };
+        let _ = writeln!(out, "{indent}<geom class=\"visual\" name=\"{name}_visual\" mesh=\"{name}_visual\" {look}/>");
+    }
+    for i in 0..files.collision.len() {
+        let mesh = format!("{name}_collision_{i}");
+        let _ = writeln!(out, "{indent}<geom class=\"collision\" name=\"{mesh}\" mesh=\"{mesh}\"/>");
+    }
+}
+
+/// Contacts that are not to be, and the threads of screws.
+fn write_pairs(out: &mut String, asset: &Asset) {
+    *out += "  <contact>\n";
+    for (_, link, _) in asset.movable() {
+        let parent = &asset.links[link.parent.unwrap_or(0)].name;
+        let _ = writeln!(out, "    <exclude body1=\"{parent}\" body2=\"{}\"/>", link.name);
+    }
+    *out += "  </contact>\n";
+    let mut screws = asset.movable().filter(|(_, _, j)| j.kind == JointKind::Screw).peekable();
+    if screws.peek().is_none() {
+        return;
+    }
+    *out += "  <equality>\n";
+    for (_, link, joint) in screws {
+        let (name, pitch) = (&link.name, joint.pitch);
+        let _ = writeln!(
+            out,
+            "    <joint name=\"{name}_pitch\" joint1=\"{name}_thread\" joint2=\"{name}_joint\" polycoef=\"0 {pitch} 0 0 0\"/>"
+        );
+    }
+    *out += "  </equality>\n";
+}
+
+fn write_keyframes(out: &mut String, asset: &Asset) {
+    if asset.movable().next().is_none() {
+        return;
+    }
+    let mut order = Vec::new();
+    depth_first(asset, 0, &mut order);
+    *out += "  <keyframe>\n";
+    for (state, name) in STATE_NAMES.iter().enumerate() {
+        let values = order.iter().filter_map(|i| asset.links[*i].joint).flat_map(|j| {
+            let value = j.observed[state];
+            let thread = (j.kind == JointKind::Screw).then_some(j.pitch * value);
+            thread.into_iter().chain([value])
+        });
+        let _ = writeln!(out, "    <key name=\"{name}\" qpos=\"{}\"/>", row(&values.collect::<Vec<_>>()));
+    }
+    *out += "  </keyframe>\n";
+}
+
+/// Links as MuJoCo numbers them, and with them their joints.
+fn depth_first(asset: &Asset, index: usize, order: &mut Vec<usize>) {
+    order.push(index);
+    for (child, _, _) in asset.movable().filter(|(_, l, _)| l.parent == Some(index)) {
+        depth_first(asset, child, order);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::testing::cabinet;
+    use mjcf_rs::Model;
+    use mjcf_rs::body::{Body, InertiaSpec, JointType};
+
+    fn read(asset: &Asset) -> (tempfile::TempDir, Vec<PathBuf>, Model, String) {
+        let dir = tempfile::tempdir().unwrap();
+        let written = export_mjcf(dir.path(), asset).unwrap();
+        let text = std::fs::read_to_string(&written[0]).unwrap();
+        let model = Model::from_file(&written[0]).unwrap();
+        (dir, written, model, text)
+    }
+
+    #[test]
+    fn another_reader_sees_bodies_joints_geoms_and_keys() {
+        let (dir, written, model, _) = read(&cabinet());
+        assert_eq!(written[0], dir.path().join("cabinet.xml"));
+        let names: Vec<_> = model.bodies_iter().map(|(_, e)| e.body.name.as_deref().unwrap()).collect();
+        assert_eq!(names, ["base", "part_1", "part_2"]);
+        let [base, door, drawer] = [1, 2, 3].map(|i| &model.bodies[i].body);
+        assert!(base.joints.is_empty() && model.bodies[2].parent == Some(1) && model.bodies[3].parent == Some(1));
+        let hinge = &door.joints[0];
+        assert_eq!((hinge.type_, hinge.axis, hinge.range), (JointType::Hinge, [0.0, 0.0, -1.0], Some([0.0, 1.6])));
+        assert_eq!((hinge.damping, hinge.frictionloss, hinge.armature), (0.2, 0.1, 0.0004));
+        assert_eq!((drawer.joints[0].type_, drawer.joints[0].range), (JointType::Slide, Some([0.0, 0.42])));
+        let inertial = drawer.inertial.as_ref().unwrap();
+        assert_eq!(inertial.mass, 2.0);
+        assert!(matches!(inertial.inertia, InertiaSpec::Full([0.1, 0.12, 0.08, 0.001, -0.002, 0.003])));
+        let kinds = |b: &Body| b.geoms.iter().map(|g| g.contype).collect::<Vec<_>>();
+        assert_eq!((kinds(base), kinds(drawer)), (vec![0, 1, 1, 1, 1, 1], vec![0, 1, 1]));
+        assert_eq!(model.contact.excludes.len(), 2);
+        assert_eq!(model.keyframes.len(), 2);
+        assert_eq!(model.keyframes[1].qpos, [1.5, 0.4]);
+    }
+
+    #[test]
+    fn every_file_named_exists_and_the_base_is_written_like_this() {
+        let mut asset = cabinet();
+        asset.links[0].inertial.center = glam::DVec3::new(0.0, 0.046, 0.5);
+        let (dir, written, _, text) = read(&asset);
+        let tree = roxmltree::Document::parse(&text).unwrap();
+        let files: Vec<_> = tree.descendants().filter_map(|n| n.attribute("file")).collect();
+        assert_eq!(files.len(), 3 + 3 + 8);
+        assert!(files.iter().all(|f| written.contains(&dir.path().join("assets").join(f))), "{files:?}");
+        let base = text.split("<worldbody>\n").nth(1).unwrap();
+        assert!(
+            base.starts_with(
+                "    <body name=\"base\" pos=\"0 0 0\">\n      <inertial mass=\"2\" pos=\"0 0.046 0.5\" \
+                 fullinertia=\"0.1 0.12 0.08 0.001 -0.002 0.003\"/>\n      <geom class=\"visual\" name=\"base_visual\" \
+                 mesh=\"base_visual\" material=\"base_material\"/>\n      <geom class=\"collision\" \
+                 name=\"base_collision_0\" mesh=\"base_collision_0\"/>\n"
+            ),
+            "{base}"
+        );
+    }
+
+    #[test]
+    fn keys_follow_the_tree_and_screws_are_threaded() {
+        let mut asset = cabinet();
+        // A knob on the door comes before the drawer in MuJoCo, after it in the asset.
+        let mut knob = asset.links[1].clone();
+        (knob.name, knob.parent, knob.visual) = ("knob".into(), Some(1), Default::default());
+        let joint = knob.joint.as_mut().unwrap();
+        (joint.kind, joint.pitch, joint.observed) = (JointKind::Screw, 0.5, [0.0, 1.0]);
+        asset.links.push(knob);
+        asset.links[0].visual.mesh.vertices.truncate(3);
+        asset.links[0].visual.mesh.triangles = vec![[0, 1, 2]];
+        asset.links[0].visual.normals.truncate(3);
+        asset.links[0].visual.mesh.colors.truncate(3);
+        (asset.links[0].visual.uvs, asset.links[0].visual.texture) = (vec![], None);
+        asset.links[2].visual.texture = None;
+        let (_dir, _, model, text) = read(&asset);
+        assert_eq!(model.keyframes[1].qpos, [1.5, 0.5, 1.0, 0.4]);
+        let knob = &model.bodies[model.body_id_by_name("knob").unwrap()];
+        assert_eq!(knob.parent, model.body_id_by_name("part_1"));
+        assert_eq!(knob.body.joints.iter().map(|j| j.type_).collect::<Vec<_>>(), [JointType::Slide, JointType::Hinge]);
+        assert!(text.contains("joint1=\"knob_thread\" joint2=\"knob_joint\" polycoef=\"0 0.5 0 0 0\""));
+        assert!(text.contains("<exclude body1=\"part_1\" body2=\"knob\"/>"));
+        assert!(text.contains("mesh=\"part_2_visual\" rgba=\"0.7843 0.3922 0.1961 1\""), "{text}");
+        assert!(!text.contains("base_visual"), "three vertices are too few");
+    }
+}

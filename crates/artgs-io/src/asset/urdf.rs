@@ -1,0 +1,206 @@
+//! URDF: `NAME.urdf` and `meshes/`.
+//!
+//! The root link `world` carries the base on a fixed joint, so the object does not fall. Link frames are joint frames.
+//!
+//! Limitations: a screw is a revolute joint, its pitch in a comment. The observed states and splats have no place. A link
+//! without texture has its colours in the OBJ, where many loaders skip them; it gets no `<material>`, for which SAPIEN
+//! wants a renderer even where nothing is drawn. PyBullet ignores contacts within a robot unless asked;
+//! MuJoCo those between a body and its parent, but not where the parent is fixed to the world (its own format has
+//! excludes for that). URDF does not say that hulls are convex; every engine takes the hull of each collision mesh,
+//! which is the mesh itself here.
+
+use super::check::{check_asset, sound_inertia};
+use super::meshes::{LinkFiles, write_link_meshes};
+use super::xml::{row, screw_note, triple};
+use crate::{FileError, write_atomic};
+use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind};
+use glam::DVec3;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// The link at the root, which has no body, and where the base sits on it.
+pub(super) struct Root {
+    /// Its name.
+    pub(super) name: &'static str,
+    /// Origin of the base.
+    pub(super) xyz: DVec3,
+    /// Roll, pitch and yaw of the base.
+    pub(super) rpy: [f64; 3],
+}
+
+/// Writes `DIR/NAME.urdf` and `DIR/meshes/`; returns what was written, the URDF first.
+pub fn export_urdf(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> {
+    let path = dir.join(format!("{}.urdf", asset.name));
+    check_asset(asset).map_err(|reason| FileError::malformed(&path, reason))?;
+    let (files, mut written) = write_link_meshes(&dir.join("meshes"), asset)?;
+    // PyBullet takes a link of this name for the ground; any other without a mass it warns of.
+    let root = Root { name: "world", xyz: asset.links[0].origin, rpy: [0.0; 3] };
+    write_atomic(&path, document(asset, "meshes", &files, &root).as_bytes())?;
+    written.insert(0, path);
+    Ok(written)
+}
+
+/// The text, for an asset that passed [`check_asset`].
+pub(super) fn document(asset: &Asset, folder: &str, files: &[LinkFiles], root: &Root) -> String {
+    let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", asset.name);
+    // MuJoCo would otherwise look for the meshes beside the URDF; other readers skip the element.
+    out += "  <mujoco><compiler strippath=\"false\"/></mujoco>\n";
+    let _ = writeln!(out, "  <link name=\"{}\"/>", root.name);
+    for (link, files) in asset.links.iter().zip(files) {
+        write_link(&mut out, link, folder, files);
+    }
+    for link in &asset.links {
+        match (link.parent, &link.joint) {
+            (Some(parent), Some(joint)) => {
+                let parent = &asset.links[parent];
+                open_joint(&mut out, kind(joint), &link.name, &parent.name, link.origin - parent.origin, [0.0; 3]);
+                write_motion(&mut out, joint);
+            }
+            _ => open_joint(&mut out, "fixed", &link.name, root.name, root.xyz, root.rpy),
+        }
+        out += "  </joint>\n";
+    }
+    out + "</robot>\n"
+}
+
+fn kind(joint: &AssetJoint) -> &'static str {
+    match joint.kind {
+        JointKind::Prismatic => "prismatic",
+        JointKind::Revolute | JointKind::Screw => "revolute",
+    }
+}
+
+fn write_link(out: &mut String, link: &AssetLink, folder: &str, files: &LinkFiles) {
+    let Inertial { mass, center, inertia } = link.inertial;
+    let [xx, yy, zz, xy, xz, yz] = sound_inertia(inertia);
+    let (name, center) = (&link.name, triple(center));
+    let _ = write!(
+        out,
+        "  <link name=\"{name}\">\n    <inertial>\n      <origin xyz=\"{center}\" rpy=\"0 0 0\"/>\n      <mass value=\"{mass}\"/>\n\
+         \x20     <inertia ixx=\"{xx}\" ixy=\"{xy}\" ixz=\"{xz}\" iyy=\"{yy}\" iyz=\"{yz}\" izz=\"{zz}\"/>\n    </inertial>\n"
+    );
+    if let Some(file) = &files.visual {
+        write_shape(out, "visual", &format!("{name}_visual"), &format!("{folder}/{file}"));
+    }
+    for (i, file) in files.collision.iter().enumerate() {
+        write_shape(out, "collision", &format!("{name}_collision_{i}"), &format!("{folder}/{file}"));
+    }
+    *out += "  </link>\n";
+}
+
+fn write_shape(out: &mut String, tag: &str, name: &str, file: &str) {
+    let _ = writeln!(
+        out,
+        "    <{tag} name=\"{name}\">\n      <origin xyz=\"0 0 0\" rpy=\"0 0 0\"/>\n      <geometry><mesh filename=\"{file}\"/>\
+         </geometry>\n    </{tag}>"
+    );
+}
+
+fn open_joint(out: &mut String, kind: &str, child: &str, parent: &str, xyz: DVec3, rpy: [f64; 3]) {
+    let (xyz, rpy) = (triple(xyz), row(&rpy));
+    let _ = write!(
+        out,
+        "  <joint name=\"{child}_joint\" type=\"{kind}\">\n    <parent link=\"{parent}\"/>\n    <child link=\"{child}\"/>\n\
+         \x20   <origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>\n"
+    );
+}
+
+fn write_motion(out: &mut String, joint: &AssetJoint) {
+    let AssetJoint { kind, axis, pitch, limits: [lower, upper], effort, velocity, damping, friction, .. } = *joint;
+    if let Some(note) = screw_note(kind, pitch) {
+        let _ = writeln!(out, "    {note}");
+    }
+    let axis = triple(axis);
+    let _ = write!(
+        out,
+        "    <axis xyz=\"{axis}\"/>\n    <limit lower=\"{lower}\" upper=\"{upper}\" effort=\"{effort}\" velocity=\"{velocity}\"/>\n\
+         \x20   <dynamics damping=\"{damping}\" friction=\"{friction}\"/>\n"
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::testing::cabinet;
+    use artgs_core::Mesh;
+
+    fn read(asset: &Asset) -> (tempfile::TempDir, Vec<PathBuf>, urdf_rs::Robot, String) {
+        let dir = tempfile::tempdir().unwrap();
+        let written = export_urdf(dir.path(), asset).unwrap();
+        let text = std::fs::read_to_string(&written[0]).unwrap();
+        (dir, written.clone(), urdf_rs::read_file(&written[0]).unwrap(), text)
+    }
+
+    #[test]
+    fn another_reader_sees_links_joints_limits_and_masses() {
+        let (dir, written, robot, _) = read(&cabinet());
+        assert_eq!(written[0], dir.path().join("cabinet.urdf"));
+        assert!(written.iter().all(|f| f.is_file()));
+        let names: Vec<&str> = robot.links.iter().map(|l| l.name.as_str()).collect();
+        assert_eq!(names, ["world", "base", "part_1", "part_2"]);
+        assert_eq!(robot.joints[0].joint_type, urdf_rs::JointType::Fixed);
+        assert_eq!((robot.joints[0].parent.link.as_str(), robot.joints[0].child.link.as_str()), ("world", "base"));
+        let door = &robot.joints[1];
+        assert_eq!(door.joint_type, urdf_rs::JointType::Revolute);
+        assert_eq!((door.axis.xyz.0, door.origin.xyz.0), ([0.0, 0.0, -1.0], [-0.5, -0.26, 0.75]));
+        assert_eq!((door.limit.lower, door.limit.upper, door.limit.effort, door.limit.velocity), (0.0, 1.6, 50.0, 3.0));
+        let dynamics = door.dynamics.as_ref().unwrap();
+        assert_eq!((dynamics.damping, dynamics.friction), (0.2, 0.1));
+        assert_eq!(robot.joints[2].joint_type, urdf_rs::JointType::Prismatic);
+        let inertial = &robot.links[1].inertial;
+        assert_eq!((inertial.mass.value, inertial.inertia.ixx, inertial.inertia.iyz), (2.0, 0.1, 0.003));
+        assert_eq!(robot.links.iter().map(|l| l.visual.len()).collect::<Vec<_>>(), [0, 1, 1, 1]);
+        assert_eq!(robot.links.iter().map(|l| l.collision.len()).collect::<Vec<_>>(), [0, 5, 1, 2]);
+        let shapes = robot
+            .links
+            .iter()
+            .flat_map(|l| l.visual.iter().map(|v| &v.geometry).chain(l.collision.iter().map(|c| &c.geometry)));
+        for shape in shapes {
+            let urdf_rs::Geometry::Mesh { filename, .. } = shape else { panic!("only meshes were written") };
+            assert!(filename.starts_with("meshes/") && written.contains(&dir.path().join(filename)), "{filename}");
+        }
+    }
+
+    #[test]
+    fn a_child_of_a_part_is_placed_against_it_and_a_screw_is_told_of() {
+        let mut asset = cabinet();
+        asset.links[2].parent = Some(1);
+        asset.links[0].origin = DVec3::new(0.1, 0.0, -0.0);
+        let joint = asset.links[2].joint.as_mut().unwrap();
+        (joint.kind, joint.pitch) = (JointKind::Screw, -0.01);
+        asset.links[2].visual.texture = None;
+        asset.links[1].visual = Default::default();
+        asset.links[1].collision = Vec::<Mesh>::new();
+        let (_dir, _, robot, text) = read(&asset);
+        assert_eq!(robot.joints[2].parent.link, "part_1");
+        let at = DVec3::from_array(robot.joints[2].origin.xyz.0);
+        assert!((at - DVec3::new(0.5, 0.0, -0.5)).length() < 1e-12, "{at}");
+        assert_eq!(robot.joints[2].joint_type, urdf_rs::JointType::Revolute);
+        assert!(text.contains("<!-- screw: slides -0.01 m per radian along its axis -->"));
+        assert!(text.contains("<origin xyz=\"0.1 0 0\" rpy=\"0 0 0\"/>"));
+        assert!(!text.contains("<material"), "{text}");
+        assert!(robot.links[2].visual.is_empty() && robot.links[2].collision.is_empty());
+    }
+
+    #[test]
+    fn the_text_of_a_joint() {
+        let (_dir, _, _, text) = read(&cabinet());
+        let joint = text.split("<joint name=\"part_2_joint\"").nth(1).unwrap();
+        assert_eq!(
+            joint,
+            " type=\"prismatic\">\n    <parent link=\"base\"/>\n    <child link=\"part_2\"/>\n    <origin xyz=\"0 -0.26 0.25\" \
+             rpy=\"0 0 0\"/>\n    <axis xyz=\"0 -1 0\"/>\n    <limit lower=\"0\" upper=\"0.42\" effort=\"50\" velocity=\"3\"/>\n\
+             \x20   <dynamics damping=\"0.2\" friction=\"0.1\"/>\n  </joint>\n</robot>\n"
+        );
+    }
+
+    #[test]
+    fn a_bad_asset_leaves_no_files() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut asset = cabinet();
+        asset.links[1].joint.as_mut().unwrap().axis = DVec3::ZERO;
+        let message = export_urdf(dir.path(), &asset).unwrap_err().to_string();
+        assert!(message.contains("cabinet.urdf: link 1 `part_1`: joint.axis"), "{message}");
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+    }
+}

@@ -1,0 +1,1 @@
+"""Checks of exported replicas in the engines of their users, one module per engine."""

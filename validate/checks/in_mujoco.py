@@ -1,0 +1,132 @@
+"""MJCF, and whether the URDF opens, in MuJoCo."""
+
+import mujoco
+import numpy as np
+
+from .drive import check_motion
+from .report import listening
+
+# Bandwidth of the servo, 1/s.
+RATE = 15.0
+
+
+class Engine:
+    """A model as `drive` wants it. Threads of screws follow their hinge by the equality."""
+
+    def __init__(self, model, lifted):
+        self.model, self.data = model, mujoco.MjData(model)
+        self.lifted, self.lifted_data = lifted, mujoco.MjData(lifted)
+        follows = {}
+        for e in range(model.neq):
+            if model.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT and model.eq_obj2id[e] >= 0:
+                follows[model.eq_obj1id[e]] = (model.eq_obj2id[e], model.eq_data[e, 0], model.eq_data[e, 1])
+        self.joints = [j for j in range(model.njnt) if j not in follows]
+        of = {j: i for i, j in enumerate(self.joints)}
+        self.offset = np.zeros(model.njnt)
+        # Positions of all joints are offset + coupling @ q; every joint has one degree of freedom.
+        self.coupling = np.zeros((model.njnt, len(self.joints)))
+        for j in range(model.njnt):
+            leader, start, rate = follows.get(j, (j, 0.0, 1.0))
+            self.offset[j] = start
+            self.coupling[j, of[leader]] = rate
+        self.names = [model.joint(j).name for j in self.joints]
+        hinge = mujoco.mjtJoint.mjJNT_HINGE
+        self.kinds = ["hinge" if model.jnt_type[j] == hinge else "slide" for j in self.joints]
+        self.lower, self.upper = model.jnt_range[self.joints].T.copy()
+        limited = model.jnt_actfrclimited[self.joints].astype(bool)
+        self.effort = np.where(limited, model.jnt_actfrcrange[self.joints, 1], np.inf)
+        self.damping = model.dof_damping[self.joints].reshape(len(self.joints), -1)[:, 0]
+        self.friction = model.dof_frictionloss[self.joints]
+        self.dt = model.opt.timestep
+        self.probe = mujoco.MjData(model)
+        self.missed = np.zeros(len(self.joints))
+
+    def set(self, q, v=None):
+        self.data.qpos[:] = self.offset + self.coupling @ q
+        self.data.qvel[:] = 0.0 if v is None else self.coupling @ v
+        self.missed[:] = 0.0
+
+    def get(self):
+        return self.data.qpos[self.joints].copy(), self.data.qvel[self.joints].copy()
+
+    def _at(self, q):
+        self.probe.qpos[:] = self.offset + self.coupling @ q
+        self.probe.qvel[:] = 0.0
+        mujoco.mj_kinematics(self.model, self.probe)
+        mujoco.mj_comPos(self.model, self.probe)
+        mujoco.mj_comVel(self.model, self.probe)
+
+    def gravity(self, q):
+        self._at(q)
+        bias = np.zeros(self.model.nv)
+        mujoco.mj_rne(self.model, self.probe, 0, bias)
+        return self.coupling.T @ bias
+
+    def inertia(self, q):
+        self._at(q)
+        mujoco.mj_crb(self.model, self.probe)
+        full = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, self.probe, full)
+        return np.diag(self.coupling.T @ full @ self.coupling).copy()
+
+    def step(self, tau):
+        # The thread of a screw is moved by its hinge.
+        self.data.qfrc_applied[:] = 0.0
+        self.data.qfrc_applied[self.joints] = tau
+        mujoco.mj_step(self.model, self.data)
+
+    def follow(self, target):
+        q, v = self.get()
+        error, inertia = target - q, self.inertia(q)
+        self.missed += error * self.dt
+        # A light part is held back by its damping more than by its inertia; stiffness has to overcome either.
+        stiff = np.maximum(inertia, self.damping / RATE)
+        tau = self.gravity(q) + stiff * (RATE**2 * error + RATE**3 / 3.0 * self.missed) - 2.0 * RATE * inertia * v
+        tau += self.friction * np.tanh(error / 1e-3)
+        self.step(np.clip(tau, -self.effort, self.effort))
+
+    def contacts(self, q):
+        resisted = self._depths(self.model, self.probe, q)
+        every = self._depths(self.lifted, self.lifted_data, q)
+        return resisted, {pair: depth for pair, depth in every.items() if pair not in resisted}
+
+    def _depths(self, model, data, q):
+        data.qpos[:] = self.offset + self.coupling @ q
+        data.qvel[:] = 0.0
+        mujoco.mj_fwdPosition(model, data)
+        depths = {}
+        for contact in data.contact:
+            bodies = [model.body(model.geom_bodyid[g]).name for g in contact.geom]
+            pair = tuple(sorted(bodies))
+            depths[pair] = max(depths.get(pair, 0.0), -contact.dist)
+        return depths
+
+
+def check_mjcf(path, states, report):
+    """Opens, drives and sweeps an MJCF."""
+    with listening(report):
+        model = mujoco.MjModel.from_xml_path(path)
+        spec = mujoco.MjSpec.from_file(path)
+        for exclude in list(spec.excludes):
+            spec.delete(exclude)
+        lifted = spec.compile()
+    engine = Engine(model, lifted)
+    if not engine.names:
+        report.add("-", "has joints", False)
+        return
+    limited = model.jnt_limited[engine.joints].astype(bool)
+    report.add("-", "joints limited", limited.all(), limited.sum(), "joints")
+    with listening(report):
+        check_motion(engine, states, report)
+    counts = {mujoco.mjtWarning(i).name: w.number for i, w in enumerate(engine.data.warning) if w.number}
+    report.add("-", "simulates without warnings", not counts, note=str(counts or ""))
+
+
+def check_urdf(path, _states, report):
+    """Opens a URDF; the MJCF is the file to simulate."""
+    with listening(report):
+        model = mujoco.MjModel.from_xml_path(path)
+    report.add("-", "has joints", model.njnt > 0, model.njnt, "joints")
+    report.add("-", "joints limited", model.jnt_limited.all(), model.jnt_limited.sum(), "joints")
+    moving = model.body_mass[1:]
+    report.add("-", "masses above 0", (moving > 0).all(), moving.sum(), "kg")

@@ -1,0 +1,113 @@
+"""URDF in PyBullet."""
+
+import numpy as np
+import pybullet as bullet
+
+from .drive import check_motion
+from .report import listening
+
+
+class Engine:
+    """A loaded robot as `drive` wants it."""
+
+    def __init__(self, client, body):
+        self.client, self.body = client, body
+        infos = [bullet.getJointInfo(body, i, client) for i in range(bullet.getNumJoints(body, client))]
+        self.links = [bullet.getBodyInfo(body, client)[0].decode()] + [i[12].decode() for i in infos]
+        self.parents = {i[0]: i[16] for i in infos}
+        moving = [i for i in infos if i[2] in (bullet.JOINT_REVOLUTE, bullet.JOINT_PRISMATIC)]
+        self.joints = [i[0] for i in moving]
+        self.names = [i[1].decode() for i in moving]
+        self.kinds = ["hinge" if i[2] == bullet.JOINT_REVOLUTE else "slide" for i in moving]
+        self.lower, self.upper = (np.array([i[k] for i in moving]) for k in (8, 9))
+        self.effort = np.array([i[10] for i in moving])
+        self.damping = np.array([i[6] for i in moving])
+        self.friction = np.array([i[7] for i in moving])
+        self.dt = bullet.getPhysicsEngineParameters(client)["fixedTimeStep"]
+        self.braked = False
+        for joint in self.joints:
+            bullet.changeDynamics(
+                body, joint, activationState=bullet.ACTIVATION_STATE_DISABLE_SLEEPING, physicsClientId=client
+            )
+
+    def set(self, q, v=None):
+        v = np.zeros(len(q)) if v is None else v
+        for joint, position, speed in zip(self.joints, q, v):
+            bullet.resetJointState(self.body, joint, position, speed, self.client)
+
+    def get(self):
+        states = bullet.getJointStates(self.body, self.joints, self.client)
+        return np.array([s[0] for s in states]), np.array([s[1] for s in states])
+
+    def gravity(self, q):
+        zero = [0.0] * len(q)
+        return np.array(bullet.calculateInverseDynamics(self.body, list(q), zero, zero, self.client))
+
+    def inertia(self, q):
+        return np.diag(np.array(bullet.calculateMassMatrix(self.body, list(q), self.client))).copy()
+
+    def step(self, tau):
+        if not self.braked:
+            # PyBullet reads the friction of a URDF but leaves it to a motor that brakes; the default one would hold.
+            bullet.setJointMotorControlArray(
+                self.body,
+                self.joints,
+                bullet.VELOCITY_CONTROL,
+                targetVelocities=[0.0] * len(self.joints),
+                forces=self.friction.tolist(),
+                physicsClientId=self.client,
+            )
+            self.braked = True
+        bullet.setJointMotorControlArray(
+            self.body, self.joints, bullet.TORQUE_CONTROL, forces=list(map(float, tau)), physicsClientId=self.client
+        )
+        bullet.stepSimulation(self.client)
+
+    def follow(self, target):
+        bullet.setJointMotorControlArray(
+            self.body,
+            self.joints,
+            bullet.POSITION_CONTROL,
+            targetPositions=target.tolist(),
+            forces=self.effort.tolist(),
+            physicsClientId=self.client,
+        )
+        self.braked = False
+        bullet.stepSimulation(self.client)
+
+    def contacts(self, q):
+        kept = self.get()
+        self.set(q)
+        resisted, ignored = {}, {}
+        for a in range(-1, len(self.links) - 1):
+            for b in range(a + 1, len(self.links) - 1):
+                near = bullet.getClosestPoints(self.body, self.body, 0.0, a, b, physicsClientId=self.client)
+                depth = max((-point[8] for point in near), default=None)
+                if depth is not None:
+                    related = self.parents.get(b) == a or self.parents.get(a) == b
+                    (ignored if related else resisted)[self.links[a + 1], self.links[b + 1]] = depth
+        self.set(*kept)
+        return resisted, ignored
+
+
+def check_urdf(path, states, report):
+    """Opens, drives and sweeps a URDF."""
+    client = bullet.connect(bullet.DIRECT)
+    bullet.setGravity(0.0, 0.0, -9.81, client)
+    with listening(report):
+        # Without the flags PyBullet would ignore every contact within the robot, and guess the inertia.
+        flags = bullet.URDF_USE_SELF_COLLISION | bullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT
+        flags |= bullet.URDF_USE_INERTIA_FROM_FILE
+        body = bullet.loadURDF(path, flags=flags, physicsClientId=client)
+    engine = Engine(client, body)
+    if not engine.names:
+        report.add("-", "has joints", False)
+        return
+    report.add("-", "joints limited", (engine.lower < engine.upper).all(), len(engine.names), "joints")
+    masses = [bullet.getDynamicsInfo(body, i, client)[0] for i in range(bullet.getNumJoints(body, client))]
+    report.add("-", "masses above 0", min(masses) > 0, sum(masses), "kg")
+    check_motion(engine, states, report)
+    # The file itself has to fix the base.
+    moved = np.linalg.norm(bullet.getBasePositionAndOrientation(body, client)[0])
+    report.add("-", "base stays", moved <= 1e-6, moved, "m")
+    bullet.disconnect(client)

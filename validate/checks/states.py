@@ -1,0 +1,27 @@
+"""Observed states of an export, read off the keyframes of its MJCF."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+
+def observed_states(folder):
+    """{state: {joint: value}} of FOLDER/mjcf/*.xml; empty without one."""
+    for path in sorted(Path(folder, "mjcf").glob("*.xml")):
+        root = ElementTree.parse(path).getroot()
+        world = root.find("worldbody")
+        joints = [] if world is None else [j.get("name") for j in world.iter("joint")]
+        return {
+            key.get("name"): dict(zip(joints, map(float, key.get("qpos", "").split())))
+            for key in root.iterfind("keyframe/key")
+        }
+    return {}
+
+
+def partnet_states(folder, states):
+    """The same, with joints under the names that the PartNet folder gives them."""
+    path = Path(folder, "partnet", "semantics.txt")
+    if not path.is_file():
+        return {}
+    rows = [line.split(maxsplit=2) for line in path.read_text().splitlines() if line.strip()]
+    other = {f"{name}_joint": f"{link}_joint" for link, _, name in rows}
+    return {state: {other.get(joint, joint): value for joint, value in at.items()} for state, at in states.items()}
