@@ -3,7 +3,7 @@
 pub mod glb;
 pub mod splats;
 pub mod spz;
-// usd
+pub mod usd;
 mod values;
 
 #[cfg(test)]
