@@ -1,8 +1,8 @@
-//! Gaussians as SPZ version 3, the compressed format of web viewers: about a tenth of the PLY.
+//! Gaussians as SPZ version 3, the compressed format of web viewers: a tenth of the PLY or less.
 //!
 //! Limitations: lossy. Positions are fixed point with 24 bits (a micrometre for anything below 8 m), standard deviations
 //! lie 6 % apart and between e^-10 and e^5.9, opacities and degree-0 colours have 8 bits, degree 1 has 5 bits and higher
-//! degrees 4 within [-1, 1); what lies outside is clamped. Rotations are good to 0.2 degrees. Version 4 (zstd) is not
+//! degrees 4 within [-1, 1); what lies outside is clamped. Rotations are good to a quarter of a degree. Version 4 (zstd) is not
 //! written or read, nor are extensions.
 //!
 //! Axes: SPZ calls its axes right, up and back (RUB) and its own library flips signs on the way from the right, down,

@@ -2,8 +2,8 @@
 //!
 //! Limitations: glTF has no joints, masses or collision shapes, so those are notes in `extras` and the motion is a clip
 //! per joint; collision meshes are left out. A shell is drawn from both sides. The Gaussians have a file of their own
-//! because strict readers (the `gltf` crate, and with it Bevy) refuse a whole file for attributes of an extension that
-//! they do not know, and because renderers that know it would draw surfaces twice.
+//! because strict readers (the `gltf` crate, and with it Bevy) and Khronos' validator refuse a whole file for attributes
+//! of an extension that they do not know, and because renderers that know it would draw surfaces twice.
 //!
 //! Frames: the root node, named like the asset, turns +Z up to glTF's +Y; under it all nodes have the link frames, so
 //! all of `extras` holds in the node's own axes, metres and radians. A node per link, children under parents, rests at

@@ -1,7 +1,8 @@
 //! OpenUSD with UsdPhysics: `NAME.usda` and `NAME.usdc` with the same content, `NAME.usdz` to carry around.
 //!
-//! Limitations: a screw becomes a revolute joint, its slide is only noted in `artgs:pitch`. Dry friction is noted in
-//! `artgs:friction` and does not act: PhysX' joint friction is a ratio, not a force. The base is fixed to the world at
+//! Limitations: a screw becomes a revolute joint, its slide is only noted in `artgs:pitch`. USD has no
+//! dry friction and largest speed of joints, so they are given in the schemas of PhysX (`PhysxJointAxisAPI`) and Newton
+//! (`NewtonJointAPI`), and other engines do without. The base is fixed to the world at
 //! the object's origin; who references the asset elsewhere must move the joint `fixed_base` along. There is no contact
 //! material. `NAME.usdz` has no Gaussians and no animation.
 //!
@@ -11,7 +12,7 @@
 //! default prim, so that it does not come along when the asset is referenced into a scene that has its own.
 //! Joints turn about or slide along the X axis of their frame; limits are in degrees or metres, and so are the custom
 //! attributes `artgs:observed` (values in the two photographed states) and `artgs:pitch` (metres per degree). Their
-//! drives have no stiffness, only damping and the largest force; PhysX' speed limit is set. Bodies joined to each other
+//! drives have no stiffness, only damping and the largest force, so nothing holds a door. Bodies joined to each other
 //! do not collide.
 //!
 //! `NAME_splats.usdc`, if there are Gaussians, is the same stage with Gaussians (OpenUSD 26.03 or later) in the place of

@@ -86,27 +86,30 @@ fn fixed(root: &str, asset: &Asset, link: &AssetLink) -> Result<Prim, String> {
         .attr("quatf", "physics:localRot1", quaternion(DQuat::IDENTITY)))
 }
 
-/// A drive that only damps, and PhysX' limit of the speed.
+/// A drive that only damps; dry friction and the limit of the speed as PhysX and Newton each want them.
 fn passive(prim: Prim, joint: &AssetJoint, motion: &str, unit: f64) -> Prim {
     let drive = |what: &str| format!("drive:{motion}:physics:{what}");
+    let axis = |what: &str| format!("physxJointAxis:{motion}:{what}");
+    let (friction, velocity) = (float(joint.friction), float(joint.velocity * unit));
     prim.api(format!("PhysicsDriveAPI:{motion}"))
-        .api("PhysxJointAPI")
+        .api(format!("PhysxJointAxisAPI:{motion}"))
+        .api("NewtonJointAPI")
         .uniform("token", &drive("type"), token("force"))
         .attr("float", &drive("stiffness"), float(0.0))
         .attr("float", &drive("damping"), float(joint.damping / unit))
         .attr("float", &drive("targetVelocity"), float(0.0))
         .attr("float", &drive("maxForce"), float(joint.effort))
-        .attr("float", "physxJoint:maxJointVelocity", float(joint.velocity * unit))
+        .attr("float", &axis("maxJointVelocity"), velocity.clone())
+        .attr("float", &axis("staticFrictionEffort"), friction.clone())
+        .attr("float", &axis("dynamicFrictionEffort"), friction.clone())
+        .attr("float", "newton:velocityLimit", velocity)
+        .attr("float", "newton:friction", friction)
 }
 
 /// What USD has no place for.
 fn notes(prim: Prim, joint: &AssetJoint, unit: f64) -> Prim {
     let observed = joint.observed.map(|v| v * unit);
-    let prim = prim.custom("double2", "artgs:observed", Value::Vec2d(observed.into())).custom(
-        "double",
-        "artgs:friction",
-        Value::Double(joint.friction),
-    );
+    let prim = prim.custom("double2", "artgs:observed", Value::Vec2d(observed.into()));
     match joint.kind {
         JointKind::Screw => prim.custom("double", "artgs:pitch", Value::Double(joint.pitch / unit)),
         _ => prim,

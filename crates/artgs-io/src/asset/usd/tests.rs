@@ -218,27 +218,3 @@ fn numbers_that_are_not_finite_are_refused() {
     asset.links[1].name = "not a name".into();
     assert!(export_usd(dir.path(), &asset).is_err());
 }
-
-#[test]
-fn zz_dump() {
-    if let Ok(dir) = std::env::var("SCENE_DUMP") {
-        let dir = Path::new(&dir);
-        let mut asset = with_screw();
-        asset.links[0]
-            .splats
-            .as_mut()
-            .unwrap()
-            .extend_from(&cabinet().links[0].splats.clone().unwrap(), [0, 1, 0, 1, 0]);
-        let big = cabinet().links[0].splats.clone().unwrap();
-        asset.links[1].splats.as_mut().unwrap().extend_from(&big, [0, 1].into_iter().cycle().take(40));
-        export_usd(dir, &asset).unwrap();
-        export_usdz(dir, &asset).unwrap();
-        crate::asset::glb::export_glb(dir, &asset).unwrap();
-        crate::asset::splats::export_splats(dir, &asset).unwrap();
-        asset.name = "plain".into();
-        asset.links[0].visual.texture = None;
-        asset.links[1].visual = Default::default();
-        export_usd(dir, &asset).unwrap();
-        crate::asset::glb::export_glb(dir, &asset).unwrap();
-    }
-}
