@@ -2,8 +2,8 @@
 //!
 //! Limitations: lossy. Positions are fixed point with 24 bits (a micrometre for anything below 8 m), standard deviations
 //! lie 6 % apart and between e^-10 and e^5.9, opacities and degree-0 colours have 8 bits, degree 1 has 5 bits and higher
-//! degrees 4 within [-1, 1); what lies outside is clamped. Rotations are good to a quarter of a degree. Version 4 (zstd) is not
-//! written or read, nor are extensions.
+//! degrees 4 within [-1, 1); what lies outside is clamped. Rotations are good to a quarter of a degree. Version 4 (zstd)
+//! is not written or read, nor are extensions.
 //!
 //! Axes: SPZ calls its axes right, up and back (RUB) and its own library flips signs on the way from the right, down,
 //! front of PLY. Here x, y, z are stored as they are, nothing is flipped on either side: a link frame is right-handed
