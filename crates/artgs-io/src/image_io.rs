@@ -90,6 +90,10 @@ pub fn read_depth(path: &Path) -> Result<DepthImage, FileError> {
 }
 
 fn encode(path: &Path, width: u32, height: u32, bytes: &[u8], color: ExtendedColorType) -> Result<(), FileError> {
+    write_atomic(path, &png(path, width, height, bytes, color)?)
+}
+
+fn png(path: &Path, width: u32, height: u32, bytes: &[u8], color: ExtendedColorType) -> Result<Vec<u8>, FileError> {
     let expected = u64::from(width) * u64::from(height) * u64::from(color.bits_per_pixel() / 8);
     if bytes.len() as u64 != expected || expected == 0 {
         return Err(FileError::malformed(
@@ -101,7 +105,12 @@ fn encode(path: &Path, width: u32, height: u32, bytes: &[u8], color: ExtendedCol
     PngEncoder::new(&mut png)
         .write_image(bytes, width, height, color)
         .map_err(|e| FileError::malformed(path, format!("cannot be encoded: {e}")))?;
-    write_atomic(path, &png)
+    Ok(png)
+}
+
+/// The bytes of an 8-bit RGB PNG, row-major, to go into the file `path`.
+pub(crate) fn rgb_png(path: &Path, width: u32, height: u32, pixels: &[[u8; 3]]) -> Result<Vec<u8>, FileError> {
+    png(path, width, height, pixels.as_flattened(), ExtendedColorType::Rgb8)
 }
 
 /// Writes an 8-bit RGB PNG, row-major.

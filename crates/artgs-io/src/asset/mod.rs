@@ -1,12 +1,17 @@
 //! Assets as files of simulators, browsers and renderers; one file per format.
 
 pub mod check;
+pub mod glb;
 mod meshes;
 pub mod mjcf;
 pub mod obj;
 pub mod partnet;
 pub mod sdf;
+pub mod splats;
+pub mod spz;
 pub mod urdf;
+pub mod usd;
+mod values;
 mod xml;
 
 #[cfg(test)]

@@ -1,0 +1,46 @@
+//! The Gaussians of an asset, a file per link: what simulators and viewers hang on the link's body.
+//!
+//! Limitations: nothing says in the files how the links hang together (URDF and the others do), and viewers of a lone
+//! file take y for up or down where the link frame has z up. SPZ is lossy, see [`super::spz`].
+
+use super::spz::write_spz;
+use crate::{FileError, write_splat_ply};
+use artgs_core::Asset;
+use std::path::{Path, PathBuf};
+
+/// Writes `LINK.ply` (3DGS) and `LINK.spz` into `dir` for every link that has Gaussians, in its link frame, metres.
+/// Returns the files in the order of the links.
+pub fn export_splats(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> {
+    let mut files = Vec::new();
+    for link in &asset.links {
+        let Some(splats) = link.splats.as_ref().filter(|s| !s.is_empty()) else { continue };
+        let [ply, spz] = ["ply", "spz"].map(|extension| dir.join(format!("{}.{extension}", link.name)));
+        write_splat_ply(&ply, splats, None, &format!("link {} of {}, z up, metres", link.name, asset.name))?;
+        write_spz(&spz, splats)?;
+        files.extend([ply, spz]);
+    }
+    Ok(files)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::spz::read_spz;
+    use crate::asset::testing::cabinet;
+    use crate::read_splat_ply;
+
+    #[test]
+    fn a_pair_of_files_for_every_link_with_gaussians() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut asset = cabinet();
+        asset.links[2].splats = None;
+        let files = export_splats(dir.path(), &asset).unwrap();
+        let names: Vec<_> = files.iter().map(|f| f.file_name().unwrap().to_str().unwrap()).collect();
+        assert_eq!(names, ["base.ply", "base.spz", "part_1.ply", "part_1.spz"]);
+        let splats = asset.links[1].splats.clone().unwrap();
+        assert_eq!(read_splat_ply(&files[2]).unwrap(), (splats.clone(), None));
+        let small = read_spz(&files[3]).unwrap();
+        assert_eq!(small.len(), 2);
+        assert!((small.means[1][0] - splats.means[1][0]).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,161 @@
+//! Bodies, joints and the scene of USD Physics.
+
+use super::layer::{Prim, float3, quaternion, token};
+use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind};
+use glam::{DMat3, DQuat, DVec3};
+use openusd::sdf::Value;
+
+fn float(value: f64) -> Value {
+    Value::Float(value as f32)
+}
+
+/// Gravity of the Earth along -Z.
+pub(super) fn scene() -> Prim {
+    Prim::new("PhysicsScene", "PhysicsScene").attr("vector3f", "physics:gravityDirection", float3(DVec3::NEG_Z)).attr(
+        "float",
+        "physics:gravityMagnitude",
+        float(9.81),
+    )
+}
+
+/// The rigid body of link `i`, a child of the prim `root`, without what is seen and touched.
+pub(super) fn body(root: &str, asset: &Asset, i: usize) -> Result<Prim, String> {
+    let link = &asset.links[i];
+    let Inertial { mass, center, .. } = link.inertial;
+    let (moments, axes) = principal(link.inertial.inertia);
+    let at = link.origin;
+    let prim = Prim::new("Xform", link.name.clone())
+        .api("PhysicsRigidBodyAPI")
+        .api("PhysicsMassAPI")
+        .attr("double3", "xformOp:translate", Value::Vec3d(at.to_array().into()))
+        .attr("quatf", "xformOp:orient", quaternion(DQuat::IDENTITY))
+        .uniform("token[]", "xformOpOrder", Value::token_vec(["xformOp:translate", "xformOp:orient"]))
+        .attr("bool", "physics:rigidBodyEnabled", Value::Bool(true))
+        .attr("float", "physics:mass", float(mass))
+        .attr("point3f", "physics:centerOfMass", float3(center))
+        .attr("float3", "physics:diagonalInertia", float3(moments))
+        .attr("quatf", "physics:principalAxes", quaternion(axes));
+    match link.parent.and_then(|p| asset.links.get(p)) {
+        // Neighbours touch at their joint by construction.
+        Some(parent) => {
+            prim.api("PhysicsFilteredPairsAPI").rel("physics:filteredPairs", &format!("{root}/{}", parent.name))
+        }
+        None => Ok(prim),
+    }
+}
+
+/// The joint on which link `i` hangs; for a link without parent what fixes it to the world.
+pub(super) fn joint(root: &str, asset: &Asset, i: usize) -> Result<Prim, String> {
+    let link = &asset.links[i];
+    let child = format!("{root}/{}", link.name);
+    let (Some(parent), Some(joint)) = (link.parent.and_then(|p| asset.links.get(p)), &link.joint) else {
+        return fixed(root, asset, link);
+    };
+    let turns = joint.kind != JointKind::Prismatic;
+    let (kind, motion) = if turns { ("PhysicsRevoluteJoint", "angular") } else { ("PhysicsPrismaticJoint", "linear") };
+    let unit = if turns { 1f64.to_degrees() } else { 1.0 };
+    // USD knows joint axes X, Y and Z only; the joint's frame turns X to ours.
+    let frame = DQuat::from_rotation_arc(DVec3::X, joint.axis.normalize_or(DVec3::X));
+    let prim = Prim::new(kind, format!("{}_joint", link.name))
+        .rel("physics:body0", &format!("{root}/{}", parent.name))?
+        .rel("physics:body1", &child)?
+        .attr("point3f", "physics:localPos0", float3(link.origin - parent.origin))
+        .attr("quatf", "physics:localRot0", quaternion(frame))
+        .attr("point3f", "physics:localPos1", float3(DVec3::ZERO))
+        .attr("quatf", "physics:localRot1", quaternion(frame))
+        .attr("bool", "physics:collisionEnabled", Value::Bool(false))
+        .uniform("token", "physics:axis", token("X"))
+        .attr("float", "physics:lowerLimit", float(joint.limits[0] * unit))
+        .attr("float", "physics:upperLimit", float(joint.limits[1] * unit));
+    Ok(notes(passive(prim, joint, motion, unit), joint, unit))
+}
+
+fn fixed(root: &str, asset: &Asset, link: &AssetLink) -> Result<Prim, String> {
+    let parent = link.parent.and_then(|p| asset.links.get(p));
+    let name = if parent.is_none() { "fixed_base".into() } else { format!("{}_joint", link.name) };
+    let mut prim = Prim::new("PhysicsFixedJoint", name);
+    if let Some(parent) = parent {
+        prim = prim.rel("physics:body0", &format!("{root}/{}", parent.name))?;
+    }
+    let at = link.origin - parent.map_or(DVec3::ZERO, |p| p.origin);
+    Ok(prim
+        .rel("physics:body1", &format!("{root}/{}", link.name))?
+        .attr("point3f", "physics:localPos0", float3(at))
+        .attr("quatf", "physics:localRot0", quaternion(DQuat::IDENTITY))
+        .attr("point3f", "physics:localPos1", float3(DVec3::ZERO))
+        .attr("quatf", "physics:localRot1", quaternion(DQuat::IDENTITY)))
+}
+
+/// A drive that only damps; dry friction and the limit of the speed as PhysX and Newton each want them.
+fn passive(prim: Prim, joint: &AssetJoint, motion: &str, unit: f64) -> Prim {
+    let drive = |what: &str| format!("drive:{motion}:physics:{what}");
+    let axis = |what: &str| format!("physxJointAxis:{motion}:{what}");
+    let (friction, velocity) = (float(joint.friction), float(joint.velocity * unit));
+    prim.api(format!("PhysicsDriveAPI:{motion}"))
+        .api(format!("PhysxJointAxisAPI:{motion}"))
+        .api("NewtonJointAPI")
+        .uniform("token", &drive("type"), token("force"))
+        .attr("float", &drive("stiffness"), float(0.0))
+        .attr("float", &drive("damping"), float(joint.damping / unit))
+        .attr("float", &drive("targetVelocity"), float(0.0))
+        .attr("float", &drive("maxForce"), float(joint.effort))
+        .attr("float", &axis("maxJointVelocity"), velocity.clone())
+        .attr("float", &axis("staticFrictionEffort"), friction.clone())
+        .attr("float", &axis("dynamicFrictionEffort"), friction.clone())
+        .attr("float", "newton:velocityLimit", velocity)
+        .attr("float", "newton:friction", friction)
+}
+
+/// What USD has no place for.
+fn notes(prim: Prim, joint: &AssetJoint, unit: f64) -> Prim {
+    let observed = joint.observed.map(|v| v * unit);
+    let prim = prim.custom("double2", "artgs:observed", Value::Vec2d(observed.into()));
+    match joint.kind {
+        JointKind::Screw => prim.custom("double", "artgs:pitch", Value::Double(joint.pitch / unit)),
+        _ => prim,
+    }
+}
+
+/// Moments of inertia about the principal axes, and the rotation from these axes to the body's, for
+/// `ixx iyy izz ixy ixz iyz`: Jacobi's rotations until nothing is left off the diagonal.
+fn principal([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> (DVec3, DQuat) {
+    let mut m = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+    let mut axes = DMat3::IDENTITY;
+    let size = xx.abs().max(yy.abs()).max(zz.abs());
+    for round in 0..60 {
+        let (p, q) = [(0, 1), (0, 2), (1, 2)][round % 3];
+        if m[p][q].abs() <= 1e-15 * size {
+            continue;
+        }
+        let theta = 0.5 * (2.0 * m[p][q]).atan2(m[q][q] - m[p][p]);
+        let (s, c) = theta.sin_cos();
+        let mut turn = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        (turn[p][p], turn[q][q], turn[p][q], turn[q][p]) = (c, c, s, -s);
+        // Rows of `turn` as columns of the matrix: glam is column-major.
+        let turn = DMat3::from_cols_array_2d(&turn).transpose();
+        axes *= turn;
+        m = (turn.transpose() * DMat3::from_cols_array_2d(&m) * turn).to_cols_array_2d();
+    }
+    (DVec3::new(m[0][0], m[1][1], m[2][2]), DQuat::from_mat3(&axes).normalize())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn principal_axes_make_the_tensor_again() {
+        for t in [
+            [0.1, 0.12, 0.08, 0.001, -0.002, 0.003],
+            [2.0, 2.0, 2.0, 0.5, 0.5, 0.5],
+            [1.0, 3.0, 2.0, 0.0, 0.0, 0.0],
+            [1e-6, 2e-6, 2.5e-6, 8e-7, -5e-7, 1e-7],
+        ] {
+            let (moments, axes) = principal(t);
+            let r = DMat3::from_quat(axes);
+            let back = r * DMat3::from_diagonal(moments) * r.transpose();
+            let want = DMat3::from_cols_array(&[t[0], t[3], t[4], t[3], t[1], t[5], t[4], t[5], t[2]]);
+            assert!(back.abs_diff_eq(want, 1e-12 * t[0].max(t[1])), "{back} {want}");
+        }
+    }
+}
