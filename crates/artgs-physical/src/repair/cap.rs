@@ -1,0 +1,147 @@
+//! Caps: triangulations of rims.
+
+use super::loops::{Flat, flatten};
+use super::{Obstacles, RepairOptions};
+use crate::topology::{corners, ends};
+use artgs_core::Mesh;
+use glam::{DVec2, DVec3};
+use std::collections::HashSet;
+
+/// Edges that caps must not use a second time.
+pub(super) struct Caps {
+    taken: HashSet<[u32; 2]>,
+}
+
+impl Caps {
+    /// Of a mesh with these rims.
+    pub(super) fn new(mesh: &Mesh, holes: &[Vec<u32>]) -> Self {
+        let mut on_rim = vec![false; mesh.vertices.len()];
+        holes.iter().flatten().for_each(|v| on_rim[*v as usize] = true);
+        let edges = (0..3 * mesh.triangles.len() as u32).map(|h| ends(&mesh.triangles, h));
+        let both = edges.filter(|e| e.iter().all(|v| on_rim[*v as usize]));
+        Self { taken: both.map(|[a, b]| [a.min(b), a.max(b)]).collect() }
+    }
+
+    /// Closes a hole if its shape allows and nothing moves there; false if it stays open.
+    pub(super) fn close(&mut self, mesh: &mut Mesh, hole: &[u32], obstacles: &Obstacles, o: &RepairOptions) -> bool {
+        let flat = flatten(mesh, hole);
+        let small = flat.width <= o.small_hole;
+        if !small && flat.deviation > o.planarity * flat.width {
+            return false;
+        }
+        let vertices = mesh.vertices.len();
+        let (triangles, center) = clip_ears(hole, &flat, &self.taken, vertices as u32);
+        if center {
+            push_mean(mesh, hole);
+        }
+        if obstructed(mesh, &triangles, obstacles, flat.width / 40.0) > o.obstructed {
+            mesh.vertices.truncate(vertices);
+            mesh.colors.truncate(vertices.min(mesh.colors.len()));
+            return false;
+        }
+        let edges = triangles.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
+        self.taken.extend(edges.map(|[a, b]| [a.min(b), a.max(b)]));
+        mesh.triangles.extend(triangles);
+        true
+    }
+}
+
+/// Adds a vertex in the middle of others.
+fn push_mean(mesh: &mut Mesh, of: &[u32]) {
+    let n = of.len() as f32;
+    let mean = |get: &dyn Fn(usize) -> f32| of.iter().map(|v| get(*v as usize)).sum::<f32>() / n;
+    let position = [0, 1, 2].map(|k| mean(&|v| mesh.vertices[v][k]));
+    if mesh.colors.len() == mesh.vertices.len() {
+        let color = [0, 1, 2].map(|k| mean(&|v| f32::from(mesh.colors[v][k])).round() as u8);
+        mesh.colors.push(color);
+    }
+    mesh.vertices.push(position);
+}
+
+/// Fraction of the area at which something else moves, sampled about every `step`.
+fn obstructed(mesh: &Mesh, triangles: &[[u32; 3]], obstacles: &Obstacles, step: f64) -> f64 {
+    let (mut hit, mut all) = (0.0, 0.0);
+    for t in triangles {
+        let [a, b, c] = corners(mesh, *t);
+        let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+        let n = (longest / step).ceil().clamp(1.0, 60.0) as usize;
+        let weight = (b - a).cross(c - a).length() / (n * n) as f64;
+        for (i, j) in (0..n).flat_map(|i| (0..n - i).map(move |j| (i, j))) {
+            // Centres of the small triangles that point the way the large one does and, but for the last row, the other.
+            for third in if i + j + 1 < n { &[1.0, 2.0][..] } else { &[1.0][..] } {
+                let at = |k: usize| (k as f64 + third / 3.0) / n as f64;
+                let p: DVec3 = a + (b - a) * at(i) + (c - a) * at(j);
+                all += weight;
+                hit += if obstacles(p) { weight } else { 0.0 };
+            }
+        }
+    }
+    if all > 0.0 { hit / all } else { 0.0 }
+}
+
+/// A corner of what is left of the polygon.
+#[derive(Clone, Copy)]
+struct Corner {
+    before: usize,
+    after: usize,
+    /// How good an ear it makes, 0 if none.
+    quality: f64,
+}
+
+/// Triangulates a polygon that may be concave, best ears first, without edges that are `taken`. Where no ear is left, because
+/// the rim crosses itself in its plane or all ears are taken, the rest is a fan about a new vertex `next_vertex`; true if so.
+fn clip_ears(hole: &[u32], flat: &Flat, taken: &HashSet<[u32; 2]>, next_vertex: u32) -> (Vec<[u32; 3]>, bool) {
+    let n = hole.len();
+    let mut ring: Vec<Corner> =
+        (0..n).map(|i| Corner { before: (i + n - 1) % n, after: (i + 1) % n, quality: 0.0 }).collect();
+    let mut left: Vec<usize> = (0..n).collect();
+    left.iter().for_each(|i| ring[*i].quality = ear_quality(*i, &ring, &left, hole, flat, taken));
+    let mut triangles = Vec::with_capacity(n - 2);
+    while left.len() > 3 {
+        let best = |left: &[usize], ring: &[Corner]| {
+            (0..left.len()).max_by(|a, b| ring[left[*a]].quality.total_cmp(&ring[left[*b]].quality)).unwrap_or(0)
+        };
+        let mut at = best(&left, &ring);
+        if ring[left[at]].quality <= 0.0 {
+            let again: Vec<f64> = left.iter().map(|i| ear_quality(*i, &ring, &left, hole, flat, taken)).collect();
+            left.iter().zip(again).for_each(|(i, q)| ring[*i].quality = q);
+            at = best(&left, &ring);
+        }
+        let i = left[at];
+        let Corner { before, after, quality } = ring[i];
+        if quality <= 0.0 {
+            let fan = left.iter().map(|i| [hole[*i], hole[ring[*i].after], next_vertex]);
+            triangles.extend(fan);
+            return (triangles, true);
+        }
+        triangles.push([hole[before], hole[i], hole[after]]);
+        left.remove(at);
+        ring[before].after = after;
+        ring[after].before = before;
+        for k in [before, after] {
+            ring[k].quality = ear_quality(k, &ring, &left, hole, flat, taken);
+        }
+    }
+    triangles.push([hole[ring[left[0]].before], hole[left[0]], hole[ring[left[0]].after]]);
+    (triangles, false)
+}
+
+/// Twice the area over the squared sides, positive for an ear that may be clipped.
+fn ear_quality(i: usize, ring: &[Corner], left: &[usize], hole: &[u32], flat: &Flat, taken: &HashSet<[u32; 2]>) -> f64 {
+    let (u, w) = (ring[i].before, ring[i].after);
+    let [a, b, c] = [u, i, w].map(|k| flat.points[k]);
+    let sides = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
+    let quality = (b - a).perp_dot(c - a) / sides.max(f64::MIN_POSITIVE);
+    if quality <= 1e-9 || taken.contains(&[hole[u].min(hole[w]), hole[u].max(hole[w])]) {
+        return 0.0;
+    }
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    let inside = |p: DVec2| {
+        p.cmpge(low).all()
+            && p.cmple(high).all()
+            && (b - a).perp_dot(p - a) >= 0.0
+            && (c - b).perp_dot(p - b) >= 0.0
+            && (a - c).perp_dot(p - c) >= 0.0
+    };
+    if left.iter().any(|k| ![u, i, w].contains(k) && inside(flat.points[*k])) { 0.0 } else { quality }
+}
