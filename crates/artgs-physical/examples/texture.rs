@@ -60,7 +60,7 @@ fn textured(mesh: &Mesh, id: usize, replica: &Replica, capture: &Capture, budget
         closed.volume
     );
     println!("  after simplification watertight {}", repair_free(&simple.mesh));
-    println!("  error max {:.5} mean {:.6}; voxel {voxel:.5}", simple.error.max, simple.error.mean);
+    println!("  error max {:.5} 99% {:.5} mean {:.6}; voxel {voxel:.5}", simple.error.max, simple.error.most, simple.error.mean);
     let views = &capture.states[0].train;
     let pixel = views
         .iter()

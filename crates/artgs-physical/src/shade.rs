@@ -1,6 +1,6 @@
 //! Vertex normals with creases.
 
-use crate::topology::{NONE, Sets, corner_angle, corners, ends, next, twins};
+use crate::topology::{NONE, Sets, corner_angle, corners, cross, ends, next, twins};
 use artgs_core::{Mesh, TexturedMesh};
 use glam::DVec3;
 
@@ -8,10 +8,11 @@ use glam::DVec3;
 pub const CREASE: f64 = 40.0 * std::f64::consts::PI / 180.0;
 
 /// The mesh with a normal per vertex; vertices are split along edges whose triangles differ by more than `crease` radians.
-/// Positions, triangles and their order stay; without texture coordinates.
+/// Triangles count by area and angle, so that large flat ones stay flat beside bevels. Positions, triangles and their order stay; without texture coordinates.
 pub fn with_normals(mesh: &Mesh, crease: f64) -> TexturedMesh {
     let twins = twins(mesh);
     let points: Vec<[DVec3; 3]> = mesh.triangles.iter().map(|t| corners(mesh, *t)).collect();
+    let areas: Vec<f64> = mesh.triangles.iter().map(|t| cross(mesh, *t).length()).collect();
     let flat: Vec<DVec3> = points.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a).normalize_or_zero()).collect();
     let mut fans = Sets::new(twins.len());
     for (h, twin) in twins.iter().enumerate().filter(|(_, t)| **t != NONE) {
@@ -38,7 +39,7 @@ pub fn with_normals(mesh: &Mesh, crease: f64) -> TexturedMesh {
             }
         }
         index[h] = index[root];
-        normals[index[h] as usize] += flat[h / 3] * corner_angle(points[h / 3], h % 3);
+        normals[index[h] as usize] += flat[h / 3] * (areas[h / 3] * corner_angle(points[h / 3], h % 3));
     }
     out.triangles = index.as_chunks::<3>().0.to_vec();
     let normals = normals.iter().map(|n| n.normalize_or(DVec3::Z).as_vec3().to_array()).collect();

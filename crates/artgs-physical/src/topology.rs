@@ -103,8 +103,8 @@ impl Sets {
 }
 
 /// The same triangles with vertices split until every vertex has one fan of triangles, each of which meets the next at an
-/// edge; unused vertices are dropped. Copies are pulled towards their own fan by `nudge` of the way, so that they stay
-/// apart when others weld them.
+/// edge; unused vertices are dropped. With a `nudge`, copies are pulled towards their own fan by so much of the way, so that
+/// they stay apart when others weld them.
 pub(crate) fn split_to_manifold(mesh: &Mesh, nudge: f64) -> Mesh {
     let twins = twins(mesh);
     let mut fans = Sets::new(twins.len());
@@ -137,7 +137,46 @@ pub(crate) fn split_to_manifold(mesh: &Mesh, nudge: f64) -> Mesh {
     if nudge > 0.0 && !copies.is_empty() {
         pull_to_fans(&mut out, &copies, nudge);
     }
+    if nudge > 0.0 {
+        part_double_edges(&mut out, twins, nudge);
+    }
     out
+}
+
+/// Where two pairs of triangles still share both ends of their edge, one pair gets a vertex of its own in the middle.
+fn part_double_edges(mesh: &mut Mesh, twins: Vec<u32>, nudge: f64) {
+    let mut touched = vec![false; mesh.triangles.len()];
+    let mut middles = Vec::new();
+    let keyed = by_edge(&mesh.triangles);
+    for run in keyed.chunk_by(|a, b| a.0 == b.0).filter(|run| run.len() > 2) {
+        // The first pair keeps the edge.
+        let kept = [run[0].1, twins[run[0].1 as usize]];
+        for h in run.iter().map(|(_, h)| *h).filter(|h| !kept.contains(h)) {
+            let twin = twins[h as usize];
+            if twin != NONE && h < twin && ![h, twin].iter().any(|h| touched[*h as usize / 3]) {
+                [h, twin].iter().for_each(|h| touched[*h as usize / 3] = true);
+                middles.push([h, twin]);
+            }
+        }
+    }
+    for pair in middles {
+        let [a, b] = ends(&mesh.triangles, pair[0]);
+        let middle = mesh.vertices.len() as u32;
+        let apexes = pair.map(|h| ends(&mesh.triangles, next(h))[1]);
+        let inward = (point(mesh, apexes[0]) + point(mesh, apexes[1])) / 2.0;
+        let p = ((point(mesh, a) + point(mesh, b)) / 2.0).lerp(inward, nudge);
+        mesh.vertices.push(p.as_vec3().to_array());
+        if !mesh.colors.is_empty() {
+            mesh.colors.push(mesh.colors[a as usize]);
+        }
+        for h in pair {
+            let (t, k) = (h as usize / 3, h as usize % 3);
+            let mut second = mesh.triangles[t];
+            second[k] = middle;
+            mesh.triangles[t][(k + 1) % 3] = middle;
+            mesh.triangles.push(second);
+        }
+    }
 }
 
 fn pull_to_fans(mesh: &mut Mesh, vertices: &[u32], by: f64) {

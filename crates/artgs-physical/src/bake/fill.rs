@@ -3,11 +3,10 @@
 use super::atlas::Texel;
 use crate::repair::trimesh;
 use artgs_core::Mesh;
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use parry3d::math::Vector;
-use parry3d::query::PointQuery;
-use parry3d::shape::FeatureId;
+use parry3d::query::PointQueryWithLocation;
 use rayon::prelude::*;
 use std::num::NonZero;
 
@@ -53,17 +52,11 @@ pub(super) fn from_vertices(texels: &[Texel], colors: &mut [Option<Vec3>], dense
     let Some(solid) = trimesh(dense).filter(|_| dense.colors.len() == dense.vertices.len()) else { return false };
     let color = |texel: &Texel| -> Vec3 {
         let p = Vector::from_array(texel.point.as_vec3().to_array());
-        let (near, feature) = solid.project_local_point_and_get_feature(p);
-        let FeatureId::Face(face) = feature else { return Vec3::splat(128.0) };
+        let (_, (face, place)) = solid.project_local_point_and_get_location(p, false);
+        let weights = place.barycentric_coordinates().unwrap_or([1.0, 0.0, 0.0]);
         let t = dense.triangles[face as usize % dense.triangles.len()];
-        let at = DVec3::from_array(near.point.to_array().map(f64::from));
-        let [a, b, c] = crate::topology::corners(dense, t);
-        let normal = (b - a).cross(c - a);
-        let part = |u: DVec3, v: DVec3| ((v - u).cross(at - u).dot(normal) / normal.length_squared()).clamp(0.0, 1.0);
-        let weights = if normal == DVec3::ZERO { [1.0, 0.0, 0.0] } else { [part(b, c), part(c, a), part(a, b)] };
-        let total: f64 = weights.iter().sum();
         let corner = |k: usize| Vec3::from_array(dense.colors[t[k] as usize].map(f32::from));
-        (0..3).map(|k| corner(k) * (weights[k] / total) as f32).sum()
+        (0..3).map(|k| corner(k) * weights[k]).sum()
     };
     let found: Vec<Vec3> = texels.par_iter().map(color).collect();
     texels.iter().zip(found).for_each(|(t, c)| colors[t.index] = Some(c));

@@ -61,7 +61,7 @@ pub struct BakeOptions {
 impl BakeOptions {
     /// Settings for surfaces known to about `voxel` (scene units).
     pub fn at_resolution(voxel: f64) -> Self {
-        Self { tolerance: 2.5 * voxel, jump: 4.0 * voxel, sharpness: 5.0, outlier: 24.0, padding: 4 }
+        Self { tolerance: 2.5 * voxel, jump: 4.0 * voxel, sharpness: 8.0, outlier: 40.0, padding: 4 }
     }
 }
 

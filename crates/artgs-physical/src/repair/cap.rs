@@ -2,19 +2,57 @@
 
 use super::loops::{Flat, flatten};
 use super::{Obstacles, RepairOptions};
-use crate::topology::{corners, ends};
+use crate::topology::{components, corners, ends, point, twins};
 use artgs_core::Mesh;
 use glam::{DVec2, DVec3};
 use std::collections::HashSet;
 
+/// Caps for all holes; None where something moves, and for all holes of a component that they would close around less than a
+/// quarter of a wall: a sheet, or a compartment seen from within.
+pub(super) fn close(
+    mesh: &mut Mesh,
+    holes: &[Vec<u32>],
+    obstacles: &Obstacles,
+    options: &RepairOptions,
+) -> Vec<Option<Vec<[u32; 3]>>> {
+    let component = components(&twins(mesh));
+    let mut of_vertex = vec![0; mesh.vertices.len()];
+    for (t, c) in mesh.triangles.iter().zip(&component) {
+        t.iter().for_each(|v| of_vertex[*v as usize] = *c as usize);
+    }
+    let mut book = Caps::new(mesh, holes);
+    let mut caps: Vec<_> = holes.iter().map(|hole| book.close(mesh, hole, obstacles, options)).collect();
+    let mut volumes = vec![[0.0; 2]; mesh.triangles.len()];
+    let about = mesh.triangles.first().map_or(DVec3::ZERO, |t| point(mesh, t[0]));
+    let mut add = |c: usize, t: &[u32; 3]| {
+        let [a, b, c3] = corners(mesh, *t).map(|p| p - about);
+        volumes[c][0] += a.cross(b).dot(c3) / 6.0;
+        volumes[c][1] += (b - a).cross(c3 - a).length() / 2.0;
+    };
+    mesh.triangles.iter().zip(&component).for_each(|(t, c)| add(*c as usize, t));
+    let owner = |hole: &[u32]| of_vertex[hole[0] as usize];
+    for (hole, cap) in holes.iter().zip(&caps) {
+        cap.iter().flatten().for_each(|t| add(owner(hole), t));
+    }
+    let mut partly = vec![false; mesh.triangles.len()];
+    holes.iter().zip(&caps).filter(|(_, cap)| cap.is_none()).for_each(|(hole, _)| partly[owner(hole)] = true);
+    for (hole, cap) in holes.iter().zip(&mut caps) {
+        let [volume, area] = volumes[owner(hole)];
+        if !partly[owner(hole)] && volume < 0.125 * options.thickness * area {
+            *cap = None;
+        }
+    }
+    caps
+}
+
 /// Edges that caps must not use a second time.
-pub(super) struct Caps {
+struct Caps {
     taken: HashSet<[u32; 2]>,
 }
 
 impl Caps {
     /// Of a mesh with these rims.
-    pub(super) fn new(mesh: &Mesh, holes: &[Vec<u32>]) -> Self {
+    fn new(mesh: &Mesh, holes: &[Vec<u32>]) -> Self {
         let mut on_rim = vec![false; mesh.vertices.len()];
         holes.iter().flatten().for_each(|v| on_rim[*v as usize] = true);
         let edges = (0..3 * mesh.triangles.len() as u32).map(|h| ends(&mesh.triangles, h));
@@ -22,28 +60,65 @@ impl Caps {
         Self { taken: both.map(|[a, b]| [a.min(b), a.max(b)]).collect() }
     }
 
-    /// Closes a hole if its shape allows and nothing moves there; false if it stays open.
-    pub(super) fn close(&mut self, mesh: &mut Mesh, hole: &[u32], obstacles: &Obstacles, o: &RepairOptions) -> bool {
-        let flat = flatten(mesh, hole);
-        let small = flat.width <= o.small_hole;
-        if !small && flat.deviation > o.planarity * flat.width {
-            return false;
+    /// Triangles that close a hole, in pieces that nearly lie in planes; None where something moves there. Vertices that
+    /// pieces need are added to the mesh.
+    fn close(
+        &mut self,
+        mesh: &mut Mesh,
+        hole: &[u32],
+        obstacles: &Obstacles,
+        o: &RepairOptions,
+    ) -> Option<Vec<[u32; 3]>> {
+        let width = flatten(mesh, hole).width;
+        let mut triangles = Vec::new();
+        let mut rest = vec![hole.to_vec()];
+        while let Some(piece) = rest.pop() {
+            let flat = flatten(mesh, &piece);
+            let crooked = flat.width > o.small_hole && flat.deviation > o.planarity * flat.width;
+            if let Some((i, j)) = crooked.then(|| narrowest(mesh, &piece, &self.taken)).flatten() {
+                self.taken.insert([piece[i].min(piece[j]), piece[i].max(piece[j])]);
+                rest.push(piece[i..=j].to_vec());
+                rest.push(piece[j..].iter().chain(&piece[..=i]).copied().collect());
+                continue;
+            }
+            let (cap, center) = clip_ears(&piece, &flat, &self.taken, mesh.vertices.len() as u32);
+            if center {
+                push_mean(mesh, &piece);
+            }
+            let edges = cap.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
+            self.taken.extend(edges.map(|[a, b]| [a.min(b), a.max(b)]));
+            triangles.extend(cap);
         }
-        let vertices = mesh.vertices.len();
-        let (triangles, center) = clip_ears(hole, &flat, &self.taken, vertices as u32);
-        if center {
-            push_mean(mesh, hole);
-        }
-        if obstructed(mesh, &triangles, obstacles, flat.width / 40.0) > o.obstructed {
-            mesh.vertices.truncate(vertices);
-            mesh.colors.truncate(vertices.min(mesh.colors.len()));
-            return false;
-        }
-        let edges = triangles.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
-        self.taken.extend(edges.map(|[a, b]| [a.min(b), a.max(b)]));
-        mesh.triangles.extend(triangles);
-        true
+        (obstructed(mesh, &triangles, obstacles, width / 40.0) <= o.obstructed).then_some(triangles)
     }
+}
+
+/// The chord, between two corners of a rim, that is shortest for the way around that it saves; neither side is shorter than
+/// a twentieth of the rim, and the edge is not `taken`.
+fn narrowest(mesh: &Mesh, rim: &[u32], taken: &HashSet<[u32; 2]>) -> Option<(usize, usize)> {
+    let n = rim.len();
+    let points: Vec<DVec3> = rim.iter().map(|v| point(mesh, *v)).collect();
+    let mut along = vec![0.0];
+    for i in 0..n {
+        along.push(along[i] + points[i].distance(points[(i + 1) % n]));
+    }
+    let all = along[n];
+    // Long rims are searched at a few hundred corners.
+    let stride = n.div_ceil(700);
+    let mut best = (f64::INFINITY, None);
+    for i in (0..n).step_by(stride) {
+        for j in (i + 2..n).step_by(stride) {
+            let way = (along[j] - along[i]).min(all - along[j] + along[i]);
+            if way < 0.05 * all || (i == 0 && j == n - 1) {
+                continue;
+            }
+            let ratio = points[i].distance_squared(points[j]) / (way * way);
+            if ratio < best.0 && !taken.contains(&[rim[i].min(rim[j]), rim[i].max(rim[j])]) {
+                best = (ratio, Some((i, j)));
+            }
+        }
+    }
+    best.1
 }
 
 /// Adds a vertex in the middle of others.

@@ -17,11 +17,11 @@ pub fn welded(mesh: &Mesh, cell: f64) -> Mesh {
     }
     let mut triangles: Vec<[u32; 3]> = mesh.triangles.iter().map(|t| t.map(|i| representative[i as usize])).collect();
     triangles.retain(|t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0]);
-    compact(mesh, &without_doubles(&triangles))
+    compact(mesh, &without_doubles(&triangles, 1))
 }
 
-/// Triangles on the same three vertices, reduced to one where one side is in the majority and to none otherwise.
-fn without_doubles(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
+/// Triangles on the same three vertices cancel in pairs that face opposite ways; of those left at most `most` stay.
+fn without_doubles(triangles: &[[u32; 3]], most: usize) -> Vec<[u32; 3]> {
     // Corners sorted, whether the order was an even permutation, and the index.
     let mut keyed: Vec<([u32; 3], bool, usize)> = triangles
         .iter()
@@ -37,10 +37,8 @@ fn without_doubles(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     let mut kept: Vec<usize> = Vec::with_capacity(triangles.len());
     for run in keyed.chunk_by(|a, b| a.0 == b.0) {
         let even = run.iter().filter(|(_, even, _)| *even).count();
-        if 2 * even != run.len() {
-            let majority = 2 * even > run.len();
-            kept.extend(run.iter().find(|(_, even, _)| *even == majority).map(|(_, _, i)| *i));
-        }
+        let (majority, left) = (2 * even > run.len(), (2 * even).abs_diff(run.len()).min(most));
+        kept.extend(run.iter().filter(|(_, even, _)| *even == majority).take(left).map(|(_, _, i)| *i));
     }
     kept.sort_unstable();
     kept.into_iter().map(|i| triangles[i]).collect()
@@ -136,7 +134,7 @@ fn without_islands(mesh: &Mesh, fraction: f64) -> Mesh {
     compact(mesh, &kept)
 }
 
-/// Only the given triangles, without those that appear twice or cancel, and the vertices they use.
+/// Only the given triangles, without pairs that cancel, and the vertices they use; what was closed stays so.
 pub(crate) fn reduced(mesh: &Mesh, triangles: &[[u32; 3]]) -> Mesh {
-    compact(mesh, &without_doubles(triangles))
+    compact(mesh, &without_doubles(triangles, usize::MAX))
 }

@@ -1,8 +1,8 @@
 //! Closed meshes from open ones: cleaned, holes capped where nothing else moves, the rest given thickness.
 //!
-//! What no photo shows is missing from a part's mesh: its back, its underside, the inside of a compartment. A hole that is
-//! small or lies nearly in a plane gets a lid, unless something moves through it. A component that is still open after that is
-//! a shell: an inner copy, joined at the rims, makes it a body.
+//! What no photo shows is missing from a part's mesh: its back, its underside, the inside of a compartment. A hole gets a lid,
+//! crooked ones in several flat pieces, unless something moves through it. A component that is still open after that, or a
+//! sheet that lids give no volume, is a shell: an inner copy, joined at the rims, makes it a body.
 
 mod cap;
 mod clean;
@@ -29,7 +29,8 @@ pub struct RepairOptions {
     pub island_fraction: f64,
     /// Holes not wider than this are capped however crooked they are.
     pub small_hole: f64,
-    /// Larger holes are capped if their rim leaves its plane by less than this fraction of its width (root mean square).
+    /// Larger holes are capped in pieces whose rims leave their planes by less than this fraction of their width (root mean
+    /// square).
     pub planarity: f64,
     /// A cap of which more than this fraction stands in the way of other parts is left out.
     pub obstructed: f64,
@@ -65,7 +66,7 @@ pub struct Repaired {
     pub open_edges: usize,
     /// Holes that got a cap.
     pub capped: usize,
-    /// Holes that got none, because of their shape or because something moves there.
+    /// Holes that got none: something moves there, or what they would enclose is no thicker than a sheet.
     pub left_open: usize,
     /// True if a component was given thickness.
     pub thickened: bool,
@@ -91,15 +92,19 @@ pub fn repair(mesh: &Mesh, obstacles: &Obstacles, options: &RepairOptions) -> Re
     for hole in &mut holes {
         loops::smooth(&mut mesh, hole, options.rim_smoothing);
     }
-    let mut caps = cap::Caps::new(&mesh, &holes);
-    let capped = holes.iter().filter(|hole| caps.close(&mut mesh, hole, obstacles, options)).count();
-    let thickened = capped < holes.len() && options.thickness > 0.0;
-    if thickened {
+    let caps = cap::close(&mut mesh, &holes, obstacles, options);
+    let capped = caps.iter().flatten().count();
+    mesh.triangles.extend(caps.into_iter().flatten().flatten());
+    let mut thickened = false;
+    if capped < holes.len() && options.thickness > 0.0 {
+        thickened = true;
         thicken::thicken(&mut mesh, obstacles, options.thickness);
     }
-    if open_edges(&mesh.triangles) > 0 {
-        mesh = split_to_manifold(&mesh, 1e-3);
-    }
+    mesh = if open_edges(&mesh.triangles) > 0 {
+        split_to_manifold(&mesh, 1e-3)
+    } else {
+        clean::reduced(&mesh, &mesh.triangles)
+    };
     let mut volume = signed_volume(&mesh);
     let open_edges = open_edges(&mesh.triangles);
     if volume < 0.0 && open_edges == 0 {

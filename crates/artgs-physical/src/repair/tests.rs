@@ -47,15 +47,22 @@ fn a_mouth_through_which_something_moves_stays_open_and_the_walls_get_thick() {
 fn walls_leave_room_for_what_is_behind() {
     // Two sheets half a unit apart, back to back: thickness 0.8 would make them cross.
     let mut sheets = open_box(DVec3::new(5.0, 5.0, 0.5), 25, [false, false, false, false, true, true]);
-    let o = RepairOptions { small_hole: 0.0, planarity: -1.0, ..options() };
-    let done = repair(&sheets, &nothing, &o);
+    let done = repair(&sheets, &nothing, &options());
     assert!(done.watertight && done.thickened);
     assert!(done.volume < 0.7 * 12.5 && done.volume > 0.5 * 12.5, "{}", done.volume);
     // And of things that move in there.
     sheets.triangles.truncate(sheets.triangles.len() / 2);
     let there = |p: DVec3| p.z > 0.1;
-    let done = repair(&sheets, &there, &o);
+    let done = repair(&sheets, &there, &options());
     assert!(done.watertight && done.mesh.vertices.iter().all(|v| v[2] <= 0.101), "{:?}", done.volume);
+}
+
+#[test]
+fn a_rim_around_two_missing_sides_is_closed_in_two_planes() {
+    let size = DVec3::new(8.0, 5.0, 6.0);
+    let done = repair(&open_box(size, 30, [true, false, true, true, true, false]), &nothing, &options());
+    assert_eq!((done.watertight, done.capped, done.thickened), (true, 1, false));
+    assert!((done.volume - 240.0).abs() < 5.0, "{}", done.volume);
 }
 
 #[test]

@@ -28,7 +28,7 @@ pub(super) fn thicken(mesh: &mut Mesh, obstacles: &Obstacles, thickness: f64) {
     let mut vertices: Vec<u32> = outer.iter().flatten().copied().collect();
     vertices.sort_unstable();
     vertices.dedup();
-    let normals = vertex_normals(mesh);
+    let normals = evened(vertex_normals(mesh), &outer);
     let depths = depths(mesh, &vertices, &outer, &normals, obstacles, thickness);
     let colored = mesh.colors.len() == mesh.vertices.len();
     for (v, depth) in vertices.iter().zip(depths) {
@@ -43,6 +43,19 @@ pub(super) fn thicken(mesh: &mut Mesh, obstacles: &Obstacles, thickness: f64) {
     let rim_edges: Vec<[u32; 2]> = rims.iter().map(|h| ends(&mesh.triangles, *h)).collect();
     mesh.triangles.extend(outer.iter().map(|t| [behind(t[0]), behind(t[2]), behind(t[1])]));
     mesh.triangles.extend(rim_edges.iter().flat_map(|[a, b]| [[*b, *a, behind(*a)], [*b, behind(*a), behind(*b)]]));
+}
+
+/// Normals mixed with those around them: inner sides of rough surfaces do not cross themselves so soon.
+fn evened(mut normals: Vec<DVec3>, triangles: &[[u32; 3]]) -> Vec<DVec3> {
+    for _ in 0..4 {
+        let mut sums = normals.clone();
+        for t in triangles {
+            let mean: DVec3 = t.iter().map(|v| normals[*v as usize]).sum();
+            t.iter().for_each(|v| sums[*v as usize] += mean / 3.0);
+        }
+        normals = sums.iter().map(|n| n.normalize_or_zero()).collect();
+    }
+    normals
 }
 
 /// How deep the wall is behind every one of `vertices`.
