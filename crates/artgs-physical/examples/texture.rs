@@ -60,12 +60,13 @@ fn textured(mesh: &Mesh, id: usize, replica: &Replica, capture: &Capture, budget
         closed.volume
     );
     println!("  after simplification watertight {}", repair_free(&simple.mesh));
-    println!("  error max {:.5} 99% {:.5} mean {:.6}; voxel {voxel:.5}", simple.error.max, simple.error.most, simple.error.mean);
+    println!(
+        "  error max {:.5} 99% {:.5} mean {:.6}; voxel {voxel:.5}",
+        simple.error.max, simple.error.most, simple.error.mean
+    );
     let views = &capture.states[0].train;
-    let pixel = views
-        .iter()
-        .map(|v| v.camera.position().length() / v.camera.intrinsics.fx)
-        .fold(f64::INFINITY, f64::min);
+    let pixel =
+        views.iter().map(|v| v.camera.position().length() / v.camera.intrinsics.fx).fold(f64::INFINITY, f64::min);
     let clock = Instant::now();
     let shaded = with_normals(&simple.mesh, CREASE);
     let t_shade = clock.elapsed();
@@ -110,7 +111,15 @@ fn textured(mesh: &Mesh, id: usize, replica: &Replica, capture: &Capture, budget
 
 /// True if the mesh is closed; asked of the library by repairing nothing.
 fn repair_free(mesh: &Mesh) -> bool {
-    let options = RepairOptions { island_fraction: 0.0, small_hole: -1.0, planarity: -1.0, thickness: 0.0, weld: 1e-9, obstructed: 0.0, rim_smoothing: 0.0 };
+    let options = RepairOptions {
+        island_fraction: 0.0,
+        small_hole: -1.0,
+        planarity: -1.0,
+        thickness: 0.0,
+        weld: 1e-9,
+        obstructed: 0.0,
+        rim_smoothing: 0.0,
+    };
     repair(mesh, &|_| false, &options).watertight
 }
 
@@ -161,7 +170,9 @@ fn compare(out: &Path, replica: &Replica, capture: &Capture, parts: &[TexturedMe
     let middle = parts[0].mesh.vertices.iter().map(|v| Vec3::from_array(*v)).sum::<Vec3>().as_dvec3()
         / parts[0].mesh.vertices.len() as f64;
     let eye = view.camera.position() - middle;
-    let around = |eye: DVec3| Camera::look_at(view.camera.resized(2 * w as u32, 2 * h as u32).intrinsics, middle + eye, middle, DVec3::Z);
+    let around = |eye: DVec3| {
+        Camera::look_at(view.camera.resized(2 * w as u32, 2 * h as u32).intrinsics, middle + eye, middle, DVec3::Z)
+    };
     let cameras = [around(DVec3::new(-eye.x, -eye.y, eye.z)), around(DVec3::new(eye.x, eye.y, -1.2 * eye.length()))];
     let rows: Vec<_> = cameras.iter().map(|c| vec![draw(c, &meshes, true), draw(c, &meshes, false)]).collect();
     write_rows(&out.join("back.png"), 2 * w, 2 * h, &rows)

@@ -104,8 +104,7 @@ mod tests {
         let mut owners = vec![Vec::new(); (w * h) as usize];
         let mut areas = Vec::new();
         for (i, t) in flat.mesh.mesh.triangles.iter().enumerate() {
-            let [a, b, c] =
-                t.map(|v| Vec2::from_array(flat.mesh.uvs[v as usize]) * Vec2::new(w as f32, h as f32));
+            let [a, b, c] = t.map(|v| Vec2::from_array(flat.mesh.uvs[v as usize]) * Vec2::new(w as f32, h as f32));
             areas.push(0.5 * (b - a).perp_dot(c - a));
             let (low, high) = (a.min(b).min(c), a.max(b).max(c));
             for y in low.y as u32..=(high.y as u32).min(h - 1) {

@@ -22,7 +22,9 @@ pub(super) fn texels(mesh: &TexturedMesh, size: [u32; 2]) -> Vec<Texel> {
     let scale = DVec2::new(width as f64, height as f64);
     for (i, t) in mesh.mesh.triangles.iter().enumerate() {
         let place = t.map(|v| DVec2::from_array(mesh.uvs[v as usize].map(f64::from)) * scale);
-        each_pixel(place, [width, height], |x, y, w| owner[y * width + x] = Some((i as u32, [w[0] as f32, w[1] as f32])));
+        each_pixel(place, [width, height], |x, y, w| {
+            owner[y * width + x] = Some((i as u32, [w[0] as f32, w[1] as f32]))
+        });
     }
     let texel = |(index, owner): (usize, &Option<(u32, [f32; 2])>)| {
         let (triangle, [u, v]) = (*owner)?;

@@ -43,7 +43,8 @@ fn is_source(colors: &[Option<Vec3>], index: usize, size: [u32; 2]) -> bool {
     let [width, height] = size.map(|s| s as usize);
     let (x, y) = (index % width, index / width);
     let unknown = |x: usize, y: usize| x < width && y < height && colors[y * width + x].is_none();
-    let at_rim = || unknown(x.wrapping_sub(1), y) || unknown(x + 1, y) || unknown(x, y.wrapping_sub(1)) || unknown(x, y + 1);
+    let at_rim =
+        || unknown(x.wrapping_sub(1), y) || unknown(x + 1, y) || unknown(x, y.wrapping_sub(1)) || unknown(x, y + 1);
     colors[index].is_some() && ((x % 4 == 0 && y % 4 == 0) || at_rim())
 }
 

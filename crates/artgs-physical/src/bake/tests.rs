@@ -131,10 +131,17 @@ fn without_views_the_vertex_colours_are_painted() {
     let done = bake(&flat.mesh, flat.size, &[], &dense, &BakeOptions::at_resolution(0.01));
     for t in atlas::texels(&flat.mesh, flat.size) {
         let is = done.texture.rgb[t.index].map(f64::from);
-        assert!((is[0] - t.point.x * 200.0).abs() < 2.5 && (is[1] - t.point.y * 200.0).abs() < 2.5 && is[2] == 30.0, "{is:?} at {}", t.point);
+        assert!(
+            (is[0] - t.point.x * 200.0).abs() < 2.5 && (is[1] - t.point.y * 200.0).abs() < 2.5 && is[2] == 30.0,
+            "{is:?} at {}",
+            t.point
+        );
     }
     let odd = [BakeView { camera: cameras()[0], rgba: &[], depth: None, labels: None, weight: 1.0 }];
     let same = bake(&flat.mesh, flat.size, &odd, &dense, &BakeOptions::at_resolution(0.01));
     assert_eq!((done.seen, same.texture), (0, done.texture));
-    assert_eq!(bake(&TexturedMesh { uvs: vec![], ..flat.mesh }, [8, 8], &[], &dense, &BakeOptions::at_resolution(0.1)), Baked::default());
+    assert_eq!(
+        bake(&TexturedMesh { uvs: vec![], ..flat.mesh }, [8, 8], &[], &dense, &BakeOptions::at_resolution(0.1)),
+        Baked::default()
+    );
 }

@@ -130,22 +130,15 @@ fn clearance(view: &BakeView, depth: &DepthMap, jump: f32) -> Vec<u8> {
         view.rgba[i][3] >= OPAQUE && depth.counts()[i] > 0 && view.labels.is_none_or(|(labels, part)| labels[i] == part)
     };
     let mut clear: Vec<u8> = (0..w * h).map(|i| if shows(i) { FULL_TRUST } else { 0 }).collect();
-    // A surface seen at a slant changes depth from pixel to pixel too: what counts is that the slope changes.
-    let leaps = |a: usize, b: usize, before: Option<usize>, after: Option<usize>| {
-        let [da, db] = [a, b].map(|i| depth.at(i));
-        let step = db - da;
-        let usual = [before.map(|i| da - depth.at(i)), after.map(|i| depth.at(i) - db)];
-        let bend = usual.into_iter().flatten().map(|s| (step - s).abs()).fold(f32::INFINITY, f32::min);
-        step.abs() > jump && bend.min(step.abs()) > jump
-    };
+    let depths: Vec<f32> = depth.iter().collect();
     for y in 0..h {
         for x in 0..w {
             let i = y * w + x;
-            if x + 1 < w && leaps(i, i + 1, (x > 0).then(|| i - 1), (x + 2 < w).then(|| i + 2)) {
+            if x + 1 < w && leaps(&depths, i, 1, [x > 0, x + 2 < w], jump) {
                 clear[i] = clear[i].min(1);
                 clear[i + 1] = clear[i + 1].min(1);
             }
-            if y + 1 < h && leaps(i, i + w, (y > 0).then(|| i - w), (y + 2 < h).then(|| i + 2 * w)) {
+            if y + 1 < h && leaps(&depths, i, w, [y > 0, y + 2 < h], jump) {
                 clear[i] = clear[i].min(1);
                 clear[i + w] = clear[i + w].min(1);
             }
@@ -155,23 +148,36 @@ fn clearance(view: &BakeView, depth: &DepthMap, jump: f32) -> Vec<u8> {
     clear
 }
 
+/// True if the depths of pixels `i` and `i + step` are of two surfaces. One seen at a slant changes depth from pixel to pixel
+/// too: what counts is that its slope changes. `has`: whether there are pixels before and after the two.
+fn leaps(depths: &[f32], i: usize, step: usize, has: [bool; 2], jump: f32) -> bool {
+    let change = depths[i + step] - depths[i];
+    if change.abs() <= jump {
+        return false;
+    }
+    let before = if has[0] { depths[i] - depths[i - step] } else { 0.0 };
+    let after = if has[1] { depths[i + 2 * step] - depths[i + step] } else { 0.0 };
+    (change - before).abs().min((change - after).abs()) > jump
+}
+
 /// Chessboard distance: each value at most one more than that of any neighbour, pixels outside of the image counting 0.
 fn spread(clear: &mut [u8], w: usize, h: usize) {
-    let lower = |clear: &mut [u8], x: usize, y: usize, offsets: [[isize; 2]; 4]| {
-        for [dx, dy] in offsets {
-            let (i, j) = (x.wrapping_add_signed(dx), y.wrapping_add_signed(dy));
-            let near = if i < w && j < h { clear[j * w + i] } else { 0 };
-            clear[y * w + x] = clear[y * w + x].min(near + 1);
-        }
-    };
     for y in 0..h {
         for x in 0..w {
-            lower(clear, x, y, [[-1, 0], [-1, -1], [0, -1], [1, -1]]);
+            let i = y * w + x;
+            let edge = x == 0 || y == 0 || x + 1 == w;
+            let near =
+                if edge { 0 } else { clear[i - 1].min(clear[i - w - 1]).min(clear[i - w]).min(clear[i - w + 1]) };
+            clear[i] = clear[i].min(near + 1);
         }
     }
     for y in (0..h).rev() {
         for x in (0..w).rev() {
-            lower(clear, x, y, [[1, 0], [1, 1], [0, 1], [-1, 1]]);
+            let i = y * w + x;
+            let edge = x == 0 || y + 1 == h || x + 1 == w;
+            let near =
+                if edge { 0 } else { clear[i + 1].min(clear[i + w - 1]).min(clear[i + w]).min(clear[i + w + 1]) };
+            clear[i] = clear[i].min(near + 1);
         }
     }
 }

@@ -1,27 +1,34 @@
 //! Caps: triangulations of rims.
 
 use super::loops::{Flat, flatten};
+use super::thicken::trimesh;
 use super::{Obstacles, RepairOptions};
 use crate::topology::{components, corners, ends, point, twins};
 use artgs_core::Mesh;
 use glam::{DVec2, DVec3};
+use parry3d::math::Vector;
+use parry3d::query::{Ray, RayCast};
+use parry3d::shape::TriMesh;
 use std::collections::HashSet;
 
-/// Caps for all holes; None where something moves, and for all holes of a component that they would close around less than a
-/// quarter of a wall: a sheet, or a compartment seen from within.
-pub(super) fn close(
-    mesh: &mut Mesh,
-    holes: &[Vec<u32>],
-    obstacles: &Obstacles,
-    options: &RepairOptions,
-) -> Vec<Option<Vec<[u32; 3]>>> {
+/// What closes a hole.
+pub(super) struct Cap {
+    /// Of the pieces in whose place nothing moves.
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// True if that is all pieces.
+    pub(super) whole: bool,
+}
+
+/// Caps for all holes, without the pieces where something moves; none for the holes of a component that they would close
+/// around less than a quarter of a wall: a sheet, or a compartment seen from within.
+pub(super) fn close(mesh: &mut Mesh, holes: &[Vec<u32>], obstacles: &Obstacles, options: &RepairOptions) -> Vec<Cap> {
     let component = components(&twins(mesh));
     let mut of_vertex = vec![0; mesh.vertices.len()];
     for (t, c) in mesh.triangles.iter().zip(&component) {
         t.iter().for_each(|v| of_vertex[*v as usize] = *c as usize);
     }
     let mut book = Caps::new(mesh, holes);
-    let mut caps: Vec<_> = holes.iter().map(|hole| book.close(mesh, hole, obstacles, options)).collect();
+    let mut caps: Vec<Cap> = holes.iter().map(|hole| book.close(mesh, hole, obstacles, options)).collect();
     let mut volumes = vec![[0.0; 2]; mesh.triangles.len()];
     let about = mesh.triangles.first().map_or(DVec3::ZERO, |t| point(mesh, t[0]));
     let mut add = |c: usize, t: &[u32; 3]| {
@@ -31,23 +38,26 @@ pub(super) fn close(
     };
     mesh.triangles.iter().zip(&component).for_each(|(t, c)| add(*c as usize, t));
     let owner = |hole: &[u32]| of_vertex[hole[0] as usize];
-    for (hole, cap) in holes.iter().zip(&caps) {
-        cap.iter().flatten().for_each(|t| add(owner(hole), t));
-    }
     let mut partly = vec![false; mesh.triangles.len()];
-    holes.iter().zip(&caps).filter(|(_, cap)| cap.is_none()).for_each(|(hole, _)| partly[owner(hole)] = true);
+    for (hole, cap) in holes.iter().zip(&caps) {
+        cap.triangles.iter().for_each(|t| add(owner(hole), t));
+        partly[owner(hole)] |= !cap.whole;
+    }
     for (hole, cap) in holes.iter().zip(&mut caps) {
         let [volume, area] = volumes[owner(hole)];
         if !partly[owner(hole)] && volume < 0.125 * options.thickness * area {
-            *cap = None;
+            *cap = Cap { triangles: Vec::new(), whole: false };
         }
     }
     caps
 }
 
-/// Edges that caps must not use a second time.
+/// What caps must keep clear of.
 struct Caps {
+    /// Edges that exist already and must not be used a second time.
     taken: HashSet<[u32; 2]>,
+    /// The mesh without caps.
+    surface: Option<TriMesh>,
 }
 
 impl Caps {
@@ -57,68 +67,92 @@ impl Caps {
         holes.iter().flatten().for_each(|v| on_rim[*v as usize] = true);
         let edges = (0..3 * mesh.triangles.len() as u32).map(|h| ends(&mesh.triangles, h));
         let both = edges.filter(|e| e.iter().all(|v| on_rim[*v as usize]));
-        Self { taken: both.map(|[a, b]| [a.min(b), a.max(b)]).collect() }
+        Self { taken: both.map(|[a, b]| [a.min(b), a.max(b)]).collect(), surface: trimesh(mesh) }
     }
 
-    /// Triangles that close a hole, in pieces that nearly lie in planes; None where something moves there. Vertices that
-    /// pieces need are added to the mesh.
-    fn close(
-        &mut self,
-        mesh: &mut Mesh,
-        hole: &[u32],
-        obstacles: &Obstacles,
-        o: &RepairOptions,
-    ) -> Option<Vec<[u32; 3]>> {
-        let width = flatten(mesh, hole).width;
-        let mut triangles = Vec::new();
+    /// Closes a hole in pieces that nearly lie in planes. Vertices that pieces need are added to the mesh.
+    fn close(&mut self, mesh: &mut Mesh, hole: &[u32], obstacles: &Obstacles, o: &RepairOptions) -> Cap {
+        let mut closed = Cap { triangles: Vec::new(), whole: true };
         let mut rest = vec![hole.to_vec()];
         while let Some(piece) = rest.pop() {
             let flat = flatten(mesh, &piece);
-            let crooked = flat.width > o.small_hole && flat.deviation > o.planarity * flat.width;
-            if let Some((i, j)) = crooked.then(|| narrowest(mesh, &piece, &self.taken)).flatten() {
+            let large = flat.width > o.small_hole;
+            let allowed = o.planarity * flat.width;
+            let crooked = large && (flat.deviation > allowed || flat.farthest > 2.5 * allowed);
+            let mut cap = None;
+            if !crooked {
+                cap = Some(clip_ears(&piece, &flat, &self.taken, mesh.vertices.len() as u32));
+            }
+            // A lid that would cut through the part is tried in smaller pieces, as long as there is anything to halve.
+            let cuts = |(cap, center): &(Vec<[u32; 3]>, bool)| large && !center && self.pierces_any(mesh, cap);
+            if cap.as_ref().is_none_or(cuts)
+                && let Some((i, j)) = self.narrowest(mesh, &piece)
+            {
                 self.taken.insert([piece[i].min(piece[j]), piece[i].max(piece[j])]);
                 rest.push(piece[i..=j].to_vec());
                 rest.push(piece[j..].iter().chain(&piece[..=i]).copied().collect());
                 continue;
             }
-            let (cap, center) = clip_ears(&piece, &flat, &self.taken, mesh.vertices.len() as u32);
+            let (cap, center) =
+                cap.unwrap_or_else(|| clip_ears(&piece, &flat, &self.taken, mesh.vertices.len() as u32));
             if center {
                 push_mean(mesh, &piece);
             }
             let edges = cap.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
             self.taken.extend(edges.map(|[a, b]| [a.min(b), a.max(b)]));
-            triangles.extend(cap);
+            if obstructed(mesh, &cap, obstacles, flat.width / 40.0) <= o.obstructed {
+                closed.triangles.extend(cap);
+            } else {
+                closed.whole = false;
+            }
         }
-        (obstructed(mesh, &triangles, obstacles, width / 40.0) <= o.obstructed).then_some(triangles)
+        closed
     }
-}
 
-/// The chord, between two corners of a rim, that is shortest for the way around that it saves; neither side is shorter than
-/// a twentieth of the rim, and the edge is not `taken`.
-fn narrowest(mesh: &Mesh, rim: &[u32], taken: &HashSet<[u32; 2]>) -> Option<(usize, usize)> {
-    let n = rim.len();
-    let points: Vec<DVec3> = rim.iter().map(|v| point(mesh, *v)).collect();
-    let mut along = vec![0.0];
-    for i in 0..n {
-        along.push(along[i] + points[i].distance(points[(i + 1) % n]));
-    }
-    let all = along[n];
-    // Long rims are searched at a few hundred corners.
-    let stride = n.div_ceil(700);
-    let mut best = (f64::INFINITY, None);
-    for i in (0..n).step_by(stride) {
-        for j in (i + 2..n).step_by(stride) {
-            let way = (along[j] - along[i]).min(all - along[j] + along[i]);
-            if way < 0.05 * all || (i == 0 && j == n - 1) {
-                continue;
-            }
-            let ratio = points[i].distance_squared(points[j]) / (way * way);
-            if ratio < best.0 && !taken.contains(&[rim[i].min(rim[j]), rim[i].max(rim[j])]) {
-                best = (ratio, Some((i, j)));
+    /// The chord, between two corners of a rim, that is shortest for the way around that it saves, if possible one that does
+    /// not cut through the surface; neither side is shorter than a twentieth of the rim, and the edge is not taken.
+    fn narrowest(&self, mesh: &Mesh, rim: &[u32]) -> Option<(usize, usize)> {
+        let n = rim.len();
+        let points: Vec<DVec3> = rim.iter().map(|v| point(mesh, *v)).collect();
+        let mut along = vec![0.0];
+        for i in 0..n {
+            along.push(along[i] + points[i].distance(points[(i + 1) % n]));
+        }
+        let all = along[n];
+        // Long rims are searched at a few hundred corners.
+        let stride = n.div_ceil(500);
+        let mut chords = Vec::new();
+        for i in (0..n).step_by(stride) {
+            for j in (i + 2..n).step_by(stride) {
+                let way = (along[j] - along[i]).min(all - along[j] + along[i]);
+                if way >= 0.05 * all && (i, j) != (0, n - 1) {
+                    chords.push((points[i].distance_squared(points[j]) / (way * way), i, j));
+                }
             }
         }
+        let free = |c: &&(f64, usize, usize)| !self.taken.contains(&[rim[c.1].min(rim[c.2]), rim[c.1].max(rim[c.2])]);
+        let first = chords.len().min(200);
+        if first < chords.len() {
+            chords.select_nth_unstable_by(first, |a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        }
+        chords.truncate(first);
+        chords.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        let clear = chords.iter().filter(free).find(|c| !self.pierces(points[c.1], points[c.2]));
+        clear.or_else(|| chords.iter().find(free)).map(|c| (c.1, c.2))
     }
-    best.1
+
+    /// True if an edge of a cap cuts through the surface.
+    fn pierces_any(&self, mesh: &Mesh, cap: &[[u32; 3]]) -> bool {
+        let edges = cap.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
+        let mut inner = edges.filter(|[a, b]| !self.taken.contains(&[*a.min(b), *a.max(b)]));
+        inner.any(|[a, b]| self.pierces(point(mesh, a), point(mesh, b)))
+    }
+
+    /// True if a straight line, less a bit at its ends, cuts through the surface.
+    fn pierces(&self, a: DVec3, b: DVec3) -> bool {
+        let [from, way] = [a.lerp(b, 0.03), (b - a) * 0.94].map(|p| Vector::from_array(p.as_vec3().to_array()));
+        self.surface.as_ref().is_some_and(|s| s.intersects_local_ray(&Ray::new(from, way), 1.0))
+    }
 }
 
 /// Adds a vertex in the middle of others.

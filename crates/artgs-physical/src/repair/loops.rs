@@ -53,6 +53,8 @@ pub(super) struct Flat {
     pub(super) width: f64,
     /// Root mean square distance from the plane, scene units.
     pub(super) deviation: f64,
+    /// Largest distance from the plane, scene units.
+    pub(super) farthest: f64,
 }
 
 /// Projects a rim along its area vector, about which it winds counter-clockwise.
@@ -70,5 +72,6 @@ pub(super) fn flatten(mesh: &Mesh, hole: &[u32]) -> Flat {
         points: local.iter().map(|p| p.truncate()).collect(),
         width: low.distance(high),
         deviation: (local.iter().map(|p| p.z * p.z).sum::<f64>() / n as f64).sqrt(),
+        farthest: local.iter().map(|p| p.z.abs()).fold(0.0, f64::max),
     }
 }

@@ -9,8 +9,8 @@ mod clean;
 mod loops;
 mod thicken;
 
-pub use clean::welded;
 pub(crate) use clean::reduced;
+pub use clean::welded;
 pub(crate) use thicken::trimesh;
 
 use crate::topology::{open_edges, signed_volume, split_to_manifold};
@@ -30,9 +30,9 @@ pub struct RepairOptions {
     /// Holes not wider than this are capped however crooked they are.
     pub small_hole: f64,
     /// Larger holes are capped in pieces whose rims leave their planes by less than this fraction of their width (root mean
-    /// square).
+    /// square; no corner by more than 2.5 times that).
     pub planarity: f64,
-    /// A cap of which more than this fraction stands in the way of other parts is left out.
+    /// A piece of a cap of which more than this fraction stands in the way of other parts is left out.
     pub obstructed: f64,
     /// How far rims are smoothed before they are capped or thickened.
     pub rim_smoothing: f64,
@@ -47,7 +47,7 @@ impl RepairOptions {
             weld: 1e-3 * edge,
             island_fraction: 0.003,
             small_hole: 25.0 * edge,
-            planarity: 0.04,
+            planarity: 0.025,
             obstructed: 0.02,
             rim_smoothing: 1.5 * edge,
             thickness: 8.0 * edge,
@@ -66,7 +66,7 @@ pub struct Repaired {
     pub open_edges: usize,
     /// Holes that got a cap.
     pub capped: usize,
-    /// Holes that got none: something moves there, or what they would enclose is no thicker than a sheet.
+    /// Holes that got none or only a part of one: something moves there, or what they would enclose is no thicker than a sheet.
     pub left_open: usize,
     /// True if a component was given thickness.
     pub thickened: bool,
@@ -93,8 +93,8 @@ pub fn repair(mesh: &Mesh, obstacles: &Obstacles, options: &RepairOptions) -> Re
         loops::smooth(&mut mesh, hole, options.rim_smoothing);
     }
     let caps = cap::close(&mut mesh, &holes, obstacles, options);
-    let capped = caps.iter().flatten().count();
-    mesh.triangles.extend(caps.into_iter().flatten().flatten());
+    let capped = caps.iter().filter(|cap| cap.whole).count();
+    mesh.triangles.extend(caps.into_iter().flat_map(|cap| cap.triangles));
     let mut thickened = false;
     if capped < holes.len() && options.thickness > 0.0 {
         thickened = true;

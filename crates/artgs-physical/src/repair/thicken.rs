@@ -20,10 +20,8 @@ pub(super) fn thicken(mesh: &mut Mesh, obstacles: &Obstacles, thickness: f64) {
     let mut open = vec![false; mesh.triangles.len()];
     let rims: Vec<u32> = (0..twins.len() as u32).filter(|h| twins[*h as usize] == NONE).collect();
     rims.iter().for_each(|h| open[component[*h as usize / 3] as usize] = true);
-    let outer: Vec<[u32; 3]> = (0..mesh.triangles.len())
-        .filter(|t| open[component[*t] as usize])
-        .map(|t| mesh.triangles[t])
-        .collect();
+    let outer: Vec<[u32; 3]> =
+        (0..mesh.triangles.len()).filter(|t| open[component[*t] as usize]).map(|t| mesh.triangles[t]).collect();
     let mut inner = vec![NONE; mesh.vertices.len()];
     let mut vertices: Vec<u32> = outer.iter().flatten().copied().collect();
     vertices.sort_unstable();
