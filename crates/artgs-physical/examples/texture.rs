@@ -26,23 +26,60 @@ fn main() -> Result<()> {
     let (replica_dir, out) = (PathBuf::from(replica_dir), PathBuf::from(out));
     let replica = artgs_io::read_replica(&replica_dir)?;
     let capture = artgs_io::load_capture(Path::new(capture_dir))?;
-    let mut parts = Vec::new();
+    let mut meshes = Vec::new();
     for part in &replica.parts {
-        let mesh = artgs_io::read_mesh_ply(&replica_dir.join(part.meshes.get(0)))?;
-        let done = textured(&mesh, part.id, &replica, &capture, budget)?;
+        meshes.push(artgs_io::read_mesh_ply(&replica_dir.join(part.meshes.get(0)))?);
+    }
+    let moving: Vec<Moving> = (1..meshes.len()).filter_map(|id| Moving::new(&meshes[id], &replica, id)).collect();
+    let mut parts = Vec::new();
+    for (part, mesh) in replica.parts.iter().zip(&meshes) {
+        let done = textured(mesh, part.id, &replica, &capture, &moving, budget)?;
         write_obj(&out, &format!("part_{}", part.id), &done)?;
         parts.push(done);
     }
     compare(&out, &replica, &capture, &parts)
 }
 
+/// The box of a movable part on its way from start to end.
+struct Moving {
+    low: DVec3,
+    high: DVec3,
+    /// From the world to the part's place at the start, for poses on the way.
+    back: Vec<Rigid>,
+}
+
+impl Moving {
+    fn new(mesh: &Mesh, replica: &Replica, id: usize) -> Option<Self> {
+        let joint = replica.joint(id)?;
+        let points = || mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)));
+        let (low, high) = (points().reduce(DVec3::min)?, points().reduce(DVec3::max)?);
+        let shrink = 0.03 * (high - low);
+        let [start, end] = joint.state_values;
+        let back = (0..=8).map(|i| joint.motion((end - start) * f64::from(i) / 8.0).inverse()).collect();
+        Some(Self { low: low + shrink, high: high - shrink, back })
+    }
+
+    fn passes(&self, p: DVec3) -> bool {
+        self.back.iter().any(|m| {
+            let q = m.apply(p);
+            q.cmpgt(self.low).all() && q.cmplt(self.high).all()
+        })
+    }
+}
+
 /// A part made fit for drawing, in the world frame of the start state.
-fn textured(mesh: &Mesh, id: usize, replica: &Replica, capture: &Capture, budget: usize) -> Result<TexturedMesh> {
+fn textured(
+    mesh: &Mesh,
+    id: usize,
+    replica: &Replica,
+    capture: &Capture,
+    moving: &[Moving],
+    budget: usize,
+) -> Result<TexturedMesh> {
     let edge = mean_edge(mesh);
     let voxel = 1.4 * edge;
     let clock = Instant::now();
-    let nothing_moves = |_: DVec3| false;
-    let closed = repair(mesh, &nothing_moves, &RepairOptions::at_resolution(edge));
+    let closed = repair(mesh, &|p| id == 0 && moving.iter().any(|m| m.passes(p)), &RepairOptions::at_resolution(edge));
     let t_repair = clock.elapsed();
     let clock = Instant::now();
     let smooth = smoothed(&closed.mesh, 6, 0.5 * voxel);

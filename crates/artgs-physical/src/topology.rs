@@ -160,21 +160,57 @@ fn part_double_edges(mesh: &mut Mesh, twins: Vec<u32>, nudge: f64) {
         }
     }
     for pair in middles {
-        let [a, b] = ends(&mesh.triangles, pair[0]);
-        let middle = mesh.vertices.len() as u32;
+        let middle = split_edge(mesh, &pair);
         let apexes = pair.map(|h| ends(&mesh.triangles, next(h))[1]);
         let inward = (point(mesh, apexes[0]) + point(mesh, apexes[1])) / 2.0;
-        let p = ((point(mesh, a) + point(mesh, b)) / 2.0).lerp(inward, nudge);
-        mesh.vertices.push(p.as_vec3().to_array());
-        if !mesh.colors.is_empty() {
-            mesh.colors.push(mesh.colors[a as usize]);
+        mesh.vertices[middle as usize] = point(mesh, middle).lerp(inward, nudge).as_vec3().to_array();
+    }
+}
+
+/// Puts a vertex in the middle of an edge, given as its one or two half-edges, whose triangles are halved: the first halves
+/// keep their places, with the half-edge where it was, the others come last. Returns the vertex.
+fn split_edge(mesh: &mut Mesh, edge: &[u32]) -> u32 {
+    let [a, b] = ends(&mesh.triangles, edge[0]);
+    let middle = mesh.vertices.len() as u32;
+    mesh.vertices.push(((point(mesh, a) + point(mesh, b)) / 2.0).as_vec3().to_array());
+    if !mesh.colors.is_empty() {
+        let [p, q] = [a, b].map(|v| mesh.colors[v as usize]);
+        mesh.colors.push([0, 1, 2].map(|k| p[k].midpoint(q[k])));
+    }
+    for h in edge {
+        let (t, k) = (*h as usize / 3, *h as usize % 3);
+        let mut second = mesh.triangles[t];
+        second[k] = middle;
+        mesh.triangles[t][(k + 1) % 3] = middle;
+        mesh.triangles.push(second);
+    }
+    middle
+}
+
+/// Halves edges, longest first, until none is longer than `longest` (scene units, positive).
+pub(crate) fn refine(mesh: &mut Mesh, longest: f64) {
+    // Every round halves many edges; thirty would take a mesh from a kilometre to a micrometre.
+    for _ in 0..30 {
+        let twins = twins(mesh);
+        let length = |h: u32| {
+            let [a, b] = ends(&mesh.triangles, h).map(|v| point(mesh, v));
+            a.distance(b)
+        };
+        let single = (0..twins.len() as u32).filter(|h| twins[*h as usize] > *h);
+        let mut long: Vec<(f64, u32)> = single.map(|h| (length(h), h)).filter(|(l, _)| *l > longest).collect();
+        if long.is_empty() {
+            return;
         }
-        for h in pair {
-            let (t, k) = (h as usize / 3, h as usize % 3);
-            let mut second = mesh.triangles[t];
-            second[k] = middle;
-            mesh.triangles[t][(k + 1) % 3] = middle;
-            mesh.triangles.push(second);
+        long.sort_unstable_by(|p, q| q.0.total_cmp(&p.0).then(p.1.cmp(&q.1)));
+        let mut touched = vec![false; mesh.triangles.len()];
+        for (_, h) in long {
+            let twin = twins[h as usize];
+            let edge: Vec<u32> = [h, twin].into_iter().filter(|h| *h != NONE).collect();
+            if edge.iter().any(|h| touched[*h as usize / 3]) {
+                continue;
+            }
+            edge.iter().for_each(|h| touched[*h as usize / 3] = true);
+            split_edge(mesh, &edge);
         }
     }
 }
@@ -297,6 +333,18 @@ pub(crate) mod testing {
 mod tests {
     use super::testing::*;
     use super::*;
+
+    #[test]
+    fn long_edges_are_halved_and_nothing_opens() {
+        let mut block = crate::repair::welded(&open_box(DVec3::new(1.0, 2.0, 0.3), 1, [true; 6]), 1e-6);
+        refine(&mut block, 0.2);
+        let lengths = (0..3 * block.triangles.len() as u32).map(|h| {
+            let [a, b] = ends(&block.triangles, h).map(|v| point(&block, v));
+            a.distance(b)
+        });
+        assert!(lengths.fold(0.0, f64::max) <= 0.2 && open_edges(&block.triangles) == 0);
+        assert!((signed_volume(&block) - 0.6).abs() < 1e-6 && block.triangles.len() < 2000);
+    }
 
     #[test]
     fn two_boxes_that_touch_along_an_edge_come_apart() {

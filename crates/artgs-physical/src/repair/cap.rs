@@ -3,7 +3,7 @@
 use super::loops::{Flat, flatten};
 use super::thicken::trimesh;
 use super::{Obstacles, RepairOptions};
-use crate::topology::{components, corners, ends, point, twins};
+use crate::topology::{components, corners, cross, ends, point, twins};
 use artgs_core::Mesh;
 use glam::{DVec2, DVec3};
 use parry3d::math::Vector;
@@ -72,6 +72,7 @@ impl Caps {
 
     /// Closes a hole in pieces that nearly lie in planes. Vertices that pieces need are added to the mesh.
     fn close(&mut self, mesh: &mut Mesh, hole: &[u32], obstacles: &Obstacles, o: &RepairOptions) -> Cap {
+        let hole_is_large = flatten(mesh, hole).width > o.small_hole;
         let mut closed = Cap { triangles: Vec::new(), whole: true };
         let mut rest = vec![hole.to_vec()];
         while let Some(piece) = rest.pop() {
@@ -100,7 +101,8 @@ impl Caps {
             }
             let edges = cap.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
             self.taken.extend(edges.map(|[a, b]| [a.min(b), a.max(b)]));
-            if obstructed(mesh, &cap, obstacles, flat.width / 40.0) <= o.obstructed {
+            let harmless = !hole_is_large || mean_width(mesh, &piece, &cap) < 0.25 * o.small_hole;
+            if harmless || obstructed(mesh, &cap, obstacles, flat.width / 40.0) <= o.obstructed {
                 closed.triangles.extend(cap);
             } else {
                 closed.whole = false;
@@ -165,6 +167,13 @@ fn push_mean(mesh: &mut Mesh, of: &[u32]) {
         mesh.colors.push(color);
     }
     mesh.vertices.push(position);
+}
+
+/// Width of a cap if it were a long strip: twice its area over its rim.
+fn mean_width(mesh: &Mesh, rim: &[u32], cap: &[[u32; 3]]) -> f64 {
+    let twice: f64 = cap.iter().map(|t| cross(mesh, *t).length()).sum();
+    let around: f64 = (0..rim.len()).map(|i| point(mesh, rim[i]).distance(point(mesh, rim[(i + 1) % rim.len()]))).sum();
+    twice / around.max(f64::MIN_POSITIVE)
 }
 
 /// Fraction of the area at which something else moves, sampled about every `step`.

@@ -13,7 +13,7 @@ pub(crate) use clean::reduced;
 pub use clean::welded;
 pub(crate) use thicken::trimesh;
 
-use crate::topology::{open_edges, signed_volume, split_to_manifold};
+use crate::topology::{open_edges, refine, signed_volume, split_to_manifold};
 use artgs_core::Mesh;
 use glam::DVec3;
 
@@ -32,7 +32,8 @@ pub struct RepairOptions {
     /// Larger holes are capped in pieces whose rims leave their planes by less than this fraction of their width (root mean
     /// square; no corner by more than 2.5 times that).
     pub planarity: f64,
-    /// A piece of a cap of which more than this fraction stands in the way of other parts is left out.
+    /// A piece of a cap of which more than this fraction stands in the way of other parts is left out. Small holes, and strips
+    /// narrower than a quarter of one, are capped all the same: gaps between parts, level with what is around them.
     pub obstructed: f64,
     /// How far rims are smoothed before they are capped or thickened.
     pub rim_smoothing: f64,
@@ -48,7 +49,7 @@ impl RepairOptions {
             island_fraction: 0.003,
             small_hole: 25.0 * edge,
             planarity: 0.025,
-            obstructed: 0.02,
+            obstructed: 0.05,
             rim_smoothing: 1.5 * edge,
             thickness: 8.0 * edge,
         }
@@ -98,6 +99,8 @@ pub fn repair(mesh: &Mesh, obstacles: &Obstacles, options: &RepairOptions) -> Re
     let mut thickened = false;
     if capped < holes.len() && options.thickness > 0.0 {
         thickened = true;
+        // Walls behind caps follow what is behind them.
+        refine(&mut mesh, 1.5 * options.thickness);
         thicken::thicken(&mut mesh, obstacles, options.thickness);
     }
     mesh = if open_edges(&mesh.triangles) > 0 {
