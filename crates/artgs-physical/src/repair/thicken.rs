@@ -77,30 +77,52 @@ fn depths(
                 depth = depth.min(SHARE * f64::from(hit));
             }
         }
-        // Some depth must be left: a wall without any is not a solid.
-        let least = 0.02 * thickness;
+        // Some depth must be left: a wall without any is not a solid, and simplification would turn it inside out.
+        let least = (0.1 * thickness).min(depth);
         while depth > least && obstacles(p - n * depth) {
             depth *= 0.7;
         }
-        depth.max(least)
+        depth.max(least).max(1e-3 * thickness)
     };
     let allowed: Vec<f64> = vertices.par_iter().map(allowed).collect();
-    lowered_to_neighbours(&allowed, vertices, triangles, mesh.vertices.len())
-}
-
-/// Each depth lowered to twice the least among its neighbours, twice: a single ray that slips through a gap digs no spike.
-fn lowered_to_neighbours(depths: &[f64], vertices: &[u32], triangles: &[[u32; 3]], count: usize) -> Vec<f64> {
-    let mut at = vec![0.0; count];
-    vertices.iter().zip(depths).for_each(|(v, d)| at[*v as usize] = *d);
-    for _ in 0..2 {
-        let mut least = at.clone();
-        for t in triangles {
-            let lowest = t.iter().map(|v| at[*v as usize]).fold(f64::INFINITY, f64::min);
-            t.iter().for_each(|v| least[*v as usize] = least[*v as usize].min(1.5 * lowest));
-        }
-        at = least;
+    let mut at = vec![0.0; mesh.vertices.len()];
+    vertices.iter().zip(allowed).for_each(|(v, d)| at[*v as usize] = d);
+    lower_to_neighbours(&mut at, triangles);
+    if let Some(solid) = &solid {
+        (0..4).for_each(|_| lower_where_it_cuts(&mut at, mesh, triangles, normals, solid));
     }
     vertices.iter().map(|v| at[*v as usize]).collect()
+}
+
+/// Halves the depth around edges of the inner side that cut through the outer one.
+fn lower_where_it_cuts(at: &mut [f64], mesh: &Mesh, triangles: &[[u32; 3]], normals: &[DVec3], solid: &TriMesh) {
+    let inner = |v: u32| point(mesh, v) - normals[v as usize] * at[v as usize];
+    let cuts = |[a, b]: [u32; 2]| {
+        let (from, to) = (inner(a), inner(b));
+        let [origin, way] = [from, to - from].map(|p| Vector::from_array(p.as_vec3().to_array()));
+        solid.intersects_local_ray(&Ray::new(origin, way), 1.0)
+    };
+    let cutting: Vec<[u32; 3]> = triangles
+        .par_iter()
+        .filter(|t| cuts([t[0], t[1]]) || cuts([t[1], t[2]]) || cuts([t[2], t[0]]))
+        .copied()
+        .collect();
+    let mut low: Vec<u32> = cutting.into_iter().flatten().collect();
+    low.sort_unstable();
+    low.dedup();
+    low.iter().for_each(|v| at[*v as usize] *= 0.5);
+}
+
+/// Each depth lowered to one and a half times the least among its neighbours, twice: a single ray that slips through a gap
+/// digs no spike.
+fn lower_to_neighbours(at: &mut [f64], triangles: &[[u32; 3]]) {
+    for _ in 0..2 {
+        let was = at.to_vec();
+        for t in triangles {
+            let lowest = t.iter().map(|v| was[*v as usize]).fold(f64::INFINITY, f64::min);
+            t.iter().for_each(|v| at[*v as usize] = at[*v as usize].min(1.5 * lowest));
+        }
+    }
 }
 
 /// For ray casts and distances; none without triangles.
