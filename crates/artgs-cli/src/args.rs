@@ -32,6 +32,7 @@ impl Cli {
                 Command::Demo(a) => a.json,
                 Command::Bench(a) => a.json,
                 Command::Synth(a) => a.json,
+                Command::Export(a) => a.json,
             }
     }
 }
@@ -42,6 +43,8 @@ pub(crate) enum Command {
     Inspect(Inspect),
     /// Make a replica from a capture
     Reconstruct(Reconstruct),
+    /// Make a replica fit for simulators, and write it in their formats
+    Export(Export),
     /// Score a replica against the truth, against held-out photographs, or both
     Evaluate(Evaluate),
     /// Photograph a procedural cabinet, reconstruct it and score the result
@@ -122,6 +125,100 @@ pub(crate) enum Preset {
     Paper,
     /// A baseline without Gaussians: clusters of what moved, registered; needs depth
     Registration,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Export {
+    /// Folder that `reconstruct` made; files go to its folder `exports`
+    pub(crate) out: PathBuf,
+    /// Formats, separated by commas; all of them if absent
+    #[arg(long, value_name = "LIST", value_enum, value_delimiter = ',')]
+    pub(crate) to: Vec<Format>,
+    /// Folder with the photos, for textures; where the run found them if absent
+    #[arg(long, value_name = "DIR")]
+    pub(crate) capture: Option<PathBuf>,
+    /// Name of the object in the files
+    #[arg(long, default_value = "replica")]
+    pub(crate) name: String,
+    /// Metres per unit of the capture
+    #[arg(long, value_name = "M", default_value_t = 1.0)]
+    pub(crate) scale: f64,
+    /// Upward axis of the capture
+    #[arg(long, value_enum, default_value_t = UpAxis::Z)]
+    pub(crate) up: UpAxis,
+    /// Kilograms per cubic metre; 650 if absent
+    #[arg(long, value_name = "KG")]
+    pub(crate) density: Option<f64>,
+    /// What parts collide with
+    #[arg(long, value_enum, default_value_t = CollisionKind::Hulls)]
+    pub(crate) collision: CollisionKind,
+    /// Joints go from one observed state to the other and no further
+    #[arg(long)]
+    pub(crate) observed_limits: bool,
+    /// Triangles per link, about, for drawing; 20000 if absent
+    #[arg(long, value_name = "N")]
+    pub(crate) triangles: Option<usize>,
+    /// Number of threads; all cores if absent
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<NonZeroUsize>,
+    /// Write JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    /// Robot description: ROS, PyBullet, SAPIEN, Isaac, Drake, Genesis
+    Urdf,
+    /// MuJoCo
+    Mjcf,
+    /// OpenUSD with physics, text and binary: Isaac Sim, Omniverse, Newton
+    Usd,
+    /// OpenUSD in one file: Quick Look
+    Usdz,
+    /// Binary glTF with a clip per joint: browsers, Blender
+    Glb,
+    /// Gazebo
+    Sdf,
+    /// Folder as of PartNet-Mobility: SAPIEN, ManiSkill
+    Partnet,
+    /// Gaussians per link: PLY and SPZ
+    Splats,
+}
+
+impl Format {
+    pub(crate) const ALL: [Self; 8] =
+        [Self::Urdf, Self::Mjcf, Self::Usd, Self::Usdz, Self::Glb, Self::Sdf, Self::Partnet, Self::Splats];
+
+    /// Folder below `exports`.
+    pub(crate) fn folder(self) -> &'static str {
+        match self {
+            Self::Urdf => "urdf",
+            Self::Mjcf => "mjcf",
+            Self::Usd => "usd",
+            Self::Usdz => "usdz",
+            Self::Glb => "glb",
+            Self::Sdf => "sdf",
+            Self::Partnet => "partnet",
+            Self::Splats => "splats",
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum UpAxis {
+    /// +Z
+    Z,
+    /// +Y
+    Y,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum CollisionKind {
+    /// Convex pieces, cut so that no part is in another's way
+    Hulls,
+    /// Nothing collides
+    None,
 }
 
 #[derive(Debug, Args)]

@@ -4,7 +4,7 @@ use crate::args::{Cli, Command, Evaluate, Method, Reconstruct};
 use crate::failure::Failure;
 use crate::library::{Config, Settings};
 use crate::output::{Report, note, say};
-use crate::{bench, demo, folder, library, progress, synth};
+use crate::{bench, demo, export, folder, library, progress, synth};
 use anyhow::Context;
 use artgs::observer::{JsonLines, Tee};
 use artgs_core::Capture;
@@ -30,6 +30,7 @@ pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Demo(args) => demo::run(args, style),
         Command::Bench(args) => bench::run(args, style),
         Command::Synth(args) => synth::run(args, style),
+        Command::Export(args) => export::run(args, style),
     }
 }
 
@@ -39,6 +40,7 @@ fn reconstruct(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     folder::check(&args.out, args.earlier)?;
     let capture = library::load(&args.capture)?;
     folder::prepare(&args.out, args.earlier)?;
+    folder::note_capture(&args.out, &args.capture)?;
     let summary = observed(&capture, &args.out, &config, args.earlier.resume, style)?;
     if style.json {
         return say(json!({ "event": "result", "out": args.out, "summary": summary.json }));

@@ -6,6 +6,7 @@ mod args;
 mod bench;
 mod commands;
 mod demo;
+mod export;
 mod failure;
 mod folder;
 mod library;

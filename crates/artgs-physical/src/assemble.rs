@@ -3,20 +3,12 @@
 use crate::clearance::{Clearance, Pieces, clear, deepest};
 use crate::config::{Collision, PhysicalConfig, Up};
 use crate::decompose::{DecomposeOptions, decompose};
+use crate::looks::PartSurface;
 use crate::mass::inertial;
 use crate::stance::{Range, closed_state, extend};
 use artgs_core::{Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, Replica, Rigid, TexturedMesh};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
-
-/// A part's surface at the start state, frame and unit of the capture.
-#[derive(Clone, Debug, Default)]
-pub struct PartSurface {
-    /// What is drawn.
-    pub visual: TexturedMesh,
-    /// True if it encloses its volume.
-    pub closed: bool,
-}
 
 /// What was decided about an asset, beyond what it holds itself.
 #[derive(Clone, Debug, Default)]
@@ -82,7 +74,7 @@ fn collide(asset: &mut Asset, decisions: &mut Decisions, diagonal: f64, config: 
     };
     let mut pieces: Pieces = asset.links.par_iter().map(|l| decompose(&l.visual.mesh, &options)).collect();
     decisions.clearance = clear(&mut pieces, &stances(asset), tolerance, thinnest);
-    decisions.ranges = extend(asset, &pieces, diagonal, config);
+    decisions.ranges = extend(asset, &pieces, &decisions.closed_state, diagonal, config);
     for (link, range) in asset.links.iter_mut().zip(&decisions.ranges) {
         if let (Some(joint), Some(range)) = (&mut link.joint, range) {
             joint.limits = range.limits;
@@ -145,7 +137,8 @@ fn frames(replica: &Replica, closed: &[Option<usize>], config: &PhysicalConfig) 
         let sign = if away < 0.0 { -1.0 } else { 1.0 };
         let from_start = carried * joint.motion(zero - joint.state_values[0]);
         let ordered = |[a, b]: [f64; 2]| [a.min(b), a.max(b)];
-        let observed = joint.state_values.map(|v| sign * (v - zero));
+        // Adding zero turns -0 into 0.
+        let observed = joint.state_values.map(|v| sign * (v - zero) + 0.0);
         let given = ordered(joint.limits.map(|v| sign * (v - zero)));
         let seen = ordered(observed);
         /// Joints narrower than this (radians or metres) are widened: engines refuse `lower = upper`.

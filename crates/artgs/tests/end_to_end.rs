@@ -22,10 +22,8 @@ fn short(parts: usize) -> Config {
 
 const FILES: [&str; 8] = [
     "replica.json",
-    "replica.urdf",
     "meshes/start/part_1.ply",
     "meshes/end/whole.ply",
-    "meshes/part_2.obj",
     "splats/canonical.ply",
     "stages/articulated.ply",
     "preview.png",
