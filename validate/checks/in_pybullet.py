@@ -46,10 +46,10 @@ class Engine:
 
     def gravity(self, q):
         zero = [0.0] * len(q)
-        return np.array(bullet.calculateInverseDynamics(self.model, list(q), zero, zero, self.models))
+        return np.array(bullet.calculateInverseDynamics(self.model, list(q), zero, zero, physicsClientId=self.models))
 
     def inertia(self, q):
-        return np.diag(np.array(bullet.calculateMassMatrix(self.model, list(q), self.models))).copy()
+        return np.diag(np.array(bullet.calculateMassMatrix(self.model, list(q), physicsClientId=self.models))).copy()
 
     def step(self, tau):
         if not self.braked:

@@ -1,6 +1,6 @@
 //! From parts in the capture's frame to links in their own: units, upward axis, zero pose, names, hulls, masses, limits.
 
-use crate::clearance::{Clearance, Pieces, clear, deepest};
+use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest};
 use crate::config::{Collision, PhysicalConfig, Up};
 use crate::decompose::{DecomposeOptions, decompose};
 use crate::looks::PartSurface;
@@ -63,7 +63,7 @@ pub fn assemble(
 /// Hulls without conflict over the observed range, limits, and hulls without conflict over those.
 fn collide(asset: &mut Asset, decisions: &mut Decisions, diagonal: f64, config: &PhysicalConfig) {
     let thinnest = 0.5 * config.contact_share * diagonal;
-    let tolerance = 0.5 * config.contact_share * diagonal;
+    let spacing = Spacing { gap: config.gap_share * diagonal, tolerance: thinnest, thinnest };
     let options = DecomposeOptions {
         voxel: config.hull_voxel_share * diagonal,
         concavity: config.concavity,
@@ -73,7 +73,7 @@ fn collide(asset: &mut Asset, decisions: &mut Decisions, diagonal: f64, config: 
         thinnest,
     };
     let mut pieces: Pieces = asset.links.par_iter().map(|l| decompose(&l.visual.mesh, &options)).collect();
-    decisions.clearance = clear(&mut pieces, &stances(asset), tolerance, thinnest);
+    decisions.clearance = clear(&mut pieces, &stances(asset), &spacing);
     decisions.ranges = extend(asset, &pieces, &decisions.closed_state, diagonal, config);
     for (link, range) in asset.links.iter_mut().zip(&decisions.ranges) {
         if let (Some(joint), Some(range)) = (&mut link.joint, range) {
@@ -82,8 +82,8 @@ fn collide(asset: &mut Asset, decisions: &mut Decisions, diagonal: f64, config: 
     }
     // Joints that move at once are left to the engine: what touches there is in the way indeed.
     let wide = stances(asset);
-    clear(&mut pieces, &wide, tolerance, thinnest);
-    decisions.penetration = wide.iter().map(|s| deepest(&pieces, s, |_, _| true).0).fold(0.0, f64::max);
+    clear(&mut pieces, &wide, &spacing);
+    decisions.penetration = wide.iter().map(|s| deepest(&pieces, s, 0.0, |_, _| true).0).fold(0.0, f64::max);
     if config.collision == Collision::Hulls {
         for (link, hulls) in asset.links.iter_mut().zip(&pieces) {
             link.collision = hulls.iter().map(crate::hull::Hull::mesh).collect();
@@ -195,13 +195,20 @@ fn dynamics(joint: AssetJoint, mass: f64, diagonal: f64, config: &PhysicalConfig
 }
 
 fn told_closed(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<usize> {
-    /// Shares of the diagonal: less than this difference tells nothing.
+    /// A difference below this share of the diagonal tells nothing...
     const TELLING: f64 = 0.01;
+    /// ...unless it is this share of the way that the part goes.
+    const TELLING_OF_WAY: f64 = 0.15;
     let parent = replica.parts[part].parent?;
     // Against its carrier, in the carrier's frame.
     let joint = replica.joint(part)?;
     let end = meshes[part].moved(&joint.start_to_end());
-    closed_state([meshes[part], &end], [meshes[parent], meshes[parent]], TELLING * diagonal(meshes))
+    let ways = meshes[part].vertices.iter().zip(&end.vertices);
+    let way =
+        ways.map(|(a, b)| f64::from(glam::Vec3::from_array(*a).distance(glam::Vec3::from_array(*b)))).sum::<f64>()
+            / end.vertices.len().max(1) as f64;
+    let telling = (TELLING * diagonal(meshes)).min(TELLING_OF_WAY * way);
+    closed_state([meshes[part], &end], [meshes[parent], meshes[parent]], telling)
 }
 
 /// Diagonal of the box around all meshes.
@@ -253,3 +260,7 @@ pub fn spelt(text: &str, otherwise: &str) -> String {
         Some(_) => format!("{otherwise}_{out}"),
     }
 }
+
+#[cfg(test)]
+#[path = "assemble_tests.rs"]
+mod tests;

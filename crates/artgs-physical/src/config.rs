@@ -40,7 +40,9 @@ pub struct PhysicalConfig {
     pub concavity: f64,
     /// Most convex pieces of a link.
     pub most_hulls: u32,
-    /// Penetration between convex pieces that counts as none.
+    /// Distance that convex pieces of different links keep from each other: engines put margins around them.
+    pub gap_share: f64,
+    /// What may be missing of that distance.
     pub contact_share: f64,
     /// Lowest mass of a link, kg.
     pub least_mass: f64,
@@ -89,6 +91,7 @@ impl Default for PhysicalConfig {
             hull_voxel_share: 1.0 / 110.0,
             concavity: 0.004,
             most_hulls: 40,
+            gap_share: 2e-3,
             contact_share: 2e-4,
             least_mass: 0.01,
             extend_limits: true,

@@ -131,10 +131,11 @@ impl Hull {
         Self::of(&kept, thinnest)
     }
 
-    /// How deep another hull, posed relative to the world like this one, reaches into this one; 0 if apart.
-    pub fn penetration(&self, pose: &Pose3, other: &Self, other_pose: &Pose3) -> f64 {
-        match parry3d::query::contact(pose, &self.shape, other_pose, &other.shape, 0.0) {
-            Ok(Some(contact)) => f64::from(-contact.dist).max(0.0),
+    /// How far another hull is short of `gap` metres from this one, both posed in one frame; more than `gap` where they
+    /// penetrate, 0 where they are far enough apart.
+    pub fn shortfall(&self, pose: &Pose3, other: &Self, other_pose: &Pose3, gap: f64) -> f64 {
+        match parry3d::query::contact(pose, &self.shape, other_pose, &other.shape, gap as f32) {
+            Ok(Some(contact)) => (gap - f64::from(contact.dist)).max(0.0),
             _ => 0.0,
         }
     }
@@ -189,11 +190,12 @@ mod tests {
     }
 
     #[test]
-    fn penetration_is_a_depth() {
+    fn a_shortfall_counts_from_the_gap() {
         let (a, b) = (cube(), cube());
         let at = |x: f64| pose(&Rigid::shift(DVec3::new(x, 0.1, 0.2)));
-        assert!((a.penetration(&at(0.0), &b, &at(0.9)) - 0.1).abs() < 1e-5);
-        assert_eq!(a.penetration(&at(0.0), &b, &at(1.1)), 0.0);
+        assert!((a.shortfall(&at(0.0), &b, &at(0.9), 0.0) - 0.1).abs() < 1e-5);
+        assert!((a.shortfall(&at(0.0), &b, &at(1.1), 0.3) - 0.2).abs() < 1e-5);
+        assert_eq!(a.shortfall(&at(0.0), &b, &at(1.1), 0.05), 0.0);
     }
 
     #[test]

@@ -82,8 +82,10 @@ pub fn extend(
             // Beyond the closed state the least contact counts. Away from it pieces only rub along each other, by what the
             // decomposition adds to them, until something is truly in the way.
             let opens = closed[link].is_some() && observed[end] != 0.0;
-            let contact = if opens { config.hull_voxel_share } else { 2.0 * config.contact_share } * diagonal;
-            let (way, stop) = free_way(asset, pieces, link, observed[end], sign * most.max(0.0), contact, config);
+            let gap = config.gap_share * diagonal;
+            let contact = if opens { gap + config.hull_voxel_share * diagonal } else { 0.5 * gap };
+            let way = sign * most.max(0.0);
+            let (way, stop) = free_way(asset, pieces, link, [observed[end], way], [gap, contact], config);
             out.limits[end] = observed[end] + sign * way;
             out.stops[end] = stop;
         }
@@ -92,14 +94,14 @@ pub fn extend(
     (0..asset.links.len()).map(range).collect()
 }
 
-/// How far a joint can go on from `from` towards `from + most`, and what stops it.
+/// How far a joint can go on from `from` towards `from + most`, and what stops it: another link that is short of the gap by
+/// more than `contact`.
 fn free_way(
     asset: &Asset,
     pieces: &Pieces,
     link: usize,
-    from: f64,
-    most: f64,
-    contact: f64,
+    [from, most]: [f64; 2],
+    [gap, contact]: [f64; 2],
     config: &PhysicalConfig,
 ) -> (f64, Stop) {
     const STEPS: usize = 45;
@@ -111,7 +113,7 @@ fn free_way(
         for state in 0..2 {
             let mut values = asset.observed(state);
             values[link] = from + way;
-            let (depth, [a, b]) = deepest(pieces, &asset.poses(&values), |a, b| carried[a] != carried[b]);
+            let (depth, [a, b]) = deepest(pieces, &asset.poses(&values), gap, |a, b| carried[a] != carried[b]);
             if depth > contact {
                 let other = if carried[a] { b } else { a };
                 return (free * (1.0 - config.margin), Stop::Contact(asset.links[other].name.clone()));
