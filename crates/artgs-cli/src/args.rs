@@ -217,6 +217,8 @@ pub(crate) enum UpAxis {
 pub(crate) enum CollisionKind {
     /// Convex pieces, cut so that no part is in another's way
     Hulls,
+    /// Convex pieces by CoACD, cut likewise; needs the Python package `coacd` and takes minutes
+    Coacd,
     /// Nothing collides
     None,
 }

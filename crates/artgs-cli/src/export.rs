@@ -1,6 +1,7 @@
 //! `artgs export`: a replica as files of simulators, browsers and renderers.
 
 use crate::args::{CollisionKind, Export, Format, UpAxis};
+use crate::coacd;
 use crate::commands::{Style, use_threads, write_json};
 use crate::failure::Failure;
 use crate::folder;
@@ -9,6 +10,7 @@ use crate::output::{Report, note};
 use anyhow::Context;
 use artgs_core::{Asset, Capture, Mesh, Replica, Splats};
 use artgs_io::asset;
+use artgs_physical::decompose::Decomposer;
 use artgs_physical::stance::Stop;
 use artgs_physical::{Built, Collision, Parts, PhysicalConfig, Up, build};
 use serde::Serialize;
@@ -39,7 +41,9 @@ pub(crate) fn export(args: &Export, style: Style) -> Result<Report, Failure> {
     let splats = splats(&args.out, &replica)?;
     let capture = capture(args, style)?;
     let parts = Parts { replica: &replica, meshes: &meshes, splats: splats.as_deref() };
-    let built = build(&args.name, &parts, capture.as_ref(), &config);
+    let by_coacd = |mesh: &Mesh| coacd::decompose(mesh);
+    let decomposer: Option<&Decomposer> = (args.collision == CollisionKind::Coacd).then_some(&by_coacd);
+    let built = build(&args.name, &parts, capture.as_ref(), &config, decomposer).map_err(Failure::bad)?;
     built.surfaces.iter().flat_map(|s| &s.warnings).for_each(|w| note(w, style));
     let told = asset::check_asset(&built.asset);
     told.map_err(|reason| Failure::bad(format!("{}: {reason}", args.out.join("replica.json").display())))?;

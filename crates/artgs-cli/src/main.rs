@@ -4,6 +4,7 @@
 
 mod args;
 mod bench;
+mod coacd;
 mod commands;
 mod demo;
 mod export;

@@ -2,7 +2,7 @@
 
 use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest};
 use crate::config::{Collision, PhysicalConfig, Up};
-use crate::decompose::{DecomposeOptions, decompose};
+use crate::decompose::{DecomposeOptions, Decomposer, by_other_means, decompose};
 use crate::looks::PartSurface;
 use crate::mass::inertial;
 use crate::stance::{Range, closed_state, extend};
@@ -30,14 +30,16 @@ pub struct Decisions {
 /// Poses per joint at which nothing may be in another's way.
 pub const POSES: usize = 20;
 
-/// Links of an asset from a valid replica and the surfaces of its parts. Splats are left to the caller, who knows where
+/// Links of an asset from a valid replica and the surfaces of its parts. Fails only where another program is asked for convex
+/// pieces and has none. Splats are left to the caller, who knows where
 /// they were fitted.
 pub fn assemble(
     name: &str,
     replica: &Replica,
     surfaces: &[PartSurface],
     config: &PhysicalConfig,
-) -> (Asset, Decisions) {
+    decomposer: Option<&Decomposer>,
+) -> Result<(Asset, Decisions), String> {
     let meshes: Vec<&Mesh> = surfaces.iter().map(|s| &s.visual.mesh).collect();
     let diagonal = config.scale * diagonal(&meshes);
     let closed: Vec<Option<usize>> = (0..replica.parts.len()).map(|part| told_closed(replica, &meshes, part)).collect();
@@ -56,12 +58,18 @@ pub fn assemble(
     let mut asset = Asset { name: spelt(name, "replica"), links };
     let to_link = frames.iter().map(|f| Rigid::shift(-f.origin) * f.from_start).collect();
     let mut decisions = Decisions { closed_state: closed, scale: config.scale, to_link, ..Decisions::default() };
-    collide(&mut asset, &mut decisions, diagonal, config);
-    (asset, decisions)
+    collide(&mut asset, &mut decisions, diagonal, config, decomposer)?;
+    Ok((asset, decisions))
 }
 
 /// Hulls without conflict over the observed range, limits, and hulls without conflict over those.
-fn collide(asset: &mut Asset, decisions: &mut Decisions, diagonal: f64, config: &PhysicalConfig) {
+fn collide(
+    asset: &mut Asset,
+    decisions: &mut Decisions,
+    diagonal: f64,
+    config: &PhysicalConfig,
+    decomposer: Option<&Decomposer>,
+) -> Result<(), String> {
     let thinnest = 0.5 * config.contact_share * diagonal;
     let spacing = Spacing { gap: config.gap_share * diagonal, tolerance: thinnest, thinnest };
     let options = DecomposeOptions {
@@ -72,7 +80,11 @@ fn collide(asset: &mut Asset, decisions: &mut Decisions, diagonal: f64, config: 
         skin: 0.5 * config.wall_share * diagonal,
         thinnest,
     };
-    let mut pieces: Pieces = asset.links.par_iter().map(|l| decompose(&l.visual.mesh, &options)).collect();
+    let convex = |link: &AssetLink| match decomposer {
+        Some(other) => by_other_means(&link.visual.mesh, other, &options),
+        None => Ok(decompose(&link.visual.mesh, &options)),
+    };
+    let mut pieces: Pieces = asset.links.par_iter().map(convex).collect::<Result<_, _>>()?;
     decisions.clearance = clear(&mut pieces, &stances(asset), &spacing);
     decisions.ranges = extend(asset, &pieces, &decisions.closed_state, diagonal, config);
     for (link, range) in asset.links.iter_mut().zip(&decisions.ranges) {
@@ -89,6 +101,7 @@ fn collide(asset: &mut Asset, decisions: &mut Decisions, diagonal: f64, config: 
             link.collision = hulls.iter().map(crate::hull::Hull::mesh).collect();
         }
     }
+    Ok(())
 }
 
 /// Link poses in which nothing may penetrate: both observed states, and every joint at [`POSES`] values across its limits

@@ -61,7 +61,7 @@ fn observed_states_are_where_they_were_and_opening_is_positive() {
     for (up, scale) in [(Up::Z, 1.0), (Up::Y, 2.5)] {
         let config = PhysicalConfig { up, scale, ..PhysicalConfig::default() };
         let surfaces = surfaces(&replica, &meshes, None, &config);
-        let (asset, decisions) = assemble("A cabinet", &replica, &surfaces, &config);
+        let (asset, decisions) = assemble("A cabinet", &replica, &surfaces, &config, None).unwrap();
         assert_eq!(asset.name, "a_cabinet");
         let names: Vec<&str> = asset.links.iter().map(|l| l.name.as_str()).collect();
         assert_eq!(names, ["base", "drawer_lower", "world_2"]);
@@ -96,7 +96,8 @@ fn observed_states_are_where_they_were_and_opening_is_positive() {
 fn nothing_is_in_the_way_at_any_pose() {
     let (replica, meshes) = replica();
     let config = PhysicalConfig::default();
-    let (asset, decisions) = assemble("a", &replica, &surfaces(&replica, &meshes, None, &config), &config);
+    let (asset, decisions) =
+        assemble("a", &replica, &surfaces(&replica, &meshes, None, &config), &config, None).unwrap();
     assert!(decisions.penetration < 1e-4, "{}", decisions.penetration);
     let reached = stances(&asset);
     assert_eq!(reached.len(), 3 + 2 * 3 * POSES);
@@ -104,7 +105,7 @@ fn nothing_is_in_the_way_at_any_pose() {
     let drawer = asset.links[1].joint.unwrap();
     assert!(drawer.limits[0] > -0.1, "{drawer:?}");
     let none = PhysicalConfig { collision: Collision::None, ..config.clone() };
-    let (bare, _) = assemble("a", &replica, &surfaces(&replica, &meshes, None, &none), &none);
+    let (bare, _) = assemble("a", &replica, &surfaces(&replica, &meshes, None, &none), &none, None).unwrap();
     assert!(bare.links.iter().all(|l| l.collision.is_empty()));
 }
 
@@ -115,7 +116,7 @@ fn a_part_without_a_surface_is_a_light_link() {
     let config = PhysicalConfig::default();
     let surfaces = surfaces(&replica, &meshes, None, &config);
     assert!(surfaces[2].warnings[0].contains("world has no surface"));
-    let (asset, _) = assemble("a", &replica, &surfaces, &config);
+    let (asset, _) = assemble("a", &replica, &surfaces, &config, None).unwrap();
     assert!(asset.links[2].visual.mesh.is_empty() && asset.links[2].inertial.mass == config.least_mass);
 }
 
@@ -124,4 +125,19 @@ fn names_are_spelt_for_every_format() {
     assert_eq!(spelt("Tür links!", "part"), "t_r_links");
     assert_eq!(spelt("3 doors", "part"), "part_3_doors");
     assert_eq!(spelt("---", "part"), "part");
+}
+
+#[test]
+fn another_program_may_make_the_pieces_and_may_fail() {
+    let (replica, meshes) = replica();
+    let config = PhysicalConfig::default();
+    let surfaces = surfaces(&replica, &meshes, None, &config);
+    let boxes = |mesh: &Mesh| {
+        let points = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)));
+        Ok(vec![points.collect::<Vec<_>>(), vec![DVec3::ZERO; 5]])
+    };
+    let (asset, _) = assemble("a", &replica, &surfaces, &config, Some(&boxes)).unwrap();
+    assert_eq!(asset.links[2].collision.len(), 1);
+    let failing = |_: &Mesh| Err("no such program".to_string());
+    assert_eq!(assemble("a", &replica, &surfaces, &config, Some(&failing)).unwrap_err(), "no such program");
 }

@@ -2,6 +2,7 @@
 
 use crate::assemble::{Decisions, assemble};
 use crate::config::PhysicalConfig;
+use crate::decompose::Decomposer;
 use crate::looks::{PartSurface, surfaces};
 use artgs_core::{Asset, Capture, Mesh, Replica, Rigid, Splats};
 
@@ -27,10 +28,17 @@ pub struct Built {
     pub surfaces: Vec<PartSurface>,
 }
 
-/// Makes an asset. With a capture, textures are baked from its training views.
-pub fn build(name: &str, parts: &Parts, capture: Option<&Capture>, config: &PhysicalConfig) -> Built {
+/// Makes an asset. With a capture, textures are baked from its training views. Convex pieces are ours
+/// unless another program is to make them, which may fail.
+pub fn build(
+    name: &str,
+    parts: &Parts,
+    capture: Option<&Capture>,
+    config: &PhysicalConfig,
+    decomposer: Option<&Decomposer>,
+) -> Result<Built, String> {
     let surfaces = surfaces(parts.replica, parts.meshes, capture, config);
-    let (mut asset, decisions) = assemble(name, parts.replica, &surfaces, config);
+    let (mut asset, decisions) = assemble(name, parts.replica, &surfaces, config, decomposer)?;
     if let Some(splats) = parts.splats {
         for (part, (link, splats)) in asset.links.iter_mut().zip(splats).enumerate() {
             let to_start = from_canonical(parts.replica, part);
@@ -39,7 +47,7 @@ pub fn build(name: &str, parts: &Parts, capture: Option<&Capture>, config: &Phys
             link.splats = (!moved.is_empty()).then_some(moved);
         }
     }
-    Built { asset, decisions, surfaces }
+    Ok(Built { asset, decisions, surfaces })
 }
 
 /// From the canonical frame, midway between the states, to the start state.
