@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
-const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 130 interrupted.";
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 3 a check failed, 130 interrupted.";
 
 /// Photos of an articulated object in two states to an interactable replica: part meshes, joints, splats, URDF.
 #[derive(Debug, Parser)]
@@ -33,6 +33,7 @@ impl Cli {
                 Command::Bench(a) => a.json,
                 Command::Synth(a) => a.json,
                 Command::Export(a) => a.json,
+                Command::Check(a) => a.json,
             }
     }
 }
@@ -45,6 +46,8 @@ pub(crate) enum Command {
     Reconstruct(Reconstruct),
     /// Make a replica fit for simulators, and write it in their formats
     Export(Export),
+    /// Open every export of a replica with another reader, and drive its joints in a physics engine
+    Check(Check),
     /// Score a replica against the truth, against held-out photographs, or both
     Evaluate(Evaluate),
     /// Photograph a procedural cabinet, reconstruct it and score the result
@@ -161,6 +164,15 @@ pub(crate) struct Export {
     /// Number of threads; all cores if absent
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<NonZeroUsize>,
+    /// Write JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Check {
+    /// Folder that `reconstruct` made and `export` filled
+    pub(crate) out: PathBuf,
     /// Write JSON
     #[arg(long)]
     json: bool,

@@ -31,6 +31,7 @@ pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Bench(args) => bench::run(args, style),
         Command::Synth(args) => synth::run(args, style),
         Command::Export(args) => export::run(args, style),
+        Command::Check(args) => check(&args.out, style),
     }
 }
 
@@ -75,6 +76,12 @@ fn evaluate(args: &Evaluate, style: Style) -> Result<(), Failure> {
         write_json(file, &scores)?;
     }
     scores.show(style.json)
+}
+
+fn check(out: &Path, style: Style) -> Result<(), Failure> {
+    let report = library::check(out)?;
+    report.shown.show(style.json)?;
+    if report.passed { Ok(()) } else { Err(Failure::ChecksFailed(format!("{} does not pass", out.display()))) }
 }
 
 /// Runs the method while showing its events and appending them to the folder's event file.

@@ -27,8 +27,11 @@ pub struct Decisions {
     pub to_link: Vec<Rigid>,
 }
 
-/// Poses per joint at which nothing may be in another's way.
-pub const POSES: usize = 20;
+/// Poses per joint at which nothing may be in another's way while the others are at zero. Twenty were too few: a lip of a few
+/// millimetres passes between them.
+pub const POSES: usize = 121;
+/// The same while the others are in an observed state.
+pub const POSES_WITH_OTHERS: usize = 31;
 
 /// Links of an asset from a valid replica and the surfaces of its parts. Fails only where another program is asked for convex
 /// pieces and has none. Splats are left to the caller, who knows where
@@ -70,8 +73,9 @@ fn collide(
     config: &PhysicalConfig,
     decomposer: Option<&Decomposer>,
 ) -> Result<(), String> {
-    let thinnest = 0.5 * config.contact_share * diagonal;
-    let spacing = Spacing { gap: config.gap_share * diagonal, tolerance: thinnest, thinnest };
+    let thinnest = config.thinnest_share * diagonal;
+    let tolerance = 0.5 * config.contact_share * diagonal;
+    let spacing = Spacing { gap: config.gap_share * diagonal, tolerance, thinnest };
     let options = DecomposeOptions {
         voxel: config.hull_voxel_share * diagonal,
         concavity: config.concavity,
@@ -104,17 +108,19 @@ fn collide(
     Ok(())
 }
 
-/// Link poses in which nothing may penetrate: both observed states, and every joint at [`POSES`] values across its limits
+/// Link poses in which nothing may penetrate: both observed states, and every joint at many values across its limits
 /// while the others are at zero or in either observed state.
 pub fn stances(asset: &Asset) -> Vec<Vec<Rigid>> {
     let zero = vec![0.0; asset.links.len()];
     let mut out = vec![asset.poses(&asset.observed(0)), asset.poses(&asset.observed(1)), asset.poses(&zero)];
     for (i, _, joint) in asset.movable() {
-        for others in [&zero, &asset.observed(0), &asset.observed(1)] {
-            for step in 0..POSES {
+        for (others, poses) in
+            [(&zero, POSES), (&asset.observed(0), POSES_WITH_OTHERS), (&asset.observed(1), POSES_WITH_OTHERS)]
+        {
+            for step in 0..poses {
                 let mut values = others.clone();
                 let [lower, upper] = joint.limits;
-                values[i] = lower + (upper - lower) * step as f64 / (POSES - 1) as f64;
+                values[i] = lower + (upper - lower) * step as f64 / (poses - 1) as f64;
                 out.push(asset.poses(&values));
             }
         }

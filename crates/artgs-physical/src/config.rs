@@ -44,6 +44,8 @@ pub struct PhysicalConfig {
     pub gap_share: f64,
     /// What may be missing of that distance.
     pub contact_share: f64,
+    /// Convex pieces thinner than this go: engines see contacts at slivers where there are none.
+    pub thinnest_share: f64,
     /// Lowest mass of a link, kg.
     pub least_mass: f64,
     /// Extend limits beyond the observed values until something is touched or support is lost.
@@ -93,6 +95,7 @@ impl Default for PhysicalConfig {
             most_hulls: 40,
             gap_share: 2e-3,
             contact_share: 2e-4,
+            thinnest_share: 1e-3,
             least_mass: 0.01,
             extend_limits: true,
             most_turn: std::f64::consts::FRAC_PI_4,

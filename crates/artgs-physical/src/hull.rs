@@ -37,12 +37,13 @@ pub struct Hull {
 }
 
 impl Hull {
-    /// Convex hull of points; none if they do not span space, or only by less than `thinnest`.
+    /// Convex hull of points; none if they do not span space, or only by less than `thinnest`. Corners are at least half of
+    /// that apart: engines see contacts where there are none at the needles between closer ones.
     pub fn of(points: &[DVec3], thinnest: f64) -> Option<Self> {
         if points.len() < 4 || points.iter().any(|p| !p.is_finite()) {
             return None;
         }
-        let single: Vec<Vec3> = points.iter().map(|p| to_parry(*p)).collect();
+        let single: Vec<Vec3> = apart(points, 0.5 * thinnest).into_iter().map(to_parry).collect();
         let (vertices, triangles) = try_convex_hull(&single).ok()?;
         let shape = ConvexPolyhedron::from_convex_mesh(vertices.clone(), &triangles)?;
         let hull = Self { points: vertices.iter().map(|v| from_parry(*v)).collect(), triangles, shape };
@@ -139,6 +140,17 @@ impl Hull {
             _ => 0.0,
         }
     }
+}
+
+/// Those points that are at least `least` from all kept before them.
+fn apart(points: &[DVec3], least: f64) -> Vec<DVec3> {
+    let mut kept: Vec<DVec3> = Vec::with_capacity(points.len());
+    for p in points {
+        if kept.iter().all(|k| k.distance_squared(*p) >= least * least) {
+            kept.push(*p);
+        }
+    }
+    kept
 }
 
 /// A point as the collision library spells it; its version of the vector crate is another.
