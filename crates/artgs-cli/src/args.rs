@@ -7,6 +7,9 @@ use std::time::Duration;
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 3 a check failed, 130 interrupted.";
 
+/// Name of an exported object unless told otherwise.
+const EXPORT_NAME: &str = "replica";
+
 /// Photos of an articulated object in two states to an interactable replica: part meshes, joints, splats, URDF.
 #[derive(Debug, Parser)]
 #[command(name = "artgs", version, after_help = EXIT_CODES, arg_required_else_help = true)]
@@ -141,7 +144,7 @@ pub(crate) struct Export {
     #[arg(long, value_name = "DIR")]
     pub(crate) capture: Option<PathBuf>,
     /// Name of the object in the files
-    #[arg(long, default_value = "replica")]
+    #[arg(long, default_value = EXPORT_NAME)]
     pub(crate) name: String,
     /// Metres per unit of the capture
     #[arg(long, value_name = "M", default_value_t = 1.0)]
@@ -167,6 +170,26 @@ pub(crate) struct Export {
     /// Write JSON
     #[arg(long)]
     json: bool,
+}
+
+impl Export {
+    /// Everything as it is by default.
+    pub(crate) fn of(out: PathBuf) -> Self {
+        Self {
+            out,
+            to: Vec::new(),
+            capture: None,
+            name: EXPORT_NAME.into(),
+            scale: 1.0,
+            up: UpAxis::Z,
+            density: None,
+            collision: CollisionKind::Hulls,
+            observed_limits: false,
+            triangles: None,
+            threads: None,
+            json: false,
+        }
+    }
 }
 
 #[derive(Debug, Args)]

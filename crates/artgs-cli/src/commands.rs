@@ -48,7 +48,8 @@ fn reconstruct(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     }
     if !style.quiet {
         summary.show(false)?;
-        say(format!("replica in {}", args.out.display()))?;
+        let shown = args.out.display();
+        say(format!("replica in {shown}; artgs export {shown} makes files for simulators and browsers of it"))?;
     }
     Ok(())
 }
