@@ -45,13 +45,14 @@ fn write(out: &Path) {
     for (part, mesh) in replica.parts.iter().zip([&base, &door, &drawer]) {
         for state in 0..2 {
             let motion = if state == 0 { Rigid::IDENTITY } else { replica.world_motion(part.id) };
-            write_mesh_ply(&out.join(part.meshes.get(state)), &mesh.moved(&motion)).unwrap();
+            write_mesh_ply(&out.join(part.meshes.get(state)), &mesh.moved(&motion))
+                .expect("a temporary folder can be written");
         }
     }
     for state in 0..2 {
-        write_mesh_ply(&out.join(replica.whole.get(state)), &base).unwrap();
+        write_mesh_ply(&out.join(replica.whole.get(state)), &base).expect("a temporary folder can be written");
     }
-    write_replica(out, &replica).unwrap();
+    write_replica(out, &replica).expect("a temporary folder can be written");
 }
 
 #[test]

@@ -20,7 +20,7 @@ fn short(parts: usize) -> Config {
     config
 }
 
-const FILES: [&str; 8] = [
+const FILES: [&str; 6] = [
     "replica.json",
     "meshes/start/part_1.ply",
     "meshes/end/whole.ply",
