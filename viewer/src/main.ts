@@ -61,7 +61,7 @@ async function start(scene: SceneData) {
   const setMode = (mode: Mode) => {
     looks.show(mode);
     clouds.group.visible = mode === "points";
-    model.root.visible = true;
+    stage.drawSplats(mode === "splats");
     panel.mode(mode);
     stage.invalidate();
   };

@@ -128,6 +128,12 @@ export class Stage {
     }
   }
 
+  /** Gaussians cost time even where none are seen. */
+  drawSplats(on: boolean): void {
+    this.spark.visible = on;
+    this.invalidate();
+  }
+
   /** Where the object is and which way it opens; the camera goes home. */
   frameObject(extent: Box3, front: Vector3): void {
     if (!extent.isEmpty()) this.extent = extent;

@@ -6,6 +6,7 @@ mod camera;
 mod cloud;
 mod error;
 mod guard;
+mod http;
 mod page;
 mod scene;
 mod server;
