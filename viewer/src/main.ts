@@ -1,9 +1,10 @@
 /** The page: loads the scene, draws it, and joins controls, pointer and tests to it. */
 
 import "./style.css";
-import { Vector3 } from "three";
+import { Quaternion, Vector3 } from "three";
 import { Frustums, Wipe } from "./cameras";
 import { Clouds } from "./clouds";
+import { Corrections } from "./corrections";
 import { enableDrag } from "./drag";
 import { exported, text } from "./files";
 import { Glyphs } from "./glyphs";
@@ -13,7 +14,6 @@ import { Panel } from "./panel";
 import { Player } from "./player";
 import { checkScene, type SceneData } from "./scene";
 import { Stage } from "./stage";
-import { Quaternion } from "three";
 
 const message = document.querySelector<HTMLElement>("#message")!;
 
@@ -105,6 +105,11 @@ async function start(scene: SceneData) {
   stage.frameObject(extent, frontOf(model));
   setState(0);
   setMode(has((l) => !!l.mesh) ? "textured" : "points");
+  if (scene.corrections && model.movable().length > 0) {
+    const corrections = new Corrections(scene, stage, model, () => setState(0));
+    stage.add(corrections.group);
+    panel.append(corrections.element);
+  }
   enableDrag(stage, model, looks, (link) => (player.set(false), panel.hold(link)));
 
   // The object can be moved by now; what is heavier follows.
