@@ -1,6 +1,7 @@
 /** Cameras of the capture: frustums with their photos, and a wipe between photo and replica at one of them. */
 
 import {
+  Box3,
   BufferGeometry,
   Color,
   DoubleSide,
@@ -52,6 +53,7 @@ export class Frustums {
   async show(on: boolean): Promise<void> {
     this.group.visible = on;
     this.stage.invalidate();
+    if (on) this.stage.include(new Box3().setFromObject(this.group));
     if (!on || this.loaded) return;
     this.loaded = true;
     for (const { mesh, view } of this.panes) {

@@ -1,6 +1,6 @@
 /** Points of the observed states; those that moved stand out. */
 
-import { BufferAttribute, BufferGeometry, Color, Group, Points, PointsMaterial, SRGBColorSpace } from "three";
+import { Box3, BufferAttribute, BufferGeometry, Color, Group, Points, PointsMaterial, SRGBColorSpace } from "three";
 import { bytes } from "./files";
 import type { CloudData } from "./scene";
 
@@ -41,6 +41,11 @@ export class Clouds {
       this.states.push({ state: cloud.state, points, photo, marked });
       this.group.add(points);
     }
+  }
+
+  /** Extent of both states, object's frame. */
+  extent(): Box3 {
+    return new Box3().setFromObject(this.group);
   }
 
   /** Shows one state, in the colours of the photos or with what moved marked. */

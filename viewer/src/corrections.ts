@@ -81,7 +81,7 @@ export class Corrections {
     for (const other of parts) {
       if (other !== link) choice.append(option(`${other.index}`, `merge into ${other.data.name.replaceAll("_", " ")}`));
     }
-    const type = make("select", { ariaLabel: `Type of ${name}` }, option("", "type as found"));
+    const type = make("select", { ariaLabel: `Type of ${name}` }, option("", "as found"));
     for (const kind of ["revolute", "prismatic", "screw"]) type.append(option(kind, kind));
     const centre: Centre = { part: link.index, ball: this.ball(link.data.colour), moved: false, choice, type };
     choice.addEventListener("change", () => {

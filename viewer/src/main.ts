@@ -115,6 +115,7 @@ async function start(scene: SceneData) {
   // The object can be moved by now; what is heavier follows.
   await Promise.all([looks.loadSplats(), clouds.load()]);
   clouds.show(state, marked);
+  if (extent.isEmpty()) stage.frameObject(clouds.extent(), new Vector3());
   const counts = looks.count();
   panel.allow("splats", counts.splats > 0);
   const facts = [`${scene.links.length} links`, `${counts.triangles.toLocaleString("en")} triangles`];

@@ -73,6 +73,7 @@ export class Panel {
       );
     }
     if (this.scene.clouds?.length) out.append(check("Mark points that moved", (on) => this.act.moved(on)));
+    if (this.scene.clouds?.length && this.model.movable().length === 0) out.append(make("div", { className: "row" }, ...this.states()));
     out.append(make("div", { className: "row" }, button("Reset view", () => this.act.home())));
     return out;
   }
@@ -81,9 +82,12 @@ export class Panel {
     const out = section("Joints");
     for (const link of this.model.movable()) out.append(this.slider(link));
     this.playing.setAttribute("aria-pressed", "false");
-    const states = [0, 1].map((s) => button(`State ${"AB"[s]}`, () => this.act.state(s)));
-    out.append(make("div", { className: "row" }, ...states, this.playing));
+    out.append(make("div", { className: "row" }, ...this.states(), this.playing));
     return out;
+  }
+
+  private states(): HTMLElement[] {
+    return [0, 1].map((s) => button(`State ${"AB"[s]}`, () => this.act.state(s)));
   }
 
   private slider(link: Link): HTMLElement {

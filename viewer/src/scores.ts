@@ -38,8 +38,8 @@ export function rows(scores: unknown): Row[] {
   return out.sort((a, b) => (place(a) === place(b) ? 0 : place(a) - place(b)));
 }
 
-function shown(value: number): string {
-  if (Number.isInteger(value)) return value.toLocaleString("en");
+function shown(value: number, counted: boolean): string {
+  if (counted && Number.isInteger(value)) return value.toLocaleString("en");
   return Math.abs(value) >= 1000 ? value.toFixed(0) : Math.abs(value) < 1 ? value.toFixed(3) : value.toFixed(2);
 }
 
@@ -48,7 +48,7 @@ export function table(found: Row[]): HTMLTableElement {
   const body = make("tbody");
   for (const { label, cells } of found) {
     const row = make("tr", {}, make("th", { scope: "row" }, label));
-    for (const cell of cells) row.append(make("td", { colSpan: cells.length === 1 ? 2 : 1 }, shown(cell)));
+    for (const cell of cells) row.append(make("td", { colSpan: cells.length === 1 ? 2 : 1 }, shown(cell, cells.length === 1)));
     body.append(row);
   }
   return make("table", {}, head, body);

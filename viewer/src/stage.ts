@@ -123,7 +123,8 @@ export class Stage {
     this.invalidate();
     for (let quiet = 0, seen = -1; quiet < 4; ) {
       await pause(60);
-      quiet = this.frames === seen && !this.wanted ? quiet + 1 : 0;
+      const ordering = this.spark.visible && (this.spark.sorting || this.spark.sortDirty);
+      quiet = this.frames === seen && !this.wanted && !ordering ? quiet + 1 : 0;
       seen = this.frames;
     }
   }
@@ -154,6 +155,18 @@ export class Stage {
     this.camera.near = size / 200;
     this.camera.far = size * 50;
     this.camera.updateProjectionMatrix();
+    this.controls.update();
+    this.invalidate();
+  }
+
+  /** Steps back until a box is in view, too. */
+  include(box: Box3): void {
+    if (this.looking || box.isEmpty()) return;
+    const away = this.camera.position.clone().sub(this.controls.target);
+    const radius = box.getSize(new Vector3()).length() / 2 + box.getCenter(new Vector3()).distanceTo(this.controls.target);
+    const angle = (this.camera.fov * Math.PI) / 360;
+    const distance = radius / Math.sin(angle) / Math.min(1, this.camera.aspect);
+    if (distance > away.length()) this.camera.position.copy(this.controls.target).addScaledVector(away.normalize(), distance);
     this.controls.update();
     this.invalidate();
   }

@@ -1,5 +1,6 @@
-//! `view_sample DIR`: writes a small replica folder to DIR and the page of it to DIR/page.html, prints the address of a
-//! server for it, and serves until standard input ends. The tests of the page run it.
+//! `view_sample DIR`: writes a small replica folder to DIR, the page of it to DIR/page.html and that of its capture alone
+//! to DIR/capture.html, prints the address of a server for it, and serves until standard input ends. The tests of the page
+//! run it.
 //!
 //! `view_sample OUT --exported`: the same for a replica folder that exists and was exported.
 
@@ -8,7 +9,7 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use artgs_view::{Page, Server, export_page};
+use artgs_view::{Page, Scene, Server, export_page};
 use std::io::Read as _;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,6 +23,8 @@ fn main() {
         common::page(&out)
     };
     export_page(&page, &out.join("page.html")).unwrap();
+    let capture = Page { scene: Scene { links: Vec::new(), scores: None, ..page.scene.clone() }, files: page.files.clone() };
+    export_page(&capture, &out.join("capture.html")).unwrap();
     let server = Server::bind(page, Some(0), Some(out)).unwrap();
     println!("{}", server.url());
     let stop = AtomicBool::new(false);

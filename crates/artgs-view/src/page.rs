@@ -94,6 +94,11 @@ impl Page {
         Ok(page)
     }
 
+    /// Tells where the capture is in the object's frame; without it the page takes no positions for corrections.
+    pub fn place(&mut self, placement: Placement) {
+        self.scene.placement = Some(placement);
+    }
+
     /// Adds cameras of the capture; `placement` leads from its frame to the object's.
     pub fn add_cameras(&mut self, cameras: &[CameraView], placement: Placement) -> Result<(), ViewError> {
         self.scene.placement = Some(placement);
