@@ -88,7 +88,9 @@ impl Corrections {
     pub fn parse(text: &[u8]) -> Result<Self, String> {
         let Document { format, version, centres, joints } = serde_json::from_slice(text).map_err(|e| e.to_string())?;
         if format != FORMAT || version != VERSION {
-            return Err(format!("field `format` is {format:?} version {version}; expected {FORMAT:?} version {VERSION}"));
+            return Err(format!(
+                "field `format` is {format:?} version {version}; expected {FORMAT:?} version {VERSION}"
+            ));
         }
         let corrections = Self { centres, joints };
         corrections.check()?;

@@ -23,7 +23,8 @@ fn main() {
         common::page(&out)
     };
     export_page(&page, &out.join("page.html")).unwrap();
-    let capture = Page { scene: Scene { links: Vec::new(), scores: None, ..page.scene.clone() }, files: page.files.clone() };
+    let capture =
+        Page { scene: Scene { links: Vec::new(), scores: None, ..page.scene.clone() }, files: page.files.clone() };
     export_page(&capture, &out.join("capture.html")).unwrap();
     let server = Server::bind(page, Some(0), Some(out)).unwrap();
     println!("{}", server.url());

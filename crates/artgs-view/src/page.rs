@@ -37,15 +37,8 @@ pub struct Page {
 }
 
 /// Colours of parts: the base grey, the others well apart for most eyes (after Okabe and Ito), then again.
-const COLOURS: [[u8; 3]; 7] = [
-    [230, 159, 0],
-    [86, 180, 233],
-    [0, 158, 115],
-    [204, 121, 167],
-    [213, 94, 0],
-    [240, 228, 66],
-    [0, 114, 178],
-];
+const COLOURS: [[u8; 3]; 7] =
+    [[230, 159, 0], [86, 180, 233], [0, 158, 115], [204, 121, 167], [213, 94, 0], [240, 228, 66], [0, 114, 178]];
 
 fn colour(link: usize) -> [u8; 3] {
     if link == 0 { [158, 163, 170] } else { COLOURS[(link - 1) % COLOURS.len()] }

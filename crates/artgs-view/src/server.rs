@@ -77,7 +77,9 @@ impl Server {
         stream.set_nodelay(true)?;
         let answer = match busy {
             true => Answer::text(503, "too many connections"),
-            false => http::read(&mut stream, MOST_BYTES)?.map_or_else(|refused| refused, |request| self.respond(&request)),
+            false => {
+                http::read(&mut stream, MOST_BYTES)?.map_or_else(|refused| refused, |request| self.respond(&request))
+            }
         };
         let headers = [
             ("Content-Security-Policy", POLICY),

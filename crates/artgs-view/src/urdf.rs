@@ -52,7 +52,9 @@ fn parse(text: &str) -> Result<(String, Vec<Link>), String> {
         let mut waiting = Vec::new();
         for node in left {
             let name = attribute(node, "name")?;
-            let joint = joints.iter().find(|j| child(**j, "child").and_then(|c| attribute(c, "link")).as_deref() == Ok(name.as_str()));
+            let joint = joints
+                .iter()
+                .find(|j| child(**j, "child").and_then(|c| attribute(c, "link")).as_deref() == Ok(name.as_str()));
             let Some(joint) = joint else {
                 match link(node, None, DVec3::ZERO, None)? {
                     empty if empty.visual.is_none() && empty.collision.is_empty() => roots.push((name, DVec3::ZERO)),

@@ -54,7 +54,10 @@ fn the_page_its_scene_and_its_files() {
         assert_eq!(scene["links"][1]["joint"]["limits"], serde_json::json!([0.0, 1.6]));
         assert_eq!(scene["links"][2]["joint"]["observed"], serde_json::json!([0.3, 0.0]));
         let knob = &scene["links"][3];
-        assert_eq!((&knob["parent"], &knob["joint"]["kind"], &knob["joint"]["pitch"]), (&1.into(), &"screw".into(), &0.01.into()));
+        assert_eq!(
+            (&knob["parent"], &knob["joint"]["kind"], &knob["joint"]["pitch"]),
+            (&1.into(), &"screw".into(), &0.01.into())
+        );
         assert_eq!((&scene["corrections"], &scene["scores"]["parts"]), (&false.into(), &4.into()));
         let file = scene["links"][1]["mesh"]["file"].as_str().unwrap();
         let body = send(&get(&format!("/files/{file}")));
@@ -96,7 +99,10 @@ fn hostile_paths_hosts_and_origins_are_refused() {
         ] {
             assert_eq!(status(&send(&format!("{head}{headers}\r\n"))), "403", "{headers}");
         }
-        assert_eq!(status(&send(&format!("{head}Host: localhost:{{}}\r\nOrigin: http://localhost:{{}}\r\n\r\n"))), "200");
+        assert_eq!(
+            status(&send(&format!("{head}Host: localhost:{{}}\r\nOrigin: http://localhost:{{}}\r\n\r\n"))),
+            "200"
+        );
         assert_eq!(status(&send("DELETE /scene.json HTTP/1.1\r\nHost: localhost:{}\r\n\r\n")), "405");
         assert_eq!(status(&send("POST /scene.json HTTP/1.1\r\nHost: localhost:{}\r\n\r\n")), "405");
         assert_eq!(status(&send("nonsense\r\n\r\n")), "400");

@@ -1,8 +1,8 @@
 //! A small replica folder with everything the page shows: a cabinet with a door, in it a knob that screws, and a drawer.
 
 use artgs_core::{
-    Asset, AssetJoint, AssetLink, Camera, Inertial, Intrinsics, Joint, JointKind, Mesh, Replica, Rigid, Splats, Texture,
-    TexturedMesh,
+    Asset, AssetJoint, AssetLink, Camera, Inertial, Intrinsics, Joint, JointKind, Mesh, Replica, Rigid, Splats,
+    Texture, TexturedMesh,
 };
 use artgs_io::asset::{export_urdf, splats::export_splats};
 use artgs_view::{CameraView, Cloud, Page, Placement};
