@@ -17,6 +17,7 @@ import {
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { SparkRenderer } from "@sparkjsdev/spark";
+import { drawInBatches } from "./batches";
 import type { CameraData } from "./scene";
 
 const UP_TO_Z = new Matrix4().makeRotationX(Math.PI / 2);
@@ -49,6 +50,7 @@ export class Stage {
     this.controls.addEventListener("change", () => this.invalidate());
     this.controls.enableDamping = false;
     this.spark = new SparkRenderer({ renderer: this.renderer, onDirty: () => this.invalidate() });
+    drawInBatches(this.spark);
     this.scene.add(this.spark);
     this.light();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
