@@ -83,6 +83,7 @@ export class Wipe {
   private readonly frame = document.querySelector<HTMLElement>("#photo")!;
   private readonly photo = this.frame.querySelector<HTMLImageElement>("img.photo")!;
   private readonly rendering = this.frame.querySelector<HTMLImageElement>("img.rendering")!;
+  private readonly mask = this.frame.querySelector<HTMLImageElement>("img.mask")!;
   private readonly edge = this.frame.querySelector<HTMLElement>(".edge")!;
   private view: CameraData | null = null;
   private share = 0.5;
@@ -96,7 +97,12 @@ export class Wipe {
     this.frame.hidden = !view;
     if (!view) return;
     this.place();
-    await Promise.all([this.load(this.photo, view.photo), this.load(this.rendering, view.rendering)]);
+    await Promise.all([this.load(this.photo, view.photo), this.load(this.rendering, view.rendering), this.load(this.mask, view.mask ?? null)]);
+  }
+
+  /** Darkens what the mask leaves out. */
+  showMask(on: boolean): void {
+    this.mask.classList.toggle("on", on);
   }
 
   private async load(image: HTMLImageElement, file: string | null): Promise<void> {

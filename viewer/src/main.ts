@@ -92,6 +92,7 @@ async function start(scene: SceneData) {
     frustums: (on) => void frustums.show(on),
     look: (index) => void look(index).catch(fail),
     wipe: (share) => wipe.set(share),
+    mask: (on) => wipe.showMask(on),
     moved: (on) => ((marked = on), clouds.show(state, on), stage.invalidate()),
   });
   model.onMove(() => stage.invalidate());

@@ -17,6 +17,7 @@ export interface Actions {
   frustums(on: boolean): void;
   look(camera: number | null): void;
   wipe(share: number): void;
+  mask(on: boolean): void;
   moved(on: boolean): void;
 }
 
@@ -122,7 +123,9 @@ export class Panel {
       bar.hidden = choice.value === "";
       this.act.look(choice.value === "" ? null : Number(choice.value));
     });
-    return section("Cameras", check("Show cameras", (on) => this.act.frustums(on)), choice, bar);
+    const out = section("Cameras", check("Show cameras", (on) => this.act.frustums(on)), choice, bar);
+    if (views.some((v) => v.mask)) out.append(check("Show mask", (on) => this.act.mask(on)));
+    return out;
   }
 
   private moved(link: Link): void {

@@ -38,6 +38,7 @@ export interface CameraData {
   size: [number, number];
   photo: string | null;
   rendering: string | null;
+  mask?: string;
 }
 
 export interface CloudData {

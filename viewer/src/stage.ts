@@ -22,6 +22,15 @@ import type { CameraData } from "./scene";
 
 const UP_TO_Z = new Matrix4().makeRotationX(Math.PI / 2);
 
+/** True where WebGL is drawn without a graphics card, as far as the browser tells. */
+function drawnInSoftware(): boolean {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  if (!gl) throw new Error("This page needs WebGL 2; turn on hardware acceleration, or use a browser of the last years.");
+  const name = String(gl.getParameter(gl.getExtension("WEBGL_debug_renderer_info")?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER));
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software/i.test(name);
+}
+
 export class Stage {
   readonly scene = new Scene();
   readonly camera = new PerspectiveCamera(40, 1, 0.01, 100);
@@ -42,9 +51,10 @@ export class Stage {
     readonly canvas: HTMLCanvasElement,
     test: boolean,
   ) {
-    // Smoothing edges is left to dense screens: it does nothing for Gaussians and slows them.
-    this.renderer = new WebGLRenderer({ canvas, antialias: !test, preserveDrawingBuffer: test, powerPreference: "high-performance" });
-    this.renderer.setPixelRatio(test ? 1 : Math.min(devicePixelRatio, 2));
+    // Smooth edges and dense pixels are for graphics cards.
+    const plain = test || drawnInSoftware();
+    this.renderer = new WebGLRenderer({ canvas, antialias: !plain, preserveDrawingBuffer: test, powerPreference: "high-performance" });
+    this.renderer.setPixelRatio(plain ? 1 : Math.min(devicePixelRatio, 2));
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.addEventListener("change", () => this.invalidate());

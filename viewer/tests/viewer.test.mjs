@@ -197,6 +197,11 @@ test("a camera's photo lies over the replica as far as the wipe says", async () 
   assert.ok(seen(0.2).every((c, k) => Math.abs(c - [220, 120, 20][k]) < 4), `photo ${seen(0.2)}`);
   assert.ok(seen(0.35).some((c, k) => Math.abs(c - [220, 120, 20][k]) > 30), `replica ${seen(0.35)}`);
   assert.ok(drawn(canvas) > 3000);
+  await view.page.getByLabel("Show mask").check();
+  const masked = PNG.sync.read(await view.page.screenshot());
+  const under = colour(masked, [left + 0.1 * 160 * scale, top + 0.1 * 120 * scale]);
+  assert.ok(under[0] < 0.5 * 220, `left out, so dark: ${under}`);
+  await view.page.getByLabel("Show mask").uncheck();
   await view.page.locator("#camera").selectOption("");
   assert.ok(await view.page.locator("#photo").isHidden());
   const before = await shot(view.page);

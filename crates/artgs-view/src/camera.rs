@@ -35,6 +35,8 @@ pub struct CameraView {
     pub photo: Option<PathBuf>,
     /// Picture of the replica at this camera, if there is one; the page draws the replica itself otherwise.
     pub rendering: Option<PathBuf>,
+    /// Mask of the photo, white where the object is, if it is to be shown.
+    pub mask: Option<PathBuf>,
 }
 
 impl CameraView {
@@ -53,6 +55,7 @@ impl CameraView {
             size: [k.width, k.height],
             photo: None,
             rendering: None,
+            mask: None,
         }
     }
 }
@@ -68,7 +71,7 @@ mod tests {
     fn a_camera_in_a_capture_with_y_up_and_in_centimetres() {
         let intrinsics = Intrinsics { fx: 50.0, fy: 60.0, cx: 20.0, cy: 15.0, width: 40, height: 30 };
         let camera = Camera::look_at(intrinsics, DVec3::new(0.0, 100.0, 200.0), DVec3::new(0.0, 100.0, 0.0), DVec3::Y);
-        let view = CameraView { name: "a".into(), state: 1, camera, photo: None, rendering: None };
+        let view = CameraView { name: "a".into(), state: 1, camera, photo: None, rendering: None, mask: None };
         let placed = view.placed(&Placement { scale: 0.01, rotation: DQuat::from_rotation_x(FRAC_PI_2) });
         let expected = [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, -2.0], [0.0, -1.0, 0.0, 1.0]];
         for (row, expected) in placed.pose.iter().zip(&expected) {

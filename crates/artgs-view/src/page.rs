@@ -100,6 +100,7 @@ impl Page {
             let at = format!("cameras/{}", self.scene.cameras.len());
             placed.photo = self.add_picture(&format!("{at}_photo"), view.photo.as_deref())?;
             placed.rendering = self.add_picture(&format!("{at}_rendering"), view.rendering.as_deref())?;
+            placed.mask = self.add_picture(&format!("{at}_mask"), view.mask.as_deref())?;
             self.scene.cameras.push(placed);
         }
         Ok(())

@@ -105,6 +105,9 @@ pub struct SceneCamera {
     pub photo: Option<String>,
     /// Picture of the replica at this camera; without one the page draws the replica itself.
     pub rendering: Option<String>,
+    /// Mask of the photo: white where the object is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mask: Option<String>,
 }
 
 /// Points of an observed state.

@@ -156,9 +156,19 @@ pub(crate) fn page(out: &Path) -> Page {
         let photo = out.join(format!("photo_{state}.png"));
         let color = [[220, 120, 20], [20, 160, 90]][state];
         artgs_io::image_io::write_rgb(&photo, 160, 120, &vec![color; 160 * 120]).unwrap();
+        let mask = out.join(format!("mask_{state}.png"));
+        let inside = |i: usize| [u8::from((40..120).contains(&(i % 160))) * 255; 3];
+        artgs_io::image_io::write_rgb(&mask, 160, 120, &(0..160 * 120).map(inside).collect::<Vec<_>>()).unwrap();
         let eye = DVec3::new(-1.2 + 2.0 * state as f64, -2.4, 1.3);
         let camera = Camera::look_at(intrinsics, eye, DVec3::new(0.0, 0.0, 0.5), DVec3::Z);
-        CameraView { name: format!("photo {state}"), state, camera, photo: Some(photo), rendering: None }
+        CameraView {
+            name: format!("photo {state}"),
+            state,
+            camera,
+            photo: Some(photo),
+            rendering: None,
+            mask: Some(mask),
+        }
     });
     page.add_cameras(&views, Placement::default()).unwrap();
     let asset = cabinet();
