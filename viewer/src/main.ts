@@ -72,6 +72,11 @@ async function start(scene: SceneData) {
     clouds.show(state, marked);
     stage.invalidate();
   };
+  const explode = (share: number) => {
+    model.explode(share);
+    stage.invalidate();
+    if (share > 0) stage.include(model.present());
+  };
   const look = async (index: number | null) => {
     if (index === null) {
       stage.leave();
@@ -85,7 +90,7 @@ async function start(scene: SceneData) {
   const panel: Panel = new Panel(document.querySelector("#panel")!, scene, model, {
     mode: setMode,
     axes: (on) => ((glyphs.visible = on), stage.invalidate()),
-    explode: (share) => (model.explode(share), stage.invalidate()),
+    explode,
     home: () => (panel.free(), stage.home()),
     state: setState,
     play: (on) => player.set(on),
@@ -133,7 +138,7 @@ async function start(scene: SceneData) {
     /** Moves a joint; returns the value it has then. */
     setJoint: (link: string | number, value: number) => model.set(model.find(link), value),
     joint: (link: string | number) => model.find(link).value,
-    setExploded: (share: number) => (model.explode(share), stage.invalidate()),
+    setExploded: explode,
     setAxes: (on: boolean) => ((glyphs.visible = on), stage.invalidate()),
     setFrustums: (on: boolean) => frustums.show(on),
     look,

@@ -48,7 +48,6 @@ export class Model {
   readonly root = new Group();
   readonly links: Link[] = [];
   private readonly listeners: ((link: Link) => void)[] = [];
-  private exploded = 0;
 
   constructor(links: LinkData[]) {
     links.forEach((data, i) => {
@@ -101,7 +100,6 @@ export class Model {
 
   /** Shifts what is drawn of each link away from the middle, by a share of the distance. */
   explode(share: number): void {
-    this.exploded = share;
     const extent = this.extent();
     if (extent.isEmpty()) return;
     const middle = extent.getCenter(new Vector3());
@@ -111,11 +109,15 @@ export class Model {
       const away = link.box.getCenter(new Vector3()).add(new Vector3().fromArray(link.data.origin)).sub(middle);
       // A link in the middle leaves along its axis.
       if (away.length() < 0.02 * size) away.fromArray(link.data.joint!.axis);
-      link.shell.position.copy(away.normalize().multiplyScalar(share * 0.5 * size));
+      link.shell.position.copy(away.normalize().multiplyScalar(share * 0.3 * size));
     }
   }
 
-  get explosion(): number {
-    return this.exploded;
+  /** Extent as things are now, object's frame. */
+  present(): Box3 {
+    this.root.updateMatrixWorld(true);
+    const all = new Box3();
+    for (const { box, shell } of this.links) if (!box.isEmpty()) all.union(box.clone().applyMatrix4(shell.matrixWorld));
+    return all;
   }
 }

@@ -1,5 +1,5 @@
-//! The browser viewer: what the page shows ([`Page`]), a server for it on loopback ([`Server`]), and the same as one file
-//! ([`export_page`]). The page itself is built from `viewer/` and is part of this crate.
+//! The browser viewer: what the page shows ([`Page`]), a server for it on loopback ([`Server`]), and the same as one
+//! file ([`export_page`]). The page itself is built from `viewer/` and is part of this crate.
 
 mod bundle;
 mod camera;

@@ -1,7 +1,7 @@
 //! The page over HTTP, on loopback only.
 //!
-//! `GET` of `/`, the script, the style, `/scene.json` and the files that the scene names; `POST /corrections`. Paths are
-//! looked up among those names, so no path reaches the file system.
+//! `GET` of `/`, the script, the style, `/scene.json` and the files that the scene names; `POST /corrections`. Paths
+//! are looked up among those names, so no path reaches the file system.
 
 use crate::bundle::{HTML, POLICY, SCRIPT, STYLE};
 use crate::guard::{Asked, refusal};
