@@ -22,7 +22,7 @@ export interface LinkData {
   /** Object's frame, zero pose. */
   origin: Triple;
   joint: JointData | null;
-  mesh: { file: string; texture: string | null } | null;
+  mesh: { file: string; texture: string | null; closed: boolean } | null;
   collision: string[];
   splats: string | null;
   colour: Triple;

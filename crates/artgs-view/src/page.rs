@@ -70,8 +70,12 @@ impl Page {
         let path = first_urdf(&folder).ok_or_else(|| missing("exports/urdf/*.urdf"))?;
         let (name, links) = urdf::read(&path)?;
         let mut page = Self::empty(&name);
+        let closed = closed_links(&out.join("exports/export.json"))?;
         for (i, link) in links.into_iter().enumerate() {
-            let link = page.link(out, &folder, i, link)?;
+            let mut link = page.link(out, &folder, i, link)?;
+            if let Some(mesh) = &mut link.mesh {
+                mesh.closed = closed.contains(&link.name);
+            }
             page.scene.links.push(link);
         }
         // Replicas of a baseline have no Gaussians to export.
@@ -127,7 +131,7 @@ impl Page {
                 let texture = texture_of(&folder.join(file))?;
                 let texture = texture.map(|t| self.add(&folder.join(&t), &format!("mesh/{}.png", link.name)));
                 let file = self.add(&folder.join(file), &format!("mesh/{}.obj", link.name))?;
-                Some(SceneMesh { file, texture: texture.transpose()? })
+                Some(SceneMesh { file, texture: texture.transpose()?, closed: false })
             }
         };
         let mut collision = Vec::new();
@@ -169,6 +173,19 @@ impl Page {
         }
         self.add(path, &format!("{name}.{extension}")).map(Some)
     }
+}
+
+/// Names of the links that the export calls watertight; none without its notes.
+fn closed_links(notes: &Path) -> Result<Vec<String>, FileError> {
+    if !notes.is_file() {
+        return Ok(Vec::new());
+    }
+    let bytes = Source::Path(notes.into()).read()?;
+    let notes: serde_json::Value =
+        serde_json::from_slice(&bytes).map_err(|e| FileError::malformed(notes, e.to_string()))?;
+    let links = notes["links"].as_array().map_or(&[][..], Vec::as_slice);
+    let closed = links.iter().filter(|l| l["watertight"] == true);
+    Ok(closed.filter_map(|l| l["name"].as_str().map(String::from)).collect())
 }
 
 /// First by name, so that the choice does not depend on the file system.

@@ -66,6 +66,8 @@ pub struct SceneMesh {
     pub file: String,
     /// PNG, its first row at v = 1.
     pub texture: Option<String>,
+    /// True if it is known to be closed, so that nobody sees its inside.
+    pub closed: bool,
 }
 
 /// A joint; its frame is that of its link at value 0.

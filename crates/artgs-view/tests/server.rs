@@ -53,6 +53,8 @@ fn the_page_its_scene_and_its_files() {
         let scene: serde_json::Value = serde_json::from_str(scene.split("\r\n\r\n").nth(1).unwrap()).unwrap();
         assert_eq!(scene["links"][1]["joint"]["limits"], serde_json::json!([0.0, 1.6]));
         assert_eq!(scene["links"][2]["joint"]["observed"], serde_json::json!([0.3, 0.0]));
+        let closed = [0, 1, 2, 3].map(|i| scene["links"][i]["mesh"]["closed"] == true);
+        assert_eq!(closed, [false, true, false, false]);
         let knob = &scene["links"][3];
         assert_eq!(
             (&knob["parent"], &knob["joint"]["kind"], &knob["joint"]["pitch"]),

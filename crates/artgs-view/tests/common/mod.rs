@@ -141,6 +141,8 @@ pub(crate) fn write_replica_folder(out: &Path) {
     artgs_io::write_replica(out, &replica).unwrap();
     export_urdf(&out.join("exports/urdf"), &asset).unwrap();
     export_splats(&out.join("exports/splats"), &asset).unwrap();
+    let notes = br#"{"links": [{"name": "door", "watertight": true}, {"name": "drawer", "watertight": false}]}"#;
+    artgs_io::write_atomic(&out.join("exports/export.json"), notes).unwrap();
     let metrics = r#"{"parts": 4, "gaussians": 3000,
         "test": [{"psnr": 38.14, "ssim": 0.986, "views": 16}, {"psnr": 36.78, "ssim": 0.984, "views": 16}],
         "train": [{"psnr": 39.0, "ssim": 0.99, "views": 8}, {"psnr": 38.0, "ssim": 0.989, "views": 8}],
