@@ -10,8 +10,13 @@ from .report import listening
 class Engine:
     """A loaded robot as `drive` wants it."""
 
-    def __init__(self, client, body):
+    def __init__(self, client, body, path):
         self.client, self.body = client, body
+        # PyBullet refuses its own inverse dynamics where rounding leaves an inertia unsymmetric by 1e-15. What weight and
+        # inertia the joints feel is asked of a second copy, whose inertia is that of boxes: good enough to choose forces.
+        self.models = bullet.connect(bullet.DIRECT)
+        bullet.setGravity(0.0, 0.0, -9.81, self.models)
+        self.model = bullet.loadURDF(path, useFixedBase=True, physicsClientId=self.models)
         infos = [bullet.getJointInfo(body, i, client) for i in range(bullet.getNumJoints(body, client))]
         self.links = [bullet.getBodyInfo(body, client)[0].decode()] + [i[12].decode() for i in infos]
         self.parents = {i[0]: i[16] for i in infos}
@@ -41,10 +46,10 @@ class Engine:
 
     def gravity(self, q):
         zero = [0.0] * len(q)
-        return np.array(bullet.calculateInverseDynamics(self.body, list(q), zero, zero, self.client))
+        return np.array(bullet.calculateInverseDynamics(self.model, list(q), zero, zero, physicsClientId=self.models))
 
     def inertia(self, q):
-        return np.diag(np.array(bullet.calculateMassMatrix(self.body, list(q), self.client))).copy()
+        return np.diag(np.array(bullet.calculateMassMatrix(self.model, list(q), physicsClientId=self.models))).copy()
 
     def step(self, tau):
         if not self.braked:
@@ -99,7 +104,7 @@ def check_urdf(path, states, report):
         flags = bullet.URDF_USE_SELF_COLLISION | bullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT
         flags |= bullet.URDF_USE_INERTIA_FROM_FILE
         body = bullet.loadURDF(path, flags=flags, physicsClientId=client)
-    engine = Engine(client, body)
+    engine = Engine(client, body, path)
     if not engine.names:
         report.add("-", "has joints", False)
         return

@@ -5,7 +5,10 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
-const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 130 interrupted.";
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 3 a check failed, 130 interrupted.";
+
+/// Name of an exported object unless told otherwise.
+const EXPORT_NAME: &str = "replica";
 
 /// Photos of an articulated object in two states to an interactable replica: part meshes, joints, splats, URDF.
 #[derive(Debug, Parser)]
@@ -32,6 +35,8 @@ impl Cli {
                 Command::Demo(a) => a.json,
                 Command::Bench(a) => a.json,
                 Command::Synth(a) => a.json,
+                Command::Export(a) => a.json,
+                Command::Check(a) => a.json,
             }
     }
 }
@@ -42,6 +47,10 @@ pub(crate) enum Command {
     Inspect(Inspect),
     /// Make a replica from a capture
     Reconstruct(Reconstruct),
+    /// Make a replica fit for simulators, and write it in their formats
+    Export(Export),
+    /// Open every export of a replica with another reader, and drive its joints in a physics engine
+    Check(Check),
     /// Score a replica against the truth, against held-out photographs, or both
     Evaluate(Evaluate),
     /// Photograph a procedural cabinet, reconstruct it and score the result
@@ -122,6 +131,131 @@ pub(crate) enum Preset {
     Paper,
     /// A baseline without Gaussians: clusters of what moved, registered; needs depth
     Registration,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Export {
+    /// Folder that `reconstruct` made; files go to its folder `exports`
+    pub(crate) out: PathBuf,
+    /// Formats, separated by commas; all of them if absent
+    #[arg(long, value_name = "LIST", value_enum, value_delimiter = ',')]
+    pub(crate) to: Vec<Format>,
+    /// Folder with the photos, for textures; where the run found them if absent
+    #[arg(long, value_name = "DIR")]
+    pub(crate) capture: Option<PathBuf>,
+    /// Name of the object in the files
+    #[arg(long, default_value = EXPORT_NAME)]
+    pub(crate) name: String,
+    /// Metres per unit of the capture
+    #[arg(long, value_name = "M", default_value_t = 1.0)]
+    pub(crate) scale: f64,
+    /// Upward axis of the capture
+    #[arg(long, value_enum, default_value_t = UpAxis::Z)]
+    pub(crate) up: UpAxis,
+    /// Kilograms per cubic metre; 650 if absent
+    #[arg(long, value_name = "KG")]
+    pub(crate) density: Option<f64>,
+    /// What parts collide with
+    #[arg(long, value_enum, default_value_t = CollisionKind::Hulls)]
+    pub(crate) collision: CollisionKind,
+    /// Joints go from one observed state to the other and no further
+    #[arg(long)]
+    pub(crate) observed_limits: bool,
+    /// Triangles per link, about, for drawing; 20000 if absent
+    #[arg(long, value_name = "N")]
+    pub(crate) triangles: Option<usize>,
+    /// Number of threads; all cores if absent
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<NonZeroUsize>,
+    /// Write JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Export {
+    /// Everything as it is by default.
+    pub(crate) fn of(out: PathBuf) -> Self {
+        Self {
+            out,
+            to: Vec::new(),
+            capture: None,
+            name: EXPORT_NAME.into(),
+            scale: 1.0,
+            up: UpAxis::Z,
+            density: None,
+            collision: CollisionKind::Hulls,
+            observed_limits: false,
+            triangles: None,
+            threads: None,
+            json: false,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Check {
+    /// Folder that `reconstruct` made and `export` filled
+    pub(crate) out: PathBuf,
+    /// Write JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    /// Robot description: ROS, PyBullet, SAPIEN, Isaac, Drake, Genesis
+    Urdf,
+    /// MuJoCo
+    Mjcf,
+    /// OpenUSD with physics, text and binary: Isaac Sim, Omniverse, Newton
+    Usd,
+    /// OpenUSD in one file: Quick Look
+    Usdz,
+    /// Binary glTF with a clip per joint: browsers, Blender
+    Glb,
+    /// Gazebo
+    Sdf,
+    /// Folder as of PartNet-Mobility: SAPIEN, ManiSkill
+    Partnet,
+    /// Gaussians per link: PLY and SPZ
+    Splats,
+}
+
+impl Format {
+    pub(crate) const ALL: [Self; 8] =
+        [Self::Urdf, Self::Mjcf, Self::Usd, Self::Usdz, Self::Glb, Self::Sdf, Self::Partnet, Self::Splats];
+
+    /// Folder below `exports`.
+    pub(crate) fn folder(self) -> &'static str {
+        match self {
+            Self::Urdf => "urdf",
+            Self::Mjcf => "mjcf",
+            Self::Usd => "usd",
+            Self::Usdz => "usdz",
+            Self::Glb => "glb",
+            Self::Sdf => "sdf",
+            Self::Partnet => "partnet",
+            Self::Splats => "splats",
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum UpAxis {
+    /// +Z
+    Z,
+    /// +Y
+    Y,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum CollisionKind {
+    /// Convex pieces, cut so that no part is in another's way
+    Hulls,
+    /// Convex pieces by CoACD, cut likewise; needs the Python package `coacd` and takes minutes
+    Coacd,
+    /// Nothing collides
+    None,
 }
 
 #[derive(Debug, Args)]

@@ -4,7 +4,7 @@ use crate::args::{Cli, Command, Evaluate, Method, Reconstruct};
 use crate::failure::Failure;
 use crate::library::{Config, Settings};
 use crate::output::{Report, note, say};
-use crate::{bench, demo, folder, library, progress, synth};
+use crate::{bench, demo, export, folder, library, progress, synth};
 use anyhow::Context;
 use artgs::observer::{JsonLines, Tee};
 use artgs_core::Capture;
@@ -30,6 +30,8 @@ pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Demo(args) => demo::run(args, style),
         Command::Bench(args) => bench::run(args, style),
         Command::Synth(args) => synth::run(args, style),
+        Command::Export(args) => export::run(args, style),
+        Command::Check(args) => check(&args.out, style),
     }
 }
 
@@ -39,13 +41,15 @@ fn reconstruct(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     folder::check(&args.out, args.earlier)?;
     let capture = library::load(&args.capture)?;
     folder::prepare(&args.out, args.earlier)?;
+    folder::note_capture(&args.out, &args.capture)?;
     let summary = observed(&capture, &args.out, &config, args.earlier.resume, style)?;
     if style.json {
         return say(json!({ "event": "result", "out": args.out, "summary": summary.json }));
     }
     if !style.quiet {
         summary.show(false)?;
-        say(format!("replica in {}", args.out.display()))?;
+        let shown = args.out.display();
+        say(format!("replica in {shown}; artgs export {shown} makes files for simulators and browsers of it"))?;
     }
     Ok(())
 }
@@ -73,6 +77,12 @@ fn evaluate(args: &Evaluate, style: Style) -> Result<(), Failure> {
         write_json(file, &scores)?;
     }
     scores.show(style.json)
+}
+
+fn check(out: &Path, style: Style) -> Result<(), Failure> {
+    let report = library::check(out)?;
+    report.shown.show(style.json)?;
+    if report.passed { Ok(()) } else { Err(Failure::ChecksFailed(format!("{} does not pass", out.display()))) }
 }
 
 /// Runs the method while showing its events and appending them to the folder's event file.

@@ -1,10 +1,10 @@
-//! `artgs demo`: capture, replica and scores of a procedural cabinet, in one folder.
+//! `artgs demo`: capture, replica, exports and scores of a procedural cabinet, in one folder.
 
-use crate::args::Demo;
+use crate::args::{Demo, Export};
 use crate::commands::{Style, observed, settings, use_threads, write_json};
 use crate::failure::Failure;
 use crate::output::say;
-use crate::{folder, library};
+use crate::{export, folder, library};
 use artgs_synth::cabinet::{CabinetOptions, GENERATOR, write_cabinet};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -29,15 +29,23 @@ pub(crate) fn run(args: &Demo, style: Style) -> Result<(), Failure> {
     let summary = observed(&loaded, &replica, &config, args.earlier.resume, style)?;
     let scores = library::evaluate(&replica, &capture.join("gt"))?;
     write_json(&args.out.join("scores.json"), &scores)?;
+    let mut exports = Export::of(replica.clone());
+    exports.capture = Some(capture.clone());
+    let exported = export::export(&exports, style)?;
+    let checked = library::check(&replica)?;
     if style.json {
-        return say(json!({ "event": "result", "out": replica, "summary": summary.json, "scores": scores.json }));
-    }
-    if !style.quiet {
+        say(json!({
+            "event": "result", "out": replica, "summary": summary.json, "scores": scores.json,
+            "exports": exported.json, "check": checked.shown.json,
+        }))?;
+    } else if !style.quiet {
         summary.show(false)?;
         scores.show(false)?;
+        exported.show(false)?;
+        checked.shown.show(false)?;
         say(format!("capture in {}, replica in {}", capture.display(), replica.display()))?;
     }
-    Ok(())
+    if checked.passed { Ok(()) } else { Err(Failure::ChecksFailed(format!("{} does not pass", replica.display()))) }
 }
 
 /// Refuses a folder with files of someone else: every demo makes one of two folders first.

@@ -9,6 +9,8 @@ pub(crate) enum Failure {
     BadInput(anyhow::Error),
     /// Everything else.
     Failed(anyhow::Error),
+    /// A check found something wrong, which was told already.
+    ChecksFailed(String),
     /// The user stopped it.
     Interrupted(anyhow::Error),
 }
@@ -19,11 +21,12 @@ impl Failure {
         Self::BadInput(anyhow::anyhow!("{reason}"))
     }
 
-    /// 2 for bad input, 130 for an interruption, else 1.
+    /// 2 for bad input, 3 for a failed check, 130 for an interruption, else 1.
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::BadInput(_) => 2,
             Self::Failed(_) => 1,
+            Self::ChecksFailed(_) => 3,
             Self::Interrupted(_) => 130,
         }
     }
@@ -37,7 +40,10 @@ impl From<anyhow::Error> for Failure {
 
 impl Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let (Self::BadInput(error) | Self::Failed(error) | Self::Interrupted(error)) = self;
+        let error = match self {
+            Self::ChecksFailed(what) => return f.write_str(what),
+            Self::BadInput(error) | Self::Failed(error) | Self::Interrupted(error) => error,
+        };
         // Most errors say in their own words what caused them; what they left out follows.
         let mut said = String::new();
         for cause in error.chain().map(ToString::to_string).filter(|cause| !cause.is_empty()) {

@@ -5,12 +5,14 @@ use crate::failure::Failure;
 use anyhow::Context;
 use std::fs;
 use std::io::ErrorKind;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Events of the runs in a folder; also what tells an output folder from any other.
 pub(crate) const EVENTS: &str = "events.jsonl";
 const REPLICA: &str = "replica.json";
 const STAGES: &str = "stages";
+/// Names the folder of the photos.
+const PHOTOS: &str = "stages/capture_folder.txt";
 
 /// Refuses `out` unless it is missing, empty, an output folder without results, or comes with `--resume` or `--force`.
 /// Touches nothing.
@@ -47,9 +49,23 @@ pub(crate) fn prepare(out: &Path, earlier: Earlier) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Leaves word in an output folder of where the photos are, for exports.
+pub(crate) fn note_capture(out: &Path, capture: &Path) -> Result<(), Failure> {
+    let place = fs::canonicalize(capture).with_context(|| format!("cannot find {}", capture.display()))?;
+    let text = format!("{}\n", place.display());
+    artgs_io::write_atomic(&out.join(PHOTOS), text.as_bytes()).map_err(anyhow::Error::from)?;
+    Ok(())
+}
+
+/// Where the photos of a run were.
+pub(crate) fn capture_of(out: &Path) -> Option<PathBuf> {
+    let text = fs::read_to_string(out.join(PHOTOS)).ok()?;
+    Some(PathBuf::from(text.trim_end_matches('\n')))
+}
+
 /// Removes what a run writes, by name; anything else in the folder stays.
 fn discard(out: &Path) -> Result<(), Failure> {
-    const FOLDERS: [&str; 3] = [STAGES, "meshes", "splats"];
+    const FOLDERS: [&str; 4] = [STAGES, "meshes", "splats", crate::export::EXPORTS];
     const FILES: [&str; 6] = [REPLICA, EVENTS, "replica.urdf", "metrics.json", "preview.png", "config.toml"];
     let folders = FOLDERS.iter().map(|name| fs::remove_dir_all(out.join(name)));
     let files = FILES.iter().map(|name| fs::remove_file(out.join(name)));

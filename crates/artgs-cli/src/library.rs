@@ -77,6 +77,19 @@ pub(crate) fn reconstruct(
     Report::new(&artgs::reconstruct(capture, out, config, resume, observer).map_err(failure)?)
 }
 
+/// What a check found.
+pub(crate) struct Checked {
+    pub(crate) shown: Report,
+    pub(crate) passed: bool,
+}
+
+/// Opens the exports of a replica and drives its joints.
+pub(crate) fn check(out: &Path) -> Result<Checked, Failure> {
+    let report = artgs_check::check(out, &artgs_check::CheckOptions::default());
+    let report = report.map_err(|e| Failure::BadInput(e.into()))?;
+    Ok(Checked { passed: report.passed(), shown: Report::new(&report)? })
+}
+
 /// Scores a replica against the truth.
 pub(crate) fn evaluate(out: &Path, gt: &Path) -> Result<Report, Failure> {
     score(out, Some(gt), None)

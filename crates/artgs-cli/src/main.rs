@@ -1,11 +1,13 @@
 //! `artgs`: photos of an articulated object in two states to an interactable replica.
 //!
-//! Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 130 interrupted.
+//! Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 3 a check failed, 130 interrupted.
 
 mod args;
 mod bench;
+mod coacd;
 mod commands;
 mod demo;
+mod export;
 mod failure;
 mod folder;
 mod library;

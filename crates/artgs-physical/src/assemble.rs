@@ -1,22 +1,14 @@
 //! From parts in the capture's frame to links in their own: units, upward axis, zero pose, names, hulls, masses, limits.
 
-use crate::clearance::{Clearance, Pieces, clear, deepest};
+use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest};
 use crate::config::{Collision, PhysicalConfig, Up};
-use crate::decompose::{DecomposeOptions, decompose};
+use crate::decompose::{DecomposeOptions, Decomposer, by_other_means, decompose};
+use crate::looks::PartSurface;
 use crate::mass::inertial;
 use crate::stance::{Range, closed_state, extend};
 use artgs_core::{Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, Replica, Rigid, TexturedMesh};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
-
-/// A part's surface at the start state, frame and unit of the capture.
-#[derive(Clone, Debug, Default)]
-pub struct PartSurface {
-    /// What is drawn.
-    pub visual: TexturedMesh,
-    /// True if it encloses its volume.
-    pub closed: bool,
-}
 
 /// What was decided about an asset, beyond what it holds itself.
 #[derive(Clone, Debug, Default)]
@@ -35,17 +27,22 @@ pub struct Decisions {
     pub to_link: Vec<Rigid>,
 }
 
-/// Poses per joint at which nothing may be in another's way.
-pub const POSES: usize = 20;
+/// Poses per joint at which nothing may be in another's way while the others are at zero. Twenty were too few: a lip of a few
+/// millimetres passes between them.
+pub const POSES: usize = 121;
+/// The same while the others are in an observed state.
+pub const POSES_WITH_OTHERS: usize = 31;
 
-/// Links of an asset from a valid replica and the surfaces of its parts. Splats are left to the caller, who knows where
+/// Links of an asset from a valid replica and the surfaces of its parts. Fails only where another program is asked for convex
+/// pieces and has none. Splats are left to the caller, who knows where
 /// they were fitted.
 pub fn assemble(
     name: &str,
     replica: &Replica,
     surfaces: &[PartSurface],
     config: &PhysicalConfig,
-) -> (Asset, Decisions) {
+    decomposer: Option<&Decomposer>,
+) -> Result<(Asset, Decisions), String> {
     let meshes: Vec<&Mesh> = surfaces.iter().map(|s| &s.visual.mesh).collect();
     let diagonal = config.scale * diagonal(&meshes);
     let closed: Vec<Option<usize>> = (0..replica.parts.len()).map(|part| told_closed(replica, &meshes, part)).collect();
@@ -64,14 +61,21 @@ pub fn assemble(
     let mut asset = Asset { name: spelt(name, "replica"), links };
     let to_link = frames.iter().map(|f| Rigid::shift(-f.origin) * f.from_start).collect();
     let mut decisions = Decisions { closed_state: closed, scale: config.scale, to_link, ..Decisions::default() };
-    collide(&mut asset, &mut decisions, diagonal, config);
-    (asset, decisions)
+    collide(&mut asset, &mut decisions, diagonal, config, decomposer)?;
+    Ok((asset, decisions))
 }
 
 /// Hulls without conflict over the observed range, limits, and hulls without conflict over those.
-fn collide(asset: &mut Asset, decisions: &mut Decisions, diagonal: f64, config: &PhysicalConfig) {
-    let thinnest = 0.5 * config.contact_share * diagonal;
+fn collide(
+    asset: &mut Asset,
+    decisions: &mut Decisions,
+    diagonal: f64,
+    config: &PhysicalConfig,
+    decomposer: Option<&Decomposer>,
+) -> Result<(), String> {
+    let thinnest = config.thinnest_share * diagonal;
     let tolerance = 0.5 * config.contact_share * diagonal;
+    let spacing = Spacing { gap: config.gap_share * diagonal, tolerance, thinnest };
     let options = DecomposeOptions {
         voxel: config.hull_voxel_share * diagonal,
         concavity: config.concavity,
@@ -80,9 +84,13 @@ fn collide(asset: &mut Asset, decisions: &mut Decisions, diagonal: f64, config: 
         skin: 0.5 * config.wall_share * diagonal,
         thinnest,
     };
-    let mut pieces: Pieces = asset.links.par_iter().map(|l| decompose(&l.visual.mesh, &options)).collect();
-    decisions.clearance = clear(&mut pieces, &stances(asset), tolerance, thinnest);
-    decisions.ranges = extend(asset, &pieces, diagonal, config);
+    let convex = |link: &AssetLink| match decomposer {
+        Some(other) => by_other_means(&link.visual.mesh, other, &options),
+        None => Ok(decompose(&link.visual.mesh, &options)),
+    };
+    let mut pieces: Pieces = asset.links.par_iter().map(convex).collect::<Result<_, _>>()?;
+    decisions.clearance = clear(&mut pieces, &stances(asset), &spacing);
+    decisions.ranges = extend(asset, &pieces, &decisions.closed_state, diagonal, config);
     for (link, range) in asset.links.iter_mut().zip(&decisions.ranges) {
         if let (Some(joint), Some(range)) = (&mut link.joint, range) {
             joint.limits = range.limits;
@@ -90,26 +98,29 @@ fn collide(asset: &mut Asset, decisions: &mut Decisions, diagonal: f64, config: 
     }
     // Joints that move at once are left to the engine: what touches there is in the way indeed.
     let wide = stances(asset);
-    clear(&mut pieces, &wide, tolerance, thinnest);
-    decisions.penetration = wide.iter().map(|s| deepest(&pieces, s, |_, _| true).0).fold(0.0, f64::max);
+    clear(&mut pieces, &wide, &spacing);
+    decisions.penetration = wide.iter().map(|s| deepest(&pieces, s, 0.0, |_, _| true).0).fold(0.0, f64::max);
     if config.collision == Collision::Hulls {
         for (link, hulls) in asset.links.iter_mut().zip(&pieces) {
             link.collision = hulls.iter().map(crate::hull::Hull::mesh).collect();
         }
     }
+    Ok(())
 }
 
-/// Link poses in which nothing may penetrate: both observed states, and every joint at [`POSES`] values across its limits
+/// Link poses in which nothing may penetrate: both observed states, and every joint at many values across its limits
 /// while the others are at zero or in either observed state.
 pub fn stances(asset: &Asset) -> Vec<Vec<Rigid>> {
     let zero = vec![0.0; asset.links.len()];
     let mut out = vec![asset.poses(&asset.observed(0)), asset.poses(&asset.observed(1)), asset.poses(&zero)];
     for (i, _, joint) in asset.movable() {
-        for others in [&zero, &asset.observed(0), &asset.observed(1)] {
-            for step in 0..POSES {
+        for (others, poses) in
+            [(&zero, POSES), (&asset.observed(0), POSES_WITH_OTHERS), (&asset.observed(1), POSES_WITH_OTHERS)]
+        {
+            for step in 0..poses {
                 let mut values = others.clone();
                 let [lower, upper] = joint.limits;
-                values[i] = lower + (upper - lower) * step as f64 / (POSES - 1) as f64;
+                values[i] = lower + (upper - lower) * step as f64 / (poses - 1) as f64;
                 out.push(asset.poses(&values));
             }
         }
@@ -145,7 +156,8 @@ fn frames(replica: &Replica, closed: &[Option<usize>], config: &PhysicalConfig) 
         let sign = if away < 0.0 { -1.0 } else { 1.0 };
         let from_start = carried * joint.motion(zero - joint.state_values[0]);
         let ordered = |[a, b]: [f64; 2]| [a.min(b), a.max(b)];
-        let observed = joint.state_values.map(|v| sign * (v - zero));
+        // Adding zero turns -0 into 0.
+        let observed = joint.state_values.map(|v| sign * (v - zero) + 0.0);
         let given = ordered(joint.limits.map(|v| sign * (v - zero)));
         let seen = ordered(observed);
         /// Joints narrower than this (radians or metres) are widened: engines refuse `lower = upper`.
@@ -202,13 +214,20 @@ fn dynamics(joint: AssetJoint, mass: f64, diagonal: f64, config: &PhysicalConfig
 }
 
 fn told_closed(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<usize> {
-    /// Shares of the diagonal: less than this difference tells nothing.
+    /// A difference below this share of the diagonal tells nothing...
     const TELLING: f64 = 0.01;
+    /// ...unless it is this share of the way that the part goes.
+    const TELLING_OF_WAY: f64 = 0.15;
     let parent = replica.parts[part].parent?;
     // Against its carrier, in the carrier's frame.
     let joint = replica.joint(part)?;
     let end = meshes[part].moved(&joint.start_to_end());
-    closed_state([meshes[part], &end], [meshes[parent], meshes[parent]], TELLING * diagonal(meshes))
+    let ways = meshes[part].vertices.iter().zip(&end.vertices);
+    let way =
+        ways.map(|(a, b)| f64::from(glam::Vec3::from_array(*a).distance(glam::Vec3::from_array(*b)))).sum::<f64>()
+            / end.vertices.len().max(1) as f64;
+    let telling = (TELLING * diagonal(meshes)).min(TELLING_OF_WAY * way);
+    closed_state([meshes[part], &end], [meshes[parent], meshes[parent]], telling)
 }
 
 /// Diagonal of the box around all meshes.
@@ -260,3 +279,7 @@ pub fn spelt(text: &str, otherwise: &str) -> String {
         Some(_) => format!("{otherwise}_{out}"),
     }
 }
+
+#[cfg(test)]
+#[path = "assemble_tests.rs"]
+mod tests;

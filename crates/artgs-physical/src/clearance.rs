@@ -26,9 +26,22 @@ pub struct Clearance {
 /// Pieces of every link, link frames.
 pub type Pieces = Vec<Vec<Hull>>;
 
-/// Cuts `pieces` until in every one of `stances` (link poses in the object's frame, one per link) no two links penetrate
-/// by more than `tolerance`. What is thinner than `thinnest` after a cut goes.
-pub fn clear(pieces: &mut Pieces, stances: &[Vec<Rigid>], tolerance: f64, thinnest: f64) -> Clearance {
+/// Distances that [`clear`] keeps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spacing {
+    /// Distance that different links keep: engines put margins around hulls.
+    pub gap: f64,
+    /// Shortfall that counts as none.
+    pub tolerance: f64,
+    /// What is thinner than this after a cut goes.
+    pub thinnest: f64,
+}
+
+/// Cuts `pieces` until in every one of `stances` (link poses in the object's frame, one per link) no two links are closer
+/// than the gap.
+pub fn clear(pieces: &mut Pieces, stances: &[Vec<Rigid>], spacing: &Spacing) -> Clearance {
+    /// One cut parts two pieces; where rounding denies that, one of them goes.
+    const MOST_TRIES: usize = 8;
     let volume = |pieces: &Pieces| pieces.iter().flatten().map(Hull::volume).sum::<f64>();
     let count = |pieces: &Pieces| pieces.iter().map(Vec::len).sum::<usize>();
     let (mut out, before) = (Clearance::default(), count(pieces));
@@ -40,16 +53,22 @@ pub fn clear(pieces: &mut Pieces, stances: &[Vec<Rigid>], tolerance: f64, thinne
                 let to_a = stance[a].inverse() * stance[b];
                 let mut i = 0;
                 while i < pieces[a].len() {
-                    let mut j = 0;
+                    let (mut j, mut tries) = (0, 0);
                     while i < pieces[a].len() && j < pieces[b].len() {
-                        let depth = overlap(&pieces[a][i], &poses[a], &pieces[b][j], &poses[b]);
-                        if depth <= tolerance {
-                            j += 1;
+                        let short = shortfall(&pieces[a][i], &poses[a], &pieces[b][j], &poses[b], spacing.gap);
+                        if short <= spacing.tolerance {
+                            (j, tries) = (j + 1, 0);
                             continue;
                         }
-                        out.deepest = out.deepest.max(depth);
+                        tries += 1;
+                        out.deepest = out.deepest.max(short - spacing.gap);
                         out.cuts += 1;
-                        match part(&pieces[a][i], &pieces[b][j], &to_a, thinnest) {
+                        let cut = if tries > MOST_TRIES {
+                            Cut::Second(None)
+                        } else {
+                            part(&pieces[a][i], &pieces[b][j], &to_a, spacing)
+                        };
+                        match cut {
                             Cut::First(rest) => replace(&mut pieces[a], i, rest),
                             Cut::Second(rest) => replace(&mut pieces[b], j, rest),
                         }
@@ -68,15 +87,16 @@ pub fn clear(pieces: &mut Pieces, stances: &[Vec<Rigid>], tolerance: f64, thinne
     out
 }
 
-/// Deepest penetration between any two links in one stance, with the links.
-pub fn deepest(pieces: &Pieces, stance: &[Rigid], of: impl Fn(usize, usize) -> bool) -> (f64, [usize; 2]) {
+/// Greatest shortfall from a gap between any two links in one stance, with the links; with a gap of 0, the deepest
+/// penetration.
+pub fn deepest(pieces: &Pieces, stance: &[Rigid], gap: f64, of: impl Fn(usize, usize) -> bool) -> (f64, [usize; 2]) {
     let poses: Vec<Pose3> = stance.iter().map(pose).collect();
     let mut worst = (0.0, [0, 0]);
     for a in 0..pieces.len() {
         for b in (a + 1..pieces.len()).filter(|b| of(a, *b)) {
             for x in &pieces[a] {
                 for y in &pieces[b] {
-                    let depth = overlap(x, &poses[a], y, &poses[b]);
+                    let depth = shortfall(x, &poses[a], y, &poses[b], gap);
                     if depth > worst.0 {
                         worst = (depth, [a, b]);
                     }
@@ -96,11 +116,12 @@ fn replace(pieces: &mut Vec<Hull>, at: usize, rest: Option<Hull>) {
     }
 }
 
-fn overlap(a: &Hull, pose_a: &Pose3, b: &Hull, pose_b: &Pose3) -> f64 {
-    if !a.shape().compute_aabb(pose_a).intersects(&b.shape().compute_aabb(pose_b)) {
+fn shortfall(a: &Hull, pose_a: &Pose3, b: &Hull, pose_b: &Pose3, gap: f64) -> f64 {
+    let around = a.shape().compute_aabb(pose_a).loosened(gap as f32);
+    if !around.intersects(&b.shape().compute_aabb(pose_b)) {
         return 0.0;
     }
-    a.penetration(pose_a, b, pose_b)
+    a.shortfall(pose_a, b, pose_b, gap)
 }
 
 enum Cut {
@@ -109,15 +130,16 @@ enum Cut {
 }
 
 /// The cut that separates two pieces at the least cost in volume.
-fn part(a: &Hull, b: &Hull, b_to_a: &Rigid, thinnest: f64) -> Cut {
+fn part(a: &Hull, b: &Hull, b_to_a: &Rigid, spacing: &Spacing) -> Cut {
     /// Faces with the least depth are tried out.
     const TRIED: usize = 6;
     let a_to_b = b_to_a.inverse();
-    // Outside of a face of the one there must be nothing of itself, so what is left of the other beyond it is free.
+    let Spacing { gap, thinnest, .. } = *spacing;
+    // Outside of a face of the one there is nothing of itself, so what is left of the other a gap beyond it is free.
     let faces = |own: &Hull, other: &Hull, to_other: &Rigid| {
         let planes = own.planes().into_iter().map(|plane| {
             let plane = plane.moved(to_other);
-            (other.depth(&plane), crate::hull::Plane { normal: -plane.normal, offset: -plane.offset })
+            (other.depth(&plane), crate::hull::Plane { normal: -plane.normal, offset: -plane.offset - gap })
         });
         let mut planes: Vec<_> = planes.collect();
         planes.sort_by(|x, y| x.0.total_cmp(&y.0));
@@ -141,6 +163,8 @@ mod tests {
     use super::*;
     use glam::DVec3;
 
+    const SPACING: Spacing = Spacing { gap: 2e-3, tolerance: 1e-4, thinnest: 1e-3 };
+
     fn cuboid(low: DVec3, high: DVec3) -> Hull {
         let corners: Vec<DVec3> = (0..8)
             .map(|i: usize| DVec3::from_array([0, 1, 2].map(|a| if i >> a & 1 == 0 { low[a] } else { high[a] })))
@@ -155,10 +179,10 @@ mod tests {
         let mut pieces = vec![vec![wall(-0.1), wall(1.0)], vec![drawer]];
         let stances: Vec<Vec<Rigid>> =
             (0..20).map(|i| vec![Rigid::IDENTITY, Rigid::shift(DVec3::NEG_Y * (i as f64 * 0.05))]).collect();
-        let done = clear(&mut pieces, &stances, 1e-4, 1e-3);
+        let done = clear(&mut pieces, &stances, &SPACING);
         assert!((done.deepest - 0.01).abs() < 1e-4 && done.lost == 0, "{done:?}");
         for stance in &stances {
-            assert!(deepest(&pieces, stance, |_, _| true).0 <= 1e-4);
+            assert!(deepest(&pieces, stance, SPACING.gap, |_, _| true).0 <= 1e-4);
         }
         // Only the slivers of a hundredth on both sides went, of one or the other.
         assert!(done.volume[0] - done.volume[1] < 0.03, "{done:?}");
@@ -171,9 +195,9 @@ mod tests {
         let mut pieces = vec![vec![frame], vec![door]];
         let turned = |i: usize| Rigid::about(DVec3::Z, DVec3::ZERO, 0.1 * i as f64);
         let stances: Vec<Vec<Rigid>> = (0..20).map(|i| vec![Rigid::IDENTITY, turned(i)]).collect();
-        let done = clear(&mut pieces, &stances, 1e-4, 1e-3);
+        let done = clear(&mut pieces, &stances, &SPACING);
         assert!(done.cuts > 0);
-        assert!(stances.iter().all(|s| deepest(&pieces, s, |_, _| true).0 <= 1e-4));
+        assert!(stances.iter().all(|s| deepest(&pieces, s, SPACING.gap, |_, _| true).0 <= 1e-4));
         assert!(done.volume[1] > 0.9 * done.volume[0], "{done:?}");
     }
 
@@ -181,7 +205,7 @@ mod tests {
     fn a_piece_that_fills_another_goes() {
         let plug = cuboid(DVec3::splat(0.2), DVec3::splat(0.21));
         let mut pieces = vec![vec![cuboid(DVec3::ZERO, DVec3::ONE)], vec![plug]];
-        let done = clear(&mut pieces, &[vec![Rigid::IDENTITY; 2]], 1e-4, 1e-3);
+        let done = clear(&mut pieces, &[vec![Rigid::IDENTITY; 2]], &SPACING);
         assert_eq!((done.lost, pieces[1].len()), (1, 0));
     }
 }

@@ -40,8 +40,12 @@ pub struct PhysicalConfig {
     pub concavity: f64,
     /// Most convex pieces of a link.
     pub most_hulls: u32,
-    /// Penetration between convex pieces that counts as none.
+    /// Distance that convex pieces of different links keep from each other: engines put margins around them.
+    pub gap_share: f64,
+    /// What may be missing of that distance.
     pub contact_share: f64,
+    /// Convex pieces thinner than this go: engines see contacts at slivers where there are none.
+    pub thinnest_share: f64,
     /// Lowest mass of a link, kg.
     pub least_mass: f64,
     /// Extend limits beyond the observed values until something is touched or support is lost.
@@ -89,7 +93,9 @@ impl Default for PhysicalConfig {
             hull_voxel_share: 1.0 / 110.0,
             concavity: 0.004,
             most_hulls: 40,
+            gap_share: 2e-3,
             contact_share: 2e-4,
+            thinnest_share: 1e-3,
             least_mass: 0.01,
             extend_limits: true,
             most_turn: std::f64::consts::FRAC_PI_4,

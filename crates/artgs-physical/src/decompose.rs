@@ -24,6 +24,20 @@ pub struct DecomposeOptions {
     pub thinnest: f64,
 }
 
+/// Another program's decomposition of a mesh: the corners of each piece, or why there is none. For those who know better tools.
+pub type Decomposer<'a> = dyn Fn(&Mesh) -> Result<Vec<Vec<DVec3>>, String> + Sync + 'a;
+
+/// Pieces made by another program, those without volume left out, largest first.
+pub fn by_other_means(mesh: &Mesh, other: &Decomposer, options: &DecomposeOptions) -> Result<Vec<Hull>, String> {
+    if mesh.is_empty() {
+        return Ok(Vec::new());
+    }
+    let pieces = other(mesh)?;
+    let mut hulls: Vec<Hull> = pieces.iter().filter_map(|corners| Hull::of(corners, options.thinnest)).collect();
+    hulls.sort_by(|a, b| b.volume().total_cmp(&a.volume()));
+    Ok(hulls)
+}
+
 /// Convex pieces that together cover a surface, largest first.
 pub fn decompose(mesh: &Mesh, options: &DecomposeOptions) -> Vec<Hull> {
     let mesh = &with_inside(mesh, options.skin);

@@ -37,12 +37,13 @@ pub struct Hull {
 }
 
 impl Hull {
-    /// Convex hull of points; none if they do not span space, or only by less than `thinnest`.
+    /// Convex hull of points; none if they do not span space, or only by less than `thinnest`. Corners are at least half of
+    /// that apart: engines see contacts where there are none at the needles between closer ones.
     pub fn of(points: &[DVec3], thinnest: f64) -> Option<Self> {
         if points.len() < 4 || points.iter().any(|p| !p.is_finite()) {
             return None;
         }
-        let single: Vec<Vec3> = points.iter().map(|p| to_parry(*p)).collect();
+        let single: Vec<Vec3> = apart(points, 0.5 * thinnest).into_iter().map(to_parry).collect();
         let (vertices, triangles) = try_convex_hull(&single).ok()?;
         let shape = ConvexPolyhedron::from_convex_mesh(vertices.clone(), &triangles)?;
         let hull = Self { points: vertices.iter().map(|v| from_parry(*v)).collect(), triangles, shape };
@@ -131,13 +132,25 @@ impl Hull {
         Self::of(&kept, thinnest)
     }
 
-    /// How deep another hull, posed relative to the world like this one, reaches into this one; 0 if apart.
-    pub fn penetration(&self, pose: &Pose3, other: &Self, other_pose: &Pose3) -> f64 {
-        match parry3d::query::contact(pose, &self.shape, other_pose, &other.shape, 0.0) {
-            Ok(Some(contact)) => f64::from(-contact.dist).max(0.0),
+    /// How far another hull is short of `gap` metres from this one, both posed in one frame; more than `gap` where they
+    /// penetrate, 0 where they are far enough apart.
+    pub fn shortfall(&self, pose: &Pose3, other: &Self, other_pose: &Pose3, gap: f64) -> f64 {
+        match parry3d::query::contact(pose, &self.shape, other_pose, &other.shape, gap as f32) {
+            Ok(Some(contact)) => (gap - f64::from(contact.dist)).max(0.0),
             _ => 0.0,
         }
     }
+}
+
+/// Those points that are at least `least` from all kept before them.
+fn apart(points: &[DVec3], least: f64) -> Vec<DVec3> {
+    let mut kept: Vec<DVec3> = Vec::with_capacity(points.len());
+    for p in points {
+        if kept.iter().all(|k| k.distance_squared(*p) >= least * least) {
+            kept.push(*p);
+        }
+    }
+    kept
 }
 
 /// A point as the collision library spells it; its version of the vector crate is another.
@@ -189,11 +202,12 @@ mod tests {
     }
 
     #[test]
-    fn penetration_is_a_depth() {
+    fn a_shortfall_counts_from_the_gap() {
         let (a, b) = (cube(), cube());
         let at = |x: f64| pose(&Rigid::shift(DVec3::new(x, 0.1, 0.2)));
-        assert!((a.penetration(&at(0.0), &b, &at(0.9)) - 0.1).abs() < 1e-5);
-        assert_eq!(a.penetration(&at(0.0), &b, &at(1.1)), 0.0);
+        assert!((a.shortfall(&at(0.0), &b, &at(0.9), 0.0) - 0.1).abs() < 1e-5);
+        assert!((a.shortfall(&at(0.0), &b, &at(1.1), 0.3) - 0.2).abs() < 1e-5);
+        assert_eq!(a.shortfall(&at(0.0), &b, &at(1.1), 0.05), 0.0);
     }
 
     #[test]

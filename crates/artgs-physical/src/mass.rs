@@ -13,6 +13,26 @@ struct Moments {
 
 impl Moments {
     const ZERO: Self = Self { mass: 0.0, first: DVec3::ZERO, second: DMat3::ZERO };
+
+    /// Second moments about the centre, per mass.
+    fn covariance(&self) -> DMat3 {
+        let center = self.first / self.mass;
+        self.second * (1.0 / self.mass) - outer(center, center)
+    }
+
+    /// True if a body inside the mesh can have these moments. Surfaces that cross themselves enclose some of their volume
+    /// inside out, and with little volume left nothing about it holds.
+    fn is_plausible(&self, mesh: &Mesh) -> bool {
+        let points = || mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)));
+        let (low, high) = (points().fold(DVec3::INFINITY, DVec3::min), points().fold(DVec3::NEG_INFINITY, DVec3::max));
+        let (center, c) = (self.first / self.mass, self.covariance());
+        let spread = DVec3::new(c.x_axis.x, c.y_axis.y, c.z_axis.z);
+        let minor = spread.x * spread.y - c.x_axis.y * c.y_axis.x;
+        let definite = spread.x > 0.0 && minor > 0.0 && c.determinant() > 0.0;
+        // No body spreads wider than half of it at either end.
+        let fits = spread.cmple(0.25 * (high - low) * (high - low)).all();
+        definite && fits && center.cmpge(low).all() && center.cmple(high).all()
+    }
 }
 
 /// What a link weighs: a closed surface as if filled, but never more than a shell of thickness `wall` would; an open one as
@@ -22,7 +42,7 @@ pub fn inertial(mesh: &Mesh, closed: bool, wall: f64, density: f64, least: f64) 
     let mut moments = scaled(&shell, wall);
     if closed {
         let solid = solid(mesh);
-        if solid.mass > 0.0 && solid.mass < moments.mass {
+        if solid.mass > 0.0 && solid.mass < moments.mass && solid.is_plausible(mesh) {
             moments = solid;
         }
     }
@@ -117,6 +137,17 @@ mod tests {
         assert!((found.inertia[0] / found.mass - 5.0 / 18.0).abs() < 1e-4, "{:?}", found.inertia);
         let open = inertial(&mesh, false, 0.01, 600.0, 0.01);
         assert!((open.mass - 36.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_surface_that_encloses_itself_inside_out_weighs_as_a_shell() {
+        let mut mesh = cuboid(DVec3::ZERO, DVec3::ONE);
+        let mut inverted = cuboid(DVec3::new(3.0, 0.0, 0.0), DVec3::new(3.99, 1.0, 1.0));
+        inverted.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        mesh.append(&inverted);
+        let found = inertial(&mesh, true, 1.0, 100.0, 0.01);
+        assert!(found.mass > 1000.0 && found.inertia[..3].iter().all(|i| *i > 0.0), "{found:?}");
+        assert!((0.0..4.0).contains(&found.center.x));
     }
 
     #[test]

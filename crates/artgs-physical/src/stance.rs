@@ -55,8 +55,15 @@ pub struct Range {
 
 /// Extends the limits of every joint from the observed values until another link is touched, in either observed state
 /// of the others, or a slide loses its support. Entry `i` belongs to link `i`; the base has none. `pieces` must not touch
-/// each other over the observed range; lengths in metres.
-pub fn extend(asset: &Asset, pieces: &Pieces, diagonal: f64, config: &PhysicalConfig) -> Vec<Option<Range>> {
+/// each other over the observed range; lengths in metres. `closed[i]` is the state in which link `i` is closed, if known;
+/// its joint is at 0 there.
+pub fn extend(
+    asset: &Asset,
+    pieces: &Pieces,
+    closed: &[Option<usize>],
+    diagonal: f64,
+    config: &PhysicalConfig,
+) -> Vec<Option<Range>> {
     let range = |link: usize| {
         let joint = asset.links[link].joint?;
         let observed = [joint.observed[0].min(joint.observed[1]), joint.observed[0].max(joint.observed[1])];
@@ -72,7 +79,13 @@ pub fn extend(asset: &Asset, pieces: &Pieces, diagonal: f64, config: &PhysicalCo
         };
         let mut out = Range { limits: observed, stops: [Stop::Observed, Stop::Observed] };
         for (end, sign) in [(0, -1.0), (1, 1.0)] {
-            let (way, stop) = free_way(asset, pieces, link, observed[end], sign * most.max(0.0), diagonal, config);
+            // Beyond the closed state the least contact counts. Away from it pieces only rub along each other, by what the
+            // decomposition adds to them, until something is truly in the way.
+            let opens = closed[link].is_some() && observed[end] != 0.0;
+            let gap = config.gap_share * diagonal;
+            let contact = if opens { gap + config.hull_voxel_share * diagonal } else { 0.5 * gap };
+            let way = sign * most.max(0.0);
+            let (way, stop) = free_way(asset, pieces, link, [observed[end], way], [gap, contact], config);
             out.limits[end] = observed[end] + sign * way;
             out.stops[end] = stop;
         }
@@ -81,18 +94,17 @@ pub fn extend(asset: &Asset, pieces: &Pieces, diagonal: f64, config: &PhysicalCo
     (0..asset.links.len()).map(range).collect()
 }
 
-/// How far a joint can go on from `from` towards `from + most`, and what stops it.
+/// How far a joint can go on from `from` towards `from + most`, and what stops it: another link that is short of the gap by
+/// more than `contact`.
 fn free_way(
     asset: &Asset,
     pieces: &Pieces,
     link: usize,
-    from: f64,
-    most: f64,
-    diagonal: f64,
+    [from, most]: [f64; 2],
+    [gap, contact]: [f64; 2],
     config: &PhysicalConfig,
 ) -> (f64, Stop) {
     const STEPS: usize = 45;
-    let tolerance = 2.0 * config.contact_share * diagonal;
     let carried = carried(asset, link);
     let Some(joint) = asset.links[link].joint else { return (0.0, Stop::Observed) };
     let mut free = 0.0;
@@ -101,8 +113,8 @@ fn free_way(
         for state in 0..2 {
             let mut values = asset.observed(state);
             values[link] = from + way;
-            let (depth, [a, b]) = deepest(pieces, &asset.poses(&values), |a, b| carried[a] != carried[b]);
-            if depth > tolerance {
+            let (depth, [a, b]) = deepest(pieces, &asset.poses(&values), gap, |a, b| carried[a] != carried[b]);
+            if depth > contact {
                 let other = if carried[a] { b } else { a };
                 return (free * (1.0 - config.margin), Stop::Contact(asset.links[other].name.clone()));
             }
@@ -192,7 +204,7 @@ mod tests {
     #[test]
     fn drawers_stop_before_the_back_and_before_they_fall_out() {
         let (asset, pieces) = cabinet();
-        let ranges = extend(&asset, &pieces, 1.7, &PhysicalConfig::default());
+        let ranges = extend(&asset, &pieces, &[None, Some(0), Some(0)], 1.7, &PhysicalConfig::default());
         assert_eq!(ranges[0], None);
         let drawer = ranges[1].clone().unwrap();
         // 15 cm behind it, of which a tenth is left.
@@ -205,7 +217,10 @@ mod tests {
         assert_eq!(door.stops[0], Stop::Contact("base".into()));
         assert!(door.limits[0] > -0.1 && door.limits[1] > 1.2, "{door:?}");
         let fixed = PhysicalConfig { extend_limits: false, ..PhysicalConfig::default() };
-        assert_eq!(extend(&asset, &pieces, 1.7, &fixed)[1].clone().unwrap().limits, [0.0, 0.5]);
+        assert_eq!(
+            extend(&asset, &pieces, &[None, Some(0), Some(0)], 1.7, &fixed)[1].clone().unwrap().limits,
+            [0.0, 0.5]
+        );
     }
 
     #[test]

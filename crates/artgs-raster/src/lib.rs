@@ -3,6 +3,7 @@
 mod bin;
 mod blend;
 mod gather;
+mod moved;
 mod project;
 mod rasterizer;
 pub mod reference;
@@ -11,5 +12,6 @@ pub mod simd;
 mod sort;
 pub mod types;
 
+pub use moved::moved;
 pub use rasterizer::{PassSeconds, Rasterizer};
 pub use types::{Colors, Frame, FrameGrad, RenderOptions, ShFrames, SplatGrads, SplatView};

@@ -20,12 +20,10 @@ fn short(parts: usize) -> Config {
     config
 }
 
-const FILES: [&str; 8] = [
+const FILES: [&str; 6] = [
     "replica.json",
-    "replica.urdf",
     "meshes/start/part_1.ply",
     "meshes/end/whole.ply",
-    "meshes/part_2.obj",
     "splats/canonical.ply",
     "stages/articulated.ply",
     "preview.png",

@@ -425,12 +425,10 @@ pub fn propose(sides: [&Side<'_>; 2], scales: &Scales, rounds: usize, pool: usiz
     // Winners of each round first: variants of a large part's motion must not crowd out a small part's.
     let judge = |m: Rigid| weigh(&sides, &all_open, &all_landing, m, scales);
     let rest: Vec<Proposal> = others.into_iter().map(judge).filter(|p| p.gain > 0.3 * least_gain).collect();
-    let ranked = |key: &dyn Fn(&Proposal) -> f64| {
-        let mut order: Vec<usize> = (0..rest.len()).collect();
-        order.sort_by(|&a, &b| key(&rest[b]).total_cmp(&key(&rest[a])));
-        order
-    };
-    let (by_gain, by_modesty) = (ranked(&|p| p.gain), ranked(&|p| p.gain * f64::from(modesty(p.effort))));
+    let (by_gain, by_modesty) = rayon::join(
+        || diverse_order(&rest, sides, 2 * pool, |p| f64::from(1.0 - p.effort)),
+        || diverse_order(&rest, sides, 2 * pool, |p| f64::from((1.0 - p.effort) * modesty(p.effort))),
+    );
     let winners: Vec<Proposal> = motions.into_iter().map(judge).collect();
     let mut taken = vec![false; rest.len()];
     let alternating = by_gain.iter().zip(&by_modesty).flat_map(|(a, b)| [*a, *b]);
@@ -454,6 +452,42 @@ pub fn propose(sides: [&Side<'_>; 2], scales: &Scales, rounds: usize, pool: usiz
         }
     }
     kept
+}
+
+/// Order in which proposals are worth keeping, at most `count` of them: each time the one that explains most, times its
+/// `factor`, where a point counts half as much each time that one taken before explains it. Without that, a hundred
+/// variants of one good motion would crowd out the only one of another part.
+fn diverse_order(
+    proposals: &[Proposal],
+    sides: [&Side<'_>; 2],
+    count: usize,
+    factor: impl Fn(&Proposal) -> f64,
+) -> Vec<usize> {
+    let mut weights = sides.map(|side| vec![1.0f64; side.points.cloud.len()]);
+    let value = |p: &Proposal, weights: &[Vec<f64>; 2]| {
+        let explained = p.explained.iter().zip(weights);
+        factor(p) * explained.map(|(points, w)| points.iter().map(|&i| w[i]).sum::<f64>()).sum::<f64>()
+    };
+    // Values only fall, so one that still leads after a fresh look leads for good.
+    let mut waiting: Vec<(f64, usize)> = proposals.iter().map(|p| value(p, &weights)).zip(0..).collect();
+    let ascending = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1));
+    waiting.sort_by(ascending);
+    let mut order = Vec::new();
+    while order.len() < count
+        && let Some((_, best)) = waiting.pop()
+    {
+        let fresh = (value(&proposals[best], &weights), best);
+        if waiting.last().is_some_and(|next| ascending(&fresh, next).is_lt()) {
+            let place = waiting.partition_point(|w| ascending(w, &fresh).is_lt());
+            waiting.insert(place, fresh);
+            continue;
+        }
+        order.push(best);
+        for (points, w) in proposals[best].explained.iter().zip(&mut weights) {
+            points.iter().for_each(|&i| w[i] *= 0.5);
+        }
+    }
+    order
 }
 
 /// True if a motion takes the points explained by a proposal to the same places as the proposal does.

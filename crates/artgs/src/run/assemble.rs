@@ -1,11 +1,11 @@
-//! The files a user opens: replica, meshes, URDF, splats, scores of pictures.
+//! The files a user opens: replica, meshes, splats, scores of pictures.
 
 use super::{Built, Error, ViewMeans};
 use crate::articulate::{Trained, score_state};
 use crate::fit::score::mean_score;
 use crate::surface::PartMeshes;
 use artgs_core::{Capture, Joint, Mesh, Replica, Rigid, View};
-use artgs_io::{UrdfOptions, export_urdf, write_mesh_ply, write_replica, write_splat_ply};
+use artgs_io::{write_mesh_ply, write_replica, write_splat_ply};
 use glam::DVec3;
 use std::path::Path;
 
@@ -29,7 +29,7 @@ fn centre(mesh: &Mesh) -> DVec3 {
     sum / mesh.vertices.len().max(1) as f64
 }
 
-/// Meshes, `replica.json` and `replica.urdf` with a mesh per link.
+/// Meshes and `replica.json`.
 pub(super) fn write_replica_files(root: &Path, built: &Built, meshes: &PartMeshes) -> Result<(), Error> {
     let replica = Replica::new(&joints(built, meshes));
     for (part, pair) in replica.parts.iter().zip(&meshes.parts) {
@@ -40,8 +40,6 @@ pub(super) fn write_replica_files(root: &Path, built: &Built, meshes: &PartMeshe
     for state in 0..2 {
         write_mesh_ply(&root.join(replica.whole.get(state)), &meshes.whole[state])?;
     }
-    let start: Vec<Mesh> = meshes.parts.iter().map(|p| p[0].clone()).collect();
-    export_urdf(root, &replica, &start, &UrdfOptions::default())?;
     write_replica(root, &replica)?;
     Ok(())
 }

@@ -21,6 +21,7 @@ use artgs_core::{Capture, STATE_NAMES};
 use artgs_io::FileError;
 use serde::Serialize;
 use stages::Run;
+pub use stages::made_from;
 use std::fmt;
 use std::path::Path;
 

@@ -26,6 +26,9 @@ pub(super) type Depths<'a> = [Vec<Cow<'a, DepthMap>>; 2];
 /// Where Gaussians of each state should be, for the Chamfer term.
 type ChamferPoints = [Vec<[f32; 3]>; 2];
 
+/// File that holds the fingerprint of the capture.
+const MARK: &str = "stages/capture.txt";
+
 /// A run under way.
 pub(super) struct Run<'a> {
     capture: &'a Capture,
@@ -53,7 +56,7 @@ impl<'a> Run<'a> {
                 return Err(Error::OtherSettings(out.display().to_string()));
             }
         }
-        let (mark, own) = (out.join("stages/capture.txt"), fingerprint(capture));
+        let (mark, own) = (out.join(MARK), fingerprint(capture));
         if resume && std::fs::read_to_string(&mark).is_ok_and(|earlier| earlier != own) {
             return Err(Error::OtherCapture(out.display().to_string()));
         }
@@ -314,6 +317,12 @@ impl<'a> Run<'a> {
         self.folder.write_json(&self.folder.root.join("metrics.json"), &self.summary)?;
         Ok(self.summary)
     }
+}
+
+/// True if a run's folder says that it was made from this capture, none if it says nothing.
+pub fn made_from(out: &Path, capture: &Capture) -> Option<bool> {
+    let mark = std::fs::read_to_string(out.join(MARK)).ok()?;
+    Some(mark == fingerprint(capture))
 }
 
 /// Tells captures apart: names, cameras, and some of the pixels of the training views.

@@ -1,0 +1,78 @@
+//! Meshes and textures that other files refer to.
+
+use crate::model::Shape;
+use crate::report::FormatFinding;
+use artgs_core::Rigid;
+use glam::DVec3;
+use std::path::Path;
+
+/// Reads an OBJ and the textures of its materials, and places it in the link frame. What is wrong goes to the finding,
+/// with the file as `name` has it.
+pub(crate) fn obj(path: &Path, name: &str, place: &Rigid, scale: DVec3, finding: &mut FormatFinding) -> Shape {
+    match read(path, finding) {
+        Ok(points) => Shape { points: points.into_iter().map(|p| place.apply(p * scale)).collect() },
+        Err(reason) => {
+            finding.problems.push(format!("{name}: {reason}"));
+            Shape::default()
+        }
+    }
+}
+
+fn read(path: &Path, finding: &mut FormatFinding) -> Result<Vec<DVec3>, String> {
+    if !path.is_file() {
+        return Err("there is no such file; export again".into());
+    }
+    let options = tobj::LoadOptions { triangulate: true, ..tobj::LoadOptions::default() };
+    let (models, materials) = tobj::load_obj(path, &options).map_err(|e| e.to_string())?;
+    let mut points = Vec::new();
+    for model in &models {
+        let mesh = &model.mesh;
+        let own: Vec<DVec3> =
+            mesh.positions.as_chunks::<3>().0.iter().map(|p| DVec3::from_array(p.map(f64::from))).collect();
+        triangles(&own, &mesh.indices)?;
+        if mesh.normals.iter().chain(&mesh.texcoords).any(|v| !v.is_finite()) {
+            return Err("a normal or a texture coordinate is not finite".into());
+        }
+        points.extend(own);
+    }
+    if points.is_empty() {
+        return Err("the mesh is empty".into());
+    }
+    let folder = path.parent().unwrap_or(Path::new("."));
+    // Hulls have no materials, which is no error to the reader.
+    for material in materials.map_err(|e| format!("its materials: {e}"))? {
+        let Some(texture) = material.diffuse_texture else { continue };
+        picture(&folder.join(&texture), finding).map_err(|e| format!("texture {texture}: {e}"))?;
+    }
+    Ok(points)
+}
+
+/// Refuses points that are not finite and indices beyond them.
+pub(crate) fn triangles(points: &[DVec3], indices: &[u32]) -> Result<(), String> {
+    if points.is_empty() || indices.is_empty() {
+        return Err("the mesh is empty".into());
+    }
+    if let Some(i) = points.iter().position(|p| !p.is_finite()) {
+        return Err(format!("vertex {i} is not finite"));
+    }
+    match indices.iter().find(|i| **i as usize >= points.len()) {
+        Some(i) => Err(format!("a triangle names vertex {i} of {}", points.len())),
+        None => Ok(()),
+    }
+}
+
+/// Decodes a picture from a file.
+pub(crate) fn picture(path: &Path, finding: &mut FormatFinding) -> Result<(), String> {
+    let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
+    decode(&bytes, finding)
+}
+
+/// Decodes a picture.
+pub(crate) fn decode(bytes: &[u8], finding: &mut FormatFinding) -> Result<(), String> {
+    let picture = image::load_from_memory(bytes).map_err(|e| format!("cannot be decoded: {e}"))?;
+    if picture.width() == 0 || picture.height() == 0 {
+        return Err("the picture is empty".into());
+    }
+    finding.textures += 1;
+    Ok(())
+}

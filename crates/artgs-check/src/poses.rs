@@ -1,0 +1,115 @@
+//! Hulls of links and how deep they are in each other at given poses.
+
+use crate::CheckOptions;
+use crate::model::{Link, Model, bounds};
+use crate::report::StateFinding;
+use artgs_core::{Rigid, STATE_NAMES};
+use glam::DVec3;
+use rapier3d::parry::bounding_volume::BoundingVolume as _;
+use rapier3d::parry::query::contact;
+use rapier3d::parry::shape::ConvexPolyhedron;
+use rapier3d::parry::transformation::try_convex_hull;
+use rapier3d::prelude::{Pose, Rotation, SharedShape, Vector};
+
+/// Convex shapes per link, link frame.
+pub(crate) struct Scene {
+    pub(crate) hulls: Vec<Vec<SharedShape>>,
+}
+
+/// A vector as the engine spells it.
+pub(crate) fn vector(v: DVec3) -> Vector {
+    Vector::from_array(v.as_vec3().to_array())
+}
+
+/// A motion as the engine spells it.
+pub(crate) fn pose(motion: &Rigid) -> Pose {
+    let q = motion.rotation.as_quat();
+    Pose::from_parts(vector(motion.translation), Rotation::from_xyzw(q.x, q.y, q.z, q.w))
+}
+
+impl Scene {
+    /// The hull of every collision mesh, and what is wrong with meshes that have none, by link.
+    pub(crate) fn of(model: &Model) -> (Self, Vec<(usize, String)>) {
+        let mut flat = Vec::new();
+        let mut hulls = Vec::new();
+        for (i, link) in model.links.iter().enumerate() {
+            let mut shapes = Vec::new();
+            // Meshes that could not be read are told of where they are read.
+            for (k, shape) in link.hulls.iter().enumerate().filter(|(_, s)| !s.points.is_empty()) {
+                let points: Vec<Vector> = shape.points.iter().map(|p| vector(*p)).collect();
+                match hull(&points) {
+                    Some(hull) => shapes.push(SharedShape::new(hull)),
+                    None => flat.push((i, format!("hull {k} is flat or broken: it has no volume"))),
+                }
+            }
+            hulls.push(shapes);
+        }
+        (Self { hulls }, flat)
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.hulls.iter().all(Vec::is_empty)
+    }
+
+    /// Deepest penetration of two different links, and which, where `apart` says that a pair is to be looked at.
+    pub(crate) fn deepest(&self, poses: &[Rigid], apart: impl Fn(usize, usize) -> bool) -> (f64, Option<[usize; 2]>) {
+        let poses: Vec<Pose> = poses.iter().map(pose).collect();
+        let boxes: Vec<Vec<_>> = self
+            .hulls
+            .iter()
+            .zip(&poses)
+            .map(|(hulls, at)| hulls.iter().map(|h| h.compute_aabb(at)).collect())
+            .collect();
+        let mut worst = (0.0, None);
+        for a in 0..poses.len() {
+            for b in (a + 1..poses.len()).filter(|b| apart(a, *b)) {
+                for (i, first) in self.hulls[a].iter().enumerate() {
+                    for (j, second) in self.hulls[b].iter().enumerate() {
+                        if !boxes[a][i].intersects(&boxes[b][j]) {
+                            continue;
+                        }
+                        let met = contact(&poses[a], first.0.as_ref(), &poses[b], second.0.as_ref(), 0.0);
+                        let depth = met.ok().flatten().map_or(0.0, |c| f64::from(-c.dist));
+                        if depth > worst.0 {
+                            worst = (depth, Some([a, b]));
+                        }
+                    }
+                }
+            }
+        }
+        worst
+    }
+}
+
+/// The convex hull of points; none if it has no volume.
+fn hull(points: &[Vector]) -> Option<ConvexPolyhedron> {
+    /// Share of the cube of its size that a hull fills at least: a needle a thousandth as thick as long has more.
+    const THINNEST: f64 = 1e-7;
+    if points.iter().any(|p| !p.is_finite()) {
+        return None;
+    }
+    let (points, faces) = try_convex_hull(points).ok()?;
+    let at = |i: u32| DVec3::from_array((points[i as usize] - points[0]).to_array().map(f64::from));
+    let volume: f64 = faces.iter().map(|f| at(f[0]).dot(at(f[1]).cross(at(f[2]))) / 6.0).sum();
+    let [low, high] = bounds((0..points.len() as u32).map(at))?;
+    let solid = volume > THINNEST * (high - low).length().powi(3);
+    if solid { ConvexPolyhedron::from_convex_mesh(points, &faces) } else { None }
+}
+
+/// The names of two links.
+pub(crate) fn names(model: &Model, links: Option<[usize; 2]>) -> Option<[String; 2]> {
+    links.map(|pair| pair.map(|i| model.links[i].name.clone()))
+}
+
+/// An observed state, all joints at once.
+pub(crate) fn state(model: &Model, scene: &Scene, state: usize, options: &CheckOptions) -> StateFinding {
+    let value = |link: &Link| link.motion.as_ref().and_then(|m| m.observed).map_or(0.0, |o| o[state]);
+    let values: Vec<f64> = model.links.iter().map(value).collect();
+    let (penetration, pair) = scene.deepest(&model.poses(&values), |_, _| true);
+    let between = names(model, pair);
+    let mut problems = Vec::new();
+    if let Some([a, b]) = between.as_ref().filter(|_| penetration > options.penetration) {
+        problems.push(format!("`{a}` and `{b}` are {:.1} mm in each other", 1e3 * penetration));
+    }
+    StateFinding { state: STATE_NAMES[state].into(), penetration, between, problems }
+}

@@ -1,0 +1,133 @@
+//! A report as text.
+
+use crate::report::{CheckReport, FormatFinding, JointFinding};
+use artgs_core::JointKind;
+use std::fmt;
+
+/// A joint value in degrees or millimetres.
+pub(crate) fn quantity(kind: JointKind, value: f64) -> String {
+    // Zero has no sign.
+    let round = |v: f64| (v * 10.0).round() / 10.0 + 0.0;
+    match kind {
+        JointKind::Prismatic => format!("{:.1} mm", round(1e3 * value)),
+        JointKind::Revolute | JointKind::Screw => format!("{:.1} deg", round(value.to_degrees())),
+    }
+}
+
+fn verdict(problems: &[String]) -> &'static str {
+    if problems.is_empty() { "ok" } else { "FAILED" }
+}
+
+/// Rows padded to columns; every row is followed by its problems, indented.
+struct Table {
+    rows: Vec<(Vec<String>, Vec<String>)>,
+}
+
+impl Table {
+    fn new(head: &[&str]) -> Self {
+        Self { rows: vec![(head.iter().map(ToString::to_string).collect(), Vec::new())] }
+    }
+
+    fn push(&mut self, cells: Vec<String>, problems: &[String]) {
+        self.rows.push((cells, problems.to_vec()));
+    }
+}
+
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let columns = self.rows[0].0.len();
+        let width = |c: usize| self.rows.iter().map(|(r, _)| r[c].chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..columns).map(width).collect();
+        for (cells, problems) in &self.rows {
+            let padded: Vec<String> = cells.iter().zip(&widths).map(|(c, w)| format!("{c:<w$}")).collect();
+            writeln!(f, "{}", padded.join("  ").trim_end())?;
+            for problem in problems {
+                writeln!(f, "    - {problem}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn content(found: &FormatFinding) -> String {
+    let counts = [
+        (found.links, "links"),
+        (found.joints, "joints"),
+        (found.meshes, "meshes"),
+        (found.hulls, "hulls"),
+        (found.textures, "textures"),
+        (found.splats, "Gaussians"),
+    ];
+    let told: Vec<String> = counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
+    told.join(", ")
+}
+
+fn joint_row(found: &JointFinding) -> Vec<String> {
+    let range = |v: [f64; 2]| format!("{} to {}", quantity(found.kind, v[0]), quantity(found.kind, v[1]));
+    let unit = if found.kind == JointKind::Prismatic { "N" } else { "N m" };
+    let drift = found.drift.iter().flatten().fold(0.0, |a: f64, b| a.max(*b));
+    vec![
+        found.joint.clone(),
+        verdict(&found.problems).into(),
+        range(found.limits),
+        range(found.stopped),
+        found.observed.map_or("unknown".into(), range),
+        format!("{:.2} {unit}", found.force),
+        format!("{:.2} mm", 1e3 * found.penetration),
+        if found.drift.iter().all(Option::is_none) { "-".into() } else { quantity(found.kind, drift) },
+    ]
+}
+
+impl fmt::Display for CheckReport {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let mut formats = Table::new(&["format", "", "file", "reader", "content"]);
+        for found in &self.formats {
+            let cells = vec![
+                found.format.clone(),
+                verdict(&found.problems).into(),
+                found.file.clone(),
+                found.reader.clone(),
+                content(found),
+            ];
+            formats.push(cells, &found.problems);
+        }
+        write!(f, "{formats}")?;
+        if !self.links.is_empty() {
+            let mut links = Table::new(&["link", "", "mass", "moments of inertia", "hulls"]);
+            for found in &self.links {
+                let [a, b, c] = found.moments;
+                let moments = format!("{a:.2e} {b:.2e} {c:.2e} kg m^2");
+                let mass = format!("{:.3} kg", found.mass);
+                let cells =
+                    vec![found.link.clone(), verdict(&found.problems).into(), mass, moments, found.hulls.to_string()];
+                links.push(cells, &found.problems);
+            }
+            write!(f, "\n{links}")?;
+        }
+        if !self.joints.is_empty() {
+            let mut joints =
+                Table::new(&["joint", "", "limits", "reached", "observed", "force", "penetration", "drift"]);
+            self.joints.iter().for_each(|found| joints.push(joint_row(found), &found.problems));
+            write!(f, "\n{joints}")?;
+        }
+        if !self.states.is_empty() {
+            let mut states = Table::new(&["state", "", "penetration"]);
+            for found in &self.states {
+                let depth = format!("{:.2} mm", 1e3 * found.penetration);
+                states.push(vec![found.state.clone(), verdict(&found.problems).into(), depth], &found.problems);
+            }
+            write!(f, "\n{states}")?;
+        }
+        for note in &self.notes {
+            write!(f, "\nnote: {note}")?;
+        }
+        if !self.notes.is_empty() {
+            writeln!(f)?;
+        }
+        match self.failures {
+            0 => writeln!(f, "\nall of it holds"),
+            1 => writeln!(f, "\n1 problem"),
+            n => writeln!(f, "\n{n} problems"),
+        }
+    }
+}

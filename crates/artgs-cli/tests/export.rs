@@ -1,0 +1,148 @@
+//! `artgs export` and `artgs check` as their users meet them, on a small replica without photos.
+
+use artgs_core::{Joint, JointKind, Mesh, Replica, Rigid};
+use artgs_io::{write_mesh_ply, write_replica};
+use glam::DVec3;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn artgs(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_artgs")).args(args).env_remove("NO_COLOR").output().expect("the program starts")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn cuboid(low: [f32; 3], high: [f32; 3]) -> Mesh {
+    let corner = |i: usize| [0, 1, 2].map(|a| if i >> a & 1 == 0 { low[a] } else { high[a] });
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles = quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
+    Mesh { vertices: (0..8).map(corner).collect(), colors: vec![[180, 120, 60]; 8], triangles }
+}
+
+/// A cabinet of five walls with a door and a drawer, both shut at the start.
+fn write(out: &Path) {
+    let walls = [
+        cuboid([-0.5, 0.0, 0.0], [-0.46, 0.5, 1.0]),
+        cuboid([0.46, 0.0, 0.0], [0.5, 0.5, 1.0]),
+        cuboid([-0.46, 0.46, 0.0], [0.46, 0.5, 1.0]),
+        cuboid([-0.46, 0.0, 0.0], [0.46, 0.46, 0.04]),
+        cuboid([-0.46, 0.0, 0.96], [0.46, 0.46, 1.0]),
+    ];
+    let mut base = Mesh::default();
+    walls.iter().for_each(|w| base.append(w));
+    let door = cuboid([-0.5, -0.06, 0.52], [0.5, -0.02, 1.0]);
+    let drawer = cuboid([-0.42, -0.06, 0.08], [0.42, 0.4, 0.46]);
+    let hinge = Rigid::about(DVec3::NEG_Z, DVec3::new(-0.5, -0.06, 0.0), 1.4);
+    let joints = [
+        Joint::from_motion(JointKind::Revolute, &hinge).with_origin_near(DVec3::new(0.0, 0.0, 0.76)),
+        Joint::from_motion(JointKind::Prismatic, &Rigid::shift(DVec3::new(0.0, -0.3, 0.0)))
+            .with_origin_near(DVec3::new(0.0, -0.06, 0.3)),
+    ];
+    let replica = Replica::new(&joints);
+    for (part, mesh) in replica.parts.iter().zip([&base, &door, &drawer]) {
+        for state in 0..2 {
+            let motion = if state == 0 { Rigid::IDENTITY } else { replica.world_motion(part.id) };
+            write_mesh_ply(&out.join(part.meshes.get(state)), &mesh.moved(&motion))
+                .expect("a temporary folder can be written");
+        }
+    }
+    for state in 0..2 {
+        write_mesh_ply(&out.join(replica.whole.get(state)), &base).expect("a temporary folder can be written");
+    }
+    write_replica(out, &replica).expect("a temporary folder can be written");
+}
+
+#[test]
+fn every_format_is_written_and_passes_the_check() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path();
+    let shown = out.to_str().unwrap();
+    write(out);
+    let done = artgs(&["export", shown, "--name", "My cabinet"]);
+    let (said, noted) = (text(&done.stdout), text(&done.stderr));
+    assert_eq!(done.status.code(), Some(0), "{said}{noted}");
+    assert!(said.contains("part_1: 0 = closed (start)") && said.contains("urdf/my_cabinet.urdf"), "{said}");
+    assert!(noted.contains("--capture"), "{noted}");
+    let exports = out.join("exports");
+    for file in [
+        "urdf/my_cabinet.urdf",
+        "mjcf/my_cabinet.xml",
+        "usd/my_cabinet.usda",
+        "usd/my_cabinet.usdc",
+        "usdz/my_cabinet.usdz",
+        "glb/my_cabinet.glb",
+        "sdf/model.sdf",
+        "partnet/mobility.urdf",
+        "export.json",
+    ] {
+        assert!(exports.join(file).is_file(), "{file}");
+    }
+    let checked = artgs(&["check", shown]);
+    assert_eq!(checked.status.code(), Some(0), "{}{}", text(&checked.stdout), text(&checked.stderr));
+    let json = artgs(&["check", shown, "--json"]);
+    let report: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert!(report.is_object());
+
+    // A second export leaves nothing of the first, and only what was asked for changes.
+    fs::write(exports.join("urdf/stale.obj"), "v 0 0 0\n").unwrap();
+    assert_eq!(artgs(&["export", shown, "--to", "urdf", "--observed-limits"]).status.code(), Some(0));
+    assert!(!exports.join("urdf/stale.obj").exists() && !exports.join("urdf/my_cabinet.urdf").exists());
+    assert!(exports.join("urdf/replica.urdf").is_file() && exports.join("mjcf/my_cabinet.xml").is_file());
+    let left: Vec<String> =
+        fs::read_dir(&exports).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    assert!(left.iter().all(|name| !name.starts_with('.')), "{left:?}");
+}
+
+#[test]
+fn a_spoilt_export_fails_the_check() {
+    let dir = tempfile::tempdir().unwrap();
+    let shown = dir.path().to_str().unwrap();
+    write(dir.path());
+    let early = artgs(&["check", shown]);
+    assert_eq!(early.status.code(), Some(2), "{}", text(&early.stderr));
+    assert!(text(&early.stderr).contains("artgs export"), "{}", text(&early.stderr));
+    assert_eq!(artgs(&["export", shown, "--to", "urdf,glb"]).status.code(), Some(0));
+    fs::write(dir.path().join("exports/glb/replica.glb"), "glTF").unwrap();
+    let checked = artgs(&["check", shown]);
+    assert_eq!(checked.status.code(), Some(3), "{}", text(&checked.stdout));
+    assert!(text(&checked.stdout).contains("replica.glb"), "{}", text(&checked.stdout));
+}
+
+#[test]
+fn bad_replicas_and_flags_are_refused_with_the_reason() {
+    let dir = tempfile::tempdir().unwrap();
+    let shown = dir.path().to_str().unwrap();
+    let refused = |args: &[&str], words: &str| {
+        let output = artgs(args);
+        let message = text(&output.stderr);
+        assert!(output.status.code() == Some(2) && message.contains(words), "{args:?}: {message}");
+        assert!(!dir.path().join("exports").exists(), "nothing is left");
+    };
+    refused(&["export", shown], "replica.json");
+    write(dir.path());
+    refused(&["export", shown, "--to", "step"], "step");
+    refused(&["export", shown, "--scale", "0"], "--scale");
+    refused(&["export", shown, "--density=-3"], "--density");
+    refused(&["export", shown, "--capture", "nowhere"], "nowhere");
+    let file = dir.path().join("replica.json");
+    let whole = fs::read_to_string(&file).unwrap();
+    for (from, to, words) in [
+        ("\"version\": 1", "\"version\": 9", "field `version` is 9"),
+        ("\"upper\": 0.3", "\"upper\": NaN", "replica.json"),
+        ("\"lower\": 0.0", "\"lower\": null", "invalid type: null"),
+        ("meshes/start/part_1.ply", "meshes/start/part_7.ply", "there is no mesh meshes/start/part_7.ply"),
+    ] {
+        assert!(whole.contains(from), "{from}");
+        fs::write(&file, whole.replacen(from, to, 1)).unwrap();
+        refused(&["export", shown], words);
+    }
+    let zero = whole.replacen("-1.0", "0.0", 1);
+    fs::write(&file, zero).unwrap();
+    refused(&["export", shown], "field `axis` is not a unit vector");
+    fs::write(&file, &whole).unwrap();
+    fs::write(dir.path().join("meshes/start/part_1.ply"), "ply\n").unwrap();
+    refused(&["export", shown], "part_1.ply");
+}

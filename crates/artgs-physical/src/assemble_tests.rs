@@ -1,0 +1,143 @@
+use super::*;
+use crate::looks::surfaces;
+
+fn cuboid(low: DVec3, high: DVec3) -> Mesh {
+    let corner = |i: usize| [0, 1, 2].map(|a| if i >> a & 1 == 0 { low[a] } else { high[a] } as f32);
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles = quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
+    let mut mesh = Mesh { vertices: (0..8).map(corner).collect(), colors: vec![[90, 60, 30]; 8], triangles };
+    // Corners alone would be a poor sample of the surface.
+    for _ in 0..3 {
+        mesh = finer(&mesh);
+    }
+    mesh
+}
+
+fn finer(mesh: &Mesh) -> Mesh {
+    let mut out = Mesh { triangles: Vec::new(), ..mesh.clone() };
+    let mut known = std::collections::BTreeMap::new();
+    for t in &mesh.triangles {
+        let middle = [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])].map(|(a, b)| {
+            *known.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                let [p, q] = [a, b].map(|i| mesh.vertices[i as usize]);
+                out.vertices.push([0, 1, 2].map(|c| 0.5 * (p[c] + q[c])));
+                out.colors.push(mesh.colors[a as usize]);
+                out.vertices.len() as u32 - 1
+            })
+        });
+        let [ab, bc, ca] = middle;
+        out.triangles.extend([[t[0], ab, ca], [ab, t[1], bc], [ca, bc, t[2]], [ab, bc, ca]]);
+    }
+    out
+}
+
+/// A box with a hollow that is open towards -Y, a drawer that is open at the start and shut at the end, and a door on top of
+/// the front that is shut at the start.
+fn replica() -> (Replica, Vec<Mesh>) {
+    let mut base = cuboid(DVec3::new(-0.5, 0.0, 0.0), DVec3::new(-0.45, 0.6, 1.0));
+    base.append(&cuboid(DVec3::new(0.45, 0.0, 0.0), DVec3::new(0.5, 0.6, 1.0)));
+    base.append(&cuboid(DVec3::new(-0.45, 0.55, 0.0), DVec3::new(0.45, 0.6, 1.0)));
+    let drawer = cuboid(DVec3::new(-0.4, -0.3, 0.05), DVec3::new(0.4, 0.2, 0.4));
+    let door = cuboid(DVec3::new(-0.45, -0.04, 0.5), DVec3::new(0.45, -0.02, 0.95));
+    let slide = Joint::from_motion(JointKind::Prismatic, &Rigid::shift(DVec3::new(0.0, 0.3, 0.0)))
+        .with_origin_near(DVec3::new(0.0, -0.3, 0.2));
+    let hinge =
+        Joint::from_motion(JointKind::Revolute, &Rigid::about(DVec3::NEG_Z, DVec3::new(-0.46, -0.03, 0.0), 1.2))
+            .with_origin_near(DVec3::new(0.0, 0.0, 0.7));
+    let mut replica = Replica::new(&[slide, hinge]);
+    replica.parts[1].name = "Drawer, lower".into();
+    replica.parts[2].name = "world".into();
+    (replica, vec![base, drawer, door])
+}
+
+/// Where a vertex of the start state is in the object's frame, by the asset at the given joint values.
+fn placed(asset: &Asset, decisions: &Decisions, link: usize, point: DVec3, values: &[f64]) -> DVec3 {
+    asset.poses(values)[link].apply(decisions.to_link[link].apply(point * decisions.scale))
+}
+
+#[test]
+fn observed_states_are_where_they_were_and_opening_is_positive() {
+    let (replica, meshes) = replica();
+    for (up, scale) in [(Up::Z, 1.0), (Up::Y, 2.5)] {
+        let config = PhysicalConfig { up, scale, ..PhysicalConfig::default() };
+        let surfaces = surfaces(&replica, &meshes, None, &config);
+        let (asset, decisions) = assemble("A cabinet", &replica, &surfaces, &config, None).unwrap();
+        assert_eq!(asset.name, "a_cabinet");
+        let names: Vec<&str> = asset.links.iter().map(|l| l.name.as_str()).collect();
+        assert_eq!(names, ["base", "drawer_lower", "world_2"]);
+        let upright = |p: DVec3| scale * if up == Up::Z { p } else { DVec3::new(p.x, -p.z, p.y) };
+        for state in 0..2 {
+            let values = asset.observed(state);
+            for link in 0..3 {
+                let point = DVec3::new(0.3, -0.1, 0.6);
+                let motion = if state == 0 { Rigid::IDENTITY } else { replica.world_motion(link) };
+                let (found, want) = (placed(&asset, &decisions, link, point, &values), upright(motion.apply(point)));
+                assert!(found.distance(want) < 1e-9, "{up:?} state {state} link {link}: {found} {want}");
+            }
+        }
+        if up == Up::Z {
+            // The drawer is shut at the end, the door at the start.
+            assert_eq!(decisions.closed_state, [None, Some(1), Some(0)]);
+            let [drawer, door] = [1, 2].map(|i| asset.links[i].joint.unwrap());
+            assert!((drawer.observed[0] - 0.3).abs() < 1e-12 && drawer.observed[1] == 0.0, "{drawer:?}");
+            assert!((drawer.axis - DVec3::NEG_Y).length() < 1e-12);
+            assert!(door.observed[0] == 0.0 && (door.observed[1] - 1.2).abs() < 1e-12);
+        }
+        for (_, link, joint) in asset.movable() {
+            let [low, high] = joint.limits;
+            assert!(joint.observed.iter().all(|v| (low..=high).contains(v)), "{joint:?}");
+            assert!(link.inertial.mass > 0.1 && joint.effort > 0.0 && joint.damping > 0.0);
+            assert!(!link.collision.is_empty());
+        }
+    }
+}
+
+#[test]
+fn nothing_is_in_the_way_at_any_pose() {
+    let (replica, meshes) = replica();
+    let config = PhysicalConfig::default();
+    let (asset, decisions) =
+        assemble("a", &replica, &surfaces(&replica, &meshes, None, &config), &config, None).unwrap();
+    assert!(decisions.penetration < 1e-4, "{}", decisions.penetration);
+    let reached = stances(&asset);
+    assert_eq!(reached.len(), 3 + 2 * (POSES + 2 * POSES_WITH_OTHERS));
+    // The back wall stops the drawer well before it would leave through it.
+    let drawer = asset.links[1].joint.unwrap();
+    assert!(drawer.limits[0] > -0.1, "{drawer:?}");
+    let none = PhysicalConfig { collision: Collision::None, ..config.clone() };
+    let (bare, _) = assemble("a", &replica, &surfaces(&replica, &meshes, None, &none), &none, None).unwrap();
+    assert!(bare.links.iter().all(|l| l.collision.is_empty()));
+}
+
+#[test]
+fn a_part_without_a_surface_is_a_light_link() {
+    let (replica, mut meshes) = replica();
+    meshes[2] = Mesh::default();
+    let config = PhysicalConfig::default();
+    let surfaces = surfaces(&replica, &meshes, None, &config);
+    assert!(surfaces[2].warnings[0].contains("world has no surface"));
+    let (asset, _) = assemble("a", &replica, &surfaces, &config, None).unwrap();
+    assert!(asset.links[2].visual.mesh.is_empty() && asset.links[2].inertial.mass == config.least_mass);
+}
+
+#[test]
+fn names_are_spelt_for_every_format() {
+    assert_eq!(spelt("Tür links!", "part"), "t_r_links");
+    assert_eq!(spelt("3 doors", "part"), "part_3_doors");
+    assert_eq!(spelt("---", "part"), "part");
+}
+
+#[test]
+fn another_program_may_make_the_pieces_and_may_fail() {
+    let (replica, meshes) = replica();
+    let config = PhysicalConfig::default();
+    let surfaces = surfaces(&replica, &meshes, None, &config);
+    let boxes = |mesh: &Mesh| {
+        let points = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)));
+        Ok(vec![points.collect::<Vec<_>>(), vec![DVec3::ZERO; 5]])
+    };
+    let (asset, _) = assemble("a", &replica, &surfaces, &config, Some(&boxes)).unwrap();
+    assert_eq!(asset.links[2].collision.len(), 1);
+    let failing = |_: &Mesh| Err("no such program".to_string());
+    assert_eq!(assemble("a", &replica, &surfaces, &config, Some(&failing)).unwrap_err(), "no such program");
+}

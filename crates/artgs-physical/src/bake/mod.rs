@@ -1,0 +1,117 @@
+//! Textures from photos.
+//!
+//! Every texel asks all views of both states for its colour. A view answers where its depth agrees; it counts by how straight
+//! and near it looks, and less towards edges of depth and mask, where pixels mix two surfaces. Answers far from the weighted
+//! median (highlights, wrong masks) fade out smoothly, so that no seam shows where one of them ends.
+
+mod atlas;
+mod blend;
+mod fill;
+mod view;
+mod zbuffer;
+
+pub use zbuffer::{Hit, depth_of, visible};
+
+use artgs_core::{Camera, DepthMap, Mesh, Texture, TexturedMesh};
+use blend::blend;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// A photo to take colours from.
+#[derive(Clone, Copy, Debug)]
+pub struct BakeView<'a> {
+    /// Camera in the frame of the mesh: that of the photo, moved with the part ([`Camera::moved_with`]).
+    pub camera: Camera,
+    /// Straight colours, `[height * width]`; alpha is the mask of the object.
+    pub rgba: &'a [[u8; 4]],
+    /// Planar depth, `[height * width]`, scene units. Without it the mesh alone says what hides what; see [`depth_of`] for a
+    /// better answer.
+    pub depth: Option<&'a DepthMap>,
+    /// Part of every pixel, `[height * width]`, and the number of this one; other pixels are not looked at.
+    pub labels: Option<(&'a [u16], u16)>,
+    /// How much the view counts against others; 1 for all by custom.
+    pub weight: f64,
+}
+
+impl BakeView<'_> {
+    /// True if every buffer has the size of the image.
+    fn is_whole(&self) -> bool {
+        let pixels = self.camera.intrinsics.width as usize * self.camera.intrinsics.height as usize;
+        self.rgba.len() == pixels
+            && self.depth.is_none_or(|d| d.len() == pixels)
+            && self.labels.is_none_or(|(l, _)| l.len() == pixels)
+    }
+}
+
+/// Settings of [`bake`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BakeOptions {
+    /// Difference between a view's depth and the surface up to which it is that surface, scene units.
+    pub tolerance: f64,
+    /// Step of depth from pixel to pixel that separates two surfaces, scene units.
+    pub jump: f64,
+    /// Power of the cosine between normal and ray by which views count.
+    pub sharpness: f64,
+    /// Difference in colour, [0, 255], at which an answer counts a quarter.
+    pub outlier: f64,
+    /// Texels around charts that take their colour.
+    pub padding: u32,
+}
+
+impl BakeOptions {
+    /// Settings for surfaces known to about `voxel` (scene units).
+    pub fn at_resolution(voxel: f64) -> Self {
+        Self { tolerance: 2.5 * voxel, jump: 4.0 * voxel, sharpness: 8.0, outlier: 40.0, padding: 4 }
+    }
+}
+
+/// What [`bake`] makes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Baked {
+    /// The picture, of the size asked for.
+    pub texture: Texture,
+    /// Colour of every vertex, taken from the picture.
+    pub colors: Vec<[u8; 3]>,
+    /// Texels on the surface.
+    pub texels: usize,
+    /// Of those, how many a view saw.
+    pub seen: usize,
+}
+
+/// Paints an atlas of `size` texels (width, height) for a mesh with texture coordinates and normals. Texels that no view
+/// sees take the colour of the surface nearest to them; without any view, or where none sees the mesh, all take the vertex
+/// colours of `dense`, the mesh it was simplified from. Views whose buffers do not have the size of their image are ignored.
+pub fn bake(mesh: &TexturedMesh, size: [u32; 2], views: &[BakeView], dense: &Mesh, options: &BakeOptions) -> Baked {
+    let n = mesh.mesh.vertices.len();
+    if mesh.uvs.len() != n || mesh.normals.len() != n || size.contains(&0) {
+        return Baked::default();
+    }
+    let texels = atlas::texels(mesh, size);
+    let prepared = view::prepare(views, &mesh.mesh, options);
+    let found: Vec<Option<Vec3>> = texels
+        .par_iter()
+        .map_init(Vec::new, |samples, texel| {
+            samples.clear();
+            samples.extend(prepared.iter().filter_map(|v| v.sample(texel.point, texel.normal, options)));
+            blend(samples, options.outlier as f32)
+        })
+        .collect();
+    let mut colors: Vec<Option<Vec3>> = vec![None; size[0] as usize * size[1] as usize];
+    texels.iter().zip(&found).for_each(|(t, c)| colors[t.index] = *c);
+    let seen = found.iter().flatten().count();
+    if !fill::from_neighbours(&texels, &mut colors, size) {
+        fill::from_vertices(&texels, &mut colors, dense);
+    }
+    let rgb = atlas::pad(&mut colors, size, options.padding);
+    let texture = Texture { width: size[0], height: size[1], rgb };
+    let colors = mesh.uvs.iter().map(|uv| texel_at(&texture, *uv)).collect();
+    Baked { texture, colors, texels: texels.len(), seen }
+}
+
+fn texel_at(texture: &Texture, uv: [f32; 2]) -> [u8; 3] {
+    let at = |t: f32, n: u32| ((t * n as f32).max(0.0) as usize).min(n as usize - 1);
+    texture.rgb[at(uv[1], texture.height) * texture.width as usize + at(uv[0], texture.width)]
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,56 @@
+//! The whole way from a replica to an asset.
+
+use crate::assemble::{Decisions, assemble};
+use crate::config::PhysicalConfig;
+use crate::decompose::Decomposer;
+use crate::looks::{PartSurface, surfaces};
+use artgs_core::{Asset, Capture, Mesh, Replica, Rigid, Splats};
+
+/// What a replica folder holds.
+#[derive(Clone, Debug)]
+pub struct Parts<'a> {
+    /// A valid replica.
+    pub replica: &'a Replica,
+    /// Mesh of every part, world frame, start state.
+    pub meshes: &'a [Mesh],
+    /// Gaussians of every part in the canonical frame, midway between the states; none if there are none.
+    pub splats: Option<&'a [Splats]>,
+}
+
+/// An asset with how it came to be.
+#[derive(Clone, Debug, Default)]
+pub struct Built {
+    /// For the writers.
+    pub asset: Asset,
+    /// Limits, zero poses, clearances.
+    pub decisions: Decisions,
+    /// Surfaces before they were put into link frames.
+    pub surfaces: Vec<PartSurface>,
+}
+
+/// Makes an asset. With a capture, textures are baked from its training views. Convex pieces are ours
+/// unless another program is to make them, which may fail.
+pub fn build(
+    name: &str,
+    parts: &Parts,
+    capture: Option<&Capture>,
+    config: &PhysicalConfig,
+    decomposer: Option<&Decomposer>,
+) -> Result<Built, String> {
+    let surfaces = surfaces(parts.replica, parts.meshes, capture, config);
+    let (mut asset, decisions) = assemble(name, parts.replica, &surfaces, config, decomposer)?;
+    if let Some(splats) = parts.splats {
+        for (part, (link, splats)) in asset.links.iter_mut().zip(splats).enumerate() {
+            let to_start = from_canonical(parts.replica, part);
+            let to_start = Rigid { translation: to_start.translation * config.scale, ..to_start };
+            let moved = artgs_raster::moved(splats, &(decisions.to_link[part] * to_start), config.scale);
+            link.splats = (!moved.is_empty()).then_some(moved);
+        }
+    }
+    Ok(Built { asset, decisions, surfaces })
+}
+
+/// From the canonical frame, midway between the states, to the start state.
+fn from_canonical(replica: &Replica, part: usize) -> Rigid {
+    replica.world_motion(part).power(0.5).inverse()
+}

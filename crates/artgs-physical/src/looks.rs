@@ -1,0 +1,181 @@
+//! Fused part meshes made fit to be drawn and to weigh something: closed, simplified, textured from the photos.
+
+use crate::bake::{BakeOptions, BakeView, bake, depth_of};
+use crate::config::PhysicalConfig;
+use crate::repair::{RepairOptions, mean_edge, repair};
+use crate::shade::{CREASE, with_normals};
+use crate::simplify::{SurfaceError, simplify, smoothed};
+use crate::unwrap::{UnwrapOptions, unwrap};
+use artgs_core::{Capture, DepthMap, Mesh, Replica, Rigid, TexturedMesh};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// A part's surface at the start state, frame and unit of the capture.
+#[derive(Clone, Debug, Default)]
+pub struct PartSurface {
+    /// What is drawn.
+    pub visual: TexturedMesh,
+    /// True if it encloses its volume.
+    pub closed: bool,
+    /// Triangles of the fused mesh.
+    pub fused: usize,
+    /// Distance between what is drawn and the fused mesh once closed, units of the capture.
+    pub error: SurfaceError,
+    /// Texels of the surface, and how many of them a photo shows.
+    pub texels: [usize; 2],
+    /// What was odd, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Voxels are this much longer than the edges of the meshes that marching cubes makes of them.
+const VOXEL_PER_EDGE: f64 = 1.4;
+
+/// Surfaces of all parts of a valid replica. `meshes[i]` is the fused mesh of part `i` at the start state; without a capture
+/// textures hold the colours of the meshes.
+pub fn surfaces(
+    replica: &Replica,
+    meshes: &[Mesh],
+    capture: Option<&Capture>,
+    config: &PhysicalConfig,
+) -> Vec<PartSurface> {
+    // Views without depth are told by the meshes what hides what.
+    let hidden: Vec<Vec<Option<DepthMap>>> =
+        [0, 1].iter().map(|s| rendered_depth(replica, meshes, capture, *s)).collect();
+    (0..meshes.len()).map(|part| surface(part, replica, meshes, capture, &hidden, config)).collect()
+}
+
+fn surface(
+    part: usize,
+    replica: &Replica,
+    meshes: &[Mesh],
+    capture: Option<&Capture>,
+    hidden: &[Vec<Option<DepthMap>>],
+    config: &PhysicalConfig,
+) -> PartSurface {
+    let fused = &meshes[part];
+    let edge = mean_edge(fused);
+    if fused.is_empty() || edge.is_nan() || edge <= 0.0 {
+        let warnings =
+            vec![format!("{} has no surface: nothing is drawn and nothing collides", replica.parts[part].name)];
+        return PartSurface { warnings, ..PartSurface::default() };
+    }
+    let voxel = VOXEL_PER_EDGE * edge;
+    let carried: Vec<Passage> = (0..meshes.len())
+        .filter(|q| replica.parts[*q].parent == Some(part))
+        .filter_map(|q| Passage::of(&meshes[q], replica, q))
+        .collect();
+    let repaired = repair(fused, &|p| carried.iter().any(|c| c.holds(p)), &RepairOptions::at_resolution(edge));
+    let simple = simplify(&smoothed(&repaired.mesh, 6, 0.5 * voxel), config.triangles, voxel);
+    let mut out = PartSurface {
+        closed: repaired.watertight,
+        fused: fused.triangles.len(),
+        error: simple.error,
+        ..PartSurface::default()
+    };
+    let shaded = with_normals(&simple.mesh, CREASE);
+    let views = views(part, replica, capture, hidden);
+    let texels_per_unit = texel_density(&views, fused).unwrap_or(1.0 / voxel).min(config.texels / extent(fused));
+    let options = UnwrapOptions { texels_per_unit, max_side: config.texture_side, ..UnwrapOptions::default() };
+    match unwrap(&shaded, &options) {
+        Ok(flat) => {
+            let baked = bake(&flat.mesh, flat.size, &views, fused, &BakeOptions::at_resolution(voxel));
+            out.texels = [baked.texels, baked.seen];
+            out.visual = flat.mesh;
+            out.visual.mesh.colors = baked.colors;
+            out.visual.texture = Some(baked.texture);
+        }
+        Err(reason) => {
+            out.warnings.push(format!("{} keeps vertex colours: {reason}", replica.parts[part].name));
+            out.visual = shaded;
+        }
+    }
+    out
+}
+
+/// Photos of both states in the frame of a part at the start state.
+fn views<'a>(
+    part: usize,
+    replica: &Replica,
+    capture: Option<&'a Capture>,
+    hidden: &'a [Vec<Option<DepthMap>>],
+) -> Vec<BakeView<'a>> {
+    let Some(capture) = capture else { return Vec::new() };
+    let motions = [Rigid::IDENTITY, replica.world_motion(part)];
+    let states = motions.iter().zip(&capture.states).zip(hidden);
+    let of_state = |((motion, state), hidden): ((&Rigid, &'a artgs_core::StateViews), &'a Vec<Option<DepthMap>>)| {
+        let motion = *motion;
+        state.train.iter().zip(hidden).map(move |(v, hidden)| BakeView {
+            camera: v.camera.moved_with(&motion),
+            rgba: &v.rgba,
+            depth: v.depth.as_ref().or(hidden.as_ref()),
+            labels: None,
+            weight: 1.0,
+        })
+    };
+    states.flat_map(of_state).collect()
+}
+
+/// Depth of the meshes in those training views of a state that have none of their own.
+fn rendered_depth(
+    replica: &Replica,
+    meshes: &[Mesh],
+    capture: Option<&Capture>,
+    state: usize,
+) -> Vec<Option<DepthMap>> {
+    let Some(capture) = capture else { return Vec::new() };
+    let views = &capture.states[state].train;
+    if views.iter().all(|v| v.depth.is_some()) {
+        return vec![None; views.len()];
+    }
+    let at = |part: usize| if state == 0 { Rigid::IDENTITY } else { replica.world_motion(part) };
+    let posed: Vec<Mesh> = meshes.iter().enumerate().map(|(i, m)| m.moved(&at(i))).collect();
+    let posed: Vec<&Mesh> = posed.iter().collect();
+    views.par_iter().map(|v| v.depth.is_none().then(|| depth_of(&v.camera, &posed))).collect()
+}
+
+/// Texels per unit that match the photos: pixels per unit at the part's distance, in the nearest view.
+fn texel_density(views: &[BakeView], mesh: &Mesh) -> Option<f64> {
+    let middle = points(mesh).sum::<DVec3>() / mesh.vertices.len().max(1) as f64;
+    let density = |v: &BakeView| v.camera.intrinsics.fx / v.camera.position().distance(middle).max(1e-9);
+    views.iter().map(density).reduce(f64::max).filter(|d| d.is_finite() && *d > 0.0)
+}
+
+fn points(mesh: &Mesh) -> impl Iterator<Item = DVec3> + '_ {
+    mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)))
+}
+
+/// Diagonal of the box around a mesh.
+fn extent(mesh: &Mesh) -> f64 {
+    let (low, high) = points(mesh).fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+    (high - low).length().max(1e-12)
+}
+
+/// What a carried part passes through on its way from start to end, in the world at the start state.
+struct Passage {
+    low: DVec3,
+    high: DVec3,
+    back: Vec<Rigid>,
+}
+
+impl Passage {
+    /// None if the part has no joint or no surface.
+    fn of(mesh: &Mesh, replica: &Replica, part: usize) -> Option<Self> {
+        /// Positions looked at on the way.
+        const STOPS: u32 = 8;
+        /// Measured surfaces overlap a little where parts touch.
+        const SHRINK: f64 = 0.03;
+        let joint = replica.joint(part)?;
+        let (low, high) = (points(mesh).reduce(DVec3::min)?, points(mesh).reduce(DVec3::max)?);
+        let shrink = SHRINK * (high - low);
+        let [start, end] = joint.state_values;
+        let stop = |i| joint.motion((end - start) * f64::from(i) / f64::from(STOPS)).inverse();
+        Some(Self { low: low + shrink, high: high - shrink, back: (0..=STOPS).map(stop).collect() })
+    }
+
+    fn holds(&self, point: DVec3) -> bool {
+        self.back.iter().any(|back| {
+            let p = back.apply(point);
+            p.cmpgt(self.low).all() && p.cmplt(self.high).all()
+        })
+    }
+}

@@ -1,0 +1,265 @@
+//! Caps: triangulations of rims.
+
+use super::loops::{Flat, flatten};
+use super::thicken::trimesh;
+use super::{Obstacles, RepairOptions};
+use crate::topology::{components, corners, cross, ends, point, twins};
+use artgs_core::Mesh;
+use glam::{DVec2, DVec3};
+use parry3d::math::Vector;
+use parry3d::query::{Ray, RayCast};
+use parry3d::shape::TriMesh;
+use std::collections::HashSet;
+
+/// What closes a hole.
+pub(super) struct Cap {
+    /// Of the pieces in whose place nothing moves.
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// True if that is all pieces.
+    pub(super) whole: bool,
+}
+
+/// Caps for all holes, without the pieces where something moves; none for the holes of a component that they would close
+/// around less than a quarter of a wall: a sheet, or a compartment seen from within.
+pub(super) fn close(mesh: &mut Mesh, holes: &[Vec<u32>], obstacles: &Obstacles, options: &RepairOptions) -> Vec<Cap> {
+    let component = components(&twins(mesh));
+    let mut of_vertex = vec![0; mesh.vertices.len()];
+    for (t, c) in mesh.triangles.iter().zip(&component) {
+        t.iter().for_each(|v| of_vertex[*v as usize] = *c as usize);
+    }
+    let mut book = Caps::new(mesh, holes);
+    let mut caps: Vec<Cap> = holes.iter().map(|hole| book.close(mesh, hole, obstacles, options)).collect();
+    let mut volumes = vec![[0.0; 2]; mesh.triangles.len()];
+    let about = mesh.triangles.first().map_or(DVec3::ZERO, |t| point(mesh, t[0]));
+    let mut add = |c: usize, t: &[u32; 3]| {
+        let [a, b, c3] = corners(mesh, *t).map(|p| p - about);
+        volumes[c][0] += a.cross(b).dot(c3) / 6.0;
+        volumes[c][1] += (b - a).cross(c3 - a).length() / 2.0;
+    };
+    mesh.triangles.iter().zip(&component).for_each(|(t, c)| add(*c as usize, t));
+    let owner = |hole: &[u32]| of_vertex[hole[0] as usize];
+    let mut partly = vec![false; mesh.triangles.len()];
+    for (hole, cap) in holes.iter().zip(&caps) {
+        cap.triangles.iter().for_each(|t| add(owner(hole), t));
+        partly[owner(hole)] |= !cap.whole;
+    }
+    for (hole, cap) in holes.iter().zip(&mut caps) {
+        let [volume, area] = volumes[owner(hole)];
+        if !partly[owner(hole)] && volume < 0.125 * options.thickness * area {
+            *cap = Cap { triangles: Vec::new(), whole: false };
+        }
+    }
+    caps
+}
+
+/// What caps must keep clear of.
+struct Caps {
+    /// Edges that exist already and must not be used a second time.
+    taken: HashSet<[u32; 2]>,
+    /// The mesh without caps.
+    surface: Option<TriMesh>,
+}
+
+impl Caps {
+    /// Of a mesh with these rims.
+    fn new(mesh: &Mesh, holes: &[Vec<u32>]) -> Self {
+        let mut on_rim = vec![false; mesh.vertices.len()];
+        holes.iter().flatten().for_each(|v| on_rim[*v as usize] = true);
+        let edges = (0..3 * mesh.triangles.len() as u32).map(|h| ends(&mesh.triangles, h));
+        let both = edges.filter(|e| e.iter().all(|v| on_rim[*v as usize]));
+        Self { taken: both.map(|[a, b]| [a.min(b), a.max(b)]).collect(), surface: trimesh(mesh) }
+    }
+
+    /// Closes a hole in pieces that nearly lie in planes. Vertices that pieces need are added to the mesh.
+    fn close(&mut self, mesh: &mut Mesh, hole: &[u32], obstacles: &Obstacles, o: &RepairOptions) -> Cap {
+        let hole_is_large = flatten(mesh, hole).width > o.small_hole;
+        let mut closed = Cap { triangles: Vec::new(), whole: true };
+        let mut rest = vec![hole.to_vec()];
+        while let Some(piece) = rest.pop() {
+            let flat = flatten(mesh, &piece);
+            let large = flat.width > o.small_hole;
+            let allowed = o.planarity * flat.width;
+            let crooked = large && (flat.deviation > allowed || flat.farthest > 2.5 * allowed);
+            let mut cap = None;
+            if !crooked {
+                cap = Some(clip_ears(&piece, &flat, &self.taken, mesh.vertices.len() as u32));
+            }
+            // A lid that would cut through the part is tried in smaller pieces, as long as there is anything to halve.
+            let cuts = |(cap, center): &(Vec<[u32; 3]>, bool)| large && !center && self.pierces_any(mesh, cap);
+            if cap.as_ref().is_none_or(cuts)
+                && let Some((i, j)) = self.narrowest(mesh, &piece)
+            {
+                self.taken.insert([piece[i].min(piece[j]), piece[i].max(piece[j])]);
+                rest.push(piece[i..=j].to_vec());
+                rest.push(piece[j..].iter().chain(&piece[..=i]).copied().collect());
+                continue;
+            }
+            let (cap, center) =
+                cap.unwrap_or_else(|| clip_ears(&piece, &flat, &self.taken, mesh.vertices.len() as u32));
+            if center {
+                push_mean(mesh, &piece);
+            }
+            let edges = cap.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
+            self.taken.extend(edges.map(|[a, b]| [a.min(b), a.max(b)]));
+            let harmless = !hole_is_large || mean_width(mesh, &piece, &cap) < 0.25 * o.small_hole;
+            if harmless || obstructed(mesh, &cap, obstacles, flat.width / 40.0) <= o.obstructed {
+                closed.triangles.extend(cap);
+            } else {
+                closed.whole = false;
+            }
+        }
+        closed
+    }
+
+    /// The chord, between two corners of a rim, that is shortest for the way around that it saves, if possible one that does
+    /// not cut through the surface; neither side is shorter than a twentieth of the rim, and the edge is not taken.
+    fn narrowest(&self, mesh: &Mesh, rim: &[u32]) -> Option<(usize, usize)> {
+        let n = rim.len();
+        let points: Vec<DVec3> = rim.iter().map(|v| point(mesh, *v)).collect();
+        let mut along = vec![0.0];
+        for i in 0..n {
+            along.push(along[i] + points[i].distance(points[(i + 1) % n]));
+        }
+        let all = along[n];
+        // Long rims are searched at a few hundred corners.
+        let stride = n.div_ceil(500);
+        let mut chords = Vec::new();
+        for i in (0..n).step_by(stride) {
+            for j in (i + 2..n).step_by(stride) {
+                let way = (along[j] - along[i]).min(all - along[j] + along[i]);
+                if way >= 0.05 * all && (i, j) != (0, n - 1) {
+                    chords.push((points[i].distance_squared(points[j]) / (way * way), i, j));
+                }
+            }
+        }
+        let free = |c: &&(f64, usize, usize)| !self.taken.contains(&[rim[c.1].min(rim[c.2]), rim[c.1].max(rim[c.2])]);
+        let first = chords.len().min(200);
+        if first < chords.len() {
+            chords.select_nth_unstable_by(first, |a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        }
+        chords.truncate(first);
+        chords.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        let clear = chords.iter().filter(free).find(|c| !self.pierces(points[c.1], points[c.2]));
+        clear.or_else(|| chords.iter().find(free)).map(|c| (c.1, c.2))
+    }
+
+    /// True if an edge of a cap cuts through the surface.
+    fn pierces_any(&self, mesh: &Mesh, cap: &[[u32; 3]]) -> bool {
+        let edges = cap.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
+        let mut inner = edges.filter(|[a, b]| !self.taken.contains(&[*a.min(b), *a.max(b)]));
+        inner.any(|[a, b]| self.pierces(point(mesh, a), point(mesh, b)))
+    }
+
+    /// True if a straight line, less a bit at its ends, cuts through the surface.
+    fn pierces(&self, a: DVec3, b: DVec3) -> bool {
+        let [from, way] = [a.lerp(b, 0.03), (b - a) * 0.94].map(|p| Vector::from_array(p.as_vec3().to_array()));
+        self.surface.as_ref().is_some_and(|s| s.intersects_local_ray(&Ray::new(from, way), 1.0))
+    }
+}
+
+/// Adds a vertex in the middle of others.
+fn push_mean(mesh: &mut Mesh, of: &[u32]) {
+    let n = of.len() as f32;
+    let mean = |get: &dyn Fn(usize) -> f32| of.iter().map(|v| get(*v as usize)).sum::<f32>() / n;
+    let position = [0, 1, 2].map(|k| mean(&|v| mesh.vertices[v][k]));
+    if mesh.colors.len() == mesh.vertices.len() {
+        let color = [0, 1, 2].map(|k| mean(&|v| f32::from(mesh.colors[v][k])).round() as u8);
+        mesh.colors.push(color);
+    }
+    mesh.vertices.push(position);
+}
+
+/// Width of a cap if it were a long strip: twice its area over its rim.
+fn mean_width(mesh: &Mesh, rim: &[u32], cap: &[[u32; 3]]) -> f64 {
+    let twice: f64 = cap.iter().map(|t| cross(mesh, *t).length()).sum();
+    let around: f64 = (0..rim.len()).map(|i| point(mesh, rim[i]).distance(point(mesh, rim[(i + 1) % rim.len()]))).sum();
+    twice / around.max(f64::MIN_POSITIVE)
+}
+
+/// Fraction of the area at which something else moves, sampled about every `step`.
+fn obstructed(mesh: &Mesh, triangles: &[[u32; 3]], obstacles: &Obstacles, step: f64) -> f64 {
+    let (mut hit, mut all) = (0.0, 0.0);
+    for t in triangles {
+        let [a, b, c] = corners(mesh, *t);
+        let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+        let n = (longest / step).ceil().clamp(1.0, 60.0) as usize;
+        let weight = (b - a).cross(c - a).length() / (n * n) as f64;
+        for (i, j) in (0..n).flat_map(|i| (0..n - i).map(move |j| (i, j))) {
+            // Centres of the small triangles that point the way the large one does and, but for the last row, the other.
+            for third in if i + j + 1 < n { &[1.0, 2.0][..] } else { &[1.0][..] } {
+                let at = |k: usize| (k as f64 + third / 3.0) / n as f64;
+                let p: DVec3 = a + (b - a) * at(i) + (c - a) * at(j);
+                all += weight;
+                hit += if obstacles(p) { weight } else { 0.0 };
+            }
+        }
+    }
+    if all > 0.0 { hit / all } else { 0.0 }
+}
+
+/// A corner of what is left of the polygon.
+#[derive(Clone, Copy)]
+struct Corner {
+    before: usize,
+    after: usize,
+    /// How good an ear it makes, 0 if none.
+    quality: f64,
+}
+
+/// Triangulates a polygon that may be concave, best ears first, without edges that are `taken`. Where no ear is left, because
+/// the rim crosses itself in its plane or all ears are taken, the rest is a fan about a new vertex `next_vertex`; true if so.
+fn clip_ears(hole: &[u32], flat: &Flat, taken: &HashSet<[u32; 2]>, next_vertex: u32) -> (Vec<[u32; 3]>, bool) {
+    let n = hole.len();
+    let mut ring: Vec<Corner> =
+        (0..n).map(|i| Corner { before: (i + n - 1) % n, after: (i + 1) % n, quality: 0.0 }).collect();
+    let mut left: Vec<usize> = (0..n).collect();
+    left.iter().for_each(|i| ring[*i].quality = ear_quality(*i, &ring, &left, hole, flat, taken));
+    let mut triangles = Vec::with_capacity(n - 2);
+    while left.len() > 3 {
+        let best = |left: &[usize], ring: &[Corner]| {
+            (0..left.len()).max_by(|a, b| ring[left[*a]].quality.total_cmp(&ring[left[*b]].quality)).unwrap_or(0)
+        };
+        let mut at = best(&left, &ring);
+        if ring[left[at]].quality <= 0.0 {
+            let again: Vec<f64> = left.iter().map(|i| ear_quality(*i, &ring, &left, hole, flat, taken)).collect();
+            left.iter().zip(again).for_each(|(i, q)| ring[*i].quality = q);
+            at = best(&left, &ring);
+        }
+        let i = left[at];
+        let Corner { before, after, quality } = ring[i];
+        if quality <= 0.0 {
+            let fan = left.iter().map(|i| [hole[*i], hole[ring[*i].after], next_vertex]);
+            triangles.extend(fan);
+            return (triangles, true);
+        }
+        triangles.push([hole[before], hole[i], hole[after]]);
+        left.remove(at);
+        ring[before].after = after;
+        ring[after].before = before;
+        for k in [before, after] {
+            ring[k].quality = ear_quality(k, &ring, &left, hole, flat, taken);
+        }
+    }
+    triangles.push([hole[ring[left[0]].before], hole[left[0]], hole[ring[left[0]].after]]);
+    (triangles, false)
+}
+
+/// Twice the area over the squared sides, positive for an ear that may be clipped.
+fn ear_quality(i: usize, ring: &[Corner], left: &[usize], hole: &[u32], flat: &Flat, taken: &HashSet<[u32; 2]>) -> f64 {
+    let (u, w) = (ring[i].before, ring[i].after);
+    let [a, b, c] = [u, i, w].map(|k| flat.points[k]);
+    let sides = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
+    let quality = (b - a).perp_dot(c - a) / sides.max(f64::MIN_POSITIVE);
+    if quality <= 1e-9 || taken.contains(&[hole[u].min(hole[w]), hole[u].max(hole[w])]) {
+        return 0.0;
+    }
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    let inside = |p: DVec2| {
+        p.cmpge(low).all()
+            && p.cmple(high).all()
+            && (b - a).perp_dot(p - a) >= 0.0
+            && (c - b).perp_dot(p - b) >= 0.0
+            && (a - c).perp_dot(p - c) >= 0.0
+    };
+    if left.iter().any(|k| ![u, i, w].contains(k) && inside(flat.points[*k])) { 0.0 } else { quality }
+}

@@ -1,0 +1,122 @@
+//! Closed meshes from open ones: cleaned, holes capped where nothing else moves, the rest given thickness.
+//!
+//! What no photo shows is missing from a part's mesh: its back, its underside, the inside of a compartment. A hole gets a lid,
+//! crooked ones in several flat pieces, unless something moves through it. A component that is still open after that, or a
+//! sheet that lids give no volume, is a shell: an inner copy, joined at the rims, makes it a body.
+
+mod cap;
+mod clean;
+mod loops;
+mod thicken;
+
+pub(crate) use clean::reduced;
+pub use clean::welded;
+pub(crate) use thicken::trimesh;
+
+use crate::topology::{open_edges, refine, signed_volume, split_to_manifold};
+use artgs_core::Mesh;
+use glam::DVec3;
+
+/// Where a part must not have material: true for points that other parts pass through or stand in. Asked from many threads.
+pub type Obstacles<'a> = dyn Fn(DVec3) -> bool + Sync + 'a;
+
+/// Settings of [`repair`]; lengths in scene units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RepairOptions {
+    /// Vertices that fall into the same cell of this size become one.
+    pub weld: f64,
+    /// Components with less of the largest one's area are dropped.
+    pub island_fraction: f64,
+    /// Holes not wider than this are capped however crooked they are.
+    pub small_hole: f64,
+    /// Larger holes are capped in pieces whose rims leave their planes by less than this fraction of their width (root mean
+    /// square; no corner by more than 2.5 times that).
+    pub planarity: f64,
+    /// A piece of a cap of which more than this fraction stands in the way of other parts is left out. Small holes, and strips
+    /// narrower than a quarter of one, are capped all the same: gaps between parts, level with what is around them.
+    pub obstructed: f64,
+    /// How far rims are smoothed before they are capped or thickened.
+    pub rim_smoothing: f64,
+    /// Thickness of shells.
+    pub thickness: f64,
+}
+
+impl RepairOptions {
+    /// Settings for a mesh whose edges are about `edge` long (see [`mean_edge`]).
+    pub fn at_resolution(edge: f64) -> Self {
+        Self {
+            weld: 1e-3 * edge,
+            island_fraction: 0.003,
+            small_hole: 25.0 * edge,
+            planarity: 0.025,
+            obstructed: 0.05,
+            rim_smoothing: 1.5 * edge,
+            thickness: 8.0 * edge,
+        }
+    }
+}
+
+/// What [`repair`] makes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Repaired {
+    /// The mesh, in the frame it came in, with its colours.
+    pub mesh: Mesh,
+    /// True if every edge is shared by exactly two triangles that run along it in opposite directions.
+    pub watertight: bool,
+    /// Edges for which that does not hold.
+    pub open_edges: usize,
+    /// Holes that got a cap.
+    pub capped: usize,
+    /// Holes that got none or only a part of one: something moves there, or what they would enclose is no thicker than a sheet.
+    pub left_open: usize,
+    /// True if a component was given thickness.
+    pub thickened: bool,
+    /// Enclosed volume, scene units cubed.
+    pub volume: f64,
+}
+
+/// Mean length of the mesh's edges, scene units; 0 without triangles.
+pub fn mean_edge(mesh: &Mesh) -> f64 {
+    let lengths = mesh.triangles.iter().flat_map(|t| {
+        let [a, b, c] = crate::topology::corners(mesh, *t);
+        [a.distance(b), b.distance(c), c.distance(a)]
+    });
+    lengths.sum::<f64>() / (3 * mesh.triangles.len()).max(1) as f64
+}
+
+/// Makes a closed, oriented mesh of a part's mesh: welds, drops debris, orients, caps holes except where `obstacles` says
+/// that something else moves, and thickens what is still open. Walls get no thicker than a third of the distance to the
+/// surface behind them and stay out of obstacles. An empty mesh stays empty and is not watertight.
+pub fn repair(mesh: &Mesh, obstacles: &Obstacles, options: &RepairOptions) -> Repaired {
+    let mut mesh = clean::clean(mesh, options);
+    let mut holes = loops::holes(&mesh);
+    for hole in &mut holes {
+        loops::smooth(&mut mesh, hole, options.rim_smoothing);
+    }
+    let caps = cap::close(&mut mesh, &holes, obstacles, options);
+    let capped = caps.iter().filter(|cap| cap.whole).count();
+    mesh.triangles.extend(caps.into_iter().flat_map(|cap| cap.triangles));
+    let mut thickened = false;
+    if capped < holes.len() && options.thickness > 0.0 {
+        thickened = true;
+        // Walls behind caps follow what is behind them.
+        refine(&mut mesh, 1.5 * options.thickness);
+        thicken::thicken(&mut mesh, obstacles, options.thickness);
+    }
+    mesh = if open_edges(&mesh.triangles) > 0 {
+        split_to_manifold(&mesh, 1e-3)
+    } else {
+        clean::reduced(&mesh, &mesh.triangles)
+    };
+    let mut volume = signed_volume(&mesh);
+    let open_edges = open_edges(&mesh.triangles);
+    if volume < 0.0 && open_edges == 0 {
+        mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        volume = -volume;
+    }
+    let watertight = open_edges == 0 && !mesh.is_empty();
+    Repaired { mesh, watertight, open_edges, capped, left_open: holes.len() - capped, thickened, volume }
+}
+
+#[cfg(test)]
+mod tests;

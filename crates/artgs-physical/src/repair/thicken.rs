@@ -1,0 +1,132 @@
+//! Shells: open components get an inner side.
+
+use super::Obstacles;
+use crate::topology::{NONE, components, ends, point, twins, vertex_normals};
+use artgs_core::Mesh;
+use glam::DVec3;
+use parry3d::math::Vector;
+use parry3d::query::{Ray, RayCast};
+use parry3d::shape::TriMesh;
+use rayon::prelude::*;
+
+/// Fraction of the way to the surface behind that a wall may take: two walls back to back stay apart.
+const SHARE: f64 = 0.33;
+
+/// Gives every open component an inner side, `thickness` behind the surface or less where another surface or an obstacle is
+/// nearer, joined to the outer one along the rims.
+pub(super) fn thicken(mesh: &mut Mesh, obstacles: &Obstacles, thickness: f64) {
+    let twins = twins(mesh);
+    let component = components(&twins);
+    let mut open = vec![false; mesh.triangles.len()];
+    let rims: Vec<u32> = (0..twins.len() as u32).filter(|h| twins[*h as usize] == NONE).collect();
+    rims.iter().for_each(|h| open[component[*h as usize / 3] as usize] = true);
+    let outer: Vec<[u32; 3]> =
+        (0..mesh.triangles.len()).filter(|t| open[component[*t] as usize]).map(|t| mesh.triangles[t]).collect();
+    let mut inner = vec![NONE; mesh.vertices.len()];
+    let mut vertices: Vec<u32> = outer.iter().flatten().copied().collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    let normals = evened(vertex_normals(mesh), &outer);
+    let depths = depths(mesh, &vertices, &outer, &normals, obstacles, thickness);
+    let colored = mesh.colors.len() == mesh.vertices.len();
+    for (v, depth) in vertices.iter().zip(depths) {
+        inner[*v as usize] = mesh.vertices.len() as u32;
+        let p = point(mesh, *v) - normals[*v as usize] * depth;
+        mesh.vertices.push(p.as_vec3().to_array());
+        if colored {
+            mesh.colors.push(mesh.colors[*v as usize]);
+        }
+    }
+    let behind = |v: u32| inner[v as usize];
+    let rim_edges: Vec<[u32; 2]> = rims.iter().map(|h| ends(&mesh.triangles, *h)).collect();
+    mesh.triangles.extend(outer.iter().map(|t| [behind(t[0]), behind(t[2]), behind(t[1])]));
+    mesh.triangles.extend(rim_edges.iter().flat_map(|[a, b]| [[*b, *a, behind(*a)], [*b, behind(*a), behind(*b)]]));
+}
+
+/// Normals mixed with those around them: inner sides of rough surfaces do not cross themselves so soon.
+fn evened(mut normals: Vec<DVec3>, triangles: &[[u32; 3]]) -> Vec<DVec3> {
+    for _ in 0..4 {
+        let mut sums = normals.clone();
+        for t in triangles {
+            let mean: DVec3 = t.iter().map(|v| normals[*v as usize]).sum();
+            t.iter().for_each(|v| sums[*v as usize] += mean / 3.0);
+        }
+        normals = sums.iter().map(|n| n.normalize_or_zero()).collect();
+    }
+    normals
+}
+
+/// How deep the wall is behind every one of `vertices`.
+fn depths(
+    mesh: &Mesh,
+    vertices: &[u32],
+    triangles: &[[u32; 3]],
+    normals: &[DVec3],
+    obstacles: &Obstacles,
+    thickness: f64,
+) -> Vec<f64> {
+    let solid = trimesh(mesh);
+    let allowed = |v: &u32| -> f64 {
+        let (p, n) = (point(mesh, *v), normals[*v as usize]);
+        let mut depth = thickness;
+        if let Some(solid) = &solid {
+            let from = p - n * (1e-3 * thickness);
+            let [origin, along] = [from, -n].map(|q| Vector::from_array(q.as_vec3().to_array()));
+            let reach = (thickness / SHARE) as f32;
+            if let Some(hit) = solid.cast_local_ray(&Ray::new(origin, along), reach, false) {
+                depth = depth.min(SHARE * f64::from(hit));
+            }
+        }
+        // Some depth must be left: a wall without any is not a solid, and simplification would turn it inside out.
+        let least = (0.1 * thickness).min(depth);
+        while depth > least && obstacles(p - n * depth) {
+            depth *= 0.7;
+        }
+        depth.max(least).max(1e-3 * thickness)
+    };
+    let allowed: Vec<f64> = vertices.par_iter().map(allowed).collect();
+    let mut at = vec![0.0; mesh.vertices.len()];
+    vertices.iter().zip(allowed).for_each(|(v, d)| at[*v as usize] = d);
+    lower_to_neighbours(&mut at, triangles);
+    if let Some(solid) = &solid {
+        (0..4).for_each(|_| lower_where_it_cuts(&mut at, mesh, triangles, normals, solid));
+    }
+    vertices.iter().map(|v| at[*v as usize]).collect()
+}
+
+/// Halves the depth around edges of the inner side that cut through the outer one.
+fn lower_where_it_cuts(at: &mut [f64], mesh: &Mesh, triangles: &[[u32; 3]], normals: &[DVec3], solid: &TriMesh) {
+    let inner = |v: u32| point(mesh, v) - normals[v as usize] * at[v as usize];
+    let cuts = |[a, b]: [u32; 2]| {
+        let (from, to) = (inner(a), inner(b));
+        let [origin, way] = [from, to - from].map(|p| Vector::from_array(p.as_vec3().to_array()));
+        solid.intersects_local_ray(&Ray::new(origin, way), 1.0)
+    };
+    let cutting: Vec<[u32; 3]> = triangles
+        .par_iter()
+        .filter(|t| cuts([t[0], t[1]]) || cuts([t[1], t[2]]) || cuts([t[2], t[0]]))
+        .copied()
+        .collect();
+    let mut low: Vec<u32> = cutting.into_iter().flatten().collect();
+    low.sort_unstable();
+    low.dedup();
+    low.iter().for_each(|v| at[*v as usize] *= 0.5);
+}
+
+/// Each depth lowered to one and a half times the least among its neighbours, twice: a single ray that slips through a gap
+/// digs no spike.
+fn lower_to_neighbours(at: &mut [f64], triangles: &[[u32; 3]]) {
+    for _ in 0..2 {
+        let was = at.to_vec();
+        for t in triangles {
+            let lowest = t.iter().map(|v| was[*v as usize]).fold(f64::INFINITY, f64::min);
+            t.iter().for_each(|v| at[*v as usize] = at[*v as usize].min(1.5 * lowest));
+        }
+    }
+}
+
+/// For ray casts and distances; none without triangles.
+pub(crate) fn trimesh(mesh: &Mesh) -> Option<TriMesh> {
+    let vertices = mesh.vertices.iter().map(|v| Vector::from_array(*v)).collect();
+    TriMesh::new(vertices, mesh.triangles.clone()).ok()
+}
