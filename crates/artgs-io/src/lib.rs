@@ -5,6 +5,7 @@
 pub mod asset;
 pub mod atomic;
 pub mod capture;
+pub mod corrections;
 pub mod error;
 pub mod ground_truth;
 pub mod image_io;
@@ -17,6 +18,7 @@ pub mod tensors;
 
 pub use atomic::write_atomic;
 pub use capture::{CaptureError, load_capture};
+pub use corrections::{CentreEdit, Corrections, JointMark, read_corrections, write_corrections};
 pub use error::FileError;
 pub use ground_truth::{GroundTruth, load_ground_truth};
 pub use mesh_ply::{read_mesh_ply, write_mesh_ply};

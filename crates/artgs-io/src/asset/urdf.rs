@@ -2,8 +2,8 @@
 //!
 //! The root link `world` carries the base on a fixed joint, so the object does not fall. Link frames are joint frames.
 //!
-//! Limitations: a screw is a revolute joint, its pitch in a comment. The observed states and splats have no place. A link
-//! without texture has its colours in the OBJ, where many loaders skip them; it gets no `<material>`, for which SAPIEN
+//! Limitations: a screw is a revolute joint, its pitch in a comment; so are the observed states. Splats have no place. A
+//! link without texture has its colours in the OBJ, where many loaders skip them; it gets no `<material>`, for which SAPIEN
 //! wants a renderer even where nothing is drawn. PyBullet ignores contacts within a robot unless asked;
 //! MuJoCo those between a body and its parent, but not where the parent is fixed to the world (its own format has
 //! excludes for that). URDF does not say that hulls are convex; every engine takes the hull of each collision mesh,
@@ -11,7 +11,7 @@
 
 use super::check::{check_asset, sound_inertia};
 use super::meshes::{LinkFiles, write_link_meshes};
-use super::xml::{row, screw_note, triple};
+use super::xml::{observed_note, row, screw_note, triple};
 use crate::{FileError, write_atomic};
 use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind};
 use glam::DVec3;
@@ -106,7 +106,9 @@ fn open_joint(out: &mut String, kind: &str, child: &str, parent: &str, xyz: DVec
 }
 
 fn write_motion(out: &mut String, joint: &AssetJoint) {
-    let AssetJoint { kind, axis, pitch, limits: [lower, upper], effort, velocity, damping, friction, .. } = *joint;
+    let AssetJoint { kind, axis, pitch, limits: [lower, upper], observed, effort, velocity, damping, friction } =
+        *joint;
+    let _ = writeln!(out, "    {}", observed_note(observed));
     if let Some(note) = screw_note(kind, pitch) {
         let _ = writeln!(out, "    {note}");
     }
@@ -189,7 +191,8 @@ mod tests {
         assert_eq!(
             joint,
             " type=\"prismatic\">\n    <parent link=\"base\"/>\n    <child link=\"part_2\"/>\n    <origin xyz=\"0 -0.26 0.25\" \
-             rpy=\"0 0 0\"/>\n    <axis xyz=\"0 -1 0\"/>\n    <limit lower=\"0\" upper=\"0.42\" effort=\"50\" velocity=\"3\"/>\n\
+             rpy=\"0 0 0\"/>\n    <!-- observed: 0 0.4 -->\n    <axis xyz=\"0 -1 0\"/>\n\
+             \x20   <limit lower=\"0\" upper=\"0.42\" effort=\"50\" velocity=\"3\"/>\n\
              \x20   <dynamics damping=\"0.2\" friction=\"0.1\"/>\n  </joint>\n</robot>\n"
         );
     }

@@ -18,6 +18,11 @@ pub(super) fn screw_note(kind: JointKind, pitch: f64) -> Option<String> {
     (kind == JointKind::Screw).then(|| format!("<!-- screw: slides {pitch} m per radian along its axis -->"))
 }
 
+/// A comment with the values in the two observed states, for which the format at hand has no place.
+pub(super) fn observed_note([start, end]: [f64; 2]) -> String {
+    format!("<!-- observed: {start} {end} -->")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,0 +1,48 @@
+//! Points of an observed state, as bytes for the page.
+
+use crate::Placement;
+use glam::DVec3;
+
+/// Points of an observed state before any reconstruction.
+#[derive(Clone, Debug, Default)]
+pub struct Cloud {
+    /// 0 = start, 1 = end.
+    pub state: usize,
+    /// Capture's frame and unit.
+    pub points: Vec<[f32; 3]>,
+    /// sRGB, one per point.
+    pub colors: Vec<[u8; 3]>,
+    /// Which points the other state does not have, one per point; empty if that was not looked at.
+    pub moved: Vec<bool>,
+}
+
+impl Cloud {
+    /// See [`SceneCloud::file`](crate::SceneCloud::file); a missing colour is grey.
+    pub(crate) fn bytes(&self, placement: &Placement) -> Vec<u8> {
+        let mut out = Vec::with_capacity(self.points.len() * 16);
+        for p in &self.points {
+            let at = placement.rotation * (placement.scale * DVec3::from_array(p.map(f64::from)));
+            at.as_vec3().to_array().iter().for_each(|v| out.extend(v.to_le_bytes()));
+        }
+        for i in 0..self.points.len() {
+            out.extend(self.colors.get(i).unwrap_or(&[160; 3]));
+            out.push(u8::from(self.moved.get(i).copied().unwrap_or(false)));
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn positions_then_colours() {
+        let cloud =
+            Cloud { state: 0, points: vec![[1.0, 2.0, 3.0], [0.0; 3]], colors: vec![[9, 8, 7]], moved: vec![true] };
+        let bytes = cloud.bytes(&Placement { scale: 2.0, ..Placement::default() });
+        assert_eq!(bytes.len(), 32);
+        assert_eq!(bytes[8..12], 6f32.to_le_bytes());
+        assert_eq!(bytes[24..], [9, 8, 7, 1, 160, 160, 160, 0]);
+    }
+}

@@ -1,0 +1,195 @@
+//! As much of HTTP/1.1 as a page on loopback needs: one request per connection, bodies of known length.
+//!
+//! Small servers that keep connections share a few threads among them, and a browser that opens six at once then waits
+//! for ever; here a connection has a thread of its own and ends with the answer.
+
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::net::TcpStream;
+use std::time::Duration;
+
+/// Bytes of a request without its body.
+const MOST_HEAD: usize = 16 << 10;
+const MOST_HEADERS: usize = 64;
+/// A peer that is silent for so long is gone.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// What was asked.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Request {
+    pub(crate) method: String,
+    /// Path with the query.
+    pub(crate) target: String,
+    /// As sent; names may be spelt in any case.
+    pub(crate) headers: Vec<(String, String)>,
+    pub(crate) body: Vec<u8>,
+}
+
+impl Request {
+    /// Value of a header; none where it is missing, empty where it is there more than once, so that it fits nothing.
+    pub(crate) fn header(&self, name: &str) -> Option<&str> {
+        let mut found = self.headers.iter().filter(|(n, _)| n.eq_ignore_ascii_case(name));
+        let (_, value) = found.next()?;
+        Some(if found.next().is_some() { "" } else { value })
+    }
+
+    /// The path without the query.
+    pub(crate) fn path(&self) -> &str {
+        self.target.split('?').next().unwrap_or("")
+    }
+}
+
+/// Where the bytes of an answer come from.
+pub(crate) enum Body {
+    Bytes(Vec<u8>),
+    File(File, u64),
+}
+
+/// What is answered.
+pub(crate) struct Answer {
+    pub(crate) status: u16,
+    pub(crate) kind: &'static str,
+    pub(crate) body: Body,
+}
+
+impl Answer {
+    /// A line of text.
+    pub(crate) fn text(status: u16, message: &str) -> Self {
+        Self { status, kind: "text/plain; charset=utf-8", body: Body::Bytes(format!("{message}\n").into_bytes()) }
+    }
+
+    /// Bytes of a content type.
+    pub(crate) fn bytes(bytes: &[u8], kind: &'static str) -> Self {
+        Self { status: 200, kind, body: Body::Bytes(bytes.to_vec()) }
+    }
+}
+
+/// Reads a request; `most` bounds the bytes of its body. An `Err` inside is what to answer instead.
+pub(crate) fn read(stream: &mut TcpStream, most: usize) -> io::Result<Result<Request, Answer>> {
+    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_write_timeout(Some(PATIENCE))?;
+    let mut bytes = Vec::new();
+    let mut piece = [0u8; 4096];
+    loop {
+        let count = stream.read(&mut piece)?;
+        if count == 0 {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        bytes.extend(&piece[..count]);
+        match head(&bytes) {
+            Err(reason) => return Ok(Err(Answer::text(400, &reason))),
+            Ok(None) if bytes.len() > MOST_HEAD => return Ok(Err(Answer::text(431, "the headers are too long"))),
+            Ok(None) => {}
+            Ok(Some((length, mut request))) => {
+                let rest = bytes.split_off(length);
+                return Ok(body(stream, &request, rest, most)?.map(|body| {
+                    request.body = body;
+                    request
+                }));
+            }
+        }
+    }
+}
+
+/// Length of the head and what it says, once all of it is there.
+fn head(bytes: &[u8]) -> Result<Option<(usize, Request)>, String> {
+    let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
+    let mut parsed = httparse::Request::new(&mut headers);
+    match parsed.parse(bytes) {
+        Err(e) => Err(format!("not HTTP: {e}")),
+        Ok(httparse::Status::Partial) => Ok(None),
+        Ok(httparse::Status::Complete(length)) => {
+            let text = |v: &[u8]| String::from_utf8_lossy(v).into_owned();
+            let request = Request {
+                method: parsed.method.unwrap_or("").into(),
+                target: parsed.path.unwrap_or("").into(),
+                headers: parsed.headers.iter().map(|h| (h.name.into(), text(h.value))).collect(),
+                body: Vec::new(),
+            };
+            Ok(Some((length, request)))
+        }
+    }
+}
+
+fn body(
+    stream: &mut TcpStream,
+    request: &Request,
+    mut bytes: Vec<u8>,
+    most: usize,
+) -> io::Result<Result<Vec<u8>, Answer>> {
+    if request.header("Transfer-Encoding").is_some() {
+        return Ok(Err(Answer::text(411, "the length of the body must be given")));
+    }
+    let Some(length) = request.header("Content-Length") else { return Ok(Ok(Vec::new())) };
+    let Ok(length) = length.parse::<usize>() else { return Ok(Err(Answer::text(400, "Content-Length is no number"))) };
+    if length > most {
+        return Ok(Err(Answer::text(413, &format!("the body is above {most} bytes"))));
+    }
+    bytes.truncate(length);
+    let missing = (length - bytes.len()) as u64;
+    let got = stream.take(missing).read_to_end(&mut bytes)? as u64;
+    if got < missing {
+        return Err(io::ErrorKind::UnexpectedEof.into());
+    }
+    Ok(Ok(bytes))
+}
+
+/// Writes an answer with more headers, and ends the connection.
+pub(crate) fn write(stream: &mut TcpStream, answer: Answer, headers: &[(&str, &str)]) -> io::Result<()> {
+    let length = match &answer.body {
+        Body::Bytes(bytes) => bytes.len() as u64,
+        Body::File(_, length) => *length,
+    };
+    let mut head = format!(
+        "HTTP/1.1 {} {}\r\nContent-Type: {}\r\nContent-Length: {length}\r\nConnection: close\r\n",
+        answer.status,
+        reason(answer.status),
+        answer.kind
+    );
+    headers.iter().for_each(|(name, value)| head += &format!("{name}: {value}\r\n"));
+    stream.write_all((head + "\r\n").as_bytes())?;
+    match answer.body {
+        Body::Bytes(bytes) => stream.write_all(&bytes)?,
+        Body::File(file, length) => {
+            io::copy(&mut file.take(length), stream)?;
+        }
+    }
+    stream.flush()?;
+    stream.shutdown(std::net::Shutdown::Write)?;
+    // Bytes that were sent but not read here would reset the connection before the answer arrives.
+    stream.set_read_timeout(Some(Duration::from_millis(500)))?;
+    io::copy(&mut stream.take(1 << 20), &mut io::sink()).map(|_| ())
+}
+
+fn reason(status: u16) -> &'static str {
+    match status {
+        200 => "OK",
+        403 => "Forbidden",
+        404 => "Not Found",
+        405 => "Method Not Allowed",
+        411 => "Length Required",
+        413 => "Content Too Large",
+        415 => "Unsupported Media Type",
+        431 => "Request Header Fields Too Large",
+        500 => "Internal Server Error",
+        503 => "Service Unavailable",
+        _ => "Bad Request",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heads_come_in_pieces_and_doubled_headers_fit_nothing() {
+        let text = b"POST /a/b?c=d HTTP/1.1\r\nHost: x:1\r\nORIGIN: a\r\nOrigin: b\r\n\r\nrest";
+        assert_eq!(head(&text[..30]).unwrap(), None);
+        let (length, request) = head(text).unwrap().unwrap();
+        assert_eq!(&text[length..], b"rest");
+        assert_eq!((request.method.as_str(), request.path()), ("POST", "/a/b"));
+        assert_eq!((request.header("host"), request.header("origin")), (Some("x:1"), Some("")));
+        assert_eq!(request.header("Content-Length"), None);
+        assert!(head(b"\x16\x03\x01\x02\x00").unwrap_err().contains("not HTTP"));
+    }
+}

@@ -1,0 +1,22 @@
+//! The browser viewer: what the page shows ([`Page`]), a server for it on loopback ([`Server`]), and the same as one
+//! file ([`export_page`]). The page itself is built from `viewer/` and is part of this crate.
+
+mod bundle;
+mod camera;
+mod cloud;
+mod error;
+mod guard;
+mod http;
+mod page;
+mod scene;
+mod server;
+mod single;
+mod urdf;
+
+pub use camera::{CameraView, Placement};
+pub use cloud::Cloud;
+pub use error::ViewError;
+pub use page::{Page, Source};
+pub use scene::{Scene, SceneCamera, SceneCloud, SceneJoint, SceneLink, SceneMesh};
+pub use server::{DEFAULT_PORT, Server};
+pub use single::export_page;

@@ -1,0 +1,216 @@
+//! What a page shows: a scene and the files it names. Only those are ever served or written into a page.
+
+use crate::camera::{CameraView, Placement};
+use crate::scene::{self, Scene, SceneCloud, SceneJoint, SceneLink, SceneMesh};
+use crate::urdf::{self, Link};
+use crate::{Cloud, ViewError};
+use artgs_io::FileError;
+use std::collections::BTreeMap;
+use std::path::{Component, Path, PathBuf};
+
+/// Where the bytes of a file are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// On disk, read whenever it is asked for.
+    Path(PathBuf),
+    /// Here.
+    Bytes(Vec<u8>),
+}
+
+impl Source {
+    /// The bytes.
+    pub fn read(&self) -> Result<Vec<u8>, FileError> {
+        match self {
+            Self::Path(path) => std::fs::read(path).map_err(|source| FileError::Read { path: path.clone(), source }),
+            Self::Bytes(bytes) => Ok(bytes.clone()),
+        }
+    }
+}
+
+/// A scene and its files by name.
+#[derive(Clone, Debug)]
+pub struct Page {
+    /// `scene.json`.
+    pub scene: Scene,
+    /// Everything `scene` names.
+    pub files: BTreeMap<String, Source>,
+}
+
+/// Colours of parts: the base grey, the others well apart for most eyes (after Okabe and Ito), then again.
+const COLOURS: [[u8; 3]; 7] =
+    [[230, 159, 0], [86, 180, 233], [0, 158, 115], [204, 121, 167], [213, 94, 0], [240, 228, 66], [0, 114, 178]];
+
+fn colour(link: usize) -> [u8; 3] {
+    if link == 0 { [158, 163, 170] } else { COLOURS[(link - 1) % COLOURS.len()] }
+}
+
+impl Page {
+    /// A scene without links; cameras and clouds can be added.
+    pub fn empty(name: &str) -> Self {
+        let scene = Scene {
+            format: scene::FORMAT,
+            version: scene::VERSION,
+            name: name.into(),
+            links: Vec::new(),
+            cameras: Vec::new(),
+            clouds: Vec::new(),
+            scores: None,
+            placement: None,
+            corrections: false,
+        };
+        Self { scene, files: BTreeMap::new() }
+    }
+
+    /// A replica folder: `exports/urdf/*.urdf` with its meshes, `exports/splats/` and `metrics.json`. Refuses a folder
+    /// without a valid `replica.json` or without that export.
+    pub fn of_replica(out: &Path) -> Result<Self, ViewError> {
+        artgs_io::read_replica(out)?;
+        let folder = out.join("exports/urdf");
+        let missing = |missing| ViewError::NotExported { out: out.into(), missing };
+        let path = first_urdf(&folder).ok_or_else(|| missing("exports/urdf/*.urdf"))?;
+        let (name, links) = urdf::read(&path)?;
+        let mut page = Self::empty(&name);
+        let closed = closed_links(&out.join("exports/export.json"))?;
+        for (i, link) in links.into_iter().enumerate() {
+            let mut link = page.link(out, &folder, i, link)?;
+            if let Some(mesh) = &mut link.mesh {
+                mesh.closed = closed.contains(&link.name);
+            }
+            page.scene.links.push(link);
+        }
+        // Replicas of a baseline have no Gaussians to export.
+        if out.join("splats").is_dir() && page.scene.links.iter().all(|l| l.splats.is_none()) {
+            return Err(missing("exports/splats/*.spz"));
+        }
+        let metrics = out.join("metrics.json");
+        if metrics.is_file() {
+            let bytes = Source::Path(metrics.clone()).read()?;
+            let scores = serde_json::from_slice(&bytes).map_err(|e| FileError::malformed(&metrics, e.to_string()))?;
+            page.scene.scores = Some(scores);
+        }
+        Ok(page)
+    }
+
+    /// Tells where the capture is in the object's frame; without it the page takes no positions for corrections.
+    pub fn place(&mut self, placement: Placement) {
+        self.scene.placement = Some(placement);
+    }
+
+    /// Adds cameras of the capture; `placement` leads from its frame to the object's.
+    pub fn add_cameras(&mut self, cameras: &[CameraView], placement: Placement) -> Result<(), ViewError> {
+        self.scene.placement = Some(placement);
+        for view in cameras {
+            let mut placed = view.placed(&placement);
+            let at = format!("cameras/{}", self.scene.cameras.len());
+            placed.photo = self.add_picture(&format!("{at}_photo"), view.photo.as_deref())?;
+            placed.rendering = self.add_picture(&format!("{at}_rendering"), view.rendering.as_deref())?;
+            placed.mask = self.add_picture(&format!("{at}_mask"), view.mask.as_deref())?;
+            self.scene.cameras.push(placed);
+        }
+        Ok(())
+    }
+
+    /// Adds the points of an observed state; `placement` leads from the capture's frame to the object's.
+    pub fn add_cloud(&mut self, cloud: &Cloud, placement: Placement) {
+        self.scene.placement = Some(placement);
+        let file = format!("clouds/{}.points", self.scene.clouds.len());
+        self.files.insert(file.clone(), Source::Bytes(cloud.bytes(&placement)));
+        self.scene.clouds.push(SceneCloud { state: cloud.state, count: cloud.points.len(), file });
+    }
+
+    /// The text of `scene.json`.
+    pub fn scene_json(&self) -> String {
+        // Keys are strings, so this cannot fail; numbers that are not finite become null.
+        serde_json::to_string(&self.scene).unwrap_or_default()
+    }
+
+    fn link(&mut self, out: &Path, folder: &Path, index: usize, link: Link) -> Result<SceneLink, ViewError> {
+        let mesh = match &link.visual {
+            None => None,
+            Some(file) => {
+                let texture = texture_of(&folder.join(file))?;
+                let texture = texture.map(|t| self.add(&folder.join(&t), &format!("mesh/{}.png", link.name)));
+                let file = self.add(&folder.join(file), &format!("mesh/{}.obj", link.name))?;
+                Some(SceneMesh { file, texture: texture.transpose()?, closed: false })
+            }
+        };
+        let mut collision = Vec::new();
+        for (k, file) in link.collision.iter().enumerate() {
+            collision.push(self.add(&folder.join(file), &format!("hull/{}_{k}.obj", link.name))?);
+        }
+        let splats = ["spz", "ply"]
+            .iter()
+            .map(|e| (e, out.join("exports/splats").join(format!("{}.{e}", link.name))))
+            .find(|(_, path)| path.is_file());
+        let splats = splats.map(|(e, path)| self.add(&path, &format!("splats/{}.{e}", link.name))).transpose()?;
+        let joint = link.joint.map(|j| SceneJoint {
+            kind: j.kind,
+            axis: j.axis.to_array(),
+            pitch: j.pitch,
+            limits: j.limits,
+            observed: j.observed,
+            effort: j.effort,
+            confidence: None,
+        });
+        let (name, parent, origin) = (link.name, link.parent, link.origin.to_array());
+        Ok(SceneLink { name, parent, origin, joint, mesh, collision, splats, colour: colour(index) })
+    }
+
+    fn add(&mut self, path: &Path, name: &str) -> Result<String, ViewError> {
+        if !path.is_file() {
+            let source = std::io::Error::from(std::io::ErrorKind::NotFound);
+            return Err(FileError::Read { path: path.into(), source }.into());
+        }
+        self.files.insert(name.into(), Source::Path(path.into()));
+        Ok(name.into())
+    }
+
+    fn add_picture(&mut self, name: &str, path: Option<&Path>) -> Result<Option<String>, ViewError> {
+        let Some(path) = path else { return Ok(None) };
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+        if !["png", "jpg", "jpeg"].contains(&extension.as_str()) {
+            return Err(FileError::malformed(path, "a browser shows PNG and JPEG").into());
+        }
+        self.add(path, &format!("{name}.{extension}")).map(Some)
+    }
+}
+
+/// Names of the links that the export calls watertight; none without its notes.
+fn closed_links(notes: &Path) -> Result<Vec<String>, FileError> {
+    if !notes.is_file() {
+        return Ok(Vec::new());
+    }
+    let bytes = Source::Path(notes.into()).read()?;
+    let notes: serde_json::Value =
+        serde_json::from_slice(&bytes).map_err(|e| FileError::malformed(notes, e.to_string()))?;
+    let links = notes["links"].as_array().map_or(&[][..], Vec::as_slice);
+    let closed = links.iter().filter(|l| l["watertight"] == true);
+    Ok(closed.filter_map(|l| l["name"].as_str().map(String::from)).collect())
+}
+
+/// First by name, so that the choice does not depend on the file system.
+fn first_urdf(folder: &Path) -> Option<PathBuf> {
+    let entries = std::fs::read_dir(folder).ok()?;
+    let mut found: Vec<PathBuf> = entries
+        .filter_map(|e| Some(e.ok()?.path()))
+        .filter(|p| p.extension().is_some_and(|e| e == "urdf") && p.is_file())
+        .collect();
+    found.sort();
+    found.into_iter().next()
+}
+
+/// Texture of an OBJ by way of its MTL, relative to the folder of the URDF.
+fn texture_of(obj: &Path) -> Result<Option<PathBuf>, FileError> {
+    let material = obj.with_extension("mtl");
+    if !material.is_file() {
+        return Ok(None);
+    }
+    let text = Source::Path(material.clone()).read()?;
+    let text = String::from_utf8_lossy(&text);
+    let Some(name) = text.lines().find_map(|l| l.trim().strip_prefix("map_Kd ")) else { return Ok(None) };
+    let inside = Path::new(name.trim()).components().all(|c| matches!(c, Component::Normal(_)));
+    if !inside {
+        return Err(FileError::malformed(&material, format!("texture {name:?} is not a path inside the folder")));
+    }
+    Ok(Some(obj.with_file_name(name.trim())))
+}

@@ -1,0 +1,125 @@
+//! `scene.json`: all the page knows of what it shows. `viewer/README.md` describes the fields for readers of the page.
+//!
+//! Frames: the object's, +Z up, metres; link frames are parallel to it at the zero pose.
+
+use artgs_core::JointKind;
+use serde::Serialize;
+use serde_json::Value;
+
+/// Spelling of `format` in `scene.json`.
+pub(crate) const FORMAT: &str = "artgs-scene";
+/// Version of `scene.json` that the page of this crate reads.
+pub(crate) const VERSION: u32 = 1;
+
+/// What the page shows. Files are names under which a [`Page`](crate::Page) has them.
+#[derive(Clone, Debug, Serialize)]
+pub struct Scene {
+    /// `artgs-scene`.
+    pub format: &'static str,
+    /// Version of the fields.
+    pub version: u32,
+    /// Name of the object.
+    pub name: String,
+    /// Links, the base first, parents before children.
+    pub links: Vec<SceneLink>,
+    /// Cameras with their photos.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub cameras: Vec<SceneCamera>,
+    /// Points of the observed states.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub clouds: Vec<SceneCloud>,
+    /// Content of `metrics.json`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scores: Option<Value>,
+    /// From the capture's frame to the object's, if known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub placement: Option<crate::Placement>,
+    /// True if the server takes corrections.
+    pub corrections: bool,
+}
+
+/// A rigid body.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneLink {
+    /// Unique name.
+    pub name: String,
+    /// Index of the link it hangs on; none for the base.
+    pub parent: Option<usize>,
+    /// Origin of the link frame in the object's frame at the zero pose, metres.
+    pub origin: [f64; 3],
+    /// How it moves against its parent; none if it does not.
+    pub joint: Option<SceneJoint>,
+    /// What is drawn.
+    pub mesh: Option<SceneMesh>,
+    /// Convex meshes to collide with, OBJ, link frame.
+    pub collision: Vec<String>,
+    /// Gaussians, SPZ or 3DGS PLY, link frame.
+    pub splats: Option<String>,
+    /// Colour of the part, sRGB in 0..=255.
+    pub colour: [u8; 3],
+}
+
+/// A mesh in a link frame.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneMesh {
+    /// OBJ; vertex colours where there is no texture.
+    pub file: String,
+    /// PNG, its first row at v = 1.
+    pub texture: Option<String>,
+    /// True if it is known to be closed, so that nobody sees its inside.
+    pub closed: bool,
+}
+
+/// A joint; its frame is that of its link at value 0.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneJoint {
+    /// `revolute`, `prismatic` or `screw`.
+    pub kind: JointKind,
+    /// Unit axis, link frame.
+    pub axis: [f64; 3],
+    /// Metres along the axis per radian; 0 unless `kind` is `Screw`.
+    pub pitch: f64,
+    /// Lower and upper limit, radians or metres.
+    pub limits: [f64; 2],
+    /// Values in the two observed states.
+    pub observed: [f64; 2],
+    /// Largest force (N) or torque (N m); 0 if unknown.
+    pub effort: f64,
+    /// How sure the joint is, 0 to 1, if that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub confidence: Option<f64>,
+}
+
+/// A camera of the capture.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneCamera {
+    /// What to call it.
+    pub name: String,
+    /// 0 = start, 1 = end.
+    pub state: usize,
+    /// Camera to object, rows of a 3x4 matrix; OpenCV axes (x right, y down, z forward), metres.
+    pub pose: [[f64; 4]; 3],
+    /// `fx fy cx cy`, pixels.
+    pub intrinsics: [f64; 4],
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Photo.
+    pub photo: Option<String>,
+    /// Picture of the replica at this camera; without one the page draws the replica itself.
+    pub rendering: Option<String>,
+    /// Mask of the photo: white where the object is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mask: Option<String>,
+}
+
+/// Points of an observed state.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneCloud {
+    /// 0 = start, 1 = end.
+    pub state: usize,
+    /// Number of points.
+    pub count: usize,
+    /// Little endian: `count` times x y z (f32, object's frame, metres), then `count` times r g b moved (u8; moved is 0
+    /// or 1).
+    pub file: String,
+}

@@ -1,0 +1,185 @@
+//! The server answers its own page, and nobody else.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+
+use artgs_view::{Page, Server, ViewError, export_page};
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Runs a server of the sample while `ask` sends requests; `{}` in them is the port.
+fn with_server(corrections: bool, ask: impl FnOnce(&Path, &dyn Fn(&str) -> String)) {
+    let dir = tempfile::tempdir().unwrap();
+    common::write_replica_folder(dir.path());
+    let folder = corrections.then(|| dir.path().to_path_buf());
+    let server = Server::bind(common::page(dir.path()), Some(0), folder).unwrap();
+    let port = server.url().trim_end_matches('/').rsplit(':').next().unwrap().to_string();
+    let send = |request: &str| {
+        let mut stream = TcpStream::connect(format!("127.0.0.1:{port}")).unwrap();
+        stream.write_all(request.replace("{}", &port).as_bytes()).unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        String::from_utf8_lossy(&answer).into_owned()
+    };
+    let stop = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| server.run(&stop));
+        let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| ask(dir.path(), &send)));
+        stop.store(true, Ordering::Relaxed);
+        if let Err(panic) = result {
+            std::panic::resume_unwind(panic);
+        }
+    });
+}
+
+fn get(path: &str) -> String {
+    format!("GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{{}}\r\n\r\n")
+}
+
+fn status(answer: &str) -> &str {
+    answer.split(' ').nth(1).unwrap()
+}
+
+#[test]
+fn the_page_its_scene_and_its_files() {
+    with_server(false, |dir, send| {
+        let page = send(&get("/?test"));
+        assert!(status(&page) == "200" && page.contains("text/html") && page.contains("viewer.js"), "{page}");
+        assert!(page.contains("Content-Security-Policy: default-src 'none';"));
+        let scene = send(&get("/scene.json"));
+        let scene: serde_json::Value = serde_json::from_str(scene.split("\r\n\r\n").nth(1).unwrap()).unwrap();
+        assert_eq!(scene["links"][1]["joint"]["limits"], serde_json::json!([0.0, 1.6]));
+        assert_eq!(scene["links"][2]["joint"]["observed"], serde_json::json!([0.3, 0.0]));
+        let closed = [0, 1, 2, 3].map(|i| scene["links"][i]["mesh"]["closed"] == true);
+        assert_eq!(closed, [false, true, false, false]);
+        let knob = &scene["links"][3];
+        assert_eq!(
+            (&knob["parent"], &knob["joint"]["kind"], &knob["joint"]["pitch"]),
+            (&1.into(), &"screw".into(), &0.01.into())
+        );
+        assert_eq!((&scene["corrections"], &scene["scores"]["parts"]), (&false.into(), &4.into()));
+        let file = scene["links"][1]["mesh"]["file"].as_str().unwrap();
+        let body = send(&get(&format!("/files/{file}")));
+        let disk = std::fs::read_to_string(dir.join("exports/urdf/meshes/door_visual.obj")).unwrap();
+        assert_eq!(body.split_once("\r\n\r\n").unwrap().1, disk);
+        assert!(send(&get("/files/mesh/door.png")).contains("image/png"));
+    });
+}
+
+#[test]
+fn hostile_paths_hosts_and_origins_are_refused() {
+    with_server(true, |dir, send| {
+        std::fs::write(dir.join("secret"), "secret").unwrap();
+        for path in [
+            "/files/../secret",
+            "/files/mesh/../../secret",
+            "/files/%2e%2e/secret",
+            "/files//etc/passwd",
+            "/../../etc/passwd",
+            "/replica.json",
+            "/files/secret",
+            "/files/",
+            "http://127.0.0.1/secret",
+        ] {
+            let answer = send(&get(path));
+            assert!(status(&answer) == "404" && !answer.contains("root:"), "{path}: {answer}");
+        }
+        let head = "GET /scene.json HTTP/1.1\r\n";
+        for headers in [
+            "",
+            "Host: evil.example\r\n",
+            "Host: evil.example:{}\r\n",
+            "Host: 127.0.0.1\r\n",
+            "Host: 127.0.0.1:{}\r\nHost: evil.example\r\n",
+            "Host: 127.0.0.1:{}\r\nOrigin: http://evil.example\r\n",
+            "Host: 127.0.0.1:{}\r\nOrigin: null\r\n",
+            "Host: 127.0.0.1:{}\r\nSec-Fetch-Site: cross-site\r\n",
+            "Host: 127.0.0.1:{}\r\nSec-Fetch-Site: cross-site\r\nSec-Fetch-Mode: navigate\r\n",
+        ] {
+            assert_eq!(status(&send(&format!("{head}{headers}\r\n"))), "403", "{headers}");
+        }
+        assert_eq!(
+            status(&send(&format!("{head}Host: localhost:{{}}\r\nOrigin: http://localhost:{{}}\r\n\r\n"))),
+            "200"
+        );
+        assert_eq!(status(&send("DELETE /scene.json HTTP/1.1\r\nHost: localhost:{}\r\n\r\n")), "405");
+        assert_eq!(status(&send("POST /scene.json HTTP/1.1\r\nHost: localhost:{}\r\n\r\n")), "405");
+        assert_eq!(status(&send("nonsense\r\n\r\n")), "400");
+        assert_eq!(status(&send(&format!("GET /{} HTTP/1.1\r\n", "a".repeat(30_000)))), "431");
+    });
+}
+
+#[test]
+fn corrections_are_checked_and_written_whole() {
+    let post = |kind: &str, extra: &str, body: &str| {
+        format!(
+            "POST /corrections HTTP/1.1\r\nHost: 127.0.0.1:{{}}\r\nContent-Type: {kind}\r\n{extra}Content-Length: {}\r\n\r\n{body}",
+            body.len()
+        )
+    };
+    let good = r#"{"format":"artgs-corrections","version":1,"centres":[{"action":"move","part":1,"position":[0.5,0,1]}],
+        "joints":[{"part":2,"type":"prismatic"}]}"#;
+    with_server(true, |dir, send| {
+        let file = dir.join("corrections.json");
+        assert_eq!(status(&send(&post("text/plain", "", good))), "415");
+        assert_eq!(status(&send(&post("application/json", "Origin: http://evil.example\r\n", good))), "403");
+        assert_eq!(status(&send(&post("application/json", "Sec-Fetch-Site: same-site\r\n", good))), "403");
+        let long = format!("{good}{}", " ".repeat(70_000));
+        assert_eq!(status(&send(&post("application/json", "", &long))), "413");
+        assert_eq!(status(&send(&post("application/json", "Transfer-Encoding: chunked\r\n", good))), "411");
+        let wrong = send(&post("application/json", "", &good.replace("\"part\":1", "\"part\":0")));
+        assert!(status(&wrong) == "400" && wrong.contains("centres[0]"), "{wrong}");
+        assert!(!file.exists());
+        let answer = send(&post("application/json; charset=utf-8", "Origin: http://127.0.0.1:{}\r\n", good));
+        assert_eq!(status(&answer), "200", "{answer}");
+        let read = artgs_io::read_corrections(dir).unwrap().unwrap();
+        assert_eq!((read.centres.len(), read.joints[0].part), (1, 2));
+    });
+    with_server(false, |dir, send| {
+        assert_eq!(status(&send(&post("application/json", "", good))), "403");
+        assert!(!dir.join("corrections.json").exists());
+    });
+}
+
+#[test]
+fn a_folder_that_was_not_exported_says_how() {
+    let dir = tempfile::tempdir().unwrap();
+    assert!(Page::of_replica(dir.path()).unwrap_err().to_string().contains("replica.json"));
+    common::write_replica_folder(dir.path());
+    std::fs::remove_dir_all(dir.path().join("exports/splats")).unwrap();
+    assert!(Page::of_replica(dir.path()).unwrap().scene.links.iter().all(|l| l.splats.is_none()));
+    std::fs::create_dir(dir.path().join("splats")).unwrap();
+    let message = Page::of_replica(dir.path()).unwrap_err().to_string();
+    assert!(message.contains("--to urdf,splats"), "{message}");
+    std::fs::remove_file(dir.path().join("exports/urdf/meshes/door_visual.obj")).unwrap();
+    assert!(Page::of_replica(dir.path()).unwrap_err().to_string().contains("door_visual.obj"));
+    std::fs::remove_dir_all(dir.path().join("exports/urdf")).unwrap();
+    let error = Page::of_replica(dir.path()).unwrap_err();
+    assert!(matches!(error, ViewError::NotExported { .. }) && error.to_string().contains("artgs export"), "{error}");
+}
+
+#[test]
+fn one_file_holds_everything() {
+    let dir = tempfile::tempdir().unwrap();
+    common::write_replica_folder(dir.path());
+    let page = common::page(dir.path());
+    let file = dir.path().join("page.html");
+    export_page(&page, &file).unwrap();
+    let html = std::fs::read_to_string(&file).unwrap();
+    assert_eq!(html.matches("<script type=\"text/plain\" data-file=").count(), page.files.len() + 1);
+    assert!(!html.contains("src=\"viewer.js\"") && !html.contains("href=\"viewer.css\""));
+    assert!(page.files.keys().all(|name| html.contains(&format!("data-file=\"{name}\""))));
+}
+
+#[test]
+fn a_taken_port_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    common::write_replica_folder(dir.path());
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port();
+    let error = Server::bind(common::page(dir.path()), Some(port), None).err().unwrap().to_string();
+    assert!(error.contains(&port.to_string()) && error.contains("--port"), "{error}");
+}

@@ -1,0 +1,59 @@
+// Builds dist/ from src/. `--check` builds into memory and fails where dist/ differs: run by CI so that the committed
+// bundle is always that of the committed sources.
+import { build } from "esbuild";
+import { createHash } from "node:crypto";
+import { readFileSync, readdirSync, writeFileSync, mkdirSync } from "node:fs";
+import { gzipSync } from "node:zlib";
+
+const MOST = 2 * 1024 * 1024;
+
+/** One hash over all that the bundle is made of, names included. */
+function sourcesHash() {
+  const files = [...readdirSync("src").map((f) => `src/${f}`), "package.json", "package-lock.json", "build.mjs"].sort();
+  const hash = createHash("sha256");
+  for (const file of files) hash.update(file).update("\0").update(readFileSync(file)).update("\0");
+  return hash.digest("hex");
+}
+
+const { outputFiles } = await build({
+  entryPoints: { viewer: "src/main.ts" },
+  bundle: true,
+  format: "esm",
+  target: "es2022",
+  minify: true,
+  charset: "utf8",
+  legalComments: "none",
+  banner: {
+    js: "/* artgs viewer, MIT OR Apache-2.0. Contains three.js (MIT, three.js authors) and Spark (MIT, World Labs). */",
+  },
+  loader: { ".css": "css" },
+  outdir: "dist",
+  write: false,
+});
+const built = new Map(outputFiles.map((f) => [f.path.split("/").pop(), Buffer.from(f.contents)]));
+// The source of Spark's worker is a string that names a map which is not there; browsers would look for it.
+const script = built.get("viewer.js").toString().replaceAll(/\/\/# sourceMappingURL=[\w.-]+/g, "");
+if (script.includes("sourceMappingURL")) throw new Error("a source map is still named");
+built.set("viewer.js", Buffer.from(script));
+built.set("index.html", readFileSync("src/index.html"));
+built.set("sources.sha256", Buffer.from(`${sourcesHash()}\n`));
+
+const packed = [...built.values()].reduce((sum, bytes) => sum + gzipSync(bytes, { level: 9 }).length, 0);
+if (packed >= MOST) throw new Error(`the page is ${packed} bytes gzipped, above ${MOST}`);
+if (process.argv.includes("--check")) {
+  const stale = [...built].filter(([name, bytes]) => {
+    try {
+      return !readFileSync(`dist/${name}`).equals(bytes);
+    } catch {
+      return true;
+    }
+  });
+  if (stale.length > 0) {
+    console.error(`dist/ is not that of the sources: ${stale.map(([name]) => name).join(", ")}; run npm run build`);
+    process.exit(1);
+  }
+} else {
+  mkdirSync("dist", { recursive: true });
+  for (const [name, bytes] of built) writeFileSync(`dist/${name}`, bytes);
+}
+console.log(`${packed} bytes gzipped`);

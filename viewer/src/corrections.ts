@@ -1,0 +1,187 @@
+/** Correcting what was found: part centres moved, added, deleted or merged, joint types marked; saved by the server. */
+
+import { Group, Mesh, MeshBasicMaterial, Plane, Quaternion, SphereGeometry, SRGBColorSpace, Vector3 } from "three";
+import { button, check, make, section } from "./dom";
+import type { Link, Model } from "./model";
+import type { SceneData, Triple } from "./scene";
+import type { Stage } from "./stage";
+
+interface Centre {
+  /** Part, or null for one that was added. */
+  part: number | null;
+  ball: Mesh<SphereGeometry, MeshBasicMaterial>;
+  moved: boolean;
+  /** What is done with a part that was found: "", "move", "delete" or the number of the part it goes into. */
+  choice: HTMLSelectElement | null;
+  type: HTMLSelectElement | null;
+}
+
+type Edit =
+  | { action: "add"; position: Triple }
+  | { action: "move"; part: number; position: Triple }
+  | { action: "delete"; part: number }
+  | { action: "merge"; part: number; into: number };
+
+export class Corrections {
+  readonly group = new Group();
+  readonly element: HTMLElement;
+  private readonly centres: Centre[] = [];
+  private readonly list = make("div");
+  private readonly told = make("p", { className: "note", role: "status" });
+  private held: { centre: Centre; plane: Plane } | null = null;
+
+  constructor(
+    private readonly scene: SceneData,
+    private readonly stage: Stage,
+    private readonly model: Model,
+    /** Moves every joint to state A, to which centres belong. */
+    private readonly begin: () => void,
+  ) {
+    this.group.visible = false;
+    const parts = model.movable();
+    parts.forEach((link) => this.found(link, parts));
+    const show = check("Show part centres", (on) => this.show(on));
+    this.element = section("Corrections", show, this.list);
+    if (scene.placement) this.element.append(make("div", { className: "row" }, button("Add a centre", () => this.add())));
+    const save = button("Save corrections", () => void this.save());
+    const note = "Saved for the next artgs reconstruct --resume, which makes again what depends on them.";
+    this.element.append(make("div", { className: "row" }, save), this.told, make("p", { className: "note" }, note));
+    this.listen();
+  }
+
+  private show(on: boolean): void {
+    if (on) {
+      this.begin();
+      this.model.root.updateMatrixWorld(true);
+      for (const c of this.centres) {
+        if (c.part !== null && !c.moved) c.ball.position.copy(middle(this.model.links[c.part]));
+      }
+    }
+    this.element.querySelector("input")!.checked = on;
+    this.group.visible = on;
+    this.stage.invalidate();
+  }
+
+  private ball(colour: Triple): Centre["ball"] {
+    const size = this.model.extent().getSize(new Vector3()).length() || 1;
+    const paint = new MeshBasicMaterial({ depthTest: false, transparent: true, opacity: 0.9 });
+    paint.color.setRGB(colour[0] / 255, colour[1] / 255, colour[2] / 255, SRGBColorSpace);
+    const ball = new Mesh(new SphereGeometry(0.015 * size, 24, 16), paint);
+    ball.renderOrder = 20;
+    this.group.add(ball);
+    return ball;
+  }
+
+  private found(link: Link, parts: Link[]): void {
+    const name = link.data.name.replaceAll("_", " ");
+    const option = (value: string, text: string) => make("option", { value }, text);
+    const choice = make("select", { ariaLabel: `Centre of ${name}` }, option("", "keep"));
+    if (this.scene.placement) choice.append(option("move", "moved"));
+    choice.append(option("delete", "delete"));
+    for (const other of parts) {
+      if (other !== link) choice.append(option(`${other.index}`, `merge into ${other.data.name.replaceAll("_", " ")}`));
+    }
+    const type = make("select", { ariaLabel: `Type of ${name}` }, option("", "as found"));
+    for (const kind of ["revolute", "prismatic", "screw"]) type.append(option(kind, kind));
+    const centre: Centre = { part: link.index, ball: this.ball(link.data.colour), moved: false, choice, type };
+    choice.addEventListener("change", () => {
+      centre.moved = choice.value === "move";
+      centre.ball.visible = choice.value === "" || centre.moved;
+      type.disabled = !centre.ball.visible;
+      this.show(true);
+    });
+    this.centres.push(centre);
+    const dot = make("span", { className: "dot" });
+    dot.style.background = `rgb(${link.data.colour.join(" ")})`;
+    this.list.append(make("div", { className: "edit" }, make("span", {}, dot, name), choice, type));
+  }
+
+  private add(): void {
+    const centre: Centre = { part: null, ball: this.ball([120, 60, 200]), moved: true, choice: null, type: null };
+    this.model.extent().getCenter(centre.ball.position);
+    this.centres.push(centre);
+    const row = make("div", { className: "edit" }, make("span", {}, "New part"), make("span", { className: "kind" }, "drag its ball"));
+    row.append(
+      button("Remove", () => {
+        this.centres.splice(this.centres.indexOf(centre), 1);
+        this.group.remove(centre.ball);
+        row.remove();
+        this.stage.invalidate();
+      }),
+    );
+    this.list.append(row);
+    this.show(true);
+  }
+
+  /** Balls are dragged in the plane that faces the camera. */
+  private listen(): void {
+    const { canvas, controls, camera } = this.stage;
+    const grab = (event: PointerEvent) => {
+      if (!this.group.visible || !this.scene.placement || event.button !== 0 || !event.isPrimary || !controls.enabled) return;
+      const balls = this.centres.filter((c) => c.ball.visible);
+      const hit = this.stage.ray(event.clientX, event.clientY).intersectObjects(balls.map((c) => c.ball))[0];
+      const centre = balls.find((c) => c.ball === hit?.object);
+      if (!centre) return;
+      const facing = camera.getWorldDirection(new Vector3());
+      this.held = { centre, plane: new Plane().setFromNormalAndCoplanarPoint(facing, centre.ball.position) };
+      controls.enabled = false;
+      canvas.setPointerCapture(event.pointerId);
+      event.stopImmediatePropagation();
+    };
+    const move = (event: PointerEvent) => {
+      if (!this.held || !event.isPrimary) return;
+      const { centre, plane } = this.held;
+      if (!this.stage.ray(event.clientX, event.clientY).ray.intersectPlane(plane, centre.ball.position)) return;
+      centre.moved = true;
+      if (centre.choice) centre.choice.value = "move";
+      this.stage.invalidate();
+    };
+    const release = (event: PointerEvent) => {
+      if (!this.held || !event.isPrimary) return;
+      this.held = null;
+      controls.enabled = true;
+    };
+    canvas.addEventListener("pointerdown", grab, { capture: true });
+    canvas.addEventListener("pointermove", move);
+    canvas.addEventListener("pointerup", release);
+    canvas.addEventListener("pointercancel", release);
+  }
+
+  /** A point of the object's frame in the capture's. */
+  private captured(point: Vector3): Triple {
+    const { scale, rotation } = this.scene.placement!;
+    return point.clone().applyQuaternion(new Quaternion(...rotation).invert()).divideScalar(scale).toArray() as Triple;
+  }
+
+  /** What the file will say. A part is moved before another is merged into it, and merged before that one goes. */
+  edits(): { centres: Edit[]; joints: { part: number; type: string }[] } {
+    const order = { move: 0, merge: 1, delete: 2, add: 3 };
+    const centres = this.centres.flatMap(({ part, ball, choice }): Edit[] => {
+      if (part === null) return [{ action: "add", position: this.captured(ball.position) }];
+      if (choice!.value === "move") return [{ action: "move", part, position: this.captured(ball.position) }];
+      if (choice!.value === "delete") return [{ action: "delete", part }];
+      return choice!.value === "" ? [] : [{ action: "merge", part, into: Number(choice!.value) }];
+    });
+    centres.sort((a, b) => order[a.action] - order[b.action]);
+    const joints = this.centres.flatMap(({ part, type }) =>
+      part !== null && type!.value !== "" && !type!.disabled ? [{ part, type: type!.value }] : [],
+    );
+    return { centres, joints };
+  }
+
+  private async save(): Promise<void> {
+    const body = JSON.stringify({ format: "artgs-corrections", version: 1, ...this.edits() });
+    const headers = { "Content-Type": "application/json" };
+    try {
+      const answer = await fetch("corrections", { method: "POST", headers, body });
+      this.told.textContent = answer.ok ? "Saved." : `Not saved: ${(await answer.text()).trim()}`;
+    } catch (error) {
+      this.told.textContent = `Not saved: ${error instanceof Error ? error.message : error}`;
+    }
+  }
+}
+
+function middle(link: Link): Vector3 {
+  const centre = link.box.isEmpty() ? new Vector3() : link.box.getCenter(new Vector3());
+  return link.moved.localToWorld(centre);
+}

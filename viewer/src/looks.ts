@@ -1,0 +1,140 @@
+/** What of the links is drawn in each mode. */
+
+import {
+  BufferGeometry,
+  Color,
+  DoubleSide,
+  FrontSide,
+  EdgesGeometry,
+  LineBasicMaterial,
+  LineSegments,
+  LinearFilter,
+  LinearMipmapLinearFilter,
+  Mesh,
+  MeshBasicMaterial,
+  MeshStandardMaterial,
+  SRGBColorSpace,
+  Texture,
+} from "three";
+import { SplatFileType, SplatMesh } from "@sparkjsdev/spark";
+import { bytes } from "./files";
+import type { Link, Model } from "./model";
+import { parseObj } from "./obj";
+
+export const MODES = ["splats", "textured", "mesh", "parts", "collision", "points"] as const;
+export type Mode = (typeof MODES)[number];
+
+/** All that hangs on one link. */
+interface Looks {
+  mesh?: Mesh;
+  painted?: MeshBasicMaterial;
+  hulls: Mesh[];
+  splats?: SplatMesh;
+}
+
+const clay = [FrontSide, DoubleSide].map((side) => new MeshStandardMaterial({ color: 0xc9c6c0, roughness: 0.9, side }));
+
+/** Which sides of a mesh can be seen: drawing both costs half as much again. */
+function sideOf(link: Link): typeof FrontSide | typeof DoubleSide {
+  return link.data.mesh?.closed ? FrontSide : DoubleSide;
+}
+
+export class Appearance {
+  private readonly looks = new Map<Link, Looks>();
+  private readonly coloured = new Map<Link, MeshStandardMaterial>();
+  mode: Mode = "textured";
+
+  constructor(private readonly model: Model) {}
+
+  /** Loads meshes, textures and hulls; Gaussians follow with `loadSplats`. */
+  async loadMeshes(): Promise<void> {
+    await Promise.all(this.model.links.map((link) => this.loadLink(link)));
+  }
+
+  private async loadLink(link: Link): Promise<void> {
+    const looks: Looks = { hulls: [] };
+    this.looks.set(link, looks);
+    const { mesh, collision, colour } = link.data;
+    const tint = new Color().setRGB(colour[0] / 255, colour[1] / 255, colour[2] / 255, SRGBColorSpace);
+    this.coloured.set(link, new MeshStandardMaterial({ color: tint, roughness: 0.8, side: sideOf(link) }));
+    if (mesh) {
+      const [geometry, map] = await Promise.all([
+        bytes(mesh.file).then(parseObj),
+        mesh.texture ? picture(mesh.texture) : Promise.resolve(null),
+      ]);
+      // The photographed light is in the texture already.
+      looks.painted = new MeshBasicMaterial({ map, vertexColors: !map && geometry.hasAttribute("color"), side: sideOf(link) });
+      looks.mesh = new Mesh(geometry, looks.painted);
+      link.shell.add(looks.mesh);
+      link.box.copy(geometry.boundingBox!);
+    }
+    const hulls = await Promise.all(collision.map((file) => bytes(file).then(parseObj)));
+    hulls.forEach((geometry, i) => {
+      const shade = tint.clone().offsetHSL(0, 0, (((i * 0.381966) % 1) - 0.5) * 0.25);
+      const hull = new Mesh(
+        geometry,
+        new MeshStandardMaterial({ color: shade, roughness: 0.9, transparent: true, opacity: 0.75, flatShading: true }),
+      );
+      hull.add(new LineSegments(new EdgesGeometry(geometry, 20), new LineBasicMaterial({ color: shade.clone().multiplyScalar(0.3) })));
+      looks.hulls.push(hull);
+      link.shell.add(hull);
+      if (!mesh) link.box.union(geometry.boundingBox!);
+    });
+  }
+
+  /** Loads the Gaussians and waits for them. */
+  async loadSplats(): Promise<void> {
+    const load = async (link: Link, file: string) => {
+      const fileType = file.endsWith(".spz") ? SplatFileType.SPZ : SplatFileType.PLY;
+      const splats = new SplatMesh({ fileBytes: await bytes(file), fileType, raycastable: false });
+      await splats.initialized;
+      splats.visible = false;
+      this.looks.get(link)!.splats = splats;
+      link.shell.add(splats);
+      if (link.box.isEmpty()) link.box.copy(splats.getBoundingBox(true));
+    };
+    await Promise.all(this.model.links.flatMap((l) => (l.data.splats ? [load(l, l.data.splats)] : [])));
+  }
+
+  show(mode: Mode): void {
+    this.mode = mode;
+    for (const [link, { mesh, painted, hulls, splats }] of this.looks) {
+      if (mesh) {
+        mesh.visible = mode === "textured" || mode === "mesh" || mode === "parts";
+        mesh.material = mode === "textured" ? painted! : mode === "parts" ? this.coloured.get(link)! : clay[sideOf(link) === FrontSide ? 0 : 1];
+      }
+      for (const hull of hulls) hull.visible = mode === "collision";
+      if (splats) splats.visible = mode === "splats";
+    }
+  }
+
+  /** Meshes to point at: hulls, which have few triangles, else what is drawn. */
+  targets(): { link: Link; mesh: Mesh }[] {
+    return [...this.looks].flatMap(([link, { mesh, hulls }]) =>
+      (hulls.length > 0 ? hulls : mesh ? [mesh] : []).map((m) => ({ link, mesh: m })),
+    );
+  }
+
+  count(): { triangles: number; splats: number } {
+    const all = [...this.looks.values()];
+    const triangles = (g: BufferGeometry) => (g.index ? g.index.count : g.getAttribute("position").count) / 3;
+    return {
+      triangles: all.reduce((n, l) => n + (l.mesh ? triangles(l.mesh.geometry) : 0), 0),
+      splats: all.reduce((n, l) => n + (l.splats?.packedSplats?.numSplats ?? 0), 0),
+    };
+  }
+}
+
+async function picture(file: string): Promise<Texture> {
+  const blob = new Blob([await bytes(file)], { type: "image/png" });
+  // OBJ counts v from below; the bitmap is flipped here because WebGL does not flip bitmaps.
+  const texture = new Texture(await createImageBitmap(blob, { imageOrientation: "flipY" }));
+  texture.flipY = false;
+  texture.colorSpace = SRGBColorSpace;
+  texture.magFilter = LinearFilter;
+  texture.minFilter = LinearMipmapLinearFilter;
+  texture.anisotropy = 4;
+  texture.needsUpdate = true;
+  return texture;
+}
+

@@ -1,0 +1,190 @@
+/** The page: loads the scene, draws it, and joins controls, pointer and tests to it. */
+
+import "./style.css";
+import { Quaternion, Vector3 } from "three";
+import { Frustums, Wipe } from "./cameras";
+import { Clouds } from "./clouds";
+import { Corrections } from "./corrections";
+import { enableDrag } from "./drag";
+import { exported, text } from "./files";
+import { Glyphs } from "./glyphs";
+import { Appearance, MODES, type Mode } from "./looks";
+import { Model, motion } from "./model";
+import { Panel } from "./panel";
+import { Player } from "./player";
+import { checkScene, type SceneData } from "./scene";
+import { Stage } from "./stage";
+
+const message = document.querySelector<HTMLElement>("#message")!;
+
+function say(words: string, wrong = false): void {
+  message.textContent = words;
+  message.classList.toggle("wrong", wrong);
+}
+
+/** Which way the object opens, level: the sum of where the middles of its parts go. */
+function frontOf(model: Model): Vector3 {
+  const front = new Vector3();
+  for (const link of model.movable()) {
+    const joint = link.data.joint!;
+    const middle = link.box.isEmpty() ? new Vector3() : link.box.getCenter(new Vector3());
+    const at = (value: number) => {
+      const [position, rotation] = [new Vector3(), new Quaternion()];
+      motion(joint, value, position, rotation);
+      return middle.clone().applyQuaternion(rotation).add(position);
+    };
+    front.add(at(joint.limits[0] + 0.3 * (joint.limits[1] - joint.limits[0])).sub(at(joint.limits[0])).setZ(0).normalize());
+  }
+  return front;
+}
+
+async function start(scene: SceneData) {
+  document.title = `${scene.name} – artgs`;
+  const test = new URLSearchParams(location.search).has("test");
+  const stage = new Stage(document.querySelector("canvas")!, test);
+  const model = new Model(scene.links);
+  const looks = new Appearance(model);
+  const clouds = new Clouds(scene.clouds ?? []);
+  stage.add(model.root);
+  stage.add(clouds.group);
+  await looks.loadMeshes();
+  const glyphs = new Glyphs(model);
+  const extent = model.extent();
+  const views = scene.cameras ?? [];
+  const frustums = new Frustums(views, 0.1 * (extent.getSize(new Vector3()).length() || 1), stage);
+  const wipe = new Wipe(stage);
+  stage.add(frustums.group);
+
+  let state = 0;
+  let marked = false;
+  const player = new Player(stage, model, (on) => panel.play(on));
+  const setMode = (mode: Mode) => {
+    looks.show(mode);
+    clouds.group.visible = mode === "points";
+    stage.drawSplats(mode === "splats");
+    panel.mode(mode);
+    stage.invalidate();
+  };
+  const setState = (next: number) => {
+    state = next;
+    player.set(false);
+    model.setState(state);
+    clouds.show(state, marked);
+    stage.invalidate();
+  };
+  const explode = (share: number) => {
+    model.explode(share);
+    stage.invalidate();
+    if (share > 0) stage.include(model.present());
+  };
+  const look = async (index: number | null) => {
+    if (index === null) {
+      stage.leave();
+      stage.home();
+      return wipe.show(null);
+    }
+    setState(views[index].state);
+    stage.look(views[index]);
+    await wipe.show(views[index]);
+  };
+  const panel: Panel = new Panel(document.querySelector("#panel")!, scene, model, {
+    mode: setMode,
+    axes: (on) => ((glyphs.visible = on), stage.invalidate()),
+    explode,
+    home: () => (panel.free(), stage.home()),
+    state: setState,
+    play: (on) => player.set(on),
+    frustums: (on) => void frustums.show(on),
+    look: (index) => void look(index).catch(fail),
+    wipe: (share) => wipe.set(share),
+    mask: (on) => wipe.showMask(on),
+    moved: (on) => ((marked = on), clouds.show(state, on), stage.invalidate()),
+  });
+  model.onMove(() => stage.invalidate());
+  const has = (kind: (l: SceneData["links"][number]) => boolean) => scene.links.some(kind);
+  panel.allow("textured", has((l) => !!l.mesh));
+  panel.allow("mesh", has((l) => !!l.mesh));
+  panel.allow("parts", has((l) => !!l.mesh));
+  panel.allow("collision", has((l) => l.collision.length > 0));
+  panel.allow("points", clouds.any);
+  panel.allow("splats", false);
+  stage.frameObject(extent, frontOf(model));
+  setState(0);
+  setMode(has((l) => !!l.mesh) ? "textured" : "points");
+  if (scene.corrections && model.movable().length > 0) {
+    const corrections = new Corrections(scene, stage, model, () => setState(0));
+    stage.add(corrections.group);
+    panel.append(corrections.element);
+  }
+  enableDrag(stage, model, looks, (link) => (player.set(false), panel.hold(link)));
+
+  // The object can be moved by now; what is heavier follows.
+  await Promise.all([looks.loadSplats(), clouds.load()]);
+  clouds.show(state, marked);
+  if (extent.isEmpty()) stage.frameObject(clouds.extent(), new Vector3());
+  const counts = looks.count();
+  panel.allow("splats", counts.splats > 0);
+  const facts = [`${scene.links.length} links`, `${counts.triangles.toLocaleString("en")} triangles`];
+  if (counts.splats > 0) facts.push(`${counts.splats.toLocaleString("en")} Gaussians`);
+  panel.facts(scene.links.length > 0 ? facts.join(" · ") : "Capture before reconstruction");
+  say(exported || !model.movable().length ? "" : "Drag a part to move it. Drag beside it to turn the view.");
+  setTimeout(() => message.classList.contains("wrong") || say(""), 6000);
+
+  return {
+    model,
+    stage,
+    setMode,
+    setState,
+    /** Moves a joint; returns the value it has then. */
+    setJoint: (link: string | number, value: number) => model.set(model.find(link), value),
+    joint: (link: string | number) => model.find(link).value,
+    setExploded: explode,
+    setAxes: (on: boolean) => ((glyphs.visible = on), stage.invalidate()),
+    setFrustums: (on: boolean) => frustums.show(on),
+    look,
+    setWipe: (share: number) => wipe.set(share),
+    play: (on: boolean) => player.set(on),
+    settled: () => stage.settled(),
+    /** Page coordinates of a point of a link's frame. */
+    onPage: (link: string | number, point: [number, number, number]) => {
+      model.root.updateMatrixWorld(true);
+      const p = stage.onPage(model.find(link).shell.localToWorld(new Vector3(...point)));
+      return [p.x, p.y];
+    },
+    counts,
+    /** Frames per second while a joint moves. */
+    fps: (seconds: number, moving = true) =>
+      new Promise<number>((done) => {
+        const link = model.movable()[0];
+        const began = performance.now();
+        const first = stage.frames;
+        stage.animate(() => {
+          const passed = (performance.now() - began) / 1000;
+          if (moving && link) model.set(link, link.data.joint!.limits[0] + (0.5 + 0.5 * Math.sin(4 * passed)) * (link.data.joint!.limits[1] - link.data.joint!.limits[0]));
+          if (passed < seconds) return true;
+          done((stage.frames - first) / passed);
+          return false;
+        });
+      }),
+  };
+}
+
+function fail(error: unknown): never {
+  say(error instanceof Error ? error.message : String(error), true);
+  throw error;
+}
+
+type Hooks = Awaited<ReturnType<typeof start>>;
+
+declare global {
+  interface Window {
+    /** For tests and tinkering: `await artgs.ready`, then everything that `start` returns. */
+    artgs: { ready: Promise<void>; modes: readonly string[] } & Partial<Hooks>;
+  }
+}
+
+const ready = text("scene.json")
+  .then((json) => start(checkScene(JSON.parse(json) as SceneData)))
+  .then((hooks) => void Object.assign(window.artgs, hooks))
+  .catch(fail);
+window.artgs = { ready, modes: MODES };

@@ -1,0 +1,167 @@
+/** The controls beside the canvas. */
+
+import { button, check, make, section } from "./dom";
+import { MODES, type Mode } from "./looks";
+import type { Link, Model } from "./model";
+import { readable, type SceneData } from "./scene";
+import { rows, table } from "./scores";
+
+/** What the controls do. */
+export interface Actions {
+  mode(mode: Mode): void;
+  axes(on: boolean): void;
+  explode(share: number): void;
+  home(): void;
+  state(state: number): void;
+  play(on: boolean): void;
+  frustums(on: boolean): void;
+  look(camera: number | null): void;
+  wipe(share: number): void;
+  mask(on: boolean): void;
+  moved(on: boolean): void;
+}
+
+const NAMES: Record<Mode, string> = {
+  splats: "Splats",
+  textured: "Textured",
+  mesh: "Mesh",
+  parts: "Parts",
+  collision: "Collision",
+  points: "Points",
+};
+
+export class Panel {
+  private readonly modes = new Map<Mode, HTMLInputElement>();
+  private readonly sliders = new Map<Link, { box: HTMLElement; input: HTMLInputElement; value: HTMLOutputElement }>();
+  private readonly playing = button("Play", () => this.act.play(this.playing.getAttribute("aria-pressed") !== "true"));
+
+  constructor(
+    private readonly root: HTMLElement,
+    private readonly scene: SceneData,
+    private readonly model: Model,
+    private readonly act: Actions,
+  ) {
+    root.replaceChildren(make("h1", {}, scene.name.replaceAll("_", " ")), make("p", { className: "facts", id: "facts" }));
+    root.append(this.show());
+    if (model.movable().length > 0) root.append(this.joints());
+    if (scene.cameras?.length) root.append(this.cameras());
+    const found = rows(scene.scores);
+    if (found.length > 0) root.append(section("Scores", table(found)));
+    model.onMove((link) => this.moved(link));
+    model.movable().forEach((link) => this.moved(link));
+  }
+
+  append(part: HTMLElement): void {
+    this.root.append(part);
+  }
+
+  private show(): HTMLElement {
+    const choices = make("div", { className: "choices" });
+    for (const mode of MODES) {
+      const input = make("input", { type: "radio", name: "mode", value: mode });
+      input.addEventListener("change", () => this.act.mode(mode));
+      this.modes.set(mode, input);
+      choices.append(make("label", {}, input, make("span", {}, NAMES[mode])));
+    }
+    const apart = make("input", { type: "range", min: "0", max: "1", step: "0.01", value: "0", id: "explode" });
+    apart.addEventListener("input", () => this.act.explode(apart.valueAsNumber));
+    const group = make("fieldset", { ariaLabel: "What is drawn" }, choices);
+    const out = section("Show", group);
+    if (this.model.movable().length > 0) {
+      out.append(
+        make("label", { className: "slider" }, make("span", { className: "head" }, "Apart"), apart),
+        check("Joint axes and limits", (on) => this.act.axes(on)),
+      );
+    }
+    if (this.scene.clouds?.length) out.append(check("Mark points that moved", (on) => this.act.moved(on)));
+    if (this.scene.clouds?.length && this.model.movable().length === 0) out.append(make("div", { className: "row" }, ...this.states()));
+    out.append(make("div", { className: "row" }, button("Reset view", () => this.act.home())));
+    return out;
+  }
+
+  private joints(): HTMLElement {
+    const out = section("Joints");
+    for (const link of this.model.movable()) out.append(this.slider(link));
+    this.playing.setAttribute("aria-pressed", "false");
+    out.append(make("div", { className: "row" }, ...this.states(), this.playing));
+    return out;
+  }
+
+  private states(): HTMLElement[] {
+    return [0, 1].map((s) => button(`State ${"AB"[s]}`, () => this.act.state(s)));
+  }
+
+  private slider(link: Link): HTMLElement {
+    const joint = link.data.joint!;
+    const [lower, upper] = joint.limits;
+    const input = make("input", { type: "range", min: `${lower}`, max: `${upper}`, step: `${(upper - lower) / 500}` });
+    input.dataset.link = link.data.name;
+    input.setAttribute("aria-label", `${link.data.name}, ${joint.kind}`);
+    input.addEventListener("input", () => {
+      this.act.play(false);
+      this.model.set(link, input.valueAsNumber);
+    });
+    const dot = make("span", { className: "dot" });
+    dot.style.background = `rgb(${link.data.colour.join(" ")})`;
+    const value = make("output");
+    const sure = joint.confidence === undefined ? "" : `, ${(joint.confidence * 100).toFixed(0)} % sure`;
+    const head = make("span", { className: "head" }, dot, link.data.name.replaceAll("_", " "), make("span", { className: "kind" }, joint.kind + sure), value);
+    const ends = make("span", { className: "ends" }, ...joint.limits.map((v) => make("span", {}, readable(joint, v))));
+    const box = make("label", { className: "slider" }, head, input, ends);
+    this.sliders.set(link, { box, input, value });
+    return box;
+  }
+
+  private cameras(): HTMLElement {
+    const views = this.scene.cameras!;
+    const choice = make("select", { id: "camera", ariaLabel: "Camera to look through" }, make("option", { value: "" }, "Free view"));
+    views.forEach((v, i) => choice.append(make("option", { value: `${i}` }, `${v.name} (state ${"AB"[v.state]})`)));
+    const wipe = make("input", { type: "range", min: "0", max: "1", step: "0.005", value: "0.5", id: "wipe" });
+    const bar = make("label", { className: "slider", hidden: true }, make("span", { className: "ends" }, make("span", {}, "Replica"), make("span", {}, "Photo")), wipe);
+    wipe.addEventListener("input", () => this.act.wipe(wipe.valueAsNumber));
+    choice.addEventListener("change", () => {
+      bar.hidden = choice.value === "";
+      this.act.look(choice.value === "" ? null : Number(choice.value));
+    });
+    const out = section("Cameras", check("Show cameras", (on) => this.act.frustums(on)), choice, bar);
+    if (views.some((v) => v.mask)) out.append(check("Show mask", (on) => this.act.mask(on)));
+    return out;
+  }
+
+  private moved(link: Link): void {
+    const slider = this.sliders.get(link)!;
+    slider.input.valueAsNumber = link.value;
+    slider.value.textContent = readable(link.data.joint!, link.value);
+  }
+
+  /** Marks the joint that is being dragged. */
+  hold(link: Link | null): void {
+    for (const [l, { box }] of this.sliders) box.classList.toggle("held", l === link);
+  }
+
+  mode(mode: Mode): void {
+    this.modes.get(mode)!.checked = true;
+  }
+
+  allow(mode: Mode, on: boolean): void {
+    this.modes.get(mode)!.disabled = !on;
+  }
+
+  play(on: boolean): void {
+    this.playing.setAttribute("aria-pressed", `${on}`);
+    this.playing.textContent = on ? "Pause" : "Play";
+  }
+
+  /** Free view again. */
+  free(): void {
+    const choice = this.root.querySelector<HTMLSelectElement>("#camera");
+    if (choice && choice.value !== "") {
+      choice.value = "";
+      choice.dispatchEvent(new Event("change"));
+    }
+  }
+
+  facts(text: string): void {
+    this.root.querySelector("#facts")!.textContent = text;
+  }
+}

@@ -1,0 +1,74 @@
+/** What the page shows: `scene.json`, see README.md. Object's frame: +Z up, metres; link frames parallel to it at zero. */
+
+export type Triple = [number, number, number];
+
+export interface JointData {
+  kind: "revolute" | "prismatic" | "screw";
+  /** Unit axis, link frame. */
+  axis: Triple;
+  /** Metres along the axis per radian. */
+  pitch: number;
+  /** Radians or metres. */
+  limits: [number, number];
+  /** Values in the two observed states. */
+  observed: [number, number];
+  effort: number;
+  confidence?: number;
+}
+
+export interface LinkData {
+  name: string;
+  parent: number | null;
+  /** Object's frame, zero pose. */
+  origin: Triple;
+  joint: JointData | null;
+  mesh: { file: string; texture: string | null; closed: boolean } | null;
+  collision: string[];
+  splats: string | null;
+  colour: Triple;
+}
+
+export interface CameraData {
+  name: string;
+  state: number;
+  /** Camera to object, rows; OpenCV axes. */
+  pose: [number, number, number, number][];
+  /** fx fy cx cy, pixels. */
+  intrinsics: [number, number, number, number];
+  size: [number, number];
+  photo: string | null;
+  rendering: string | null;
+  mask?: string;
+}
+
+export interface CloudData {
+  state: number;
+  count: number;
+  file: string;
+}
+
+export interface SceneData {
+  format: string;
+  version: number;
+  name: string;
+  links: LinkData[];
+  cameras?: CameraData[];
+  clouds?: CloudData[];
+  scores?: unknown;
+  placement?: { scale: number; rotation: [number, number, number, number] };
+  corrections: boolean;
+}
+
+/** Refuses what another version of the program wrote. */
+export function checkScene(scene: SceneData): SceneData {
+  if (scene.format !== "artgs-scene" || scene.version !== 1) {
+    throw new Error(`scene.json is ${scene.format} version ${scene.version}; this page reads artgs-scene version 1`);
+  }
+  return scene;
+}
+
+/** A joint value as people read it. */
+export function readable(joint: JointData, value: number): string {
+  if (joint.kind === "prismatic") return `${(value * 1000).toFixed(0)} mm`;
+  return `${((value * 180) / Math.PI).toFixed(1)}°`;
+}

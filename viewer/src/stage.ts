@@ -1,0 +1,279 @@
+/** Canvas, camera and light; draws only when something changed. */
+
+import {
+  AmbientLight,
+  Box3,
+  Color,
+  DirectionalLight,
+  Matrix4,
+  Object3D,
+  PerspectiveCamera,
+  Raycaster,
+  Scene,
+  Spherical,
+  Vector2,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { SparkRenderer } from "@sparkjsdev/spark";
+import { drawInBatches } from "./batches";
+import type { CameraData } from "./scene";
+
+const UP_TO_Z = new Matrix4().makeRotationX(Math.PI / 2);
+
+/** True where WebGL is drawn without a graphics card, as far as the browser tells. */
+function drawnInSoftware(): boolean {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  if (!gl) throw new Error("This page needs WebGL 2; turn on hardware acceleration, or use a browser of the last years.");
+  const name = String(gl.getParameter(gl.getExtension("WEBGL_debug_renderer_info")?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER));
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software/i.test(name);
+}
+
+export class Stage {
+  readonly scene = new Scene();
+  readonly camera = new PerspectiveCamera(40, 1, 0.01, 100);
+  readonly renderer: WebGLRenderer;
+  readonly controls: OrbitControls;
+  /** Frames drawn so far. */
+  frames = 0;
+  private readonly spark: SparkRenderer;
+  private wanted = false;
+  private readonly ticks = new Set<(seconds: number) => boolean>();
+  private last = 0;
+  private extent = new Box3(new Vector3(-1, -1, -1), new Vector3(1, 1, 1));
+  private front = new Vector3(0, -1, 0);
+  private looking: CameraData | null = null;
+  private readonly resized: (() => void)[] = [];
+
+  constructor(
+    readonly canvas: HTMLCanvasElement,
+    test: boolean,
+  ) {
+    // Smooth edges and dense pixels are for graphics cards.
+    const plain = test || drawnInSoftware();
+    this.renderer = new WebGLRenderer({ canvas, antialias: !plain, preserveDrawingBuffer: test, powerPreference: "high-performance" });
+    this.renderer.setPixelRatio(plain ? 1 : Math.min(devicePixelRatio, 2));
+    this.camera.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.addEventListener("change", () => this.invalidate());
+    this.controls.enableDamping = false;
+    this.spark = new SparkRenderer({ renderer: this.renderer, onDirty: () => this.invalidate() });
+    drawInBatches(this.spark);
+    this.scene.add(this.spark);
+    this.light();
+    new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
+    const dark = matchMedia("(prefers-color-scheme: dark)");
+    dark.addEventListener("change", () => this.paint());
+    canvas.addEventListener("keydown", (event) => this.key(event));
+    this.paint();
+    this.resize();
+  }
+
+  private light(): void {
+    const key = new DirectionalLight(0xffffff, 2.2);
+    key.position.set(-0.6, 0.9, 1);
+    key.target.position.set(0, 0, -1);
+    this.camera.add(key, key.target, new AmbientLight(0xffffff, 1.1));
+    this.scene.add(this.camera);
+  }
+
+  private paint(): void {
+    const colour = getComputedStyle(document.documentElement).getPropertyValue("--stage").trim();
+    this.scene.background = new Color(colour || "#f4f4f2");
+    this.invalidate();
+  }
+
+  private resize(): void {
+    const { clientWidth: width, clientHeight: height } = this.canvas.parentElement!;
+    if (width === 0 || height === 0) return;
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    if (this.looking) this.project(this.looking);
+    this.resized.forEach((f) => f());
+    // At once, since resizing has cleared the canvas.
+    this.draw();
+  }
+
+  onResize(listener: () => void): void {
+    this.resized.push(listener);
+  }
+
+  /** Asks for a frame. */
+  invalidate(): void {
+    if (this.wanted) return;
+    this.wanted = true;
+    requestAnimationFrame((now) => this.frame(now));
+  }
+
+  /** Calls `tick` with the seconds passed before every frame until it returns false. */
+  animate(tick: (seconds: number) => boolean): void {
+    this.ticks.add(tick);
+    this.last = performance.now();
+    this.invalidate();
+  }
+
+  private frame(now: number): void {
+    this.wanted = false;
+    const seconds = Math.min(0.25, Math.max(0, now - this.last) / 1000);
+    this.last = now;
+    for (const tick of [...this.ticks]) if (!tick(seconds)) this.ticks.delete(tick);
+    this.draw();
+    if (this.ticks.size > 0) this.invalidate();
+  }
+
+  private draw(): void {
+    this.renderer.render(this.scene, this.camera);
+    this.frames++;
+  }
+
+  /** Waits until nothing asks for frames any more. */
+  async settled(): Promise<void> {
+    const pause = (ms: number) => new Promise((done) => setTimeout(done, ms));
+    this.invalidate();
+    for (let quiet = 0, seen = -1; quiet < 4; ) {
+      await pause(60);
+      const ordering = this.spark.visible && (this.spark.sorting || this.spark.sortDirty);
+      quiet = this.frames === seen && !this.wanted && !ordering ? quiet + 1 : 0;
+      seen = this.frames;
+    }
+  }
+
+  /** Gaussians cost time even where none are seen. */
+  drawSplats(on: boolean): void {
+    this.spark.visible = on;
+    this.invalidate();
+  }
+
+  /** Where the object is and which way it opens; the camera goes home. */
+  frameObject(extent: Box3, front: Vector3): void {
+    if (!extent.isEmpty()) this.extent = extent;
+    if (front.lengthSq() > 1e-6) this.front = front.clone().normalize();
+    this.home();
+  }
+
+  /** Looks at the front of the object from a little above and aside. */
+  home(): void {
+    this.leave();
+    const middle = this.extent.getCenter(new Vector3());
+    const size = this.extent.getSize(new Vector3()).length();
+    const away = this.front.clone().applyAxisAngle(this.camera.up, -0.55).add(new Vector3(0, 0, 0.38)).normalize();
+    const angle = (this.camera.fov * Math.PI) / 360;
+    const narrow = Math.min(1, this.camera.aspect);
+    this.controls.target.copy(middle);
+    this.camera.position.copy(middle).addScaledVector(away, (0.62 * size) / Math.sin(angle) / narrow);
+    this.camera.near = size / 200;
+    this.camera.far = size * 50;
+    this.camera.updateProjectionMatrix();
+    this.controls.update();
+    this.invalidate();
+  }
+
+  /** Steps back until a box is in view, too. */
+  include(box: Box3): void {
+    if (this.looking || box.isEmpty()) return;
+    const away = this.camera.position.clone().sub(this.controls.target);
+    const radius = box.getSize(new Vector3()).length() / 2 + box.getCenter(new Vector3()).distanceTo(this.controls.target);
+    const angle = (this.camera.fov * Math.PI) / 360;
+    const distance = radius / Math.sin(angle) / Math.min(1, this.camera.aspect);
+    if (distance > away.length()) this.camera.position.copy(this.controls.target).addScaledVector(away.normalize(), distance);
+    this.controls.update();
+    this.invalidate();
+  }
+
+  /** Sees through a camera of the capture, its photo in the middle of the canvas. */
+  look(view: CameraData): void {
+    this.looking = view;
+    this.controls.enabled = false;
+    const p = view.pose;
+    // OpenCV looks along +z with y down, three.js along -z with y up.
+    const pose = new Matrix4().set(
+      p[0][0], -p[0][1], -p[0][2], p[0][3],
+      p[1][0], -p[1][1], -p[1][2], p[1][3],
+      p[2][0], -p[2][1], -p[2][2], p[2][3],
+      0, 0, 0, 1,
+    );
+    pose.decompose(this.camera.position, this.camera.quaternion, this.camera.scale);
+    this.project(view);
+    this.invalidate();
+  }
+
+  /** Place of a camera's photo on the canvas, CSS pixels. */
+  photoPlace(view: CameraData): { x: number; y: number; width: number; height: number; scale: number } {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const [w, h] = view.size;
+    const scale = Math.min(width / w, height / h);
+    return { x: (width - w * scale) / 2, y: (height - h * scale) / 2, width: w * scale, height: h * scale, scale };
+  }
+
+  private project(view: CameraData): void {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const { x, y, scale } = this.photoPlace(view);
+    const [fx, fy, cx, cy] = view.intrinsics.map((v) => v * scale);
+    const { near, far } = this.camera;
+    const edge = (pixels: number, focal: number) => (pixels / focal) * near;
+    const [left, right] = [edge(-x - cx, fx), edge(width - x - cx, fx)];
+    const [top, bottom] = [edge(y + cy, fy), edge(y + cy - height, fy)];
+    this.camera.projectionMatrix.makePerspective(left, right, top, bottom, near, far);
+    this.camera.projectionMatrixInverse.copy(this.camera.projectionMatrix).invert();
+  }
+
+  /** Back to a camera that can be moved; where it is stays. */
+  leave(): void {
+    if (!this.looking) return;
+    this.looking = null;
+    this.controls.enabled = true;
+    this.camera.scale.set(1, 1, 1);
+    this.camera.updateProjectionMatrix();
+    this.controls.update();
+    this.invalidate();
+  }
+
+  /** Ray through a point of the page. */
+  ray(x: number, y: number): Raycaster {
+    const box = this.canvas.getBoundingClientRect();
+    const at = new Vector2(((x - box.left) / box.width) * 2 - 1, 1 - ((y - box.top) / box.height) * 2);
+    const ray = new Raycaster();
+    ray.setFromCamera(at, this.camera);
+    return ray;
+  }
+
+  /** Where a point of the object is on the page. */
+  onPage(point: Vector3): Vector2 {
+    const box = this.canvas.getBoundingClientRect();
+    const p = point.clone().project(this.camera);
+    return new Vector2(box.left + ((p.x + 1) / 2) * box.width, box.top + ((1 - p.y) / 2) * box.height);
+  }
+
+  add(object: Object3D): void {
+    this.scene.add(object);
+    this.invalidate();
+  }
+
+  private key(event: KeyboardEvent): void {
+    const turns: Record<string, [number, number, number]> = {
+      ArrowLeft: [-0.1, 0, 1],
+      ArrowRight: [0.1, 0, 1],
+      ArrowUp: [0, -0.1, 1],
+      ArrowDown: [0, 0.1, 1],
+      "+": [0, 0, 0.9],
+      "=": [0, 0, 0.9],
+      "-": [0, 0, 1.1],
+    };
+    const turn = turns[event.key];
+    if (!turn || this.looking) return;
+    event.preventDefault();
+    const inverse = UP_TO_Z.clone().invert();
+    const away = this.camera.position.clone().sub(this.controls.target).applyMatrix4(inverse);
+    const s = new Spherical().setFromVector3(away);
+    s.theta += turn[0];
+    s.phi += turn[1];
+    s.radius *= turn[2];
+    s.makeSafe();
+    this.camera.position.setFromSpherical(s).applyMatrix4(UP_TO_Z).add(this.controls.target);
+    this.controls.update();
+    this.invalidate();
+  }
+}
