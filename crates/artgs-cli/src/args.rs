@@ -37,6 +37,7 @@ impl Cli {
                 Command::Synth(a) => a.json,
                 Command::Export(a) => a.json,
                 Command::Check(a) => a.json,
+                Command::View(a) => a.json,
             }
     }
 }
@@ -51,6 +52,8 @@ pub(crate) enum Command {
     Export(Export),
     /// Open every export of a replica with another reader, and drive its joints in a physics engine
     Check(Check),
+    /// Show a replica, or a capture before any reconstruction, in the browser
+    View(View),
     /// Score a replica against the truth, against held-out photographs, or both
     Evaluate(Evaluate),
     /// Photograph a procedural cabinet, reconstruct it and score the result
@@ -196,6 +199,27 @@ impl Export {
 pub(crate) struct Check {
     /// Folder that `reconstruct` made and `export` filled
     pub(crate) out: PathBuf,
+    /// Write JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct View {
+    /// Folder that `reconstruct` made, or a capture
+    pub(crate) what: PathBuf,
+    /// Port on this machine; 8765 or any free one if absent
+    #[arg(long, value_name = "N")]
+    pub(crate) port: Option<u16>,
+    /// Do not start a browser
+    #[arg(long)]
+    pub(crate) no_open: bool,
+    /// Write one self-contained page to FILE instead of serving it
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["port", "no_open"])]
+    pub(crate) export: Option<PathBuf>,
+    /// Folder with the photos of a replica; where the run found them if absent
+    #[arg(long, value_name = "DIR")]
+    pub(crate) capture: Option<PathBuf>,
     /// Write JSON
     #[arg(long)]
     json: bool,

@@ -4,7 +4,7 @@ use crate::args::{Cli, Command, Evaluate, Method, Reconstruct};
 use crate::failure::Failure;
 use crate::library::{Config, Settings};
 use crate::output::{Report, note, say};
-use crate::{bench, demo, export, folder, library, progress, synth};
+use crate::{bench, demo, export, folder, library, progress, synth, view};
 use anyhow::Context;
 use artgs::observer::{JsonLines, Tee};
 use artgs_core::Capture;
@@ -32,6 +32,7 @@ pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Synth(args) => synth::run(args, style),
         Command::Export(args) => export::run(args, style),
         Command::Check(args) => check(&args.out, style),
+        Command::View(args) => view::run(args, style),
     }
 }
 

@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 /// Folder of all exports within a replica's.
 pub(crate) const EXPORTS: &str = "exports";
 /// What was decided, beside the exports.
-const DECISIONS: &str = "export.json";
+pub(crate) const DECISIONS: &str = "export.json";
 
 pub(crate) fn run(args: &Export, style: Style) -> Result<(), Failure> {
     use_threads(args.threads)?;
@@ -52,7 +52,8 @@ pub(crate) fn export(args: &Export, style: Style) -> Result<Report, Failure> {
     for format in formats {
         files.extend(write(&args.out.join(EXPORTS), format, &built.asset)?);
     }
-    let told = Told::of(&built, files);
+    let up = if config.up == Up::Z { "z" } else { "y" };
+    let told = Told::of(&built, up, files);
     let report = Report::new(&told)?;
     write_json(&args.out.join(EXPORTS).join(DECISIONS), &report)?;
     Ok(report)
@@ -150,6 +151,9 @@ fn remove(folder: &Path) -> Result<(), Failure> {
 /// What an export decided.
 #[derive(Debug, Serialize)]
 struct Told {
+    /// Metres per unit of the capture, and its upward axis.
+    scale: f64,
+    up: &'static str,
     links: Vec<TellLink>,
     /// Deepest penetration of convex pieces before cutting and left after it, metres.
     penetration: [f64; 2],
@@ -178,7 +182,7 @@ struct TellLink {
 }
 
 impl Told {
-    fn of(built: &Built, files: Vec<PathBuf>) -> Self {
+    fn of(built: &Built, up: &'static str, files: Vec<PathBuf>) -> Self {
         let Built { asset, decisions, surfaces } = built;
         let link = |(i, link): (usize, &artgs_core::AssetLink)| {
             let surface = &surfaces[i];
@@ -200,6 +204,8 @@ impl Told {
         };
         let [before, after] = decisions.clearance.volume;
         Self {
+            scale: decisions.scale,
+            up,
             links: asset.links.iter().enumerate().map(link).collect(),
             penetration: [decisions.clearance.deepest, decisions.penetration],
             lost_pieces: decisions.clearance.lost,

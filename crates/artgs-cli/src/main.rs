@@ -15,6 +15,7 @@ mod output;
 mod progress;
 mod suites;
 mod synth;
+mod view;
 
 use clap::Parser;
 use std::process::ExitCode;

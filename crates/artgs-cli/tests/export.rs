@@ -58,7 +58,7 @@ fn write(out: &Path) {
 #[test]
 fn every_format_is_written_and_passes_the_check() {
     let dir = tempfile::tempdir().unwrap();
-    let out = dir.path();
+    let out = &dir.path().join("replica");
     let shown = out.to_str().unwrap();
     write(out);
     let done = artgs(&["export", shown, "--name", "My cabinet"]);
@@ -85,6 +85,16 @@ fn every_format_is_written_and_passes_the_check() {
     let json = artgs(&["check", shown, "--json"]);
     let report: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
     assert!(report.is_object());
+
+    // From a relative path, and with the photos gone.
+    let mut relative = Command::new(env!("CARGO_BIN_EXE_artgs"));
+    relative.current_dir(out.parent().unwrap()).arg("view").arg(out.file_name().unwrap());
+    let shown_page = relative.args(["--export", "page.html"]).output().unwrap();
+    assert_eq!(shown_page.status.code(), Some(0), "{}", text(&shown_page.stderr));
+    let page = out.parent().unwrap().join("page.html");
+    let written = fs::read_to_string(&page).unwrap();
+    assert!(written.len() > 1_000_000 && !written.contains("https://"), "{} bytes", written.len());
+    fs::remove_file(&page).unwrap();
 
     // A second export leaves nothing of the first, and only what was asked for changes.
     fs::write(exports.join("urdf/stale.obj"), "v 0 0 0\n").unwrap();

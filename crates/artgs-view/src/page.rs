@@ -129,7 +129,7 @@ impl Page {
             None => None,
             Some(file) => {
                 let texture = texture_of(&folder.join(file))?;
-                let texture = texture.map(|t| self.add(&folder.join(&t), &format!("mesh/{}.png", link.name)));
+                let texture = texture.map(|t| self.add(&t, &format!("mesh/{}.png", link.name)));
                 let file = self.add(&folder.join(file), &format!("mesh/{}.obj", link.name))?;
                 Some(SceneMesh { file, texture: texture.transpose()?, closed: false })
             }
@@ -199,7 +199,7 @@ fn first_urdf(folder: &Path) -> Option<PathBuf> {
     found.into_iter().next()
 }
 
-/// Texture of an OBJ by way of its MTL, relative to the folder of the URDF.
+/// Texture of an OBJ by way of its MTL, beside the OBJ.
 fn texture_of(obj: &Path) -> Result<Option<PathBuf>, FileError> {
     let material = obj.with_extension("mtl");
     if !material.is_file() {

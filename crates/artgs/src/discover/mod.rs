@@ -3,8 +3,10 @@
 //! A point that the other state's depth maps look through has moved; one they hide is merely unseen. Motions are
 //! searched for clusters of moved points, then parts and motions are refined in turn.
 
+mod correct;
 pub mod cut;
 pub mod field;
+mod glimpse;
 pub mod label;
 pub mod observe;
 pub mod propose;
@@ -13,8 +15,10 @@ mod scene;
 pub mod select;
 
 use artgs_core::{Joint, JointKind, Rigid};
+pub use correct::{CorrectError, correct};
 use field::Field;
 use glam::Vec3;
+pub use glimpse::{Glimpse, glimpse};
 use label::{AtRest, LabelCosts};
 use observe::Cloud;
 use propose::{Scales, Side};
@@ -97,56 +101,101 @@ pub enum DiscoverError {
 
 /// Finds the movable parts (`movable` of them) and labels every surface point.
 pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Result<Discovery, DiscoverError> {
-    let clouds = [&scene.states[0].cloud, &scene.states[1].cloud];
-    let search = [Searchable::new(clouds[0]), Searchable::new(clouds[1])];
-    let at_rest = [0, 1].map(|s| scene.at_rest(s));
-    let [moved, unsure] = [AtRest::Gone, AtRest::Unseen]
-        .map(|what| [0, 1].map(|s| (0..clouds[s].len()).filter(|&i| at_rest[s][i] == what).collect::<Vec<usize>>()));
-    let total = moved[0].len() + moved[1].len();
-    if total < 24 {
-        return Err(DiscoverError::NothingMoved);
-    }
-    let pad = Vec3::splat(0.05 * scene.scales.diagonal);
-    let voxel = config.voxel as f32 * scene.scales.diagonal;
-    let fields = [0, 1].map(|s| {
-        let (lower, upper) = (scene.lower - pad, scene.upper + pad);
-        Field::new(clouds[s], &scene.states[s].views, lower, upper, voxel, scene.tolerance)
-    });
-    let sides = [0, 1].map(|s| Side { points: &search[s], field: &fields[s], moved: &moved[s], unsure: &unsure[s] });
-    let least = (config.least_share * total as f64).max(24.0);
-    let pool = propose::propose([&sides[0], &sides[1]], &scene.scales, movable + 2, 120, least);
-    let chosen = select::select(scene, &search, &moved, &pool, movable);
+    let search = scene.states.each_ref().map(|s| Searchable::new(&s.cloud));
+    let seen = Seen::new(scene)?;
+    let pool = seen.proposals(scene, &search, movable, config);
+    let chosen = select::select(scene, &search, &seen.moved, &pool, movable);
     let mut warnings = Vec::new();
     if chosen.len() < movable {
         let found = chosen.len();
         warnings.push(format!("{movable} movable parts were asked for but only {found} distinct motions were found"));
     }
     let motions: Vec<Rigid> = chosen.iter().map(|&c| pool[c].motion).collect();
+    let kinds = vec![None; motions.len()];
+    let (parts, labels) = settle(scene, &search, &seen.at_rest, &motions, &kinds, config);
+    Ok(seen.told(scene, parts, labels, warnings))
+}
+
+/// What the depth maps of the other state say about the points of each state.
+struct Seen {
+    at_rest: [Vec<AtRest>; 2],
+    /// Points that the other state looks through.
+    moved: [Vec<usize>; 2],
+    /// Points that the other state does not see.
+    unsure: [Vec<usize>; 2],
+}
+
+impl Seen {
+    fn new(scene: &Scene) -> Result<Self, DiscoverError> {
+        let at_rest = [0, 1].map(|s| scene.at_rest(s));
+        let [moved, unsure] = [AtRest::Gone, AtRest::Unseen]
+            .map(|what| at_rest.each_ref().map(|at| (0..at.len()).filter(|&i| at[i] == what).collect::<Vec<usize>>()));
+        let seen = Self { at_rest, moved, unsure };
+        if seen.total() < 24 { Err(DiscoverError::NothingMoved) } else { Ok(seen) }
+    }
+
+    fn total(&self) -> usize {
+        self.moved[0].len() + self.moved[1].len()
+    }
+
+    /// Candidate motions for `movable` parts.
+    fn proposals(
+        &self,
+        scene: &Scene,
+        search: &[Searchable<'_>; 2],
+        movable: usize,
+        config: &DiscoverConfig,
+    ) -> Vec<propose::Proposal> {
+        let pad = Vec3::splat(0.05 * scene.scales.diagonal);
+        let voxel = config.voxel as f32 * scene.scales.diagonal;
+        let fields = [0, 1].map(|s| {
+            let (lower, upper) = (scene.lower - pad, scene.upper + pad);
+            Field::new(search[s].cloud, &scene.states[s].views, lower, upper, voxel, scene.tolerance)
+        });
+        let side =
+            |s: usize| Side { points: &search[s], field: &fields[s], moved: &self.moved[s], unsure: &self.unsure[s] };
+        let least = (config.least_share * self.total() as f64).max(24.0);
+        propose::propose([&side(0), &side(1)], &scene.scales, movable + 2, 120, least)
+    }
+
+    /// The result, with doubts.
+    fn told(
+        &self,
+        scene: &Scene,
+        parts: Vec<FoundPart>,
+        labels: [Vec<u16>; 2],
+        mut warnings: Vec<String>,
+    ) -> Discovery {
+        let clouds = scene.states.each_ref().map(|s| &s.cloud);
+        warnings.extend(doubts(clouds, &labels, &self.moved, &parts, scene.tolerance));
+        Discovery { labels, parts, warnings, ..undiscovered(scene) }
+    }
+}
+
+/// Labels points and registers parts in turn, from motions start to end; the last round decides each joint, unless its
+/// kind is known.
+fn settle(
+    scene: &Scene,
+    search: &[Searchable<'_>; 2],
+    at_rest: &[Vec<AtRest>; 2],
+    motions: &[Rigid],
+    kinds: &[Option<JointKind>],
+    config: &DiscoverConfig,
+) -> (Vec<FoundPart>, [Vec<u16>; 2]) {
+    let clouds = [search[0].cloud, search[1].cloud];
     let mut parts: Vec<FoundPart> =
         motions.iter().map(|m| FoundPart { kind: JointKind::Screw, motion: *m, rms: f64::NAN }).collect();
-    let graphs = [0, 1].map(|s| {
-        let c = clouds[s];
-        label::neighbour_graph(&c.points, &c.normals, &c.colors, 10, scene.scales.spacing)
-    });
+    let graphs = clouds.map(|c| label::neighbour_graph(&c.points, &c.normals, &c.colors, 10, scene.scales.spacing));
     let mut labels = [Vec::new(), Vec::new()];
     for round in 0..config.rounds.max(1) {
         let motions: Vec<Rigid> = parts.iter().map(|p| p.motion).collect();
-        labels = label_points(scene, &search, &at_rest, &graphs, &motions);
+        labels = label_points(scene, search, at_rest, &graphs, &motions);
         let last = round + 1 == config.rounds.max(1);
         for (k, part) in parts.iter_mut().enumerate() {
-            refine(part, clouds, &labels, k as u16 + 1, &scene.scales, last, config);
+            refine(part, clouds, &labels, k as u16 + 1, &scene.scales, last, kinds[k], config);
         }
     }
-    warnings.extend(doubts(clouds, &labels, &moved, &parts, scene.tolerance));
-    Ok(Discovery {
-        clouds: [clouds[0].clone(), clouds[1].clone()],
-        labels,
-        parts,
-        diagonal: scene.scales.diagonal.into(),
-        spacing: scene.scales.spacing.into(),
-        tolerance: scene.tolerance.into(),
-        warnings,
-    })
+    (parts, labels)
 }
 
 /// Signs that the number of parts is wrong: much that moved and fits no part, parts that hardly move or hardly exist.
@@ -232,6 +281,7 @@ fn refine(
     label: u16,
     scales: &Scales,
     last: bool,
+    known: Option<JointKind>,
     config: &DiscoverConfig,
 ) {
     let own = [0, 1].map(|s| {
@@ -242,7 +292,7 @@ fn refine(
         if last && config.decide_joints {
             // Too little to fit anything to: the motion as proposed, on the likelier joint.
             let turns = part.motion.angle().to_degrees() > config.revolute_deg;
-            part.kind = if turns { JointKind::Revolute } else { JointKind::Prismatic };
+            part.kind = known.unwrap_or(if turns { JointKind::Revolute } else { JointKind::Prismatic });
             part.motion = Joint::from_motion(part.kind, &part.motion).start_to_end();
         }
         return;
@@ -254,9 +304,33 @@ fn refine(
     let free = register::register(Match::mutual(&points[0], &points[1]), part.motion, None, &options);
     *part = FoundPart { kind: JointKind::Screw, motion: free.motion, rms: free.rms };
     if last && config.decide_joints {
-        let (kind, fit) = choose_joint(&points, &free, &options, config.revolute_deg);
+        let (kind, fit) = match known {
+            Some(kind) => (kind, on_joint(&points, &free, kind, &options)),
+            None => choose_joint(&points, &free, &options, config.revolute_deg),
+        };
         *part = FoundPart { kind, motion: fit.motion, rms: fit.rms };
     }
+}
+
+/// Registration on a joint of the given kind, from a free one.
+fn on_joint(
+    points: &[Searchable<'_>; 2],
+    free: &register::Registration,
+    kind: JointKind,
+    options: &RegisterOptions,
+) -> register::Registration {
+    let guess = match kind {
+        // A screw is whatever a rigid motion is.
+        JointKind::Screw => return *free,
+        JointKind::Revolute => Joint::from_motion(JointKind::Revolute, &free.motion).start_to_end(),
+        JointKind::Prismatic => {
+            // The shift of the part's centre, so that a small turn does not throw the slide off.
+            let c = &points[0].cloud.points;
+            let centre = (c.iter().sum::<Vec3>() / c.len() as f32).as_dvec3();
+            Rigid::shift(free.motion.apply(centre) - centre)
+        }
+    };
+    register::register(Match::mutual(&points[0], &points[1]), guess, Some(kind), options)
 }
 
 /// Slide or hinge: the simpler joint wins unless the other fits clearly better.
@@ -266,22 +340,15 @@ fn choose_joint(
     options: &RegisterOptions,
     revolute_deg: f64,
 ) -> (JointKind, register::Registration) {
-    let fit = |kind, guess| register::register(Match::mutual(&points[0], &points[1]), guess, Some(kind), options);
-    let slide_guess = {
-        // The shift of the part's centre, so that a small turn does not throw the slide off.
-        let c = &points[0].cloud.points;
-        let centre = (c.iter().sum::<Vec3>() / c.len() as f32).as_dvec3();
-        Rigid::shift(free.motion.apply(centre) - centre)
-    };
-    let hinge_guess = Joint::from_motion(JointKind::Revolute, &free.motion).start_to_end();
+    let fit = |kind| on_joint(points, free, kind, options);
     if free.motion.angle().to_degrees() < 0.05 {
-        return (JointKind::Prismatic, fit(JointKind::Prismatic, slide_guess));
+        return (JointKind::Prismatic, fit(JointKind::Prismatic));
     }
-    let hinge = fit(JointKind::Revolute, hinge_guess);
+    let hinge = fit(JointKind::Revolute);
     if free.motion.angle().to_degrees() > 4.0 * revolute_deg {
         return (JointKind::Revolute, hinge);
     }
-    let slide = fit(JointKind::Prismatic, slide_guess);
+    let slide = fit(JointKind::Prismatic);
     let hinge_wins = free.motion.angle().to_degrees() > revolute_deg
         || (hinge.rms < 0.7 * slide.rms && hinge.pairs as f64 > 0.95 * slide.pairs as f64);
     if hinge_wins { (JointKind::Revolute, hinge) } else { (JointKind::Prismatic, slide) }

@@ -48,6 +48,12 @@ pub enum Error {
     /// Parts could not be found.
     #[error(transparent)]
     Discover(#[from] DiscoverError),
+    /// `corrections.json` cannot be read.
+    #[error("{0}; mend the file or remove it")]
+    Corrections(FileError),
+    /// `corrections.json` cannot be honoured.
+    #[error(transparent)]
+    Correct(#[from] crate::discover::CorrectError),
     /// The baseline could not find parts.
     #[error(transparent)]
     Registration(#[from] RegistrationError),
@@ -74,6 +80,8 @@ impl Error {
             | Self::OtherCapture(_)
             | Self::Config(_)
             | Self::Discover(_)
+            | Self::Corrections(_)
+            | Self::Correct(_)
             | Self::Registration(_)
             | Self::Replica(_) => true,
             Self::Fit(_) | Self::Surface(_) | Self::File(_) => false,
@@ -154,6 +162,7 @@ pub fn reconstruct(
         Method::Discover => {
             let depths = run.depths()?;
             let found = run.discover(&depths, parts)?;
+            let found = run.corrected(&depths, found)?;
             let (built, found) = run.articulate(found, parts)?;
             let meshes = run.surface(&depths, &found, &built)?;
             (built, meshes)
@@ -161,6 +170,7 @@ pub fn reconstruct(
         Method::Registration => {
             let depths = run.captured_depths()?;
             let found = run.register(&depths, parts)?;
+            let found = run.corrected(&depths, found)?;
             let built = Built { trained: None, parts: found.parts.clone() };
             let meshes = run.surface(&depths, &found, &built)?;
             (built, meshes)

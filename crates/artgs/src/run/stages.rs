@@ -26,6 +26,8 @@ pub(super) type Depths<'a> = [Vec<Cow<'a, DepthMap>>; 2];
 /// Where Gaussians of each state should be, for the Chamfer term.
 type ChamferPoints = [Vec<[f32; 3]>; 2];
 
+/// Corrections that the stages after discovery were made with.
+const CORRECTED: &str = "stages/corrections.json";
 /// File that holds the fingerprint of the capture.
 const MARK: &str = "stages/capture.txt";
 
@@ -34,7 +36,10 @@ pub(super) struct Run<'a> {
     capture: &'a Capture,
     folder: Folder,
     config: &'a Config,
+    /// Saved stages are still good.
     resume: bool,
+    /// An earlier run was to be gone on with.
+    asked_to_resume: bool,
     observer: &'a mut dyn Observer,
     begun: Instant,
     summary: Summary,
@@ -67,6 +72,7 @@ impl<'a> Run<'a> {
             folder: Folder::new(out),
             config,
             resume,
+            asked_to_resume: resume,
             observer,
             begun: Instant::now(),
             summary: Summary::default(),
@@ -166,6 +172,28 @@ impl<'a> Run<'a> {
                 PartSource::Learnt => discover::undiscovered(&scene),
             })
         })
+    }
+
+    /// What was found, as `corrections.json` corrects it when a run is resumed. Whatever depends on it is made anew unless
+    /// that was made from the same corrections.
+    pub(super) fn corrected(&mut self, depths: &Depths<'a>, found: Discovery) -> Result<Discovery, Error> {
+        let mark = self.folder.root.join(CORRECTED);
+        let honoured = std::fs::read_to_string(&mark).unwrap_or_default();
+        let asked = self.asked_to_resume && self.config.start.parts == PartSource::Labels;
+        let corrections = if asked { artgs_io::read_corrections(&self.folder.root) } else { Ok(None) };
+        let corrections = corrections.map_err(Error::Corrections)?;
+        let text = corrections.as_ref().map(artgs_io::Corrections::text).unwrap_or_default();
+        if text != honoured {
+            self.resume = false;
+            artgs_io::write_atomic(&mark, text.as_bytes())?;
+        }
+        let Some(corrections) = corrections else { return Ok(found) };
+        self.observer.event(Event::started("correct"));
+        let begun = Instant::now();
+        let corrected = discover::correct(&self.scene(depths)?, &found, &corrections, &self.config.discover)?;
+        corrected.warnings.iter().for_each(|w| self.warn(w.clone()));
+        self.observer.event(Event::finished("correct", begun.elapsed().as_secs_f64(), false));
+        Ok(corrected)
     }
 
     /// The same by the baseline.
