@@ -2,7 +2,7 @@
 
 use artgs::config::Config;
 use artgs::observer::{Event, NullObserver};
-use artgs::reconstruct;
+use artgs::{Config, reconstruct};
 use artgs_core::{Capture, JointKind, Replica};
 use artgs_io::{CentreEdit, Corrections, JointMark, read_replica, write_corrections};
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
