@@ -1,6 +1,5 @@
 //! A person's corrections are honoured when a run is resumed, and whatever depends on them is made anew.
 
-use artgs::config::Config;
 use artgs::observer::{Event, NullObserver};
 use artgs::{Config, reconstruct};
 use artgs_core::{Capture, JointKind, Replica};
