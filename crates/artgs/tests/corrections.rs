@@ -9,12 +9,12 @@ use std::path::Path;
 
 fn resume(capture: &Capture, out: &Path, config: &Config) -> (Replica, Vec<String>) {
     let mut events: Vec<Event> = Vec::new();
-    reconstruct(capture, out, config, true, &mut events).unwrap();
+    reconstruct(capture, out, config, true, &mut events).expect("a resumed run ends");
     let made = events.iter().filter_map(|e| match e {
         Event::StageFinished { stage, reused: false, .. } => Some(stage.to_string()),
         _ => None,
     });
-    (read_replica(out).unwrap(), made.collect())
+    (read_replica(out).expect("a run leaves a replica"), made.collect())
 }
 
 #[test]
