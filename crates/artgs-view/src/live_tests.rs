@@ -131,7 +131,13 @@ fn the_end_is_told() {
 #[allow(clippy::print_stdout, reason = "its purpose")]
 fn cost_of_a_snapshot() {
     let live = Live::new("lamp", Placement::default());
-    let (given, labels) = (splats(60_000, 3), vec![1; 60_000]);
+    let (mut given, labels) = (splats(60_000, 3), vec![1; 60_000]);
+    // Nothing that is easily packed.
+    let noise = |i: usize| ((i as f32 * 12.989).sin() * 43_758.547).fract();
+    given.means.as_flattened_mut().iter_mut().enumerate().for_each(|(i, v)| *v = noise(i));
+    given.rotations.as_flattened_mut().iter_mut().enumerate().for_each(|(i, v)| *v = noise(i + 1));
+    given.log_scales.as_flattened_mut().iter_mut().enumerate().for_each(|(i, v)| *v = noise(i + 2) - 4.0);
+    given.logit_opacities.iter_mut().enumerate().for_each(|(i, v)| *v = 4.0 * noise(i + 3));
     for _ in 0..5 {
         read(&live, 0);
         live.now().given = None;
