@@ -18,7 +18,7 @@ fn main() {
     let splats = fit_single(&views.train, &config, 1, &mut |s: StepStats| {
         first.get_or_insert_with(Instant::now);
         last = s.step;
-        if s.step % 100 == 0 || s.step == 1 {
+        if s.step.is_multiple_of(100) || s.step == 1 {
             println!(
                 "{:5} {:7.2?} loss {:.4} {:5.2} dB {} Gaussians",
                 s.step,
