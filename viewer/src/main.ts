@@ -9,6 +9,7 @@ import { enableDrag } from "./drag";
 import { exported, text } from "./files";
 import { Glyphs } from "./glyphs";
 import { Appearance, MODES, type Mode } from "./looks";
+import { startLive } from "./live";
 import { Model, motion } from "./model";
 import { Panel } from "./panel";
 import { Player } from "./player";
@@ -38,10 +39,14 @@ function frontOf(model: Model): Vector3 {
   return front;
 }
 
-async function start(scene: SceneData) {
+function openStage(scene: SceneData): Stage {
   document.title = `${scene.name} – artgs`;
   const test = new URLSearchParams(location.search).has("test");
-  const stage = new Stage(document.querySelector("canvas")!, test);
+  return new Stage(document.querySelector("canvas")!, test);
+}
+
+async function start(scene: SceneData) {
+  const stage = openStage(scene);
   const model = new Model(scene.links);
   const looks = new Appearance(model);
   const clouds = new Clouds(scene.clouds ?? []);
@@ -174,17 +179,20 @@ function fail(error: unknown): never {
   throw error;
 }
 
-type Hooks = Awaited<ReturnType<typeof start>>;
+type Hooks = Awaited<ReturnType<typeof start>> | ReturnType<typeof startLive>;
 
 declare global {
   interface Window {
-    /** For tests and tinkering: `await artgs.ready`, then everything that `start` returns. */
+    /** For tests and tinkering: `await artgs.ready`, then everything that `start` or `startLive` returns. */
     artgs: { ready: Promise<void>; modes: readonly string[] } & Partial<Hooks>;
   }
 }
 
 const ready = text("scene.json")
-  .then((json) => start(checkScene(JSON.parse(json) as SceneData)))
+  .then((json): Hooks | Promise<Hooks> => {
+    const scene = checkScene(JSON.parse(json) as SceneData);
+    return scene.live ? startLive(scene, openStage(scene), say) : start(scene);
+  })
   .then((hooks) => void Object.assign(window.artgs, hooks))
   .catch(fail);
 window.artgs = { ready, modes: MODES };

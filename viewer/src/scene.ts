@@ -57,6 +57,8 @@ export interface SceneData {
   scores?: unknown;
   placement?: { scale: number; rotation: [number, number, number, number] };
   corrections: boolean;
+  /** The page follows a run. */
+  live?: boolean;
 }
 
 /** Refuses what another version of the program wrote. */

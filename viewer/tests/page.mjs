@@ -21,11 +21,11 @@ const FLAGS = [
   "--disable-sync",
 ];
 
-/** Serves the sample until `close` is called. */
-export async function sample() {
+/** Serves the sample until `close` is called; `tell` hands a line to it and waits for its answer. */
+export async function sample(...options) {
   const folder = mkdtempSync(join(tmpdir(), "artgs-view-"));
   const program = process.env.ARTGS_VIEW_SAMPLE ?? "../target/debug/examples/view_sample";
-  const child = spawn(program, [folder], { stdio: ["pipe", "pipe", "inherit"] });
+  const child = spawn(program, [folder, ...options], { stdio: ["pipe", "pipe", "inherit"] });
   const url = await new Promise((done, fail) => {
     child.stdout.once("data", (text) => done(String(text).trim()));
     child.once("error", (e) => fail(new Error(`${program}: ${e.message}; cargo build -p artgs-view --example view_sample`)));
@@ -37,7 +37,12 @@ export async function sample() {
     await ended;
     rmSync(folder, { recursive: true });
   };
-  return { folder, url, close };
+  const tell = (line) => {
+    const answered = new Promise((done) => child.stdout.once("data", done));
+    child.stdin.write(`${line}\n`);
+    return answered;
+  };
+  return { folder, url, close, tell };
 }
 
 export function browse() {

@@ -3,19 +3,28 @@
 //! run it.
 //!
 //! `view_sample OUT --exported`: the same for a replica folder that exists and was exported.
+//!
+//! `view_sample DIR --live`: serves a run that does what the lines of standard input say: `steps STAGE FROM TO`, `splats COUNT`
+//! (the first `COUNT` links of the sample; labelled from two on), `finish` or `fail WHY`. Each is answered `ok` when it is done.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "a fixture that fails loudly")]
 
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use artgs_view::{Page, Scene, Server, export_page};
+use artgs_core::Splats;
+use artgs_view::{Live, Page, Placement, Scene, Server, export_page};
 use std::io::Read as _;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 fn main() {
     let out: PathBuf = std::env::args_os().nth(1).expect("a folder to write to").into();
+    if std::env::args().any(|a| a == "--live") {
+        return follow();
+    }
     let page = if std::env::args().any(|a| a == "--exported") {
         Page::of_replica(&out).unwrap()
     } else {
@@ -34,4 +43,65 @@ fn main() {
         let _ = std::io::stdin().read_to_end(&mut Vec::new());
         stop.store(true, Ordering::Relaxed);
     });
+}
+
+fn follow() {
+    // Half of the sample's metres are a unit of its capture, which lies on its side.
+    let rotation = glam::DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    let placement = Placement { scale: 0.5, rotation };
+    let live = Arc::new(Live::new("cabinet", placement));
+    let server = Server::bind_live(Arc::clone(&live), Some(0)).unwrap();
+    println!("{}", server.url());
+    let stop = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| server.run(&stop));
+        for line in std::io::stdin().lines() {
+            obey(&live, &placement, &line.unwrap());
+            println!("ok");
+        }
+        stop.store(true, Ordering::Relaxed);
+    });
+}
+
+fn obey(live: &Live, placement: &Placement, line: &str) {
+    let words: Vec<&str> = line.split(' ').collect();
+    let number = |i: usize| words[i].parse::<usize>().unwrap();
+    match words[0] {
+        "steps" => {
+            for step in number(2)..=number(3) {
+                let share = step as f64 / number(3) as f64;
+                live.event(words[1], [step, 400], Some(0.5 - 0.4 * share), Some(18.0 + 10.0 * share), Some(1234));
+            }
+        }
+        "splats" => {
+            let (splats, labels) = captured(placement, number(1));
+            while !live.wants_splats() {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            live.update_splats(&splats, &labels);
+        }
+        "finish" => live.finish(Ok(())),
+        "fail" => live.finish(Err(words[1..].join(" "))),
+        other => panic!("unknown: {other}"),
+    }
+}
+
+/// Gaussians of the first links of the sample in the frame of its capture, with their parts where there are any.
+fn captured(placement: &Placement, links: usize) -> (Splats, Vec<u16>) {
+    let (mut all, mut labels) = (Splats::empty(0), Vec::new());
+    for (label, link) in common::cabinet().links.iter().take(links).enumerate() {
+        let part = link.splats.as_ref().unwrap();
+        let at = all.len();
+        all.extend_from(part, 0..part.len());
+        for (mean, log_scale) in all.means[at..].iter_mut().zip(&mut all.log_scales[at..]) {
+            let object = glam::DVec3::from_array(mean.map(f64::from)) + link.origin;
+            *mean = (placement.rotation.inverse() * object / placement.scale).as_vec3().to_array();
+            *log_scale = log_scale.map(|v| v - placement.scale.ln() as f32);
+        }
+        labels.extend(vec![label as u16; part.len()]);
+    }
+    if links < 2 {
+        labels.clear();
+    }
+    (all, labels)
 }

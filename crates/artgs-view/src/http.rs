@@ -37,6 +37,13 @@ impl Request {
     pub(crate) fn path(&self) -> &str {
         self.target.split('?').next().unwrap_or("")
     }
+
+    /// A number of the query; 0 where it is missing or none.
+    pub(crate) fn number(&self, key: &str) -> u64 {
+        let query = self.target.split_once('?').map_or("", |(_, query)| query);
+        let value = query.split('&').find_map(|pair| pair.strip_prefix(key)?.strip_prefix('='));
+        value.and_then(|v| v.parse().ok()).unwrap_or(0)
+    }
 }
 
 /// Where the bytes of an answer come from.
@@ -188,6 +195,9 @@ mod tests {
         let (length, request) = head(text).unwrap().unwrap();
         assert_eq!(&text[length..], b"rest");
         assert_eq!((request.method.as_str(), request.path()), ("POST", "/a/b"));
+        assert_eq!((request.number("c"), request.number("d")), (0, 0));
+        let asked = Request { target: "/live.json?a=7&since=42&b=-1".into(), ..Request::default() };
+        assert_eq!(["since", "a", "b", "sinc"].map(|key| asked.number(key)), [42, 7, 0, 0]);
         assert_eq!((request.header("host"), request.header("origin")), (Some("x:1"), Some("")));
         assert_eq!(request.header("Content-Length"), None);
         assert!(head(b"\x16\x03\x01\x02\x00").unwrap_err().contains("not HTTP"));

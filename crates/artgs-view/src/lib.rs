@@ -1,5 +1,5 @@
 //! The browser viewer: what the page shows ([`Page`]), a server for it on loopback ([`Server`]), and the same as one
-//! file ([`export_page`]). The page itself is built from `viewer/` and is part of this crate.
+//! file ([`export_page`]). [`Live`] is a run under way, which a server shows, too. The page itself is built from `viewer/` and is part of this crate.
 
 mod bundle;
 mod camera;
@@ -7,6 +7,7 @@ mod cloud;
 mod error;
 mod guard;
 mod http;
+mod live;
 mod page;
 mod scene;
 mod server;
@@ -16,6 +17,7 @@ mod urdf;
 pub use camera::{CameraView, Placement};
 pub use cloud::Cloud;
 pub use error::ViewError;
+pub use live::Live;
 pub use page::{Page, Source};
 pub use scene::{Scene, SceneCamera, SceneCloud, SceneJoint, SceneLink, SceneMesh};
 pub use server::{DEFAULT_PORT, Server};

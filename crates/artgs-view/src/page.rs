@@ -40,7 +40,7 @@ pub struct Page {
 const COLOURS: [[u8; 3]; 7] =
     [[230, 159, 0], [86, 180, 233], [0, 158, 115], [204, 121, 167], [213, 94, 0], [240, 228, 66], [0, 114, 178]];
 
-fn colour(link: usize) -> [u8; 3] {
+pub(crate) fn colour(link: usize) -> [u8; 3] {
     if link == 0 { [158, 163, 170] } else { COLOURS[(link - 1) % COLOURS.len()] }
 }
 
@@ -57,6 +57,7 @@ impl Page {
             scores: None,
             placement: None,
             corrections: false,
+            live: false,
         };
         Self { scene, files: BTreeMap::new() }
     }

@@ -36,6 +36,9 @@ pub struct Scene {
     pub placement: Option<crate::Placement>,
     /// True if the server takes corrections.
     pub corrections: bool,
+    /// True if the page is to follow a run, see [`Live`](crate::Live).
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub live: bool,
 }
 
 /// A rigid body.

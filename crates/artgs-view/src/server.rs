@@ -1,15 +1,17 @@
 //! The page over HTTP, on loopback only.
 //!
-//! `GET` of `/`, the script, the style, `/scene.json` and the files that the scene names; `POST /corrections`. Paths
-//! are looked up among those names, so no path reaches the file system.
+//! `GET` of `/`, the script, the style, `/scene.json` and the files that the scene names; `POST /corrections`; of a run
+//! that is under way, `/live.json`, `/live/splats.spz` and `/live/parts.spz`. Paths are looked up among those names, so no path reaches the file system.
 
 use crate::bundle::{HTML, POLICY, SCRIPT, STYLE};
 use crate::guard::{Asked, refusal};
 use crate::http::{self, Answer, Body, Request};
+use crate::live::{Live, Tint};
 use crate::{Page, Source, ViewError};
 use artgs_io::{Corrections, write_corrections};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
@@ -28,6 +30,7 @@ pub struct Server {
     port: u16,
     page: Page,
     corrections: Option<PathBuf>,
+    live: Option<Arc<Live>>,
 }
 
 impl Server {
@@ -43,7 +46,15 @@ impl Server {
         listener.set_nonblocking(true).map_err(refused(port.unwrap_or(DEFAULT_PORT)))?;
         let port = listener.local_addr().map_err(refused(port.unwrap_or(DEFAULT_PORT)))?.port();
         page.scene.corrections = corrections.is_some();
-        Ok(Self { listener, port, page, corrections })
+        Ok(Self { listener, port, page, corrections, live: None })
+    }
+
+    /// Listens like [`Server::bind`] for a page that follows a run; nothing can be written.
+    pub fn bind_live(live: Arc<Live>, port: Option<u16>) -> Result<Self, ViewError> {
+        let mut page = Page::empty(live.name());
+        page.place(live.placement());
+        page.scene.live = true;
+        Ok(Self { live: Some(live), ..Self::bind(page, port, None)? })
     }
 
     /// Where the page is.
@@ -104,7 +115,10 @@ impl Server {
             return Answer::text(403, reason);
         }
         match (request.method.as_str(), request.path()) {
-            ("GET", path) => self.get(path),
+            ("GET", path) => match &self.live {
+                Some(live) if path.starts_with("/live") => look(live, request),
+                _ => self.get(path),
+            },
             ("POST", "/corrections") => self.correct(request),
             _ => Answer::text(405, "only GET, and POST /corrections"),
         }
@@ -134,6 +148,19 @@ impl Server {
             .map_err(|reason| Answer::text(400, &reason))
             .and_then(|c| write_corrections(folder, &c).map_err(|e| Answer::text(500, &e.to_string())));
         written.map_or_else(|refused| refused, |()| Answer::text(200, "saved"))
+    }
+}
+
+fn look(live: &Live, request: &Request) -> Answer {
+    let splats = |tint| match live.spz(tint) {
+        Some(bytes) => Answer::bytes(&bytes, "application/octet-stream"),
+        None => Answer::text(404, "there are no Gaussians to show yet"),
+    };
+    match request.path() {
+        "/live.json" => Answer::bytes(live.json(request.number("since")).as_bytes(), "application/json"),
+        "/live/splats.spz" => splats(Tint::Photo),
+        "/live/parts.spz" => splats(Tint::Parts),
+        _ => Answer::text(404, "there is no such file"),
     }
 }
 

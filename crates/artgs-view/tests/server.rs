@@ -4,10 +4,12 @@
 
 mod common;
 
-use artgs_view::{Page, Server, ViewError, export_page};
+use artgs_core::Splats;
+use artgs_view::{Live, Page, Placement, Server, ViewError, export_page};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Runs a server of the sample while `ask` sends requests; `{}` in them is the port.
@@ -16,6 +18,10 @@ fn with_server(corrections: bool, ask: impl FnOnce(&Path, &dyn Fn(&str) -> Strin
     common::write_replica_folder(dir.path());
     let folder = corrections.then(|| dir.path().to_path_buf());
     let server = Server::bind(common::page(dir.path()), Some(0), folder).unwrap();
+    asking(&server, |send| ask(dir.path(), send));
+}
+
+fn asking(server: &Server, ask: impl FnOnce(&dyn Fn(&str) -> String)) {
     let port = server.url().trim_end_matches('/').rsplit(':').next().unwrap().to_string();
     let send = |request: &str| {
         let mut stream = TcpStream::connect(format!("127.0.0.1:{port}")).unwrap();
@@ -27,7 +33,7 @@ fn with_server(corrections: bool, ask: impl FnOnce(&Path, &dyn Fn(&str) -> Strin
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
         scope.spawn(|| server.run(&stop));
-        let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| ask(dir.path(), &send)));
+        let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| ask(&send)));
         stop.store(true, Ordering::Relaxed);
         if let Err(panic) = result {
             std::panic::resume_unwind(panic);
@@ -67,6 +73,50 @@ fn the_page_its_scene_and_its_files() {
         assert_eq!(body.split_once("\r\n\r\n").unwrap().1, disk);
         assert!(send(&get("/files/mesh/door.png")).contains("image/png"));
     });
+}
+
+#[test]
+fn a_run_under_way_is_told_to_its_own_page_alone() {
+    let live = Arc::new(Live::new("lamp", Placement::default()));
+    let server = Server::bind_live(Arc::clone(&live), Some(0)).unwrap();
+    asking(&server, |send| {
+        let body = |path: &str| {
+            let answer = send(&get(path));
+            assert_eq!(status(&answer), "200", "{path}: {answer}");
+            serde_json::from_str::<serde_json::Value>(answer.split_once("\r\n\r\n").unwrap().1).unwrap()
+        };
+        let scene = body("/scene.json");
+        assert_eq!(
+            (&scene["live"], &scene["corrections"], &scene["name"]),
+            (&true.into(), &false.into(), &"lamp".into())
+        );
+        assert_eq!(status(&send(&get("/live/splats.spz"))), "404");
+        live.event("single", [1, 10], Some(0.5), Some(20.0), Some(1));
+        let told = body("/live.json?since=0");
+        assert_eq!((&told["since"], &told["points"][0][3]), (&1.into(), &20.0.into()));
+        assert_eq!(body("/live.json?since=1")["points"], serde_json::json!([]));
+        let mut splats = Splats::empty(0);
+        splats.extend_from(common::cabinet().links[1].splats.as_ref().unwrap(), 0..9);
+        live.update_splats(&splats, &[]);
+        for path in ["/live/splats.spz", "/live/parts.spz"] {
+            assert_eq!(status(&send(&get(path))), "200");
+        }
+        assert_eq!(body("/live.json")["splats"], 1);
+        for path in ["/live", "/live/../secret", "/live/splats.ply", "/liver"] {
+            assert_eq!(status(&send(&get(path))), "404", "{path}");
+        }
+        for headers in ["Host: evil.example:{}", "Host: 127.0.0.1:{}\r\nOrigin: http://evil.example"] {
+            for path in ["/live.json", "/live/splats.spz"] {
+                assert_eq!(status(&send(&format!("GET {path} HTTP/1.1\r\n{headers}\r\n\r\n"))), "403", "{headers}");
+            }
+        }
+        assert_eq!(status(&send("POST /corrections HTTP/1.1\r\nHost: localhost:{}\r\n\r\n")), "403");
+    });
+}
+
+#[test]
+fn only_a_live_page_has_a_run() {
+    with_server(false, |_, send| assert_eq!(status(&send(&get("/live.json"))), "404"));
 }
 
 #[test]

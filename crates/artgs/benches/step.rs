@@ -5,6 +5,7 @@ mod common;
 use artgs::fit::Backend;
 use common::{GAUSSIANS, trainer};
 use divan::Bencher;
+use std::ops::ControlFlow;
 
 fn main() {
     divan::main();
@@ -12,7 +13,7 @@ fn main() {
 
 fn bench(bencher: Bencher<'_, '_>, size: u32, gaussians: usize, parts: Option<usize>) {
     let mut trainer = trainer(size, gaussians, parts);
-    let mut step = || trainer.run(1, true, &mut |_| {}).unwrap_or_default();
+    let mut step = || trainer.run(1, true, &mut |_| ControlFlow::Continue(())).unwrap_or_default();
     step();
     bencher.bench_local(step);
 }

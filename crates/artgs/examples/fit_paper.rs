@@ -2,8 +2,8 @@
 //! `fit_paper CAPTURE PARTS [SINGLE TYPES JOINT]`.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-use artgs::articulate::{PaperConfig, Stage, paper_pipeline, score_state};
-use artgs::fit::{SingleConfig, fit_single, score};
+use artgs::articulate::{PaperConfig, paper_pipeline, score_state};
+use artgs::fit::{Follow, SingleConfig, StepStats, fit_single, score};
 use artgs_core::JointKind;
 use std::time::Instant;
 
@@ -13,20 +13,14 @@ fn main() {
     let parts: usize = args[1].parse().unwrap();
     let number = |i: usize, default: usize| args.get(i).map_or(default, |a| a.parse().unwrap());
     let config = SingleConfig { steps: number(2, 10_000), ..SingleConfig::paper() };
-    let mut clock = Instant::now();
-    let single = [0, 1].map(|state| {
-        fit_single(&capture.states[state].train, &config, 1, &mut |s| report("single", s, &mut clock)).unwrap()
-    });
+    let mut reports = Reports { stage: "single", clock: Instant::now() };
+    let single = [0, 1].map(|state| fit_single(&capture.states[state].train, &config, 1, &mut reports).unwrap());
     let mut config = PaperConfig::default();
     config.types.train.steps = number(3, config.types.train.steps);
     config.types.steps_for_many = number(3, config.types.steps_for_many);
     config.articulate.steps = number(4, config.articulate.steps);
     let views = [0, 1].map(|state| &capture.states[state].train[..]);
-    let mut clock = Instant::now();
-    let result = paper_pipeline(views, &single, parts, &config, 1, &mut |stage, s| {
-        report(if stage == Stage::Types { "types" } else { "joint" }, s, &mut clock);
-    })
-    .unwrap();
+    let result = paper_pipeline(views, &single, parts, &config, 1, &mut reports).unwrap();
     println!("{:?}", result.models);
     for joint in &result.trained.joints {
         let kind = joint.joint_kind(10_f64.to_radians());
@@ -41,11 +35,22 @@ fn main() {
     }
 }
 
-fn report(stage: &str, s: artgs::fit::StepStats, clock: &mut Instant) {
-    assert!(s.loss.is_finite(), "loss of step {}", s.step);
-    if s.step.is_multiple_of(100) {
-        let each = clock.elapsed().as_secs_f64() * 10.0;
-        println!("{stage} {:5} {each:6.2} ms loss {:.4} {:5.2} dB {:6}", s.step, s.loss, s.psnr, s.gaussians);
-        *clock = Instant::now();
+struct Reports {
+    stage: &'static str,
+    clock: Instant,
+}
+
+impl Follow for Reports {
+    fn step(&mut self, s: StepStats) {
+        assert!(s.loss.is_finite(), "loss of step {}", s.step);
+        if s.step.is_multiple_of(100) {
+            let (stage, each) = (self.stage, self.clock.elapsed().as_secs_f64() * 10.0);
+            println!("{stage} {:5} {each:6.2} ms loss {:.4} {:5.2} dB {:6}", s.step, s.loss, s.psnr, s.gaussians);
+            self.clock = Instant::now();
+        }
+    }
+
+    fn stage(&mut self, name: &'static str) {
+        self.stage = name;
     }
 }

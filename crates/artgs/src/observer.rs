@@ -1,5 +1,6 @@
 //! How stages speak: they hand events to an [`Observer`] and never print.
 
+use artgs_core::Splats;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::fs::{File, OpenOptions};
@@ -78,10 +79,33 @@ impl Event {
     }
 }
 
+/// What training has so far, lent between two steps.
+#[derive(Clone, Copy, Debug)]
+pub struct Snapshot<'a> {
+    /// Name of the stage.
+    pub stage: &'static str,
+    /// Steps done.
+    pub step: usize,
+    /// Steps there will be.
+    pub total: usize,
+    /// Gaussians, capture's frame: canonical ones, or in the stage `single` those of the state that is being fitted.
+    pub splats: &'a Splats,
+    /// Part of each, `[n]`; empty where parts are not looked for.
+    pub labels: &'a [u16],
+}
+
 /// Receives the events of a run, in order, on the thread that runs it.
 pub trait Observer {
     /// Takes one event. Must return quickly: stages call it between optimiser steps.
     fn event(&mut self, event: Event);
+
+    /// True if training is to pause for [`Observer::snapshot`]; asked after every step. Stays true until it was called.
+    fn wants_snapshot(&mut self) -> bool {
+        false
+    }
+
+    /// Takes a look at the Gaussians. Training waits meanwhile.
+    fn snapshot(&mut self, _: &Snapshot<'_>) {}
 }
 
 /// Ignores everything.
@@ -99,13 +123,25 @@ impl Observer for Vec<Event> {
     }
 }
 
-/// Hands every event to two observers, the first one first.
+/// Hands every event to two observers, the first one first, and snapshots to those that want them.
 pub struct Tee<'a>(pub &'a mut dyn Observer, pub &'a mut dyn Observer);
 
 impl Observer for Tee<'_> {
     fn event(&mut self, event: Event) {
         self.0.event(event.clone());
         self.1.event(event);
+    }
+
+    fn wants_snapshot(&mut self) -> bool {
+        self.0.wants_snapshot() || self.1.wants_snapshot()
+    }
+
+    fn snapshot(&mut self, snapshot: &Snapshot<'_>) {
+        for observer in [&mut *self.0, &mut *self.1] {
+            if observer.wants_snapshot() {
+                observer.snapshot(snapshot);
+            }
+        }
     }
 }
 
@@ -182,6 +218,28 @@ mod tests {
         assert_eq!(back, sample());
         assert_eq!(kept, sample());
         assert_eq!(text.lines().next(), Some(r#"{"event":"stage_started","stage":"single"}"#));
+    }
+
+    #[test]
+    fn snapshots_go_to_those_that_want_them() {
+        struct Wants(bool, usize);
+        impl Observer for Wants {
+            fn event(&mut self, _: Event) {}
+            fn wants_snapshot(&mut self) -> bool {
+                self.0
+            }
+            fn snapshot(&mut self, snapshot: &Snapshot<'_>) {
+                self.1 += snapshot.step;
+            }
+        }
+        let splats = Splats::empty(0);
+        let snapshot = Snapshot { stage: "single", step: 3, total: 10, splats: &splats, labels: &[] };
+        let (mut eager, mut idle) = (Wants(true, 0), Wants(false, 0));
+        let mut tee = Tee(&mut idle, &mut eager);
+        assert!(tee.wants_snapshot());
+        tee.snapshot(&snapshot);
+        assert_eq!((idle.1, eager.1), (0, 3));
+        assert!(!Tee(&mut idle, &mut NullObserver).wants_snapshot());
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! Fits known Gaussians from their own renderings, and a real capture where one is at hand.
 
-use artgs::fit::{DensifyConfig, InitKind, SingleConfig, fit_single, score_views};
+use artgs::fit::{
+    DensifyConfig, Follow, InitKind, PlateauConfig, SingleConfig, StepStats, TrainState, fit_single, score_views,
+};
 use artgs_core::{Camera, DepthMap, Intrinsics, Splats, View};
 use artgs_raster::{Rasterizer, RenderOptions, SplatView};
 use glam::DVec3;
@@ -65,10 +67,10 @@ fn a_start_on_depth_comes_back_to_the_truth() {
     let (train, test) = (views(&truth, 12, 0.0), views(&truth, 4, 1.1));
     let config = quick(InitKind::Depth);
     let mut steps = 0;
-    let splats = fit_single(&train, &config, 1, &mut |s| steps = s.step).unwrap();
+    let splats = fit_single(&train, &config, 1, &mut |s: StepStats| steps = s.step).unwrap();
     assert_eq!(steps, 300);
     let (before, after) = (
-        mean_psnr(&fit_single(&train, &SingleConfig { steps: 0, ..config }, 1, &mut |_| {}).unwrap(), &test),
+        mean_psnr(&fit_single(&train, &SingleConfig { steps: 0, ..config }, 1, &mut |_: StepStats| {}).unwrap(), &test),
         mean_psnr(&splats, &test),
     );
     eprintln!("held out: {before:.2} dB at the start, {after:.2} dB after 300 steps, {} Gaussians", splats.len());
@@ -84,15 +86,63 @@ fn a_random_start_with_densification_learns_too_and_the_seed_decides_every_byte(
     let config = SingleConfig { steps: 400, densify, ..quick(InitKind::Random) };
     let fit = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| fit_single(&train, &config, seed, &mut |_| {}).unwrap())
+        pool.install(|| fit_single(&train, &config, seed, &mut |_: StepStats| {}).unwrap())
     };
     let splats = fit(2, 3);
     let psnr = mean_psnr(&splats, &test);
-    let before = mean_psnr(&fit_single(&train, &SingleConfig { steps: 0, ..config }, 3, &mut |_| {}).unwrap(), &test);
+    let before =
+        mean_psnr(&fit_single(&train, &SingleConfig { steps: 0, ..config }, 3, &mut |_: StepStats| {}).unwrap(), &test);
     eprintln!("random start: {psnr:.2} dB from {before:.2} dB, {} Gaussians", splats.len());
     assert!(psnr > 18.0 && psnr > before + 8.0, "{before} {psnr}");
     assert!(splats == fit(1, 3), "the number of threads shows");
     assert!(splats != fit(2, 4));
+}
+
+/// Looks at the Gaussians after every seventh step.
+#[derive(Default)]
+struct Looker {
+    step: usize,
+    looks: Vec<(usize, usize)>,
+}
+
+impl Follow for Looker {
+    fn step(&mut self, stats: StepStats) {
+        self.step = stats.step;
+    }
+
+    fn wants_snapshot(&mut self) -> bool {
+        self.step.is_multiple_of(7)
+    }
+
+    fn snapshot(&mut self, state: &TrainState, _: usize) {
+        assert_eq!(state.step, self.step);
+        self.looks.push((state.step, state.splats.len()));
+    }
+}
+
+#[test]
+fn looking_on_changes_nothing() {
+    let train = views(&truth(), 16, 0.0);
+    // Steps 70 and 105 both change the set of Gaussians and are looked at.
+    let densify = DensifyConfig {
+        after: 30,
+        before: 120,
+        every: 35,
+        late_after: 30,
+        max_gaussians: 4000,
+        ..DensifyConfig::paper()
+    };
+    let plateau = PlateauConfig { settle: 40, hold_back: 2, every: 30, ..PlateauConfig::default() };
+    for (update_always, plateau) in [(false, PlateauConfig::never()), (true, plateau)] {
+        let config = SingleConfig { steps: 160, densify, update_always, plateau, ..quick(InitKind::Random) };
+        let alone = fit_single(&train, &config, 5, &mut |_: StepStats| {}).unwrap();
+        let mut looker = Looker::default();
+        let seen = fit_single(&train, &config, 5, &mut looker).unwrap();
+        assert!(alone == seen, "looking on shows, update_always {update_always}");
+        assert!(looker.looks.windows(2).all(|w| w[1].0 == w[0].0 + 7), "{:?}", looker.looks);
+        assert!(looker.looks.len() >= looker.step / 7 && looker.step >= 70, "{:?}", looker.looks);
+        assert!(looker.looks.iter().any(|l| l.1 != looker.looks[0].1), "the set never changed");
+    }
 }
 
 #[test]
@@ -109,7 +159,7 @@ fn a_real_capture_is_explained() {
     let capture = artgs_io::load_capture(&dir).unwrap();
     let mut config = SingleConfig { steps: 150, ..SingleConfig::default() };
     config.depth.count = 8000;
-    let splats = fit_single(&capture.states[0].train, &config, 1, &mut |_| {}).unwrap();
+    let splats = fit_single(&capture.states[0].train, &config, 1, &mut |_: StepStats| {}).unwrap();
     let psnr = mean_psnr(&splats, &capture.states[0].test);
     eprintln!("150 steps: {psnr:.2} dB on held-out views, {} Gaussians", splats.len());
     assert!(psnr > 34.0, "{psnr}");

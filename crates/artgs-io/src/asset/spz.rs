@@ -35,9 +35,19 @@ const HALF_ROOT: f32 = std::f32::consts::FRAC_1_SQRT_2;
 pub fn write_spz(path: &Path, splats: &Splats) -> Result<(), FileError> {
     let body = pack(splats).map_err(|reason| FileError::malformed(path, reason))?;
     let fail = |source| FileError::Write { path: path.into(), source };
-    let mut encoder = GzEncoder::new(Vec::with_capacity(body.len() / 2), Compression::default());
-    encoder.write_all(&body).map_err(fail)?;
-    write_atomic(path, &encoder.finish().map_err(fail)?)
+    write_atomic(path, &gzip(&body, Compression::default()).map_err(fail)?)
+}
+
+/// What [`write_spz`] writes, packed less tightly and sooner: for Gaussians that are looked at once. An `Err` says what
+/// the format cannot hold.
+pub fn spz_bytes(splats: &Splats) -> Result<Vec<u8>, String> {
+    gzip(&pack(splats)?, Compression::fast()).map_err(|e| e.to_string())
+}
+
+fn gzip(body: &[u8], level: Compression) -> std::io::Result<Vec<u8>> {
+    let mut encoder = GzEncoder::new(Vec::with_capacity(body.len() / 2), level);
+    encoder.write_all(body)?;
+    encoder.finish()
 }
 
 /// Reads gzipped SPZ of version 2 or 3, axes as stored.

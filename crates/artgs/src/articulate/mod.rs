@@ -11,7 +11,7 @@ pub mod trained;
 pub mod types;
 
 pub use config::ArticulateConfig;
-pub use pipeline::{PaperConfig, PaperResult, Stage, paper_pipeline};
+pub use pipeline::{PaperConfig, PaperResult, paper_pipeline};
 pub use run::{SkinStart, Start, articulate};
 pub use trained::{Posed, Trained, render_state, render_state_fixed, score_state};
 pub use types::{TypeConfig, predict_types};

@@ -6,7 +6,7 @@ use super::trained::Trained;
 use super::types::{TypeConfig, predict_types, still_start};
 use crate::articulation::MotionModel;
 use crate::canonical::{CanonicalConfig, canonical_init};
-use crate::fit::{FitError, StepStats};
+use crate::fit::{FitError, Follow};
 use artgs_core::{Splats, View};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -31,15 +31,6 @@ impl Default for PaperConfig {
     }
 }
 
-/// Which optimisation a step belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// Kinds of joints.
-    Types,
-    /// Joint optimisation.
-    Joint,
-}
-
 /// What the published method gives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PaperResult {
@@ -50,19 +41,21 @@ pub struct PaperResult {
 }
 
 /// Canonical start, kinds of joints and joint optimisation for `parts` parts, the static one included. `single` are the
-/// Gaussians of each state alone. The same seed gives the same bytes.
+/// Gaussians of each state alone. Stages are told as `types` and `articulate`. The same seed gives the same bytes.
 pub fn paper_pipeline(
     views: [&[View]; 2],
     single: &[Splats; 2],
     parts: usize,
     config: &PaperConfig,
     seed: u64,
-    on_step: &mut dyn FnMut(Stage, StepStats),
+    follow: &mut dyn Follow,
 ) -> Result<PaperResult, FitError> {
     let canonical = canonical_init(single, parts, &config.canonical, &mut Pcg64Mcg::seed_from_u64(seed))?;
-    let models = predict_types(views, &canonical, &config.types, seed, &mut |s| on_step(Stage::Types, s))?;
+    follow.stage("types");
+    let models = predict_types(views, &canonical, &config.types, seed, follow)?;
     let start = still_start(&canonical, &models, seed);
     let targets = Some(&canonical.cd_targets);
-    let trained = articulate(views, start, targets, &config.articulate, seed, &mut |s| on_step(Stage::Joint, s))?;
+    follow.stage("articulate");
+    let trained = articulate(views, start, targets, &config.articulate, seed, follow)?;
     Ok(PaperResult { trained, models })
 }

@@ -6,8 +6,8 @@ use crate::articulation::{Assignment, MotionModel, MotionParameters};
 use crate::fit::images::prepare;
 use crate::fit::single::camera_extent;
 use crate::fit::{
-    Articulated, ChamferTargets, CpuBackend, DeformConfig, Deformation, FitError, Membership, Region, RunPlan,
-    StepStats, TrainImage, TrainState, train,
+    Articulated, ChamferTargets, CpuBackend, DeformConfig, Deformation, FitError, Follow, Membership, Region, RunPlan,
+    TrainImage, TrainState, train,
 };
 use artgs_core::{Splats, View};
 use glam::DVec3;
@@ -112,7 +112,7 @@ pub fn articulate(
     cd_targets: Option<&[Vec<[f32; 3]>; 2]>,
     config: &ArticulateConfig,
     seed: u64,
-    on_step: &mut dyn FnMut(StepStats),
+    follow: &mut dyn Follow,
 ) -> Result<Trained, FitError> {
     start.check()?;
     if views.iter().any(|v| v.is_empty()) {
@@ -127,7 +127,7 @@ pub fn articulate(
     let mut backend = CpuBackend::new(images, config.train(extent, half_side), seed.wrapping_add(1))?;
     let ArticulateConfig { steps, plateau, update_always, densify, .. } = *config;
     let plan = RunPlan { steps, plateau, update_always, densify, extent: extent as f32 };
-    let state = train(&mut backend, state, &plan, &mut rng, on_step)?;
+    let state = train(&mut backend, state, &plan, &mut rng, follow)?;
     Ok(finish(state))
 }
 

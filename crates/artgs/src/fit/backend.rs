@@ -8,6 +8,7 @@ use super::loss::{LossConfig, LossTerms};
 use super::schedule::LogLinear;
 use artgs_core::Splats;
 use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
 
 /// What lies between the stored Gaussians and those that are drawn.
 #[derive(Clone, Debug, Default)]
@@ -242,9 +243,15 @@ pub trait Backend {
     /// Takes the state over.
     fn upload(&mut self, state: TrainState) -> Result<(), FitError>;
 
-    /// Makes `steps` steps and reports each. Without `update_last` the last one leaves the Gaussians
-    /// as they are and only gathers statistics; what moves them is updated all the same.
-    fn run(&mut self, steps: usize, update_last: bool, on_step: &mut dyn FnMut(StepStats)) -> Result<(), FitError>;
+    /// Makes `steps` steps and reports each; fewer if `on_step` breaks off, after the step that it was told of. Without
+    /// `update_last` the last of all `steps` leaves the Gaussians as they are and only gathers statistics; what moves them
+    /// is updated all the same.
+    fn run(
+        &mut self,
+        steps: usize,
+        update_last: bool,
+        on_step: &mut dyn FnMut(StepStats) -> ControlFlow<()>,
+    ) -> Result<(), FitError>;
 
     /// Mean peak signal to noise ratio of the views that are held back, decibel; none if there are none.
     fn held_back(&mut self) -> Result<Option<f64>, FitError>;

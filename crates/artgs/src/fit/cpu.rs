@@ -10,6 +10,7 @@ use artgs_raster::{Rasterizer, RenderOptions, SplatGrads, SplatView};
 use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
+use std::ops::ControlFlow;
 
 /// Draws views and backgrounds; the same sequence for the same seed.
 #[derive(Clone, Debug)]
@@ -221,13 +222,20 @@ impl Backend for CpuBackend<'_> {
         Ok(())
     }
 
-    fn run(&mut self, steps: usize, update_last: bool, on_step: &mut dyn FnMut(StepStats)) -> Result<(), FitError> {
+    fn run(
+        &mut self,
+        steps: usize,
+        update_last: bool,
+        on_step: &mut dyn FnMut(StepStats) -> ControlFlow<()>,
+    ) -> Result<(), FitError> {
         if self.state.splats.is_empty() {
             return Err(FitError::Empty);
         }
         for i in 0..steps {
             let stats = self.step(update_last || i + 1 < steps);
-            on_step(stats);
+            if on_step(stats).is_break() {
+                break;
+            }
         }
         Ok(())
     }

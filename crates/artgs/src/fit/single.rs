@@ -2,9 +2,10 @@
 
 use super::FitError;
 use super::adam::AdamConfig;
-use super::backend::{Backend, PlateauConfig, RateConfig, StepStats, TrainConfig, TrainState};
+use super::backend::{Backend, PlateauConfig, RateConfig, TrainConfig, TrainState};
 use super::cpu::CpuBackend;
 use super::densify::DensifyConfig;
+use super::follow::Follow;
 use super::images::{DepthPick, TrainImage, prepare};
 use super::init::{DepthInit, RandomInit, from_depth, random_cube};
 use super::loss::{DepthMode, LossConfig};
@@ -149,7 +150,7 @@ pub fn fit_single(
     views: &[View],
     config: &SingleConfig,
     seed: u64,
-    on_step: &mut dyn FnMut(StepStats),
+    follow: &mut dyn Follow,
 ) -> Result<Splats, FitError> {
     if views.is_empty() {
         return Err(FitError::NoViews);
@@ -173,7 +174,7 @@ pub fn fit_single(
         plateau: config.plateau,
     };
     let mut backend = CpuBackend::new(images, train, seed.wrapping_add(1))?;
-    train_single(&mut backend, TrainState::new(splats), config, extent as f32, &mut rng, on_step)
+    train_single(&mut backend, TrainState::new(splats), config, extent as f32, &mut rng, follow)
 }
 
 /// Runs a backend through the first stage.
@@ -183,9 +184,9 @@ pub fn train_single(
     config: &SingleConfig,
     extent: f32,
     rng: &mut Pcg64Mcg,
-    on_step: &mut dyn FnMut(StepStats),
+    follow: &mut dyn Follow,
 ) -> Result<Splats, FitError> {
     let SingleConfig { steps, plateau, update_always, densify, .. } = *config;
     let plan = RunPlan { steps, plateau, update_always, densify, extent };
-    Ok(train(backend, state, &plan, rng, on_step)?.splats)
+    Ok(train(backend, state, &plan, rng, follow)?.splats)
 }

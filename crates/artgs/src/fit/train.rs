@@ -3,7 +3,9 @@
 use super::FitError;
 use super::backend::{Backend, PlateauConfig, StepStats, TrainState};
 use super::densify::{DensifyConfig, densify, reset_opacities};
+use super::follow::Follow;
 use rand_pcg::Pcg64Mcg;
+use std::ops::ControlFlow;
 
 /// Length of a run, and when it changes the set of Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,13 +23,13 @@ pub struct RunPlan {
 }
 
 /// Runs a backend from one change of the set of Gaussians or look at the held-back views to the next, until the run has
-/// converged and settled, or `plan.steps` are done.
+/// converged and settled, or `plan.steps` are done. In between it stops where whoever follows wants to look.
 pub fn train(
     backend: &mut dyn Backend,
     mut state: TrainState,
     plan: &RunPlan,
     rng: &mut Pcg64Mcg,
-    on_step: &mut dyn FnMut(StepStats),
+    follow: &mut dyn Follow,
 ) -> Result<TrainState, FitError> {
     let (control, plateau) = (&plan.densify, &plan.plateau);
     let latest = plateau.latest(plan.steps);
@@ -47,9 +49,21 @@ pub fn train(
         let to = (from + 1..end).find(stops).unwrap_or(end);
         let look = looks(to);
         backend.upload(state)?;
-        backend.run(to - from, plan.update_always, &mut |s| on_step(StepStats { total: end, ..s }))?;
-        let seen = if look { backend.held_back()? } else { None };
+        let (mut at, mut wanted) = (from, false);
+        backend.run(to - from, plan.update_always, &mut |s| {
+            at = s.step;
+            follow.step(StepStats { total: end, ..s });
+            wanted = follow.wants_snapshot();
+            if wanted { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })?;
+        let seen = if look && at == to { backend.held_back()? } else { None };
         state = backend.download()?;
+        if wanted {
+            follow.snapshot(&state, end);
+        }
+        if at < to {
+            continue;
+        }
         if let Some(psnr) = seen {
             if psnr < best + plateau.least_gain {
                 state.settling = Some(to);
@@ -88,11 +102,18 @@ mod tests {
             Ok(())
         }
 
-        fn run(&mut self, steps: usize, _: bool, on_step: &mut dyn FnMut(StepStats)) -> Result<(), FitError> {
+        fn run(
+            &mut self,
+            steps: usize,
+            _: bool,
+            on_step: &mut dyn FnMut(StepStats) -> ControlFlow<()>,
+        ) -> Result<(), FitError> {
             for _ in 0..steps {
                 self.state.step += 1;
                 self.steps[usize::from(self.state.settling.is_some())] += 1;
-                on_step(StepStats { step: self.state.step, ..StepStats::default() });
+                if on_step(StepStats { step: self.state.step, ..StepStats::default() }).is_break() {
+                    break;
+                }
             }
             Ok(())
         }
@@ -117,7 +138,8 @@ mod tests {
         };
         let mut backend = Scripted { looks: looks.to_vec(), ..Scripted::default() };
         let (mut seen, mut rng) = (Vec::new(), Pcg64Mcg::seed_from_u64(1));
-        train(&mut backend, TrainState::new(Splats::empty(0)), &plan, &mut rng, &mut |s| seen.push(s.step)).unwrap();
+        train(&mut backend, TrainState::new(Splats::empty(0)), &plan, &mut rng, &mut |s: StepStats| seen.push(s.step))
+            .unwrap();
         (backend.steps, seen)
     }
 

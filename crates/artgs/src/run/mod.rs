@@ -2,6 +2,7 @@
 
 pub mod assemble;
 mod folder;
+mod following;
 mod learnt;
 mod lettering;
 pub mod points;

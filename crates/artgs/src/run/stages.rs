@@ -1,14 +1,15 @@
 //! The stages, each a function from saved nouns to saved nouns.
 
 use super::folder::{Folder, motion_parameters};
+use super::following::Following;
 use super::learnt::{relabelled, told_parts, uninformed_start};
 use super::points::{PartSource, StartSource, canonical_start, label_pixels, scattered};
 use super::rendered::{part_meshes_from_renderings, rendered_depths};
 use super::{Built, Error, Summary, assemble};
-use crate::articulate::{PaperConfig, SkinStart, Stage, Start, articulate, paper_pipeline};
+use crate::articulate::{PaperConfig, SkinStart, Start, articulate, paper_pipeline};
 use crate::config::Config;
 use crate::discover::{self, DepthPicture, Discovery, FoundPart, Scene};
-use crate::fit::{FitError, StepStats, single::fit_single};
+use crate::fit::{FitError, single::fit_single};
 use crate::observer::{Event, Observer};
 use crate::registration::{RegistrationError, register_parts};
 use crate::surface::{LabelledDepth, PartMeshes, SurfaceConfig, part_meshes};
@@ -120,13 +121,9 @@ impl<'a> Run<'a> {
             let mut fitted = Vec::new();
             for (state, views) in run.train_views().into_iter().enumerate() {
                 let steps = run.config.single.steps;
-                let observer = &mut *run.observer;
                 let seed = run.config.seed.wrapping_mul(2).wrapping_add(state as u64);
-                let mut on_step = |s: StepStats| {
-                    let stats = StepStats { step: s.step + state * steps, total: 2 * steps, ..s };
-                    observer.event(progress("single", &stats));
-                };
-                fitted.push(fit_single(views, &run.config.single, seed, &mut on_step)?);
+                let mut follow = Following::of_two(run.observer, "single", state, steps);
+                fitted.push(fit_single(views, &run.config.single, seed, &mut follow)?);
             }
             let end = fitted.pop().unwrap_or_default();
             let single = [fitted.pop().unwrap_or_default(), end];
@@ -226,10 +223,9 @@ impl<'a> Run<'a> {
         let (trained, parts) = self.stage("articulate", Folder::load_trained, |run| {
             let config = &run.config.articulate;
             let (start, targets) = run.start(&found, parts)?;
-            let observer = &mut *run.observer;
-            let mut on_step = |s: StepStats| observer.event(progress("articulate", &s));
+            let mut follow = Following::new(run.observer, "articulate");
             let views = [&run.capture.states[0].train[..], &run.capture.states[1].train[..]];
-            let trained = articulate(views, start, targets.as_ref(), config, run.config.seed, &mut on_step)?;
+            let trained = articulate(views, start, targets.as_ref(), config, run.config.seed, &mut follow)?;
             let told = if learnt {
                 told_parts(&trained, run.config.types.half_angle_deg.to_radians())
             } else if !run.config.discover.decide_joints {
@@ -267,12 +263,9 @@ impl<'a> Run<'a> {
         let (trained, parts) = self.stage("articulate", Folder::load_trained, |run| {
             let Config { canonical, types, articulate, .. } = run.config.clone();
             let config = PaperConfig { canonical, types, articulate };
-            let observer = &mut *run.observer;
-            let mut on_step = |stage: Stage, s: StepStats| {
-                observer.event(progress(if stage == Stage::Types { "types" } else { "articulate" }, &s));
-            };
+            let mut follow = Following::new(run.observer, "articulate");
             let views = [&run.capture.states[0].train[..], &run.capture.states[1].train[..]];
-            let result = paper_pipeline(views, single, parts, &config, run.config.seed, &mut on_step)?;
+            let result = paper_pipeline(views, single, parts, &config, run.config.seed, &mut follow)?;
             let parts = told_parts(&result.trained, config.types.half_angle_deg.to_radians());
             run.folder.save_trained(&result.trained, &parts)?;
             Ok((result.trained, parts))
@@ -399,15 +392,4 @@ fn thinned<'p>(pictures: &[Vec<DepthPicture<'p>>; 2], config: &SurfaceConfig) ->
         Fused { camera, rgba: picture.thinned_colors(step), depth: depth.iter().collect() }
     };
     [0, 1].map(|s| pictures[s].par_iter().map(fused).collect())
-}
-
-fn progress(stage: &'static str, s: &StepStats) -> Event {
-    Event::Progress {
-        stage: stage.into(),
-        step: s.step,
-        total: s.total,
-        loss: Some(s.loss),
-        psnr: Some(s.psnr),
-        gaussians: Some(s.gaussians),
-    }
 }

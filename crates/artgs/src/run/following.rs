@@ -1,0 +1,60 @@
+//! Training as an observer of the run sees it.
+
+use crate::fit::{Deformation, Follow, StepStats, TrainState};
+use crate::observer::{Event, Observer, Snapshot};
+
+/// Tells an observer of the steps of a stage.
+pub(super) struct Following<'o> {
+    observer: &'o mut dyn Observer,
+    stage: &'static str,
+    /// Steps of the stage before this training, and after it.
+    around: [usize; 2],
+}
+
+impl<'o> Following<'o> {
+    /// Training is all of the stage.
+    pub(super) fn new(observer: &'o mut dyn Observer, stage: &'static str) -> Self {
+        Self { observer, stage, around: [0, 0] }
+    }
+
+    /// The stage trains twice, `steps` steps at most each time, and this is the time `index`.
+    pub(super) fn of_two(observer: &'o mut dyn Observer, stage: &'static str, index: usize, steps: usize) -> Self {
+        Self { observer, stage, around: [index * steps, (1 - index) * steps] }
+    }
+
+    fn counted(&self, step: usize, total: usize) -> [usize; 2] {
+        [step + self.around[0], total + self.around[0] + self.around[1]]
+    }
+}
+
+impl Follow for Following<'_> {
+    fn step(&mut self, s: StepStats) {
+        let [step, total] = self.counted(s.step, s.total);
+        self.observer.event(Event::Progress {
+            stage: self.stage.into(),
+            step,
+            total,
+            loss: Some(s.loss),
+            psnr: Some(s.psnr),
+            gaussians: Some(s.gaussians),
+        });
+    }
+
+    fn stage(&mut self, name: &'static str) {
+        self.stage = name;
+    }
+
+    fn wants_snapshot(&mut self) -> bool {
+        self.observer.wants_snapshot()
+    }
+
+    fn snapshot(&mut self, state: &TrainState, total: usize) {
+        let labels = match &state.deformation {
+            Deformation::None => Vec::new(),
+            Deformation::Articulated(articulated) => articulated.labels(&state.splats),
+        };
+        let [step, total] = self.counted(state.step, total);
+        let (stage, splats) = (self.stage, &state.splats);
+        self.observer.snapshot(&Snapshot { stage, step, total, splats, labels: &labels });
+    }
+}
