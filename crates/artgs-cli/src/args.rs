@@ -87,6 +87,9 @@ pub(crate) struct Reconstruct {
     pub(crate) method: Method,
     #[command(flatten)]
     pub(crate) earlier: Earlier,
+    /// Show training in the browser as it goes
+    #[arg(long)]
+    pub(crate) view: bool,
     /// Write events as JSON, one per line
     #[arg(long)]
     json: bool,

@@ -4,9 +4,9 @@ use crate::args::{Cli, Command, Evaluate, Method, Reconstruct};
 use crate::failure::Failure;
 use crate::library::{Config, Settings};
 use crate::output::{Report, note, say};
-use crate::{bench, demo, export, folder, library, progress, synth, view};
+use crate::{bench, demo, export, folder, library, live, progress, synth, view};
 use anyhow::Context;
-use artgs::observer::{JsonLines, Tee};
+use artgs::observer::{JsonLines, NullObserver, Observer, Tee};
 use artgs_core::Capture;
 use serde_json::json;
 use std::num::NonZeroUsize;
@@ -43,6 +43,7 @@ fn reconstruct(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     let capture = library::load(&args.capture)?;
     folder::prepare(&args.out, args.earlier)?;
     folder::note_capture(&args.out, &args.capture)?;
+    let observed = if args.view { live::observed } else { observed };
     let summary = observed(&capture, &args.out, &config, args.earlier.resume, style)?;
     if style.json {
         return say(json!({ "event": "result", "out": args.out, "summary": summary.json }));
@@ -94,10 +95,23 @@ pub(crate) fn observed(
     resume: bool,
     style: Style,
 ) -> Result<Report, Failure> {
+    observed_by(&mut NullObserver, capture, out, config, resume, style)
+}
+
+/// The same with one more who looks on.
+pub(crate) fn observed_by(
+    onlooker: &mut dyn Observer,
+    capture: &Capture,
+    out: &Path,
+    config: &Config,
+    resume: bool,
+    style: Style,
+) -> Result<Report, Failure> {
     let path = out.join(folder::EVENTS);
     let mut log = JsonLines::append(&path).with_context(|| format!("cannot write {}", path.display()))?;
     let mut shown = progress::renderer(style);
-    let result = library::reconstruct(capture, out, config, resume, &mut Tee(&mut log, shown.as_mut()));
+    let mut told = Tee(&mut log, shown.as_mut());
+    let result = library::reconstruct(capture, out, config, resume, &mut Tee(&mut told, onlooker));
     drop(shown);
     let logged = log.finish().with_context(|| format!("cannot write {}", path.display()));
     let summary = result?;

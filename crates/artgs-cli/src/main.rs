@@ -11,6 +11,7 @@ mod export;
 mod failure;
 mod folder;
 mod library;
+mod live;
 mod output;
 mod progress;
 mod suites;

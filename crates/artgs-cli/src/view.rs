@@ -125,7 +125,7 @@ fn failure(error: ViewError) -> Failure {
 }
 
 /// Shows an address in the user's browser; false if that cannot be started.
-fn open(url: &str) -> bool {
+pub(crate) fn open(url: &str) -> bool {
     let (program, before): (&str, &[&str]) = match std::env::consts::OS {
         "macos" => ("open", &[]),
         "windows" => ("cmd", &["/C", "start", ""]),
