@@ -50,6 +50,11 @@ pub(crate) fn export(args: &Export, style: Style) -> Result<Report, Failure> {
     let formats = if args.to.is_empty() { Format::ALL.to_vec() } else { args.to.clone() };
     let mut files = Vec::new();
     for format in formats {
+        if format == Format::Splats && built.asset.links.iter().all(|link| link.splats.is_none()) {
+            // An empty folder would look like an export that failed; one of an earlier replica would be wrong.
+            remove(&args.out.join(EXPORTS).join(format.folder()))?;
+            continue;
+        }
         files.extend(write(&args.out.join(EXPORTS), format, &built.asset)?);
     }
     let up = if config.up == Up::Z { "z" } else { "y" };

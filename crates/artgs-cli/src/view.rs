@@ -52,7 +52,8 @@ pub(crate) fn run(args: &View, style: Style) -> Result<(), Failure> {
 /// Page of a replica, exported first if it is not; with the photos if they are where they were.
 fn replica(args: &View, style: Style) -> Result<Page, Failure> {
     let exports = args.what.join(EXPORTS);
-    if !exports.join("urdf").is_dir() || !exports.join("splats").is_dir() {
+    let lacks_splats = args.what.join("splats").is_dir() && !exports.join("splats").is_dir();
+    if !exports.join("urdf").is_dir() || lacks_splats {
         note("the replica has no exports to show yet: making them", style);
         let mut wanted = Export::of(args.what.clone());
         wanted.to = vec![Format::Urdf, Format::Splats];
