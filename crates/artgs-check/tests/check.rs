@@ -11,16 +11,6 @@ use glam::DVec3;
 use std::path::Path;
 use tempfile::TempDir;
 
-fn cuboid(min: [f32; 3], max: [f32; 3]) -> Mesh {
-    let corner = |i: usize| [0, 1, 2].map(|a| if i >> a & 1 == 0 { min[a] } else { max[a] });
-    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    Mesh {
-        vertices: (0..8).map(corner).collect(),
-        colors: vec![],
-        triangles: quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect(),
-    }
-}
-
 /// A link of boxes that weighs 2 kg like one box around them.
 fn link(name: &str, parent: Option<usize>, origin: DVec3, boxes: &[Mesh], joint: Option<AssetJoint>) -> AssetLink {
     let mut mesh = Mesh::default();
@@ -56,16 +46,17 @@ fn joint(kind: JointKind, axis: DVec3, limits: [f64; 2], observed: [f64; 2]) -> 
 /// A cabinet off the origin with a door above, a drawer below and a flap on the door that hinges level.
 fn cabinet() -> Asset {
     let walls = [
-        cuboid([-0.5, -0.25, 0.0], [-0.48, 0.25, 1.0]),
-        cuboid([0.48, -0.25, 0.0], [0.5, 0.25, 1.0]),
-        cuboid([-0.48, -0.25, 0.0], [0.48, 0.25, 0.02]),
-        cuboid([-0.48, -0.25, 0.98], [0.48, 0.25, 1.0]),
-        cuboid([-0.48, 0.23, 0.02], [0.48, 0.25, 0.98]),
+        Mesh::cuboid([-0.5, -0.25, 0.0], [-0.48, 0.25, 1.0]),
+        Mesh::cuboid([0.48, -0.25, 0.0], [0.5, 0.25, 1.0]),
+        Mesh::cuboid([-0.48, -0.25, 0.0], [0.48, 0.25, 0.02]),
+        Mesh::cuboid([-0.48, -0.25, 0.98], [0.48, 0.25, 1.0]),
+        Mesh::cuboid([-0.48, 0.23, 0.02], [0.48, 0.25, 0.98]),
     ];
     let at = DVec3::new(0.3, 0.2, 0.05);
-    let door = [cuboid([0.0, -0.02, -0.25], [1.0, 0.0, 0.25])];
-    let drawer = [cuboid([-0.47, -0.02, -0.2], [0.47, 0.0, 0.2]), cuboid([-0.45, 0.0, -0.2], [0.45, 0.45, -0.18])];
-    let flap = [cuboid([-0.1, -0.02, 0.0], [0.1, 0.0, 0.1])];
+    let door = [Mesh::cuboid([0.0, -0.02, -0.25], [1.0, 0.0, 0.25])];
+    let drawer =
+        [Mesh::cuboid([-0.47, -0.02, -0.2], [0.47, 0.0, 0.2]), Mesh::cuboid([-0.45, 0.0, -0.2], [0.45, 0.45, -0.18])];
+    let flap = [Mesh::cuboid([-0.1, -0.02, 0.0], [0.1, 0.0, 0.1])];
     let opens = joint(JointKind::Revolute, DVec3::NEG_Z, [0.0, 1.6], [0.0, 1.5]);
     let slides = joint(JointKind::Prismatic, DVec3::NEG_Y, [0.0, 0.42], [0.0, 0.4]);
     let tips = joint(JointKind::Revolute, DVec3::X, [0.0, 1.2], [0.2, 1.0]);
@@ -182,8 +173,8 @@ fn a_screw_and_links_without_texture_pass_too() {
 fn a_drawer_whose_hull_overlaps_its_cabinet_is_told() {
     let mut asset = cabinet();
     // Two centimetres into the right wall, all the way.
-    asset.links[2].collision[0] = cuboid([-0.47, 0.0, -0.2], [0.5, 0.02, 0.2]);
-    asset.links[2].collision[1] = cuboid([-0.45, 0.02, -0.2], [0.5, 0.45, -0.18]);
+    asset.links[2].collision[0] = Mesh::cuboid([-0.47, 0.0, -0.2], [0.5, 0.02, 0.2]);
+    asset.links[2].collision[1] = Mesh::cuboid([-0.45, 0.02, -0.2], [0.5, 0.45, -0.18]);
     let report = driven(&asset);
     let drawer = &report.joints[1];
     assert!(drawer.penetration > 0.015 && drawer.penetration < 0.025, "{report}");
@@ -198,7 +189,7 @@ fn a_drawer_whose_hull_overlaps_its_cabinet_is_told() {
 #[test]
 fn overlaps_below_a_millimetre_do_not_jam() {
     let mut asset = cabinet();
-    asset.links[2].collision[1] = cuboid([-0.45, 0.0, -0.2], [0.4805, 0.45, -0.18]);
+    asset.links[2].collision[1] = Mesh::cuboid([-0.45, 0.0, -0.2], [0.4805, 0.45, -0.18]);
     let report = driven(&asset);
     assert!(report.passed(), "{report}");
     assert!((report.joints[1].penetration - 5e-4).abs() < 1e-4, "{report}");
@@ -210,7 +201,7 @@ fn limits_beyond_an_obstacle_are_blocked_by_its_name() {
     // The back wall is 49 cm behind the joint, the drawer 45 cm deep.
     asset.links[2].joint.as_mut().unwrap().limits[0] = -0.2;
     // A bar on the door that hangs before the drawer, 10 cm off.
-    asset.links[1].collision.push(cuboid([0.3, -0.14, -0.6], [0.7, -0.12, -0.25]));
+    asset.links[1].collision.push(Mesh::cuboid([0.3, -0.14, -0.6], [0.7, -0.12, -0.25]));
     let report = driven(&asset);
     let drawer = &report.joints[1];
     assert_eq!(drawer.reached, [false, false], "{report}");
@@ -226,8 +217,8 @@ fn limits_beyond_an_obstacle_are_blocked_by_its_name() {
 fn what_is_thinner_than_the_way_between_two_poses_is_found() {
     let mut asset = cabinet();
     // A fin that meets a bar between 199.3 and 202.9 mm; poses are at 199.0 and 203.4 mm.
-    asset.links[2].collision.push(cuboid([-0.1, 0.4482, -0.18], [0.1, 0.45, -0.1]));
-    asset.links[0].collision.push(cuboid([-0.1, -0.0129, 0.08], [0.1, -0.0111, 0.14]));
+    asset.links[2].collision.push(Mesh::cuboid([-0.1, 0.4482, -0.18], [0.1, 0.45, -0.1]));
+    asset.links[0].collision.push(Mesh::cuboid([-0.1, -0.0129, 0.08], [0.1, -0.0111, 0.14]));
     let report = driven(&asset);
     let drawer = &report.joints[1];
     assert_eq!((drawer.reached, drawer.blocked_by[1].as_deref()), ([true, false], Some("base")), "{report}");

@@ -3,8 +3,8 @@
 use crate::commands::{Style, observed_by};
 use crate::failure::Failure;
 use crate::library::Config;
-use crate::output::{Report, note, say};
-use crate::view::open;
+use crate::output::Report;
+use crate::view::announce;
 use artgs::observer::{Event, Observer, Snapshot};
 use artgs_core::Capture;
 use artgs_view::{Live, Placement, Server};
@@ -50,15 +50,7 @@ pub(crate) fn observed(
     let name = out.file_name().map_or("run".into(), |n| n.to_string_lossy().into_owned());
     let live = Arc::new(Live::new(&name, Placement::default()));
     let server = Server::bind_live(Arc::clone(&live), None).map_err(|e| Failure::Failed(e.into()))?;
-    let url = server.url();
-    if style.json {
-        say(serde_json::json!({ "event": "listening", "url": url }))?;
-    } else {
-        say(format!("follow the run at {url}"))?;
-    }
-    if !open(&url) {
-        note("no browser could be started; open the address yourself", style);
-    }
+    announce(&server.url(), true, style)?;
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
         scope.spawn(|| server.run(&stop));

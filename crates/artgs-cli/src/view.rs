@@ -10,8 +10,8 @@ use crate::output::{note, say};
 use anyhow::Context;
 use artgs::discover::{DiscoverConfig, glimpse};
 use artgs_core::{Capture, STATE_NAMES};
+use artgs_physical::Up;
 use artgs_view::{CameraView, Cloud, Page, Placement, Server, ViewError, export_page};
-use glam::DQuat;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -33,15 +33,7 @@ pub(crate) fn run(args: &View, style: Style) -> Result<(), Failure> {
     }
     let corrections = is_replica.then(|| args.what.clone());
     let server = Server::bind(page, args.port, corrections).map_err(failure)?;
-    let url = server.url();
-    if style.json {
-        say(json!({ "event": "listening", "url": url }))?;
-    } else {
-        say(format!("{url} (Ctrl-C to end)"))?;
-    }
-    if !args.no_open && !open(&url) {
-        note("no browser could be started; open the address yourself", style);
-    }
+    announce(&server.url(), !args.no_open, style)?;
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("cannot watch for Ctrl-C")?;
@@ -116,17 +108,29 @@ fn placement(decisions: &Path) -> Placement {
     let text = std::fs::read(decisions).unwrap_or_default();
     let told: Value = serde_json::from_slice(&text).unwrap_or_default();
     let scale = told["scale"].as_f64().filter(|s| s.is_finite() && *s > 0.0).unwrap_or(1.0);
-    let turned = told["up"].as_str() == Some("y");
-    let rotation = if turned { DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2) } else { DQuat::IDENTITY };
-    Placement { scale, rotation }
+    let up = if told["up"].as_str() == Some("y") { Up::Y } else { Up::Z };
+    Placement { scale, rotation: up.upright() }
 }
 
 fn failure(error: ViewError) -> Failure {
     Failure::BadInput(error.into())
 }
 
+/// Says where a page is, and shows it if asked to.
+pub(crate) fn announce(url: &str, show: bool, style: Style) -> Result<(), Failure> {
+    if style.json {
+        say(json!({ "event": "listening", "url": url }))?;
+    } else {
+        say(format!("page at {url} (Ctrl-C to end)"))?;
+    }
+    if show && !open(url) {
+        note("no browser could be started; open the address yourself", style);
+    }
+    Ok(())
+}
+
 /// Shows an address in the user's browser; false if that cannot be started.
-pub(crate) fn open(url: &str) -> bool {
+fn open(url: &str) -> bool {
     let (program, before): (&str, &[&str]) = match std::env::consts::OS {
         "macos" => ("open", &[]),
         "windows" => ("cmd", &["/C", "start", ""]),

@@ -16,10 +16,7 @@ fn text(bytes: &[u8]) -> String {
 }
 
 fn cuboid(low: [f32; 3], high: [f32; 3]) -> Mesh {
-    let corner = |i: usize| [0, 1, 2].map(|a| if i >> a & 1 == 0 { low[a] } else { high[a] });
-    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    let triangles = quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
-    Mesh { vertices: (0..8).map(corner).collect(), colors: vec![[180, 120, 60]; 8], triangles }
+    Mesh { colors: vec![[180, 120, 60]; 8], ..Mesh::cuboid(low, high) }
 }
 
 /// A cabinet of five walls with a door and a drawer, both shut at the start.

@@ -1,13 +1,14 @@
 //! From parts in the capture's frame to links in their own: units, upward axis, zero pose, names, hulls, masses, limits.
 
 use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest};
-use crate::config::{Collision, PhysicalConfig, Up};
+use crate::config::{Collision, PhysicalConfig};
 use crate::decompose::{DecomposeOptions, Decomposer, by_other_means, decompose};
 use crate::looks::PartSurface;
 use crate::mass::inertial;
 use crate::stance::{Range, closed_state, extend};
+use crate::topology::{bounds, points};
 use artgs_core::{Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, Replica, Rigid, TexturedMesh};
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
 /// What was decided about an asset, beyond what it holds itself.
@@ -34,8 +35,7 @@ pub const POSES: usize = 121;
 pub const POSES_WITH_OTHERS: usize = 31;
 
 /// Links of an asset from a valid replica and the surfaces of its parts. Fails only where another program is asked for convex
-/// pieces and has none. Splats are left to the caller, who knows where
-/// they were fitted.
+/// pieces and has none. Splats are left to the caller, who knows where they were fitted.
 pub fn assemble(
     name: &str,
     replica: &Replica,
@@ -99,7 +99,8 @@ fn collide(
     // Joints that move at once are left to the engine: what touches there is in the way indeed.
     let wide = stances(asset);
     clear(&mut pieces, &wide, &spacing);
-    decisions.penetration = wide.iter().map(|s| deepest(&pieces, s, 0.0, |_, _| true).0).fold(0.0, f64::max);
+    let left = |stance: &Vec<Rigid>| deepest(&pieces, stance, 0.0, |_, _| true).0;
+    decisions.penetration = wide.par_iter().map(left).reduce(|| 0.0, f64::max);
     if config.collision == Collision::Hulls {
         for (link, hulls) in asset.links.iter_mut().zip(&pieces) {
             link.collision = hulls.iter().map(crate::hull::Hull::mesh).collect();
@@ -138,10 +139,7 @@ struct Frame {
 }
 
 fn frames(replica: &Replica, closed: &[Option<usize>], config: &PhysicalConfig) -> Vec<Frame> {
-    let upright = match config.up {
-        Up::Z => Rigid::IDENTITY,
-        Up::Y => Rigid { rotation: DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2), translation: DVec3::ZERO },
-    };
+    let upright = Rigid { rotation: config.up.upright(), translation: DVec3::ZERO };
     let mut out: Vec<Frame> = Vec::new();
     for (i, part) in replica.parts.iter().enumerate() {
         let carried = part.parent.map_or(upright, |p| out[p].from_start);
@@ -222,20 +220,16 @@ fn told_closed(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<usize
     // Against its carrier, in the carrier's frame.
     let joint = replica.joint(part)?;
     let end = meshes[part].moved(&joint.start_to_end());
-    let ways = meshes[part].vertices.iter().zip(&end.vertices);
-    let way =
-        ways.map(|(a, b)| f64::from(glam::Vec3::from_array(*a).distance(glam::Vec3::from_array(*b)))).sum::<f64>()
-            / end.vertices.len().max(1) as f64;
+    let ways = points(meshes[part]).zip(points(&end)).map(|(a, b)| a.distance(b));
+    let way = ways.sum::<f64>() / end.vertices.len().max(1) as f64;
     let telling = (TELLING * diagonal(meshes)).min(TELLING_OF_WAY * way);
     closed_state([meshes[part], &end], [meshes[parent], meshes[parent]], telling)
 }
 
 /// Diagonal of the box around all meshes.
 fn diagonal(meshes: &[&Mesh]) -> f64 {
-    let points = meshes.iter().flat_map(|m| &m.vertices).map(|v| DVec3::from_array(v.map(f64::from)));
-    let (low, high) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
-    let length = (high - low).length();
-    if length.is_finite() { length } else { 0.0 }
+    let boxes = meshes.iter().filter_map(|m| bounds(m));
+    boxes.reduce(|[l, h], [low, high]| [l.min(low), h.max(high)]).map_or(0.0, |[low, high]| low.distance(high))
 }
 
 /// A textured mesh scaled, then moved.

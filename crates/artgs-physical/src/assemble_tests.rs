@@ -1,11 +1,10 @@
 use super::*;
+use crate::config::Up;
 use crate::looks::surfaces;
 
 fn cuboid(low: DVec3, high: DVec3) -> Mesh {
-    let corner = |i: usize| [0, 1, 2].map(|a| if i >> a & 1 == 0 { low[a] } else { high[a] } as f32);
-    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    let triangles = quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
-    let mut mesh = Mesh { vertices: (0..8).map(corner).collect(), colors: vec![[90, 60, 30]; 8], triangles };
+    let [low, high] = [low, high].map(|p| p.as_vec3().to_array());
+    let mut mesh = Mesh { colors: vec![[90, 60, 30]; 8], ..Mesh::cuboid(low, high) };
     // Corners alone would be a poor sample of the surface.
     for _ in 0..3 {
         mesh = finer(&mesh);

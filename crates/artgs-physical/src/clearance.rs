@@ -6,9 +6,10 @@
 
 use crate::hull::{Hull, pose};
 use artgs_core::Rigid;
-use parry3d::bounding_volume::BoundingVolume as _;
+use parry3d::bounding_volume::{Aabb, BoundingVolume as _};
 use parry3d::math::Pose3;
 use parry3d::shape::Shape;
+use std::collections::BTreeSet;
 
 /// What was cut.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -38,48 +39,23 @@ pub struct Spacing {
 }
 
 /// Cuts `pieces` until in every one of `stances` (link poses in the object's frame, one per link) no two links are closer
-/// than the gap.
+/// than the gap. Most joints rest in most stances: each pair of links is looked at once per pose against each other.
 pub fn clear(pieces: &mut Pieces, stances: &[Vec<Rigid>], spacing: &Spacing) -> Clearance {
-    /// One cut parts two pieces; where rounding denies that, one of them goes.
-    const MOST_TRIES: usize = 8;
     let volume = |pieces: &Pieces| pieces.iter().flatten().map(Hull::volume).sum::<f64>();
     let count = |pieces: &Pieces| pieces.iter().map(Vec::len).sum::<usize>();
     let (mut out, before) = (Clearance::default(), count(pieces));
     out.volume[0] = volume(pieces);
-    for stance in stances {
-        let poses: Vec<Pose3> = stance.iter().map(pose).collect();
-        for a in 0..pieces.len() {
-            for b in a + 1..pieces.len() {
-                let to_a = stance[a].inverse() * stance[b];
-                let mut i = 0;
-                while i < pieces[a].len() {
-                    let (mut j, mut tries) = (0, 0);
-                    while i < pieces[a].len() && j < pieces[b].len() {
-                        let short = shortfall(&pieces[a][i], &poses[a], &pieces[b][j], &poses[b], spacing.gap);
-                        if short <= spacing.tolerance {
-                            (j, tries) = (j + 1, 0);
-                            continue;
-                        }
-                        tries += 1;
-                        out.deepest = out.deepest.max(short - spacing.gap);
-                        out.cuts += 1;
-                        let cut = if tries > MOST_TRIES {
-                            Cut::Second(None)
-                        } else {
-                            part(&pieces[a][i], &pieces[b][j], &to_a, spacing)
-                        };
-                        match cut {
-                            Cut::First(rest) => replace(&mut pieces[a], i, rest),
-                            Cut::Second(rest) => replace(&mut pieces[b], j, rest),
-                        }
-                        // Whatever is at these places by now is looked at again; with the first one gone, all are.
-                        if i < pieces[a].len() {
-                            continue;
-                        }
-                    }
-                    i += 1;
+    for a in 0..pieces.len() {
+        for b in a + 1..pieces.len() {
+            let mut pair = [a, b].map(|link| std::mem::take(&mut pieces[link]));
+            let mut seen = BTreeSet::new();
+            for stance in stances {
+                let b_to_a = stance[a].inverse() * stance[b];
+                if seen.insert(bits(&b_to_a)) {
+                    clear_pair(&mut pair, &b_to_a, spacing, &mut out);
                 }
             }
+            [pieces[a], pieces[b]] = pair;
         }
     }
     out.lost = before - count(pieces);
@@ -87,16 +63,62 @@ pub fn clear(pieces: &mut Pieces, stances: &[Vec<Rigid>], spacing: &Spacing) -> 
     out
 }
 
+/// Tells poses apart.
+fn bits(pose: &Rigid) -> [u64; 7] {
+    let ([x, y, z, w], [tx, ty, tz]) = (pose.rotation.to_array(), pose.translation.to_array());
+    [x, y, z, w, tx, ty, tz].map(f64::to_bits)
+}
+
+/// Cuts the pieces of two links, of which the second is posed in the frame of the first.
+fn clear_pair([first, second]: &mut [Vec<Hull>; 2], b_to_a: &Rigid, spacing: &Spacing, out: &mut Clearance) {
+    /// One cut parts two pieces; where rounding denies that, one of them goes.
+    const MOST_TRIES: usize = 8;
+    let (rest, moved) = (pose(&Rigid::IDENTITY), pose(b_to_a));
+    let mut i = 0;
+    'first: while i < first.len() {
+        let (mut j, mut tries) = (0, 0);
+        while j < second.len() {
+            let short = shortfall(&Placed::new(&first[i], &rest), &Placed::new(&second[j], &moved), spacing.gap);
+            if short <= spacing.tolerance {
+                (j, tries) = (j + 1, 0);
+                continue;
+            }
+            tries += 1;
+            out.deepest = out.deepest.max(short - spacing.gap);
+            out.cuts += 1;
+            let cut = match tries > MOST_TRIES {
+                true => Cut::Second(None),
+                false => part(&first[i], &second[j], b_to_a, spacing),
+            };
+            match cut {
+                Cut::First(Some(rest)) => first[i] = rest,
+                Cut::Second(Some(rest)) => second[j] = rest,
+                Cut::First(None) => {
+                    first.remove(i);
+                    continue 'first;
+                }
+                Cut::Second(None) => {
+                    second.remove(j);
+                    tries = 0;
+                }
+            }
+        }
+        i += 1;
+    }
+}
+
 /// Greatest shortfall from a gap between any two links in one stance, with the links; with a gap of 0, the deepest
 /// penetration.
 pub fn deepest(pieces: &Pieces, stance: &[Rigid], gap: f64, of: impl Fn(usize, usize) -> bool) -> (f64, [usize; 2]) {
     let poses: Vec<Pose3> = stance.iter().map(pose).collect();
+    let placed: Vec<Vec<Placed>> =
+        pieces.iter().zip(&poses).map(|(link, pose)| link.iter().map(|h| Placed::new(h, pose)).collect()).collect();
     let mut worst = (0.0, [0, 0]);
     for a in 0..pieces.len() {
         for b in (a + 1..pieces.len()).filter(|b| of(a, *b)) {
-            for x in &pieces[a] {
-                for y in &pieces[b] {
-                    let depth = shortfall(x, &poses[a], y, &poses[b], gap);
+            for x in &placed[a] {
+                for y in &placed[b] {
+                    let depth = shortfall(x, y, gap);
                     if depth > worst.0 {
                         worst = (depth, [a, b]);
                     }
@@ -107,21 +129,24 @@ pub fn deepest(pieces: &Pieces, stance: &[Rigid], gap: f64, of: impl Fn(usize, u
     worst
 }
 
-fn replace(pieces: &mut Vec<Hull>, at: usize, rest: Option<Hull>) {
-    match rest {
-        Some(rest) => pieces[at] = rest,
-        None => {
-            pieces.remove(at);
-        }
+/// A piece at its place, with the box around it.
+struct Placed<'a> {
+    hull: &'a Hull,
+    pose: &'a Pose3,
+    around: Aabb,
+}
+
+impl<'a> Placed<'a> {
+    fn new(hull: &'a Hull, pose: &'a Pose3) -> Self {
+        Self { hull, pose, around: hull.shape().compute_aabb(pose) }
     }
 }
 
-fn shortfall(a: &Hull, pose_a: &Pose3, b: &Hull, pose_b: &Pose3, gap: f64) -> f64 {
-    let around = a.shape().compute_aabb(pose_a).loosened(gap as f32);
-    if !around.intersects(&b.shape().compute_aabb(pose_b)) {
+fn shortfall(a: &Placed, b: &Placed, gap: f64) -> f64 {
+    if !a.around.loosened(gap as f32).intersects(&b.around) {
         return 0.0;
     }
-    a.shortfall(pose_a, b, pose_b, gap)
+    a.hull.shortfall(a.pose, b.hull, b.pose, gap)
 }
 
 enum Cut {
@@ -199,6 +224,19 @@ mod tests {
         assert!(done.cuts > 0);
         assert!(stances.iter().all(|s| deepest(&pieces, s, SPACING.gap, |_, _| true).0 <= 1e-4));
         assert!(done.volume[1] > 0.9 * done.volume[0], "{done:?}");
+    }
+
+    #[test]
+    fn what_takes_the_place_of_a_lost_piece_is_looked_at_from_the_start() {
+        // The first plug vanishes in the far wall; the long one behind it also stands in the near wall.
+        let walls = vec![cuboid(DVec3::ZERO, DVec3::ONE), cuboid(DVec3::new(3.0, 0.0, 0.0), DVec3::new(4.0, 1.0, 1.0))];
+        let plug = cuboid(DVec3::new(3.4, 0.4, 0.4), DVec3::new(3.41, 0.41, 0.41));
+        let long = cuboid(DVec3::new(0.9, 0.4, 0.4), DVec3::new(2.0, 0.6, 0.6));
+        let mut pieces = vec![vec![plug, long], walls];
+        let stance = vec![Rigid::IDENTITY; 2];
+        let done = clear(&mut pieces, &[stance.clone(), stance.clone()], &SPACING);
+        assert_eq!(done.lost, 1);
+        assert!(deepest(&pieces, &stance, SPACING.gap, |_, _| true).0 <= 1e-4, "{done:?}");
     }
 
     #[test]

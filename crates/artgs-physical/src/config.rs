@@ -1,5 +1,7 @@
 //! Everything physical that a capture does not tell. The only place where such defaults are.
 
+use glam::DQuat;
+
 /// Which axis of the capture points up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Up {
@@ -8,6 +10,16 @@ pub enum Up {
     Z,
     /// +Y; the replica is turned so that +Z is.
     Y,
+}
+
+impl Up {
+    /// From the capture's frame to one with +Z up.
+    pub fn upright(self) -> DQuat {
+        match self {
+            Self::Z => DQuat::IDENTITY,
+            Self::Y => DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2),
+        }
+    }
 }
 
 /// How parts collide.
@@ -74,8 +86,6 @@ pub struct PhysicalConfig {
     pub friction: f64,
     /// Triangles of a link that are drawn, at most.
     pub triangles: usize,
-    /// Greatest distance between the simplified surface and the fused one.
-    pub surface_share: f64,
     /// Texels along the object's diagonal.
     pub texels: f64,
     /// Greatest side of a texture, pixels.
@@ -110,7 +120,6 @@ impl Default for PhysicalConfig {
             settle: 0.5,
             friction: 0.02,
             triangles: 20_000,
-            surface_share: 0.002,
             texels: 900.0,
             texture_side: 4096,
         }

@@ -1,6 +1,7 @@
 //! Convex decomposition of surfaces: V-HACD on the voxels of the surface alone, so that what is hollow stays hollow.
 
 use crate::hull::{Hull, from_parry};
+use crate::topology::{points, vertex_normals};
 use artgs_core::Mesh;
 use glam::DVec3;
 use parry3d::math::Vec3;
@@ -74,14 +75,8 @@ pub fn decompose(mesh: &Mesh, options: &DecomposeOptions) -> Vec<Hull> {
 
 /// The surface and a copy of it, moved against its normals.
 fn with_inside(mesh: &Mesh, depth: f64) -> Mesh {
-    let point = |i: u32| DVec3::from_array(mesh.vertices[i as usize].map(f64::from));
-    let mut normals = vec![DVec3::ZERO; mesh.vertices.len()];
-    for t in &mesh.triangles {
-        let [a, b, c] = t.map(point);
-        t.iter().for_each(|i| normals[*i as usize] += (b - a).cross(c - a));
-    }
-    let moved = (0..mesh.vertices.len() as u32).zip(&normals).map(|(i, n)| point(i) - n.normalize_or_zero() * depth);
-    let inside = Mesh { vertices: moved.map(|p| p.as_vec3().to_array()).collect(), colors: Vec::new(), ..mesh.clone() };
+    let moved = points(mesh).zip(vertex_normals(mesh)).map(|(p, n)| (p - n * depth).as_vec3().to_array());
+    let inside = Mesh { vertices: moved.collect(), colors: Vec::new(), ..mesh.clone() };
     let mut both = Mesh { colors: Vec::new(), ..mesh.clone() };
     both.append(&inside);
     both

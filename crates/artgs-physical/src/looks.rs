@@ -5,6 +5,7 @@ use crate::config::PhysicalConfig;
 use crate::repair::{RepairOptions, mean_edge, repair};
 use crate::shade::{CREASE, with_normals};
 use crate::simplify::{SurfaceError, simplify, smoothed};
+use crate::topology::{bounds, points};
 use crate::unwrap::{UnwrapOptions, unwrap};
 use artgs_core::{Capture, DepthMap, Mesh, Replica, Rigid, TexturedMesh};
 use glam::DVec3;
@@ -74,7 +75,8 @@ fn surface(
     };
     let shaded = with_normals(&simple.mesh, CREASE);
     let views = views(part, replica, capture, hidden);
-    let texels_per_unit = texel_density(&views, fused).unwrap_or(1.0 / voxel).min(config.texels / extent(fused));
+    let extent = bounds(fused).map_or(0.0, |[low, high]| low.distance(high)).max(1e-12);
+    let texels_per_unit = texel_density(&views, fused).unwrap_or(1.0 / voxel).min(config.texels / extent);
     let options = UnwrapOptions { texels_per_unit, max_side: config.texture_side, ..UnwrapOptions::default() };
     match unwrap(&shaded, &options) {
         Ok(flat) => {
@@ -140,16 +142,6 @@ fn texel_density(views: &[BakeView], mesh: &Mesh) -> Option<f64> {
     views.iter().map(density).reduce(f64::max).filter(|d| d.is_finite() && *d > 0.0)
 }
 
-fn points(mesh: &Mesh) -> impl Iterator<Item = DVec3> + '_ {
-    mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)))
-}
-
-/// Diagonal of the box around a mesh.
-fn extent(mesh: &Mesh) -> f64 {
-    let (low, high) = points(mesh).fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
-    (high - low).length().max(1e-12)
-}
-
 /// What a carried part passes through on its way from start to end, in the world at the start state.
 struct Passage {
     low: DVec3,
@@ -165,7 +157,7 @@ impl Passage {
         /// Measured surfaces overlap a little where parts touch.
         const SHRINK: f64 = 0.03;
         let joint = replica.joint(part)?;
-        let (low, high) = (points(mesh).reduce(DVec3::min)?, points(mesh).reduce(DVec3::max)?);
+        let [low, high] = bounds(mesh)?;
         let shrink = SHRINK * (high - low);
         let [start, end] = joint.state_values;
         let stop = |i| joint.motion((end - start) * f64::from(i) / f64::from(STOPS)).inverse();

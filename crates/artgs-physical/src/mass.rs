@@ -1,5 +1,6 @@
 //! Mass, centre of mass and inertia of a surface, solid or as a shell.
 
+use crate::topology::{bounds, corners, points};
 use artgs_core::{Inertial, Mesh};
 use glam::{DMat3, DVec3};
 
@@ -23,8 +24,7 @@ impl Moments {
     /// True if a body inside the mesh can have these moments. Surfaces that cross themselves enclose some of their volume
     /// inside out, and with little volume left nothing about it holds.
     fn is_plausible(&self, mesh: &Mesh) -> bool {
-        let points = || mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)));
-        let (low, high) = (points().fold(DVec3::INFINITY, DVec3::min), points().fold(DVec3::NEG_INFINITY, DVec3::max));
+        let Some([low, high]) = bounds(mesh) else { return false };
         let (center, c) = (self.first / self.mass, self.covariance());
         let spread = DVec3::new(c.x_axis.x, c.y_axis.y, c.z_axis.z);
         let minor = spread.x * spread.y - c.x_axis.y * c.y_axis.x;
@@ -69,13 +69,9 @@ fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-fn corners(mesh: &Mesh) -> impl Iterator<Item = [DVec3; 3]> + '_ {
-    mesh.triangles.iter().map(|t| t.map(|i| DVec3::from_array(mesh.vertices[i as usize].map(f64::from))))
-}
-
 /// Integrals over the surface.
 fn shell(mesh: &Mesh) -> Moments {
-    corners(mesh).fold(Moments::ZERO, |m, [a, b, c]| {
+    mesh.triangles.iter().map(|t| corners(mesh, *t)).fold(Moments::ZERO, |m, [a, b, c]| {
         let area = 0.5 * (b - a).cross(c - a).length();
         let sum = a + b + c;
         let second = outer(sum, sum) + outer(a, a) + outer(b, b) + outer(c, c);
@@ -86,8 +82,8 @@ fn shell(mesh: &Mesh) -> Moments {
 /// Integrals over the volume inside, as a sum of tetrahedra with one corner in the middle.
 fn solid(mesh: &Mesh) -> Moments {
     let n = mesh.vertices.len().max(1) as f64;
-    let middle = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from))).sum::<DVec3>() / n;
-    let about = corners(mesh).fold(Moments::ZERO, |m, t| {
+    let middle = points(mesh).sum::<DVec3>() / n;
+    let about = mesh.triangles.iter().map(|t| corners(mesh, *t)).fold(Moments::ZERO, |m, t| {
         let [a, b, c] = t.map(|p| p - middle);
         let six = a.dot(b.cross(c));
         let sum = a + b + c;
@@ -109,10 +105,7 @@ mod tests {
     use super::*;
 
     fn cuboid(low: DVec3, high: DVec3) -> Mesh {
-        let corner = |i: usize| [0, 1, 2].map(|a| if i >> a & 1 == 0 { low[a] } else { high[a] } as f32);
-        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        let triangles = quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
-        Mesh { vertices: (0..8).map(corner).collect(), colors: Vec::new(), triangles }
+        Mesh::cuboid(low.as_vec3().to_array(), high.as_vec3().to_array())
     }
 
     #[test]

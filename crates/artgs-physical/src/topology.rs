@@ -11,6 +11,16 @@ pub(crate) fn point(mesh: &Mesh, vertex: u32) -> DVec3 {
     DVec3::from_array(mesh.vertices[vertex as usize].map(f64::from))
 }
 
+/// All vertices as doubles.
+pub(crate) fn points(mesh: &Mesh) -> impl Iterator<Item = DVec3> + '_ {
+    mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)))
+}
+
+/// Lowest and highest corner of the box around a mesh; none without vertices.
+pub(crate) fn bounds(mesh: &Mesh) -> Option<[DVec3; 2]> {
+    points(mesh).map(|p| [p, p]).reduce(|[low, high], [p, _]| [low.min(p), high.max(p)])
+}
+
 /// Corners of a triangle as doubles.
 pub(crate) fn corners(mesh: &Mesh, triangle: [u32; 3]) -> [DVec3; 3] {
     triangle.map(|v| point(mesh, v))

@@ -3,17 +3,6 @@
 use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, Splats, Texture, TexturedMesh};
 use glam::DVec3;
 
-/// An axis-aligned box, counter-clockwise from outside.
-pub(crate) fn cuboid(min: [f32; 3], max: [f32; 3]) -> Mesh {
-    let corner = |i: usize| [0, 1, 2].map(|a| if i >> a & 1 == 0 { min[a] } else { max[a] });
-    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    Mesh {
-        vertices: (0..8).map(corner).collect(),
-        colors: vec![],
-        triangles: quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect(),
-    }
-}
-
 /// A box with flat normals and a texture of 4 x 2 pixels on every side.
 fn textured(mesh: &Mesh) -> TexturedMesh {
     let mut out = TexturedMesh::default();
@@ -73,16 +62,17 @@ fn link(name: &str, origin: DVec3, walls: &[Mesh], joint: Option<AssetJoint>) ->
 /// that slides along -Y. Nothing touches at values 0 and the door opens by 1.5 rad, the drawer by 0.4 m.
 pub(crate) fn cabinet() -> Asset {
     let walls = [
-        cuboid([-0.5, -0.25, 0.0], [-0.48, 0.25, 1.0]),
-        cuboid([0.48, -0.25, 0.0], [0.5, 0.25, 1.0]),
-        cuboid([-0.48, -0.25, 0.0], [0.48, 0.25, 0.02]),
-        cuboid([-0.48, -0.25, 0.98], [0.48, 0.25, 1.0]),
-        cuboid([-0.48, 0.23, 0.02], [0.48, 0.25, 0.98]),
+        Mesh::cuboid([-0.5, -0.25, 0.0], [-0.48, 0.25, 1.0]),
+        Mesh::cuboid([0.48, -0.25, 0.0], [0.5, 0.25, 1.0]),
+        Mesh::cuboid([-0.48, -0.25, 0.0], [0.48, 0.25, 0.02]),
+        Mesh::cuboid([-0.48, -0.25, 0.98], [0.48, 0.25, 1.0]),
+        Mesh::cuboid([-0.48, 0.23, 0.02], [0.48, 0.25, 0.98]),
     ];
     let hinge = DVec3::new(-0.5, -0.26, 0.75);
-    let door = cuboid([0.0, -0.02, -0.25], [1.0, 0.0, 0.25]);
+    let door = Mesh::cuboid([0.0, -0.02, -0.25], [1.0, 0.0, 0.25]);
     let slide = DVec3::new(0.0, -0.26, 0.25);
-    let drawer = [cuboid([-0.47, -0.02, -0.2], [0.47, 0.0, 0.2]), cuboid([-0.45, 0.0, -0.2], [0.45, 0.45, -0.18])];
+    let drawer =
+        [Mesh::cuboid([-0.47, -0.02, -0.2], [0.47, 0.0, 0.2]), Mesh::cuboid([-0.45, 0.0, -0.2], [0.45, 0.45, -0.18])];
     let opens = joint(JointKind::Revolute, DVec3::NEG_Z, [0.0, 1.6], [0.0, 1.5]);
     let slides = joint(JointKind::Prismatic, DVec3::NEG_Y, [0.0, 0.42], [0.0, 0.4]);
     let links = vec![
@@ -113,12 +103,12 @@ pub(crate) fn contraption() -> Asset {
         effort: 2.0,
         ..joint(JointKind::Screw, DVec3::NEG_Y, [0.0, 6.0], [1.0, 5.0])
     };
-    let cube = cuboid([-0.02; 3], [0.02; 3]);
+    let cube = Mesh::cuboid([-0.02; 3], [0.02; 3]);
     add("knob", 1, DVec3::new(0.4, -0.32, 0.75), cube, 0.005, knob);
     let lift = joint(JointKind::Prismatic, DVec3::Z, [-0.005, 0.3], [0.0, 0.25]);
-    add("lift", 0, DVec3::new(0.0, 0.0, 1.01), cuboid([-0.3, -0.2, 0.0], [0.3, 0.2, 0.02]), 1.5, lift);
+    add("lift", 0, DVec3::new(0.0, 0.0, 1.01), Mesh::cuboid([-0.3, -0.2, 0.0], [0.3, 0.2, 0.02]), 1.5, lift);
     let flap = joint(JointKind::Revolute, DVec3::new(0.0, 0.96, 0.28), [-0.1, 1.4], [0.0, 1.2]);
-    add("flap", 0, DVec3::new(-0.56, 0.0, 0.9), cuboid([-0.02, -0.15, -0.3], [0.0, 0.15, 0.0]), 0.6, flap);
+    add("flap", 0, DVec3::new(-0.56, 0.0, 0.9), Mesh::cuboid([-0.02, -0.15, -0.3], [0.0, 0.15, 0.0]), 0.6, flap);
     asset.links[3].visual.texture = None;
     asset.links[4].visual = TexturedMesh::default();
     // A thin plate that lies askew: rounding decides which side of the triangle inequality it is on.

@@ -12,17 +12,6 @@ use std::path::Path;
 /// Gaussians per square metre of surface.
 const DENSITY: f32 = 700.0;
 
-/// An axis-aligned box, counter-clockwise from outside; two triangles per side.
-fn cuboid(min: [f32; 3], max: [f32; 3]) -> Mesh {
-    let corner = |i: usize| [0, 1, 2].map(|a| if i >> a & 1 == 0 { min[a] } else { max[a] });
-    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    Mesh {
-        vertices: (0..8).map(corner).collect(),
-        colors: vec![],
-        triangles: quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect(),
-    }
-}
-
 /// Boxes with flat normals and stripes of two colours on every side.
 fn striped(boxes: &[Mesh], color: [u8; 3]) -> TexturedMesh {
     let mut out = TexturedMesh::default();
@@ -96,15 +85,16 @@ fn joint(kind: JointKind, axis: DVec3, limits: [f64; 2], observed: [f64; 2]) -> 
 /// A cabinet of five panels, open towards -Y, with a door above, a knob that screws out of it, and a drawer below.
 pub(crate) fn cabinet() -> Asset {
     let walls = [
-        cuboid([-0.5, -0.25, 0.0], [-0.48, 0.25, 1.0]),
-        cuboid([0.48, -0.25, 0.0], [0.5, 0.25, 1.0]),
-        cuboid([-0.48, -0.25, 0.0], [0.48, 0.25, 0.02]),
-        cuboid([-0.48, -0.25, 0.98], [0.48, 0.25, 1.0]),
-        cuboid([-0.48, 0.23, 0.02], [0.48, 0.25, 0.98]),
+        Mesh::cuboid([-0.5, -0.25, 0.0], [-0.48, 0.25, 1.0]),
+        Mesh::cuboid([0.48, -0.25, 0.0], [0.5, 0.25, 1.0]),
+        Mesh::cuboid([-0.48, -0.25, 0.0], [0.48, 0.25, 0.02]),
+        Mesh::cuboid([-0.48, -0.25, 0.98], [0.48, 0.25, 1.0]),
+        Mesh::cuboid([-0.48, 0.23, 0.02], [0.48, 0.25, 0.98]),
     ];
-    let door = [cuboid([0.0, -0.02, -0.24], [0.99, 0.0, 0.24])];
-    let drawer = [cuboid([-0.47, -0.02, -0.2], [0.47, 0.0, 0.2]), cuboid([-0.45, 0.0, -0.2], [0.45, 0.45, -0.18])];
-    let knob = [cuboid([-0.03, -0.05, -0.03], [0.03, 0.0, 0.03])];
+    let door = [Mesh::cuboid([0.0, -0.02, -0.24], [0.99, 0.0, 0.24])];
+    let drawer =
+        [Mesh::cuboid([-0.47, -0.02, -0.2], [0.47, 0.0, 0.2]), Mesh::cuboid([-0.45, 0.0, -0.2], [0.45, 0.45, -0.18])];
+    let knob = [Mesh::cuboid([-0.03, -0.05, -0.03], [0.03, 0.0, 0.03])];
     let mut links = vec![
         link("base", None, DVec3::ZERO, &walls, [190, 170, 140]),
         link("door", Some(0), DVec3::new(-0.5, -0.26, 0.75), &door, [180, 70, 50]),

@@ -177,6 +177,7 @@ pub fn reconstruct(
             (built, meshes)
         }
         Method::Paper => {
+            run.leave_corrections();
             let single = run.single()?;
             let built = run.published(&single, parts)?;
             let meshes = run.rendered_surface(&built)?;

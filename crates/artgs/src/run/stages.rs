@@ -176,7 +176,11 @@ impl<'a> Run<'a> {
     pub(super) fn corrected(&mut self, depths: &Depths<'a>, found: Discovery) -> Result<Discovery, Error> {
         let mark = self.folder.root.join(CORRECTED);
         let honoured = std::fs::read_to_string(&mark).unwrap_or_default();
-        let asked = self.asked_to_resume && self.config.start.parts == PartSource::Labels;
+        let learnt = self.config.start.parts == PartSource::Learnt;
+        if learnt {
+            self.leave_corrections();
+        }
+        let asked = self.asked_to_resume && !learnt;
         let corrections = if asked { artgs_io::read_corrections(&self.folder.root) } else { Ok(None) };
         let corrections = corrections.map_err(Error::Corrections)?;
         let text = corrections.as_ref().map(artgs_io::Corrections::text).unwrap_or_default();
@@ -191,6 +195,15 @@ impl<'a> Run<'a> {
         corrected.warnings.iter().for_each(|w| self.warn(w.clone()));
         self.observer.event(Event::finished("correct", begun.elapsed().as_secs_f64(), false));
         Ok(corrected)
+    }
+
+    /// Says so where corrections are there that learnt parts cannot honour.
+    pub(super) fn leave_corrections(&mut self) {
+        let file = self.folder.root.join(artgs_io::corrections::CORRECTIONS_FILE);
+        if self.asked_to_resume && file.is_file() {
+            let file = file.display();
+            self.warn(format!("{file} is left aside: it corrects parts found from depth, and here they are learnt"));
+        }
     }
 
     /// The same by the baseline.
