@@ -1,8 +1,16 @@
 //! Training on any graphics processor through wgpu: the kernels of `artgs-raster` and `artgs::fit` in WGSL, file by file
 //! under the same names.
 
+mod backend;
 mod device;
+mod joints;
+mod kernel;
+mod kernels;
+mod picture;
+mod scene;
+mod step;
 #[cfg(test)]
 mod testing;
 
+pub use backend::{GpuBackend, GpuDevices};
 pub use device::{Adapter, Gpu, GpuError, Kind, adapters};

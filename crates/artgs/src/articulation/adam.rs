@@ -19,6 +19,16 @@ impl Adam {
         Self { moments: vec![[0.0; 2]; len] }
     }
 
+    /// First and second moment of every parameter.
+    pub(crate) fn moments(&self) -> &[[f64; 2]] {
+        &self.moments
+    }
+
+    /// For moments that were made elsewhere.
+    pub(crate) fn moments_mut(&mut self) -> &mut [[f64; 2]] {
+        &mut self.moments
+    }
+
     /// Folds in the gradient of parameter `i` and returns the step in units of the learning rate, to be subtracted.
     pub(crate) fn update(&mut self, i: usize, gradient: f64, corrections: [f64; 2]) -> f64 {
         let [m, v] = &mut self.moments[i];

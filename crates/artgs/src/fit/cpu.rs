@@ -183,7 +183,7 @@ fn prepare<'a>(
 }
 
 /// The images to begin with and, if those are smaller, the ones to end with.
-fn coarse_first<'a>(
+pub fn coarse_first<'a>(
     images: Vec<TrainImage<'a>>,
     plateau: &PlateauConfig,
 ) -> (Vec<TrainImage<'a>>, Vec<TrainImage<'a>>) {
@@ -195,8 +195,8 @@ fn coarse_first<'a>(
     (images.par_iter().map(|image| image.smaller(divisor)).collect(), images)
 }
 
-/// Views to hold back, ascending.
-fn held(states: &[usize], plateau: &PlateauConfig) -> Vec<usize> {
+/// Views to hold back, ascending, given the state of each.
+pub fn held(states: &[usize], plateau: &PlateauConfig) -> Vec<usize> {
     let of_state = |s: usize| (0..states.len()).filter(|&v| states[v] == s).collect::<Vec<usize>>();
     let mut held: Vec<usize> =
         [0, 1].map(of_state).iter().flat_map(|views| plateau.held(views.len()).map(|i| views[i])).collect();

@@ -4,7 +4,7 @@
 use super::chamfer::ChamferTargets;
 use super::schedule::LogLinear;
 use crate::articulation::adam::{Adam, corrections};
-use crate::articulation::{Assignment, DualQuaternion, MotionParameters, Skin};
+use crate::articulation::{Assignment, DualQuaternion, MotionModel, MotionParameters, Skin};
 use crate::articulation::{Warp, WarpGradients, WarpInput};
 use artgs_core::{Rigid, Splats};
 use artgs_raster::{Colors, ShFrames, SplatGrads, SplatView};
@@ -83,6 +83,19 @@ pub struct DeformWorkspace {
     pub(crate) d_joints: Vec<[f64; MOST]>,
 }
 
+/// The motion of a part as its optimiser sees it, for devices that train it elsewhere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointState {
+    /// Which motions are possible.
+    pub model: MotionModel,
+    /// Parameters in the order given at [`MotionModel`], as seen from `middle`; zeros beyond those it has.
+    pub values: [f64; MOST],
+    /// First and second moments of the parameters.
+    pub moments: [[f64; 2]; MOST],
+    /// Point about which the motion is optimised, scene units.
+    pub middle: DVec3,
+}
+
 #[derive(Debug, Default)]
 struct Chamfer {
     d_warped: Vec<[f32; 3]>,
@@ -120,6 +133,58 @@ impl Articulated {
     /// Half motions of the movable parts, `[K - 1]`, world frame.
     pub fn joints(&self) -> Vec<MotionParameters> {
         self.joints.iter().zip(&self.middles).map(|(joint, &middle)| joint.clone().shifted(middle)).collect()
+    }
+
+    /// How it is trained.
+    pub fn config(&self) -> &DeformConfig {
+        &self.config
+    }
+
+    /// True if the Chamfer term acts at some step.
+    pub fn has_targets(&self) -> bool {
+        self.targets.is_some() && self.config.chamfer > 0.0
+    }
+
+    /// Half motions of all parts as dual quaternions, `[K]`, the static one first, world frame.
+    pub fn half_motions(&self) -> Vec<DualQuaternion> {
+        let mut out = Vec::new();
+        half_motions(&self.joints, &mut out);
+        for (motion, middle) in out[1..].iter_mut().zip(&self.middles) {
+            *motion = motion.shifted(middle.to_array());
+        }
+        out
+    }
+
+    /// Motions and their optimisers, `[K - 1]`.
+    pub fn joint_states(&self) -> Vec<JointState> {
+        let pairs = self.joints.iter().zip(&self.moments).zip(&self.middles);
+        let padded = |values: &[f64]| std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0));
+        pairs
+            .map(|((joint, adam), &middle)| JointState {
+                model: joint.model(),
+                values: padded(joint.values()),
+                moments: std::array::from_fn(|i| adam.moments().get(i).copied().unwrap_or_default()),
+                middle,
+            })
+            .collect()
+    }
+
+    /// Takes over values and moments that [`joint_states`](Self::joint_states) has given out.
+    pub fn set_joint_states(&mut self, states: &[JointState]) {
+        for ((joint, adam), state) in self.joints.iter_mut().zip(&mut self.moments).zip(states) {
+            joint.values_mut().iter_mut().zip(state.values).for_each(|(to, v)| *to = v);
+            adam.moments_mut().iter_mut().zip(state.moments).for_each(|(to, m)| *to = m);
+        }
+    }
+
+    /// Counts an update of the motions that was made elsewhere.
+    pub fn count_update(&mut self) {
+        self.updates += u32::from(self.config.learn_joints);
+    }
+
+    /// Bias corrections `1 - beta^t` of the `ahead`-th update of the motions from here on.
+    pub fn corrections(&self, ahead: u32) -> [f64; 2] {
+        corrections(self.updates + ahead)
     }
 
     /// Number of parts, the static one included.

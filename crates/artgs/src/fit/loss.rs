@@ -73,7 +73,7 @@ pub struct LossTerms {
 }
 
 /// Fewer valid depths than this and the published depth loss is skipped.
-const MIN_VALID_DEPTHS: usize = 100;
+pub const MIN_VALID_DEPTHS: usize = 100;
 /// Depth is divided by alpha only above this alpha.
 const MIN_ALPHA: f32 = 0.5;
 

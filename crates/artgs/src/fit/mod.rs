@@ -24,7 +24,7 @@ pub use adam::{AdamConfig, Moments, SplatAdam, SplatRates};
 pub use backend::{Backend, Deformation, PlateauConfig, RateConfig, StepStats, TrainConfig, TrainState};
 pub use chamfer::ChamferTargets;
 pub use cpu::{CpuBackend, ViewSampler};
-pub use deform::{Articulated, DeformConfig, Membership};
+pub use deform::{Articulated, DeformConfig, JointState, Membership};
 pub use densify::{DensifyConfig, DensifyReport, DensifyStats};
 pub use follow::Follow;
 pub use images::{DepthPick, Rect, TrainImage};

@@ -1,0 +1,477 @@
+//! Training on a graphics processor.
+
+use crate::joints;
+use crate::kernels::Kernels;
+use crate::picture::Picture;
+use crate::scene::{Canvas, Desk, Gaussians, PLAIN, Program, Room, Size, backward, forward};
+use crate::step::{self, Step};
+use crate::{Gpu, GpuError};
+use artgs::articulation::DualQuaternion;
+use artgs::fit::cpu::{coarse_first, held};
+use artgs::fit::{
+    Articulated, Backend, Deformation, FitError, LossConfig, LossTerms, Membership, StepStats, TrainConfig, TrainImage,
+    TrainState, ViewSampler,
+};
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Steps whose numbers are uploaded together at most.
+const BATCH: usize = 64;
+/// Batches become longer while they take less than this and shorter when they take more than four times as long.
+const PATIENCE: Duration = Duration::from_millis(200);
+/// Intersections there is room for at first, for each Gaussian.
+const TILES_PER_GAUSSIAN: usize = 8;
+
+/// A [`Backend`] on a graphics processor. Everything of a step stays there; the host says which view is next and hears at the
+/// end of a batch what its steps were like. The same seed gives the same bytes on the same device.
+#[derive(Debug)]
+pub struct GpuBackend<'a> {
+    gpu: Gpu,
+    kernels: Arc<Kernels>,
+    config: TrainConfig,
+    state: TrainState,
+    sampler: ViewSampler,
+    /// State of every view.
+    states: Vec<usize>,
+    /// Views that are not trained on yet.
+    held: Vec<usize>,
+    pictures: Vec<Picture>,
+    /// The same views at full size, for when the run settles; empty if they are so already.
+    fine: Vec<TrainImage<'a>>,
+    canvas: Canvas,
+    resident: Option<Resident>,
+    /// Room for so many intersections.
+    capacity: usize,
+    batch: usize,
+    /// Views and backgrounds that were drawn but not trained on yet.
+    drawn: VecDeque<(usize, [f32; 3])>,
+}
+
+/// An open graphics processor that makes backends.
+#[derive(Clone, Debug)]
+pub struct GpuDevices {
+    gpu: Gpu,
+    kernels: Arc<Kernels>,
+}
+
+impl GpuDevices {
+    /// Compiles the kernels for the device.
+    pub fn new(gpu: Gpu) -> Result<Self, GpuError> {
+        let kernels = Arc::new(Kernels::new(&gpu)?);
+        Ok(Self { gpu, kernels })
+    }
+
+    /// Name of the device.
+    pub fn name(&self) -> &str {
+        &self.gpu.name
+    }
+
+    /// A backend that holds the images as [`artgs::fit::CpuBackend`] does.
+    pub fn train<'a>(
+        &self,
+        images: Vec<TrainImage<'a>>,
+        config: TrainConfig,
+        seed: u64,
+    ) -> Result<GpuBackend<'a>, FitError> {
+        GpuBackend::new(self.gpu.clone(), self.kernels.clone(), images, config, seed)
+    }
+}
+
+/// What is on the device while it trains.
+#[derive(Debug)]
+struct Resident {
+    desk: Desk,
+    gaussians: Gaussians,
+    joints: Option<joints::Joints>,
+    programs: Programs,
+}
+
+/// The calls of a step, in order.
+#[derive(Debug)]
+struct Programs {
+    forward: Program,
+    /// For each photograph.
+    compare: Vec<Program>,
+    backward: Program,
+    adam: Program,
+    joints: Program,
+}
+
+/// What one step of a batch was like.
+struct Seen {
+    sums: [f32; 4],
+    similarity: f32,
+    entropy: f32,
+    made: bool,
+}
+
+fn device(error: GpuError) -> FitError {
+    FitError::Device(error.to_string())
+}
+
+impl<'a> GpuBackend<'a> {
+    /// Holds the images as [`artgs::fit::CpuBackend`] does, and draws the same views for the same `seed`.
+    pub(crate) fn new(
+        gpu: Gpu,
+        kernels: Arc<Kernels>,
+        images: Vec<TrainImage<'a>>,
+        config: TrainConfig,
+        seed: u64,
+    ) -> Result<Self, FitError> {
+        if images.is_empty() {
+            return Err(FitError::NoViews);
+        }
+        let states: Vec<usize> = images.iter().map(|image| image.state).collect();
+        let held = held(&states, &config.plateau);
+        let mut sampler = ViewSampler::new(&states, config.with_replacement, seed);
+        sampler.restrict(&states, |v| !held.contains(&v));
+        let (images, fine) = coarse_first(images, &config.plateau);
+        let (pictures, canvas) = show(&gpu, &images).map_err(device)?;
+        let state = TrainState::default();
+        Ok(Self {
+            gpu,
+            kernels,
+            config,
+            state,
+            sampler,
+            states,
+            held,
+            pictures,
+            fine,
+            canvas,
+            resident: None,
+            capacity: 0,
+            batch: 1,
+            drawn: VecDeque::new(),
+        })
+    }
+
+    /// The numbers of the step after `done` further ones, on a view.
+    fn numbers(&self, done: usize, (view, background): (usize, [f32; 3]), loss: &LossConfig) -> Step {
+        let Self { config, state, .. } = self;
+        let number = state.step + done + 1;
+        let mut step = self.pictures[view].step(config, loss, background);
+        let n = state.splats.len();
+        step.n = n as u32;
+        step.sh_stride = state.splats.sh_stride() as u32;
+        step.sh_degree = config.sh_degree(number, state.splats.sh_degree) as u32;
+        step.capacity = self.capacity as u32;
+        step.entropy_step = loss.opacity_entropy / n as f32;
+        step.update(&config.rates_at(number, state.settling), &config.adam, state.adam.count + done + 1);
+        if let Deformation::Articulated(articulated) = &state.deformation {
+            joints::numbers(&mut step, articulated, number, done);
+        }
+        step
+    }
+
+    /// Makes the next `steps` steps, of which the last only updates Gaussians if `update_last`; says what they were like. None
+    /// after one for which there was no room has been made.
+    fn batch(&mut self, steps: usize, update_last: bool) -> Result<Vec<Seen>, GpuError> {
+        while self.drawn.len() < steps {
+            let view = self.sampler.view();
+            let background = if self.config.random_background { self.sampler.color() } else { [0.0; 3] };
+            self.drawn.push_back((view, background));
+        }
+        let numbers: Vec<Step> = (0..steps)
+            .map(|i| {
+                let mut step = self.numbers(i, self.drawn[i], &self.config.loss);
+                step.slot = i as u32;
+                step
+            })
+            .collect();
+        let Some(resident) = &self.resident else { return Ok(Vec::new()) };
+        let Resident { desk, programs, .. } = resident;
+        self.gpu.write(&desk.steps, 0, &step::bytes(&numbers));
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            for (i, step) in numbers.iter().enumerate() {
+                let update = update_last || i + 1 < steps;
+                let adam = if update { &programs.adam[..] } else { &[] };
+                let compare = &programs.compare[self.drawn[i].0];
+                let calls = programs.forward.iter().chain(compare).chain(&programs.backward).chain(adam);
+                for (call, size) in calls.chain(&programs.joints) {
+                    call.encode(&mut pass, i, size.groups(step), &desk.arguments);
+                }
+            }
+        }
+        self.gpu.queue.submit([encoder.finish()]);
+        self.seen(steps)
+    }
+
+    /// Reads what the steps of a batch were like; makes room if there was not enough.
+    fn seen(&mut self, steps: usize) -> Result<Vec<Seen>, GpuError> {
+        let Some(resident) = &self.resident else { return Ok(Vec::new()) };
+        let desk = &resident.desk;
+        let read = self.gpu.read(&[(&desk.results, 8 * steps), (&desk.control, 8)])?;
+        let found: &[f32] = bytemuck::cast_slice(&read[0]);
+        let seen = found.as_chunks::<8>().0.iter().map(|s| Seen {
+            sums: [s[0], s[1], s[2], s[3]],
+            similarity: s[4],
+            entropy: s[5],
+            made: s[7] != 0.0,
+        });
+        let seen = seen.collect();
+        let [overflow, needed] = [read[1][1], read[1][2]];
+        if overflow != 0 {
+            self.gpu.write(&desk.control, 0, &[0_u32; 8]);
+            self.make_room(needed as usize + needed as usize / 4)?;
+        }
+        Ok(seen)
+    }
+
+    /// Room for `capacity` intersections, and the calls that use it.
+    fn make_room(&mut self, capacity: usize) -> Result<(), GpuError> {
+        let Self { gpu, kernels, canvas, pictures, resident, .. } = self;
+        let Some(Resident { desk, gaussians, joints, programs }) = resident else { return Ok(()) };
+        self.capacity = capacity;
+        *programs = Programs::default();
+        let room = Room::new(gpu, capacity, canvas.tiles)?;
+        let adam =
+            [&desk.steps, &gaussians.grads, &desk.control, &gaussians.params, &gaussians.first, &gaussians.second];
+        let floats = gaussians.n * (PLAIN + gaussians.sh_stride);
+        let compare = |picture: &Picture| picture.compare(gpu, kernels, gaussians, canvas, desk);
+        *programs = Programs {
+            forward: forward(gpu, kernels, gaussians, &room, canvas, desk),
+            compare: pictures.iter().map(compare).collect(),
+            backward: backward(gpu, kernels, gaussians, &room, canvas, desk),
+            adam: vec![(kernels.adam.on(gpu, &adam), Size::Count(floats.div_ceil(256)))],
+            joints: joints.as_ref().map_or_else(Vec::new, |j| j.program(gpu, kernels, gaussians, desk)),
+        };
+        gpu.check()
+    }
+
+    /// Puts the state on the device.
+    fn place(&mut self) -> Result<(), GpuError> {
+        let Self { gpu, state, .. } = self;
+        let TrainState { splats, adam, stats, deformation, .. } = state;
+        let (n, stride) = (splats.len(), splats.sh_stride());
+        let articulated = match deformation {
+            Deformation::Articulated(articulated) => Some(&**articulated),
+            Deformation::None => None,
+        };
+        let learn = articulated.is_some_and(|a| a.config().learn_joints);
+        let parts = articulated.map_or(1, Articulated::parts);
+        let keep = self.resident.take().filter(|r| {
+            r.gaussians.n == n
+                && r.gaussians.sh_stride == stride
+                && r.joints.is_some() == learn
+                && r.desk.parts == parts
+        });
+        let mut resident = match keep {
+            Some(resident) => resident,
+            None => Resident {
+                desk: Desk::new(gpu, BATCH, parts)?,
+                gaussians: Gaussians::new(gpu, n, stride, learn)?,
+                joints: if learn { Some(joints::Joints::new(gpu, parts)?) } else { None },
+                programs: Programs::default(),
+            },
+        };
+        let Resident { gaussians, desk, joints, programs } = &mut resident;
+        gaussians.fill(gpu, splats, adam, stats);
+        gpu.write(&desk.control, 0, &[0_u32; 8]);
+        if let Some(articulated) = articulated {
+            if let Membership::Labels(labels) = &articulated.membership {
+                gpu.write(&gaussians.labels, 0, &labels.iter().map(|&l| u32::from(l)).collect::<Vec<u32>>());
+            }
+            gpu.write(&desk.motions, 0, &motions_of(&articulated.half_motions()));
+            if let Some(joints) = joints {
+                joints.fill(gpu, articulated);
+            }
+        }
+        let ready = !programs.forward.is_empty();
+        self.resident = Some(resident);
+        if !ready {
+            self.make_room(self.capacity.max(TILES_PER_GAUSSIAN * n))?;
+        }
+        self.gpu.check()
+    }
+
+    /// What the last upload and the steps since have made of the state.
+    fn fetch(&mut self) -> Result<(), GpuError> {
+        let Some(Resident { gaussians, joints, .. }) = &self.resident else { return Ok(()) };
+        let TrainState { splats, adam, stats, deformation, .. } = &mut self.state;
+        gaussians.fetch(&self.gpu, splats, adam, stats)?;
+        if let (Some(joints), Deformation::Articulated(articulated)) = (joints, deformation) {
+            joints.fetch(&self.gpu, articulated)?;
+        }
+        Ok(())
+    }
+
+    fn stats(&self, seen: &Seen, view: usize) -> StepStats {
+        let terms = self.terms(seen, view, &self.config.loss);
+        let n = self.state.splats.len();
+        let weight = f64::from(self.config.loss.opacity_entropy);
+        let loss = terms.total + weight * f64::from(seen.entropy) / n as f64;
+        let psnr = -10.0 * terms.mse.max(1e-12).log10();
+        StepStats { step: self.state.step, total: self.config.total, loss, psnr, gaussians: n, terms }
+    }
+
+    fn terms(&self, seen: &Seen, view: usize, config: &LossConfig) -> LossTerms {
+        let picture = &self.pictures[view];
+        let area = (picture.size[0] * picture.size[1]) as f64;
+        let [l1, squared, depth, mask] = seen.sums.map(f64::from);
+        let mut terms = LossTerms {
+            l1: l1 / (3.0 * area),
+            mse: squared / (3.0 * area),
+            depth: depth / picture.depth_pixels(config) as f64,
+            mask: mask / area,
+            ..LossTerms::default()
+        };
+        let [ssim, depth, mask] = [config.ssim, config.depth, config.mask].map(f64::from);
+        terms.total = (1.0 - ssim) * terms.l1 + depth * terms.depth + mask * terms.mask;
+        if config.ssim > 0.0 {
+            terms.ssim = (f64::from(seen.similarity) / 3.0 + area - picture.windows(config) as f64) / area;
+            terms.total += ssim * (1.0 - terms.ssim);
+        }
+        terms
+    }
+}
+
+impl Default for Programs {
+    fn default() -> Self {
+        let empty = Vec::new;
+        Self { forward: empty(), compare: Vec::new(), backward: empty(), adam: empty(), joints: empty() }
+    }
+}
+
+/// Photographs on the device, and what is drawn to compare with them.
+fn show(gpu: &Gpu, images: &[TrainImage<'_>]) -> Result<(Vec<Picture>, Canvas), GpuError> {
+    let pictures = images.iter().map(|image| Picture::new(gpu, image)).collect::<Result<Vec<_>, _>>()?;
+    let canvas = Canvas::new(gpu, images.iter().map(|image| [image.width, image.height]))?;
+    Ok((pictures, canvas))
+}
+
+/// Unit real parts and dual parts of half motions towards both states.
+fn motions_of(half_motions: &[DualQuaternion]) -> Vec<[f32; 4]> {
+    let towards = |state: usize| {
+        half_motions.iter().flat_map(move |m| {
+            let sign = if state == 0 { -1.0 } else { 1.0 };
+            let length = m.real.iter().map(|c| c * c).sum::<f64>().sqrt().max(1e-12);
+            let unit = |q: [f64; 4]| std::array::from_fn(|i| (if i > 0 { sign * q[i] } else { q[i] } / length) as f32);
+            [unit(m.real), unit(m.dual)]
+        })
+    };
+    towards(0).chain(towards(1)).collect()
+}
+
+/// What this backend cannot train yet.
+fn refuse(state: &TrainState) -> Result<(), FitError> {
+    let Deformation::Articulated(articulated) = &state.deformation else { return Ok(()) };
+    let what = match articulated.membership {
+        Membership::Learned(_) => "parts that are learnt while training",
+        Membership::Labels(_) if articulated.has_targets() => "the Chamfer term",
+        Membership::Labels(_) => return Ok(()),
+    };
+    Err(FitError::Device(format!("graphics processors do not train {what} yet")))
+}
+
+impl Backend for GpuBackend<'_> {
+    fn upload(&mut self, state: TrainState) -> Result<(), FitError> {
+        if state.splats.is_empty() {
+            return Err(FitError::Empty);
+        }
+        refuse(&state)?;
+        self.state = state;
+        if self.state.settling.is_some() {
+            if !self.held.is_empty() {
+                self.held.clear();
+                self.sampler.restrict(&self.states, |_| true);
+                self.drawn.clear();
+            }
+            if !self.fine.is_empty() {
+                self.resident = None;
+                self.pictures.clear();
+                let fine = std::mem::take(&mut self.fine);
+                (self.pictures, self.canvas) = show(&self.gpu, &fine).map_err(device)?;
+            }
+        }
+        self.place().map_err(device)
+    }
+
+    fn run(
+        &mut self,
+        steps: usize,
+        update_last: bool,
+        on_step: &mut dyn FnMut(StepStats) -> ControlFlow<()>,
+    ) -> Result<(), FitError> {
+        if self.state.splats.is_empty() {
+            return Err(FitError::Empty);
+        }
+        let (mut done, mut go_on) = (0, true);
+        while done < steps && go_on {
+            let count = self.batch.min(steps - done);
+            let begun = Instant::now();
+            let update = update_last || done + count < steps;
+            let seen = self.batch(count, update).map_err(device)?;
+            let took = begun.elapsed();
+            for seen in seen.iter().take_while(|seen| seen.made) {
+                let (view, _) = self.drawn.pop_front().unwrap_or_default();
+                done += 1;
+                self.state.step += 1;
+                self.state.adam.count += usize::from(update_last || done < steps);
+                if let Deformation::Articulated(articulated) = &mut self.state.deformation {
+                    articulated.count_update();
+                }
+                let stats = self.stats(seen, view);
+                go_on &= on_step(stats).is_continue();
+            }
+            if took < PATIENCE {
+                self.batch = (2 * self.batch).min(BATCH);
+            } else if took > 4 * PATIENCE {
+                self.batch = (self.batch / 2).max(1);
+            }
+        }
+        Ok(())
+    }
+
+    fn held_back(&mut self) -> Result<Option<f64>, FitError> {
+        if self.state.splats.is_empty() {
+            return Err(FitError::Empty);
+        }
+        let colors = LossConfig { ssim: 0.0, depth: 0.0, mask: 0.0, opacity_entropy: 0.0, ..self.config.loss };
+        let mut sum = 0.0;
+        for view in self.held.clone() {
+            let seen = self.look(view, &colors).map_err(device)?;
+            sum -= 10.0 * self.terms(&seen, view, &colors).mse.max(1e-12).log10();
+        }
+        Ok((!self.held.is_empty()).then(|| sum / self.held.len() as f64))
+    }
+
+    fn download(&mut self) -> Result<TrainState, FitError> {
+        self.fetch().map_err(device)?;
+        Ok(std::mem::take(&mut self.state))
+    }
+}
+
+impl GpuBackend<'_> {
+    /// Draws a view over black and compares, but learns nothing.
+    fn look(&mut self, view: usize, loss: &LossConfig) -> Result<Seen, GpuError> {
+        loop {
+            let step = self.numbers(0, (view, [0.0; 3]), loss);
+            let Some(Resident { desk, programs, .. }) = &self.resident else {
+                return Err(GpuError::Failed("there is nothing to look at".into()));
+            };
+            self.gpu.write(&desk.steps, 0, &step::bytes(&[step]));
+            let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                for (call, size) in programs.forward.iter().chain(&programs.compare[view]) {
+                    call.encode(&mut pass, 0, size.groups(&step), &desk.arguments);
+                }
+            }
+            self.gpu.queue.submit([encoder.finish()]);
+            if let Some(seen) = self.seen(1)?.pop()
+                && seen.made
+            {
+                return Ok(seen);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "backend_tests.rs"]
+mod tests;

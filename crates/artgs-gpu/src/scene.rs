@@ -1,0 +1,412 @@
+//! The Gaussians on the device, and the arrays that rendering them needs.
+
+use crate::kernel::{Call, Groups};
+use crate::kernels::Kernels;
+use crate::step::Step;
+use crate::{Gpu, GpuError};
+use artgs::fit::{DensifyStats, Moments, SplatAdam};
+use artgs_core::Splats;
+use wgpu::Buffer;
+
+/// Pairs that a workgroup of the sort or the prefix sum handles.
+const BLOCK: usize = 2048;
+/// Bits of a depth that are sorted by.
+const DEPTH_BITS: u32 = 32;
+/// Bits per pass of the sort.
+const DIGIT: u32 = 4;
+/// Floats of a Gaussian without its harmonics.
+pub(crate) const PLAIN: usize = 11;
+/// Gaussians of a tile whose way back is walked together; `BUCKET` in the kernels.
+const BUCKET: usize = 32;
+const TILE_PIXELS: usize = 256;
+/// Where indirect arguments begin, bytes: for the sort, for each intersection, for each bucket.
+const BY_BLOCK: u64 = 0;
+const BY_INTERSECTION: u64 = 16;
+const BY_BUCKET: u64 = 32;
+
+/// Arrays with an element per Gaussian.
+#[derive(Debug)]
+pub(crate) struct Gaussians {
+    pub(crate) n: usize,
+    pub(crate) sh_stride: usize,
+    /// `[PLAIN + sh_stride][n]` floats: means, rotations, log scales, logit opacities, harmonics.
+    pub(crate) params: Buffer,
+    pub(crate) grads: Buffer,
+    pub(crate) first: Buffer,
+    pub(crate) second: Buffer,
+    /// Sum of screen gradients, number of renderings, largest radius, nothing.
+    pub(crate) seen: Buffer,
+    pub(crate) labels: Buffer,
+    pub(crate) d_motions: Buffer,
+    flats: Buffer,
+    keys: [Buffer; 2],
+    order: [Buffer; 2],
+    counts: Buffer,
+    starts: Buffer,
+    sums: Buffer,
+    histogram: Buffer,
+    length: Buffer,
+}
+
+/// Arrays with an element per intersection of a Gaussian with a tile.
+#[derive(Debug)]
+pub(crate) struct Room {
+    tiles_of: [Buffer; 2],
+    places: [Buffer; 2],
+    owners: Buffer,
+    list: Buffer,
+    histogram: Buffer,
+    bucket_tiles: Buffer,
+    gathered: Buffer,
+    gathered_depth: Buffer,
+    cells: Buffer,
+}
+
+/// Arrays with an element per pixel or tile, for images of at most `area` pixels and `tiles` tiles.
+#[derive(Debug)]
+pub(crate) struct Canvas {
+    pub(crate) tiles: usize,
+    pub(crate) frame: Buffer,
+    pub(crate) frame_depth: Buffer,
+    pub(crate) slopes: Buffer,
+    pub(crate) pulls: Buffer,
+    pub(crate) rests: Buffer,
+    pub(crate) pixel_sums: Buffer,
+    pub(crate) window_sums: Buffer,
+    ranges: Buffer,
+    bucket_starts: Buffer,
+    tile_ends: Buffer,
+}
+
+/// What the host and the kernels tell each other.
+#[derive(Debug)]
+pub(crate) struct Desk {
+    /// Number of parts, the static one included.
+    pub(crate) parts: usize,
+    /// Numbers of the steps of a batch.
+    pub(crate) steps: Buffer,
+    /// Words named in `common.wgsl`.
+    pub(crate) control: Buffer,
+    pub(crate) arguments: Buffer,
+    /// What the steps of a batch were like, two vectors each.
+    pub(crate) results: Buffer,
+    /// Half motions at both states, `[2][K][2]` quaternions.
+    pub(crate) motions: Buffer,
+    digits: Vec<Buffer>,
+}
+
+impl Gaussians {
+    pub(crate) fn new(gpu: &Gpu, n: usize, sh_stride: usize, motions: bool) -> Result<Self, GpuError> {
+        let floats = n * (PLAIN + sh_stride);
+        let flat = |label: &str| gpu.array(label, floats, 4);
+        let words = |label: &str| gpu.array(label, n, 4);
+        Ok(Self {
+            n,
+            sh_stride,
+            params: flat("parameters")?,
+            grads: flat("gradients")?,
+            first: flat("first moments")?,
+            second: flat("second moments")?,
+            seen: gpu.array("densification statistics", n, 16)?,
+            labels: words("labels")?,
+            d_motions: gpu.array("gradients by motions", if motions { 2 * n } else { 1 }, 16)?,
+            flats: gpu.array("projected Gaussians", n, 64)?,
+            keys: [words("depths")?, words("depths, sorted")?],
+            order: [words("order")?, words("order, sorted")?],
+            counts: words("tiles per Gaussian")?,
+            starts: words("starts")?,
+            sums: gpu.array("block sums", n.div_ceil(BLOCK), 4)?,
+            histogram: gpu.array("histogram of depths", 16 * n.div_ceil(BLOCK), 4)?,
+            length: gpu.array_of("number of Gaussians", &[n as u32])?,
+        })
+    }
+}
+
+impl Gaussians {
+    /// Puts parameters, moments and statistics on the device.
+    pub(crate) fn fill(&self, gpu: &Gpu, splats: &Splats, adam: &SplatAdam, stats: &DensifyStats) {
+        let kinds: [(&[f32], &Moments); 5] = [
+            (splats.means.as_flattened(), &adam.means),
+            (splats.rotations.as_flattened(), &adam.rotations),
+            (splats.log_scales.as_flattened(), &adam.log_scales),
+            (&splats.logit_opacities, &adam.logit_opacities),
+            (&splats.sh, &adam.sh),
+        ];
+        let mut at = 0;
+        for (values, moments) in kinds {
+            gpu.write(&self.params, at, values);
+            gpu.write(&self.first, at, &moments.first);
+            gpu.write(&self.second, at, &moments.second);
+            at += values.len();
+        }
+        let seen: Vec<[f32; 4]> =
+            (0..self.n).map(|i| [stats.grad[i], stats.count[i] as f32, stats.radius[i], 0.0]).collect();
+        gpu.write(&self.seen, 0, &seen);
+    }
+
+    /// Takes parameters, moments and statistics back.
+    pub(crate) fn fetch(
+        &self,
+        gpu: &Gpu,
+        splats: &mut Splats,
+        adam: &mut SplatAdam,
+        stats: &mut DensifyStats,
+    ) -> Result<(), GpuError> {
+        let floats = self.n * (PLAIN + self.sh_stride);
+        let arrays = [(&self.params, floats), (&self.first, floats), (&self.second, floats), (&self.seen, 4 * self.n)];
+        let read = gpu.read(&arrays)?;
+        let [params, first, second, seen]: [&[f32]; 4] = std::array::from_fn(|i| bytemuck::cast_slice(&read[i]));
+        let kinds: [(&mut [f32], &mut Moments); 5] = [
+            (splats.means.as_flattened_mut(), &mut adam.means),
+            (splats.rotations.as_flattened_mut(), &mut adam.rotations),
+            (splats.log_scales.as_flattened_mut(), &mut adam.log_scales),
+            (&mut splats.logit_opacities, &mut adam.logit_opacities),
+            (&mut splats.sh, &mut adam.sh),
+        ];
+        let mut at = 0;
+        for (values, moments) in kinds {
+            let here = at..at + values.len();
+            at = here.end;
+            values.copy_from_slice(&params[here.clone()]);
+            moments.first.copy_from_slice(&first[here.clone()]);
+            moments.second.copy_from_slice(&second[here]);
+        }
+        for (i, s) in seen.chunks_exact(4).enumerate() {
+            (stats.grad[i], stats.count[i], stats.radius[i]) = (s[0], s[1] as u32, s[2]);
+        }
+        Ok(())
+    }
+}
+
+impl Room {
+    pub(crate) fn new(gpu: &Gpu, capacity: usize, tiles: usize) -> Result<Self, GpuError> {
+        let words = |label: &str| gpu.array(label, capacity, 4);
+        let buckets = capacity / BUCKET + tiles;
+        Ok(Self {
+            tiles_of: [words("tiles")?, words("tiles, sorted")?],
+            places: [words("places")?, words("places, sorted")?],
+            owners: words("owners")?,
+            list: words("lists")?,
+            histogram: gpu.array("histogram of tiles", 16 * capacity.div_ceil(BLOCK), 4)?,
+            bucket_tiles: gpu.array("tiles of buckets", buckets, 4)?,
+            gathered: gpu.array("colours at buckets", buckets * TILE_PIXELS, 16)?,
+            gathered_depth: gpu.array("depths at buckets", buckets * TILE_PIXELS, 4)?,
+            cells: gpu.array("gradients of intersections", 3 * capacity, 16)?,
+        })
+    }
+}
+
+impl Canvas {
+    pub(crate) fn new(gpu: &Gpu, sizes: impl Iterator<Item = [usize; 2]> + Clone) -> Result<Self, GpuError> {
+        let area = sizes.clone().map(|[w, h]| w * h).max().unwrap_or(1);
+        let tiles = sizes.map(|[w, h]| w.div_ceil(16) * h.div_ceil(16)).max().unwrap_or(1);
+        Ok(Self {
+            tiles,
+            frame: gpu.array("frame", area, 16)?,
+            frame_depth: gpu.array("depth of the frame", area, 4)?,
+            slopes: gpu.array("slopes of similarity", 9 * area, 4)?,
+            pulls: gpu.array("gradient of the frame", area, 16)?,
+            rests: gpu.array("starts of the way back", area, 4)?,
+            pixel_sums: gpu.array("sums over pixels", tiles, 16)?,
+            window_sums: gpu.array("sums over windows", 3 * tiles, 16)?,
+            ranges: gpu.array("lists of tiles", tiles, 8)?,
+            bucket_starts: gpu.array("buckets of tiles", tiles, 4)?,
+            tile_ends: gpu.array("ends of tiles", tiles, 4)?,
+        })
+    }
+}
+
+impl Desk {
+    pub(crate) fn new(gpu: &Gpu, steps: usize, parts: usize) -> Result<Self, GpuError> {
+        use wgpu::BufferUsages as U;
+        let uniform = |label: &str, size: u64| {
+            let usage = U::UNIFORM | U::COPY_DST;
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        let digit = |k: u32| {
+            let buffer = uniform("digit", 16);
+            gpu.write(&buffer, 0, &[DIGIT * k, 0, 0, 0]);
+            buffer
+        };
+        Ok(Self {
+            parts,
+            steps: uniform("steps", (steps * crate::step::STRIDE) as u64),
+            control: gpu.array("control", 8, 4)?,
+            arguments: gpu.array("arguments", 12, 4)?,
+            results: gpu.array("results", 2 * steps, 16)?,
+            motions: gpu.array("motions", 4 * parts.max(1), 16)?,
+            digits: (0..DEPTH_BITS / DIGIT).map(digit).collect(),
+        })
+    }
+}
+
+/// Calls with the numbers of workgroups they are started with.
+pub(crate) type Program = Vec<(Call, Size)>;
+
+/// Numbers of workgroups, some of which only a step knows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Size {
+    /// Always so many.
+    Count(usize),
+    /// One for each tile.
+    Tiles,
+    /// One for every 256 tiles.
+    TileChunks,
+    /// One for each tile of windows, and channel.
+    Windows,
+    /// So many in a grid.
+    Grid([u32; 3]),
+    /// As the device says.
+    Indirect(u64),
+}
+
+impl Size {
+    pub(crate) fn groups(self, step: &Step) -> Groups {
+        let [x, y] = step.tiles;
+        let [x0, y0, x1, y1] = step.rect;
+        match self {
+            Self::Count(n) => Groups::Count(n as u32),
+            Self::Tiles => Groups::Grid([x, y, 1]),
+            Self::TileChunks => Groups::Count((x * y).div_ceil(256)),
+            Self::Windows => Groups::Grid([(x1 - x0).div_ceil(16), (y1 - y0).div_ceil(16), 3]),
+            Self::Grid(grid) => Groups::Grid(grid),
+            Self::Indirect(at) => Groups::Indirect(at),
+        }
+    }
+}
+
+/// From parameters to the frame.
+pub(crate) fn forward(gpu: &Gpu, k: &Kernels, g: &Gaussians, room: &Room, canvas: &Canvas, desk: &Desk) -> Program {
+    let (n, per_thread, per_block) = (g.n, Size::Count(g.n.div_ceil(256)), Size::Count(g.n.div_ceil(BLOCK)));
+    let mut out: Program = Vec::new();
+    let arrays = [&desk.steps, &g.params, &g.labels, &desk.motions, &g.flats, &g.keys[0], &g.order[0], &g.counts];
+    out.push((k.project.on(gpu, &arrays), per_thread));
+    let depth = Sort { keys: &g.keys, values: &g.order, histogram: &g.histogram, length: &g.length };
+    debug_assert_eq!(DEPTH_BITS / DIGIT % 2, 0, "the sorted order ends where it began");
+    depth.passes(gpu, k, desk, DEPTH_BITS / DIGIT, Size::Count(n.div_ceil(BLOCK)), &mut out);
+    let arrays = [&desk.steps, &g.order[0], &g.counts, &g.sums, &g.starts, &desk.control, &desk.arguments];
+    out.push((k.reduce_blocks.on(gpu, &arrays), per_block));
+    out.push((k.scan_sums.on(gpu, &arrays), Size::Count(1)));
+    out.push((k.apply.on(gpu, &arrays), per_block));
+    let arrays = [
+        &desk.steps,
+        &g.flats,
+        &g.counts,
+        &g.starts,
+        &desk.control,
+        &room.tiles_of[0],
+        &room.places[0],
+        &room.owners,
+        &canvas.ranges,
+    ];
+    out.push((k.emit.on(gpu, &arrays), per_thread));
+    let tiles = Sort { keys: &room.tiles_of, values: &room.places, histogram: &room.histogram, length: &desk.control };
+    let passes = tile_passes(canvas.tiles);
+    tiles.passes(gpu, k, desk, passes, Size::Indirect(BY_BLOCK), &mut out);
+    let sorted = passes as usize % 2;
+    let arrays = [
+        &desk.steps,
+        &room.tiles_of[sorted],
+        &room.places[sorted],
+        &room.owners,
+        &desk.control,
+        &canvas.ranges,
+        &room.list,
+        &canvas.bucket_starts,
+        &room.bucket_tiles,
+        &desk.arguments,
+    ];
+    out.push((k.delimit.on(gpu, &arrays[..7]), Size::Indirect(BY_INTERSECTION)));
+    out.push((k.count_buckets.on(gpu, &arrays), Size::Count(1)));
+    out.push((k.name_buckets.on(gpu, &arrays), Size::TileChunks));
+    let arrays = [
+        &desk.steps,
+        &g.flats,
+        &canvas.ranges,
+        &room.list,
+        &canvas.bucket_starts,
+        &canvas.frame,
+        &canvas.frame_depth,
+        &room.gathered,
+        &room.gathered_depth,
+        &canvas.tile_ends,
+    ];
+    out.push((k.blend.on(gpu, &arrays), Size::Tiles));
+    out
+}
+
+/// From the gradient of the frame to that of the parameters.
+pub(crate) fn backward(gpu: &Gpu, k: &Kernels, g: &Gaussians, room: &Room, canvas: &Canvas, desk: &Desk) -> Program {
+    let sorted = tile_passes(canvas.tiles) as usize % 2;
+    let arrays = [
+        &desk.steps,
+        &g.flats,
+        &canvas.ranges,
+        &room.list,
+        &room.places[sorted],
+        &canvas.bucket_starts,
+        &room.bucket_tiles,
+        &room.gathered,
+        &room.gathered_depth,
+        &canvas.pulls,
+        &canvas.rests,
+        &canvas.tile_ends,
+        &desk.control,
+        &room.cells,
+    ];
+    let walk = (k.blend_back.on(gpu, &arrays), Size::Indirect(BY_BUCKET));
+    let arrays = [
+        &desk.steps,
+        &g.params,
+        &g.labels,
+        &desk.motions,
+        &g.flats,
+        &g.counts,
+        &g.starts,
+        &room.cells,
+        &desk.control,
+        &g.grads,
+        &g.seen,
+        &g.d_motions,
+    ];
+    vec![walk, (k.gather.on(gpu, &arrays), Size::Count(g.n.div_ceil(128)))]
+}
+
+/// Passes of the sort by tile.
+fn tile_passes(tiles: usize) -> u32 {
+    (usize::BITS - (tiles - 1).leading_zeros()).div_ceil(DIGIT).max(1)
+}
+
+/// What is sorted, and where to; passes go back and forth between the two arrays of each pair.
+struct Sort<'a> {
+    keys: &'a [Buffer; 2],
+    values: &'a [Buffer; 2],
+    histogram: &'a Buffer,
+    /// Begins with the number of pairs.
+    length: &'a Buffer,
+}
+
+impl Sort<'_> {
+    fn passes(&self, gpu: &Gpu, k: &Kernels, desk: &Desk, passes: u32, blocks: Size, out: &mut Program) {
+        for pass in 0..passes as usize {
+            let (here, there) = (pass % 2, 1 - pass % 2);
+            let arrays = [
+                &desk.digits[pass],
+                self.length,
+                &self.keys[here],
+                &self.values[here],
+                &self.keys[there],
+                &self.values[there],
+                self.histogram,
+            ];
+            out.push((k.count.on(gpu, &arrays), blocks));
+            out.push((k.scan_digits.on(gpu, &arrays), Size::Count(1)));
+            out.push((k.scatter.on(gpu, &arrays), blocks));
+        }
+    }
+}

@@ -1,0 +1,106 @@
+// Adjoint of blending. Twin of `backward` in `artgs_raster::blend`. One workgroup walks one bucket of a tile: every thread
+// holds a Gaussian and its sums in registers, and the pixels pass from thread to thread, each a step behind the one before it,
+// with the transmittance and what is still to come. No sum is shared, so nothing is atomic.
+
+@group(0) @binding(0) var<uniform> step: Step;
+@group(0) @binding(1) var<storage, read> flats: array<Flat>;
+@group(0) @binding(2) var<storage, read> ranges: array<vec2u>;
+@group(0) @binding(3) var<storage, read> list: array<u32>;
+@group(0) @binding(4) var<storage, read> places: array<u32>;
+@group(0) @binding(5) var<storage, read> bucket_starts: array<u32>;
+@group(0) @binding(6) var<storage, read> bucket_tiles: array<u32>;
+@group(0) @binding(7) var<storage, read> gathered: array<vec4f>;
+@group(0) @binding(8) var<storage, read> gathered_depth: array<f32>;
+@group(0) @binding(9) var<storage, read> pulls: array<vec4f>;
+@group(0) @binding(10) var<storage, read> rests: array<f32>;
+@group(0) @binding(11) var<storage, read> tile_ends: array<u32>;
+@group(0) @binding(12) var<storage, read> control: array<u32>;
+@group(0) @binding(13) var<storage, read_write> cells: array<vec4f>;
+
+// Gradients of colour and depth, transmittance, and the sum of `w_j v_j + v_T T` still to come, of every pixel.
+var<workgroup> pixel_pulls: array<vec4f, 256>;
+var<workgroup> transmittances: array<f32, 256>;
+var<workgroup> remains: array<f32, 256>;
+
+fn load_pixel(p: u32, tile: u32, bucket: u32, first: bool) {
+    let pixel = vec2u(tile % step.tiles.x, tile / step.tiles.x) * TILE + vec2u(p % TILE, p / TILE);
+    pixel_pulls[p] = vec4f(0.0);
+    transmittances[p] = 0.0;
+    remains[p] = 0.0;
+    if pixel.x >= step.size.x || pixel.y >= step.size.y {
+        return;
+    }
+    let at = pixel.y * step.size.x + pixel.x;
+    let v = pulls[at];
+    var t = 1.0;
+    var rest = rests[at];
+    if !first {
+        let slot = bucket * TILE_PIXELS + p;
+        let sum = gathered[slot];
+        t = sum.w;
+        rest -= dot(v, vec4f(sum.xyz, gathered_depth[slot]));
+    }
+    pixel_pulls[p] = v;
+    transmittances[p] = t;
+    remains[p] = rest;
+}
+
+@compute @workgroup_size(32)
+fn blend_back(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let bucket = group_index(group);
+    if bucket >= control[BUCKETS] {
+        return;
+    }
+    let tile = bucket_tiles[bucket];
+    let range = ranges[tile];
+    let begin = (bucket - bucket_starts[tile]) * BUCKET;
+    let i = range.x + begin + lane;
+    let mine = i < range.y;
+    var first_sums = vec4f(0.0);
+    var second_sums = vec4f(0.0);
+    var color_sums = vec4f(0.0);
+    // Past the last Gaussian that any pixel saw there is nothing to walk.
+    if begin < tile_ends[tile] {
+        for (var p = lane; p < TILE_PIXELS; p += BUCKET) {
+            load_pixel(p, tile, bucket, begin == 0u);
+        }
+        var flat: Flat;
+        flat.log2_opacity = -1000.0;
+        if mine {
+            flat = flats[list[i]];
+        }
+        let color = vec4f(flat.rgb, flat.depth);
+        let corner = vec2f(vec2u(tile % step.tiles.x, tile / step.tiles.x) * TILE) + 0.5;
+        workgroupBarrier();
+        for (var tick = 0u; tick < TILE_PIXELS + BUCKET - 1u; tick++) {
+            let p = tick - lane;
+            if tick >= lane && p < TILE_PIXELS {
+                let d = corner + vec2f(f32(p % TILE), f32(p / TILE)) - flat.center;
+                let e = exponent(flat, d);
+                let t = transmittances[p];
+                if e >= LOG2_CUT && t >= TRANSMITTANCE_MIN {
+                    let v = pixel_pulls[p];
+                    let raw = exp2(e);
+                    let alpha = min(raw, ALPHA_MAX);
+                    let weight = alpha * t;
+                    let value = dot(v, color);
+                    let rest = remains[p] - weight * value;
+                    let d_alpha = t * value - rest / (1.0 - alpha);
+                    let g = select(0.0, alpha * d_alpha, raw <= ALPHA_MAX);
+                    remains[p] = rest;
+                    transmittances[p] = t - weight;
+                    first_sums += g * vec4f(1.0, d.x, d.y, d.x * d.x);
+                    second_sums += vec4f(g * vec2f(d.x * d.y, d.y * d.y), weight * v.x, weight * v.y);
+                    color_sums += vec4f(weight * v.z, weight * v.w, 0.0, 0.0);
+                }
+            }
+            workgroupBarrier();
+        }
+    }
+    if mine {
+        let at = 3u * places[i];
+        cells[at] = first_sums;
+        cells[at + 1u] = second_sums;
+        cells[at + 2u] = color_sums;
+    }
+}

@@ -1,0 +1,156 @@
+// Motions of parts: their gradients and their updates. Twin of `artgs::articulation::joints` and of the update in
+// `artgs::fit::deform`.
+
+@group(0) @binding(0) var<uniform> step: Step;
+@group(0) @binding(1) var<storage, read> partial: array<vec4f>;
+@group(0) @binding(2) var<storage, read> control: array<u32>;
+@group(0) @binding(3) var<storage, read_write> joints: array<vec4f>;
+@group(0) @binding(4) var<storage, read_write> motions: array<vec4f>;
+
+const FREE: f32 = 0.0;
+const PRISMATIC: f32 = 1.0;
+const SCREW: f32 = 3.0;
+
+struct Dual {
+    real: vec4f,
+    dual: vec4f,
+}
+
+// Parameters of a part: eight numbers, in the order of `MotionModel`.
+struct Values {
+    a: vec4f,
+    b: vec4f,
+}
+
+struct Line {
+    axis: vec3f,
+    length: f32,
+    pivot: vec3f,
+    angle: f32,
+    slide: f32,
+}
+
+fn line_of(v: Values, model: f32) -> Line {
+    let raw = v.a.xyz;
+    let size = max(length(raw), 1e-30);
+    return Line(raw / size, size, vec3f(v.a.w, v.b.xy), v.b.z, select(0.0, v.b.w, model == SCREW));
+}
+
+fn motion(v: Values, model: f32) -> Dual {
+    if model == PRISMATIC {
+        return Dual(vec4f(1.0, 0.0, 0.0, 0.0), vec4f(0.0, 0.5 * v.a.xyz));
+    }
+    if model == FREE {
+        let real = v.a / max(length(v.a), 1e-30);
+        return Dual(real, multiply(vec4f(0.0, 0.5 * v.b.xyz), real));
+    }
+    let l = line_of(v, model);
+    let s = sin(0.5 * l.angle);
+    let c = cos(0.5 * l.angle);
+    let slide = 0.5 * l.slide;
+    return Dual(vec4f(c, l.axis * s), vec4f(-slide * s, l.axis * slide * c + cross(l.pivot, l.axis) * s));
+}
+
+// Gradient by the parameters from that by the motion.
+fn motion_adjoint(v: Values, model: f32, d: Dual) -> Values {
+    if model == PRISMATIC {
+        return Values(vec4f(0.5 * d.dual.yzw, 0.0), vec4f(0.0));
+    }
+    if model == FREE {
+        let size = max(length(v.a), 1e-30);
+        let real = v.a / size;
+        let d_real = d.real + multiply(conjugate(vec4f(0.0, 0.5 * v.b.xyz)), d.dual);
+        let d_raw = (d_real - real * dot(real, d_real)) / size;
+        return Values(d_raw, vec4f(0.5 * multiply(d.dual, conjugate(real)).yzw, 0.0));
+    }
+    let l = line_of(v, model);
+    let s = sin(0.5 * l.angle);
+    let c = cos(0.5 * l.angle);
+    let slide = 0.5 * l.slide;
+    let moment = cross(l.pivot, l.axis);
+    let g_r = d.real.yzw;
+    let g_d = d.dual.yzw;
+    let d_half = -s * d.real.x + c * dot(l.axis, g_r) - slide * c * d.dual.x - slide * s * dot(l.axis, g_d)
+        + c * dot(moment, g_d);
+    let d_slide = 0.5 * (-s * d.dual.x + c * dot(l.axis, g_d));
+    let d_unit = s * g_r + slide * c * g_d + s * cross(g_d, l.pivot);
+    let d_axis = (d_unit - l.axis * dot(l.axis, d_unit)) / l.length;
+    let d_pivot = s * cross(l.axis, g_d);
+    return Values(vec4f(d_axis, d_pivot.x), vec4f(d_pivot.yz, 0.5 * d_half, select(0.0, d_slide, model == SCREW)));
+}
+
+// Sum over all stretches of Gaussians, as a gradient of the half motion towards the second state.
+fn gradient_of(part: u32) -> Dual {
+    var sum = Dual(vec4f(0.0), vec4f(0.0));
+    for (var k = 0u; k < step.chunks; k++) {
+        let at = 2u * (part * step.chunks + k);
+        sum.real += partial[at];
+        sum.dual += partial[at + 1u];
+    }
+    if step.pose == 0u {
+        sum.real = conjugate(sum.real);
+        sum.dual = conjugate(sum.dual);
+    }
+    return sum;
+}
+
+// Scene units of the parameters that are lengths, 1 for the others.
+fn units_of(model: f32) -> Values {
+    let u = step.length_unit;
+    if model == PRISMATIC {
+        return Values(vec4f(u), vec4f(u));
+    }
+    if model == FREE {
+        return Values(vec4f(1.0), vec4f(u));
+    }
+    return Values(vec4f(1.0, 1.0, 1.0, u), vec4f(u, u, 1.0, u));
+}
+
+fn write_motion(part: u32, m: Dual) {
+    let ahead = 2u * (step.parts + part);
+    motions[ahead] = m.real;
+    motions[ahead + 1u] = m.dual;
+    motions[2u * part] = conjugate(m.real);
+    motions[2u * part + 1u] = conjugate(m.dual);
+}
+
+fn finite(v: vec4f) -> bool {
+    return all(abs(v) < vec4f(LARGEST));
+}
+
+@compute @workgroup_size(64)
+fn update_joints(@builtin(local_invocation_index) lane: u32) {
+    if control[OVERFLOW] != 0u {
+        return;
+    }
+    for (var part = lane + 1u; part < step.parts; part += 64u) {
+        let at = 8u * (part - 1u);
+        var v = Values(joints[at], joints[at + 1u]);
+        let middle = joints[at + 6u].xyz;
+        let model = joints[at + 6u].w;
+        var d = gradient_of(part);
+        d.real += vec4f(0.0, cross(d.dual.yzw, middle));
+        let g = motion_adjoint(v, model, d);
+        // One Gaussian out of numbers must not take its joint along.
+        if finite(g.a) && finite(g.b) {
+            let units = units_of(model);
+            let rate = step.joint_rate;
+            let corrections = step.joint_corrections;
+            var m = Values(joints[at + 2u], joints[at + 3u]);
+            var s = Values(joints[at + 4u], joints[at + 5u]);
+            m = Values(m.a + 0.1 * (g.a - m.a), m.b + 0.1 * (g.b - m.b));
+            s = Values(s.a + 0.001 * (g.a * g.a - s.a), s.b + 0.001 * (g.b * g.b - s.b));
+            v.a -= rate * units.a * (m.a / corrections.x) / (sqrt(s.a / corrections.y) + 1e-15);
+            v.b -= rate * units.b * (m.b / corrections.x) / (sqrt(s.b / corrections.y) + 1e-15);
+            joints[at] = v.a;
+            joints[at + 1u] = v.b;
+            joints[at + 2u] = m.a;
+            joints[at + 3u] = m.b;
+            joints[at + 4u] = s.a;
+            joints[at + 5u] = s.b;
+        }
+        var moved = motion(v, model);
+        moved.dual += vec4f(0.0, cross(middle, moved.real.yzw));
+        write_motion(part, moved);
+    }
+}

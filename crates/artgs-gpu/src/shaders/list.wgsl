@@ -1,0 +1,88 @@
+// Where the list of each tile begins and ends once intersections are sorted by tile, and which stretches of it are walked
+// back together.
+
+@group(0) @binding(0) var<uniform> step: Step;
+@group(0) @binding(1) var<storage, read> tiles_of: array<u32>;
+@group(0) @binding(2) var<storage, read> places: array<u32>;
+@group(0) @binding(3) var<storage, read> owners: array<u32>;
+@group(0) @binding(4) var<storage, read_write> control: array<u32>;
+@group(0) @binding(5) var<storage, read_write> ranges: array<vec2u>;
+@group(0) @binding(6) var<storage, read_write> list: array<u32>;
+@group(0) @binding(7) var<storage, read_write> bucket_starts: array<u32>;
+@group(0) @binding(8) var<storage, read_write> bucket_tiles: array<u32>;
+@group(0) @binding(9) var<storage, read_write> arguments: array<u32>;
+
+const THREADS: u32 = 256u;
+
+var<workgroup> shared_sums: array<u32, 256>;
+
+@compute @workgroup_size(256)
+fn delimit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let i = group_index(group) * 256u + lane;
+    let total = control[TOTAL];
+    if i >= total {
+        return;
+    }
+    list[i] = owners[places[i]];
+    let tile = tiles_of[i];
+    if i == 0u || tiles_of[i - 1u] != tile {
+        ranges[tile].x = i;
+    }
+    if i + 1u == total || tiles_of[i + 1u] != tile {
+        ranges[tile].y = i + 1u;
+    }
+}
+
+fn buckets_of(tile: u32) -> u32 {
+    let range = ranges[tile];
+    return (range.y - range.x + BUCKET - 1u) / BUCKET;
+}
+
+// One workgroup: an exclusive prefix sum over tiles.
+@compute @workgroup_size(256)
+fn count_buckets(@builtin(local_invocation_index) lane: u32) {
+    let tiles = step.tiles.x * step.tiles.y;
+    var before = 0u;
+    for (var begin = 0u; begin < tiles; begin += THREADS) {
+        let tile = begin + lane;
+        var own = 0u;
+        if tile < tiles {
+            own = buckets_of(tile);
+        }
+        shared_sums[lane] = own;
+        workgroupBarrier();
+        for (var reach = 1u; reach < THREADS; reach *= 2u) {
+            var left = 0u;
+            if lane >= reach {
+                left = shared_sums[lane - reach];
+            }
+            workgroupBarrier();
+            shared_sums[lane] += left;
+            workgroupBarrier();
+        }
+        if tile < tiles {
+            bucket_starts[tile] = before + shared_sums[lane] - own;
+        }
+        before += shared_sums[THREADS - 1u];
+        workgroupBarrier();
+    }
+    if lane == 0u {
+        control[BUCKETS] = before;
+        arguments[8] = min(before, ROW);
+        arguments[9] = (before + ROW - 1u) / ROW;
+        arguments[10] = 1u;
+    }
+}
+
+@compute @workgroup_size(256)
+fn name_buckets(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let tile = group_index(group) * 256u + lane;
+    if tile >= step.tiles.x * step.tiles.y {
+        return;
+    }
+    let begin = bucket_starts[tile];
+    let count = buckets_of(tile);
+    for (var k = 0u; k < count; k++) {
+        bucket_tiles[begin + k] = tile;
+    }
+}

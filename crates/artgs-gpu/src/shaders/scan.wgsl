@@ -1,0 +1,105 @@
+// Where the intersections of each Gaussian begin, in order of depth: an exclusive prefix sum in three dispatches.
+
+@group(0) @binding(0) var<uniform> step: Step;
+@group(0) @binding(1) var<storage, read> order: array<u32>;
+@group(0) @binding(2) var<storage, read> counts: array<u32>;
+@group(0) @binding(3) var<storage, read_write> sums: array<u32>;
+@group(0) @binding(4) var<storage, read_write> starts: array<u32>;
+@group(0) @binding(5) var<storage, read_write> control: array<u32>;
+@group(0) @binding(6) var<storage, read_write> arguments: array<u32>;
+
+const THREADS: u32 = 256u;
+const EACH: u32 = 8u;
+const BLOCK: u32 = 2048u;
+
+var<workgroup> shared_sums: array<u32, 256>;
+
+// Exclusive prefix sum of one value per thread; the last element of `shared_sums` is the total.
+fn exclusive(lane: u32, value: u32) -> u32 {
+    shared_sums[lane] = value;
+    workgroupBarrier();
+    for (var reach = 1u; reach < THREADS; reach *= 2u) {
+        var left = 0u;
+        if lane >= reach {
+            left = shared_sums[lane - reach];
+        }
+        workgroupBarrier();
+        shared_sums[lane] += left;
+        workgroupBarrier();
+    }
+    return shared_sums[lane] - value;
+}
+
+// Intersections of the Gaussian at a rank of the order of depth.
+fn count_at(rank: u32) -> u32 {
+    if rank >= step.n {
+        return 0u;
+    }
+    return counts[order[rank]];
+}
+
+@compute @workgroup_size(256)
+fn reduce_blocks(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let begin = group.x * BLOCK + lane * EACH;
+    var sum = 0u;
+    for (var k = 0u; k < EACH; k++) {
+        sum += count_at(begin + k);
+    }
+    _ = exclusive(lane, sum);
+    if lane == THREADS - 1u {
+        sums[group.x] = shared_sums[lane];
+    }
+}
+
+fn set_arguments(which: u32, groups: u32) {
+    arguments[4u * which] = min(groups, ROW);
+    arguments[4u * which + 1u] = (groups + ROW - 1u) / ROW;
+    arguments[4u * which + 2u] = 1u;
+}
+
+@compute @workgroup_size(256)
+fn scan_sums(@builtin(local_invocation_index) lane: u32) {
+    let blocks = (step.n + BLOCK - 1u) / BLOCK;
+    var before = 0u;
+    for (var begin = 0u; begin < blocks; begin += THREADS) {
+        let i = begin + lane;
+        var value = 0u;
+        if i < blocks {
+            value = sums[i];
+        }
+        let prefix = exclusive(lane, value);
+        if i < blocks {
+            sums[i] = before + prefix;
+        }
+        before += shared_sums[THREADS - 1u];
+        workgroupBarrier();
+    }
+    if lane == 0u {
+        control[NEEDED] = max(control[NEEDED], before);
+        if before > step.capacity {
+            control[OVERFLOW] = 1u;
+        }
+        // Once there was no room nothing is drawn and nothing changes until the host has made room.
+        let total = select(before, 0u, control[OVERFLOW] != 0u);
+        control[TOTAL] = total;
+        set_arguments(0u, (total + BLOCK - 1u) / BLOCK);
+        set_arguments(1u, (total + 255u) / 256u);
+    }
+}
+
+@compute @workgroup_size(256)
+fn apply(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let begin = group.x * BLOCK + lane * EACH;
+    var sum = 0u;
+    for (var k = 0u; k < EACH; k++) {
+        sum += count_at(begin + k);
+    }
+    var at = sums[group.x] + exclusive(lane, sum);
+    for (var k = 0u; k < EACH; k++) {
+        let rank = begin + k;
+        if rank < step.n {
+            starts[order[rank]] = at;
+            at += count_at(rank);
+        }
+    }
+}
