@@ -1,12 +1,14 @@
 //! Training on a graphics processor.
 
+use crate::chamfer::{self, Chamfer};
 use crate::joints;
 use crate::kernels::Kernels;
+use crate::learnt::{self, Learnt, Shape};
 use crate::picture::Picture;
 use crate::scene::{Canvas, Desk, Gaussians, PLAIN, Program, Room, Size, backward, forward};
 use crate::step::{self, Step};
 use crate::{Gpu, GpuError};
-use artgs::articulation::DualQuaternion;
+use artgs::articulation::{Assignment, DualQuaternion};
 use artgs::fit::cpu::{coarse_first, held};
 use artgs::fit::{
     Articulated, Backend, Deformation, FitError, LossConfig, LossTerms, Membership, StepStats, TrainConfig, TrainImage,
@@ -85,6 +87,8 @@ struct Resident {
     desk: Desk,
     gaussians: Gaussians,
     joints: Option<joints::Joints>,
+    learnt: Option<Learnt>,
+    chamfer: Option<Chamfer>,
     programs: Programs,
 }
 
@@ -96,7 +100,8 @@ struct Programs {
     compare: Vec<Program>,
     backward: Program,
     adam: Program,
-    joints: Program,
+    /// Updates of motions and membership.
+    parts: Program,
 }
 
 /// What one step of a batch was like.
@@ -104,6 +109,8 @@ struct Seen {
     sums: [f32; 4],
     similarity: f32,
     entropy: f32,
+    /// Terms that act on parts alone.
+    extra: f32,
     made: bool,
 }
 
@@ -162,6 +169,8 @@ impl<'a> GpuBackend<'a> {
         step.update(&config.rates_at(number, state.settling), &config.adam, state.adam.count + done + 1);
         if let Deformation::Articulated(articulated) = &state.deformation {
             joints::numbers(&mut step, articulated, number, done);
+            learnt::numbers(&mut step, articulated, number, done);
+            chamfer::numbers(&mut step, articulated, number);
         }
         step
     }
@@ -192,7 +201,7 @@ impl<'a> GpuBackend<'a> {
                 let adam = if update { &programs.adam[..] } else { &[] };
                 let compare = &programs.compare[self.drawn[i].0];
                 let calls = programs.forward.iter().chain(compare).chain(&programs.backward).chain(adam);
-                for (call, size) in calls.chain(&programs.joints) {
+                for (call, size) in calls.chain(&programs.parts) {
                     call.encode(&mut pass, i, size.groups(step), &desk.arguments);
                 }
             }
@@ -205,16 +214,18 @@ impl<'a> GpuBackend<'a> {
     fn seen(&mut self, steps: usize) -> Result<Vec<Seen>, GpuError> {
         let Some(resident) = &self.resident else { return Ok(Vec::new()) };
         let desk = &resident.desk;
-        let read = self.gpu.read(&[(&desk.results, 8 * steps), (&desk.control, 8)])?;
+        let read = self.gpu.read(&[(&desk.results, 8 * steps), (&desk.extras, 2 * steps), (&desk.control, 8)])?;
         let found: &[f32] = bytemuck::cast_slice(&read[0]);
-        let seen = found.as_chunks::<8>().0.iter().map(|s| Seen {
+        let extras: &[f32] = bytemuck::cast_slice(&read[1]);
+        let seen = found.as_chunks::<8>().0.iter().zip(extras.as_chunks::<2>().0).map(|(s, extra)| Seen {
             sums: [s[0], s[1], s[2], s[3]],
             similarity: s[4],
             entropy: s[5],
+            extra: extra[0] + extra[1],
             made: s[7] != 0.0,
         });
         let seen = seen.collect();
-        let [overflow, needed] = [read[1][1], read[1][2]];
+        let [overflow, needed] = [read[2][1], read[2][2]];
         if overflow != 0 {
             self.gpu.write(&desk.control, 0, &[0_u32; 8]);
             self.make_room(needed as usize + needed as usize / 4)?;
@@ -225,7 +236,7 @@ impl<'a> GpuBackend<'a> {
     /// Room for `capacity` intersections, and the calls that use it.
     fn make_room(&mut self, capacity: usize) -> Result<(), GpuError> {
         let Self { gpu, kernels, canvas, pictures, resident, .. } = self;
-        let Some(Resident { desk, gaussians, joints, programs }) = resident else { return Ok(()) };
+        let Some(Resident { desk, gaussians, joints, learnt, chamfer, programs }) = resident else { return Ok(()) };
         self.capacity = capacity;
         *programs = Programs::default();
         let room = Room::new(gpu, capacity, canvas.tiles)?;
@@ -233,12 +244,21 @@ impl<'a> GpuBackend<'a> {
             [&desk.steps, &gaussians.grads, &desk.control, &gaussians.params, &gaussians.first, &gaussians.second];
         let floats = gaussians.n * (PLAIN + gaussians.sh_stride);
         let compare = |picture: &Picture| picture.compare(gpu, kernels, gaussians, canvas, desk);
+        let motions = learnt.as_ref().map_or(&desk.motions, |l| &l.blended);
+        let drawn = forward(gpu, kernels, gaussians, motions, &room, canvas, desk);
+        let mut back = backward(gpu, kernels, gaussians, motions, &room, canvas, desk);
+        back.extend(chamfer.iter().flat_map(|c| c.program(gpu, kernels, gaussians, motions, desk)));
+        back.extend(learnt.iter().flat_map(|l| l.backward(gpu, kernels, gaussians, desk)));
+        let assign = learnt.iter().flat_map(|l| l.forward(gpu, kernels, gaussians, desk));
+        let weights = learnt.as_ref().map_or(&gaussians.labels, |l| &l.weights);
+        let moved = joints.iter().flat_map(|j| j.program(gpu, kernels, gaussians, weights, desk));
+        let assigned = learnt.iter().flat_map(|l| l.update(gpu, kernels, desk));
         *programs = Programs {
-            forward: forward(gpu, kernels, gaussians, &room, canvas, desk),
+            forward: assign.chain(drawn).collect(),
             compare: pictures.iter().map(compare).collect(),
-            backward: backward(gpu, kernels, gaussians, &room, canvas, desk),
+            backward: back,
             adam: vec![(kernels.adam.on(gpu, &adam), Size::Count(floats.div_ceil(256)))],
-            joints: joints.as_ref().map_or_else(Vec::new, |j| j.program(gpu, kernels, gaussians, desk)),
+            parts: moved.chain(assigned).collect(),
         };
         gpu.check()
     }
@@ -254,22 +274,38 @@ impl<'a> GpuBackend<'a> {
         };
         let learn = articulated.is_some_and(|a| a.config().learn_joints);
         let parts = articulated.map_or(1, Articulated::parts);
-        let keep = self.resident.take().filter(|r| {
+        let module = articulated.and_then(learnt::module);
+        let shape = module.map(Shape::new);
+        let targets = articulated.and_then(Articulated::targets);
+        let old = self.resident.take();
+        let same = |r: &Resident| {
+            let same_targets = match (&r.chamfer, targets) {
+                (Some(chamfer), Some(targets)) => chamfer.is_for(targets),
+                (chamfer, targets) => chamfer.is_none() && targets.is_none(),
+            };
             r.gaussians.n == n
                 && r.gaussians.sh_stride == stride
                 && r.joints.is_some() == learn
                 && r.desk.parts == parts
-        });
-        let mut resident = match keep {
-            Some(resident) => resident,
-            None => Resident {
-                desk: Desk::new(gpu, BATCH, parts)?,
-                gaussians: Gaussians::new(gpu, n, stride, learn)?,
-                joints: if learn { Some(joints::Joints::new(gpu, parts)?) } else { None },
-                programs: Programs::default(),
-            },
+                && r.learnt.as_ref().map(|l| &l.shape) == shape.as_ref()
+                && same_targets
         };
-        let Resident { gaussians, desk, joints, programs } = &mut resident;
+        let mut resident = match old {
+            Some(resident) if same(&resident) => resident,
+            old => {
+                let chamfer = old.and_then(|r| r.chamfer);
+                let motions = learn || shape.is_some() || targets.is_some();
+                Resident {
+                    desk: Desk::new(gpu, BATCH, parts)?,
+                    gaussians: Gaussians::new(gpu, n, stride, motions)?,
+                    joints: if learn { Some(joints::Joints::new(gpu, parts)?) } else { None },
+                    learnt: shape.map(|shape| Learnt::new(gpu, n, shape)).transpose()?,
+                    chamfer: targets.map(|t| Chamfer::new(gpu, n, t, chamfer.as_ref())).transpose()?,
+                    programs: Programs::default(),
+                }
+            }
+        };
+        let Resident { gaussians, desk, joints, learnt, programs, .. } = &mut resident;
         gaussians.fill(gpu, splats, adam, stats);
         gpu.write(&desk.control, 0, &[0_u32; 8]);
         if let Some(articulated) = articulated {
@@ -279,6 +315,9 @@ impl<'a> GpuBackend<'a> {
             gpu.write(&desk.motions, 0, &motions_of(&articulated.half_motions()));
             if let Some(joints) = joints {
                 joints.fill(gpu, articulated);
+            }
+            if let (Some(learnt), Some(module)) = (learnt, module) {
+                learnt.fill(gpu, module);
             }
         }
         let ready = !programs.forward.is_empty();
@@ -291,11 +330,16 @@ impl<'a> GpuBackend<'a> {
 
     /// What the last upload and the steps since have made of the state.
     fn fetch(&mut self) -> Result<(), GpuError> {
-        let Some(Resident { gaussians, joints, .. }) = &self.resident else { return Ok(()) };
+        let Some(Resident { gaussians, joints, learnt, .. }) = &self.resident else { return Ok(()) };
         let TrainState { splats, adam, stats, deformation, .. } = &mut self.state;
         gaussians.fetch(&self.gpu, splats, adam, stats)?;
-        if let (Some(joints), Deformation::Articulated(articulated)) = (joints, deformation) {
-            joints.fetch(&self.gpu, articulated)?;
+        if let Deformation::Articulated(articulated) = deformation {
+            if let Some(joints) = joints {
+                joints.fetch(&self.gpu, articulated)?;
+            }
+            if let Some(learnt) = learnt {
+                learnt.fetch(&self.gpu, articulated)?;
+            }
         }
         Ok(())
     }
@@ -304,7 +348,7 @@ impl<'a> GpuBackend<'a> {
         let terms = self.terms(seen, view, &self.config.loss);
         let n = self.state.splats.len();
         let weight = f64::from(self.config.loss.opacity_entropy);
-        let loss = terms.total + weight * f64::from(seen.entropy) / n as f64;
+        let loss = terms.total + weight * f64::from(seen.entropy) / n as f64 + f64::from(seen.extra);
         let psnr = -10.0 * terms.mse.max(1e-12).log10();
         StepStats { step: self.state.step, total: self.config.total, loss, psnr, gaussians: n, terms }
     }
@@ -333,7 +377,7 @@ impl<'a> GpuBackend<'a> {
 impl Default for Programs {
     fn default() -> Self {
         let empty = Vec::new;
-        Self { forward: empty(), compare: Vec::new(), backward: empty(), adam: empty(), joints: empty() }
+        Self { forward: empty(), compare: Vec::new(), backward: empty(), adam: empty(), parts: empty() }
     }
 }
 
@@ -357,15 +401,17 @@ fn motions_of(half_motions: &[DualQuaternion]) -> Vec<[f32; 4]> {
     towards(0).chain(towards(1)).collect()
 }
 
-/// What this backend cannot train yet.
+/// What this backend cannot train.
 fn refuse(state: &TrainState) -> Result<(), FitError> {
     let Deformation::Articulated(articulated) = &state.deformation else { return Ok(()) };
-    let what = match articulated.membership {
-        Membership::Learned(_) => "parts that are learnt while training",
-        Membership::Labels(_) if articulated.has_targets() => "the Chamfer term",
-        Membership::Labels(_) => return Ok(()),
+    let Membership::Learned(assignment) = &articulated.membership else { return Ok(()) };
+    let kind = match **assignment {
+        Assignment::Centres(_) => return Ok(()),
+        Assignment::Mlp(_) => "mlp",
+        Assignment::Slots(_) => "slots",
     };
-    Err(FitError::Device(format!("graphics processors do not train {what} yet")))
+    let why = "graphics processors learn parts by centres only";
+    Err(FitError::Device(format!("{why}: train assign.kind = \"{kind}\" with --device cpu")))
 }
 
 impl Backend for GpuBackend<'_> {
@@ -475,3 +521,7 @@ impl GpuBackend<'_> {
 #[cfg(test)]
 #[path = "backend_tests.rs"]
 mod tests;
+
+#[cfg(test)]
+#[path = "learnt_tests.rs"]
+mod learnt_tests;

@@ -8,7 +8,7 @@ use artgs::fit::loss::opacity_entropy;
 use artgs::fit::{CpuBackend, DepthMode, ImageLoss, PlateauConfig, RateConfig};
 use artgs_raster::{Frame, Rasterizer, RenderOptions, SplatGrads, SplatView};
 
-fn config(loss: LossConfig) -> TrainConfig {
+pub(super) fn config(loss: LossConfig) -> TrainConfig {
     TrainConfig {
         total: 100,
         loss,
@@ -60,30 +60,30 @@ fn wanted(state: &mut TrainState, image: &TrainImage<'_>, background: [f32; 3], 
 }
 
 /// Largest difference relative to the largest value.
-fn apart(got: &[f32], want: &[f32]) -> f32 {
+pub(super) fn apart(got: &[f32], want: &[f32]) -> f32 {
     assert_eq!(got.len(), want.len());
     let size = want.iter().fold(0.0_f32, |m, v| m.max(v.abs())).max(1e-20);
     got.iter().zip(want).fold(0.0_f32, |m, (a, b)| m.max(if a.is_finite() { (a - b).abs() } else { f32::MAX })) / size
 }
 
 /// Length of the difference relative to that of the vector.
-fn distance(got: &[f32], want: &[f32]) -> f64 {
+pub(super) fn distance(got: &[f32], want: &[f32]) -> f64 {
     let square = |v: f32| f64::from(v) * f64::from(v);
     let off: f64 = got.iter().zip(want).map(|(a, b)| square(a - b)).sum();
     (off / want.iter().map(|&b| square(b)).sum::<f64>().max(1e-40)).sqrt()
 }
 
-fn backend<'a>(gpu: &Gpu, images: Vec<TrainImage<'a>>, config: TrainConfig) -> GpuBackend<'a> {
+pub(super) fn backend<'a>(gpu: &Gpu, images: Vec<TrainImage<'a>>, config: TrainConfig) -> GpuBackend<'a> {
     let kernels = Arc::new(Kernels::new(gpu).unwrap());
     GpuBackend::new(gpu.clone(), kernels, images, config, 3).unwrap()
 }
 
-fn floats(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Vec<f32> {
+pub(super) fn floats(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Vec<f32> {
     bytemuck::cast_slice(&gpu.read(&[(buffer, count)]).unwrap()[0]).to_vec()
 }
 
 /// One step without an update on both devices, compared.
-fn compare(gpu: &Gpu, mut state: TrainState, seed: u64, config: TrainConfig, what: &str) {
+pub(super) fn compare(gpu: &Gpu, mut state: TrainState, seed: u64, config: TrainConfig, what: &str) {
     let images = images(seed);
     let mut backend = backend(gpu, images.clone(), config);
     backend.upload(state.clone()).unwrap();
@@ -181,7 +181,7 @@ fn moved_parts_agree_with_the_processor() {
 }
 
 /// Runs both devices for some steps from the same state; returns what they made of it.
-fn both(gpu: &Gpu, state: &TrainState, config: TrainConfig, steps: usize) -> [TrainState; 2] {
+pub(super) fn both(gpu: &Gpu, state: &TrainState, config: TrainConfig, steps: usize) -> [TrainState; 2] {
     let mut cpu = CpuBackend::new(images(9), config, 3).unwrap();
     let mut other = backend(gpu, images(9), config);
     let run = |backend: &mut dyn Backend| {

@@ -9,7 +9,7 @@ use artgs::fit::{Articulated, JointState};
 use wgpu::Buffer;
 
 /// Stretches of Gaussians whose gradients are summed side by side.
-const CHUNKS: u32 = 64;
+pub(crate) const CHUNKS: u32 = 64;
 /// Floats of a part in the array of the motions: values, first and second moments (8 each), middle, model, and four that
 /// round it up.
 const FLOATS: usize = 32;
@@ -84,10 +84,11 @@ impl Joints {
         Ok(())
     }
 
-    /// From the gradients by the motion of every Gaussian to the motions of the next step.
-    pub(crate) fn program(&self, gpu: &Gpu, k: &Kernels, g: &Gaussians, desk: &Desk) -> Program {
+    /// From the gradients by the motion of every Gaussian to the motions of the next step; `weights` of the parts, anything
+    /// where there are none.
+    pub(crate) fn program(&self, gpu: &Gpu, k: &Kernels, g: &Gaussians, weights: &Buffer, desk: &Desk) -> Program {
         let parts = self.parts as u32;
-        let sums = [&desk.steps, &g.labels, &g.d_motions, &self.partial];
+        let sums = [&desk.steps, &g.labels, &g.d_motions, weights, &self.partial];
         let update = [&desk.steps, &self.partial, &desk.control, &self.values, &desk.motions];
         vec![
             (k.sum_motions.on(gpu, &sums), Size::Grid([CHUNKS, parts, 1])),

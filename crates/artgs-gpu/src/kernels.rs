@@ -26,6 +26,21 @@ const LOSS: &str = include_str!("shaders/loss.wgsl");
 const RESULTS: &str = include_str!("shaders/results.wgsl");
 const SUM_MOTIONS: &str = include_str!("shaders/sum_motions.wgsl");
 const JOINTS: &str = include_str!("shaders/joints.wgsl");
+const HASH_GRID: &str = include_str!("shaders/hash_grid.wgsl");
+const HASH_GRID_BACK: &str = include_str!("shaders/hash_grid_back.wgsl");
+const HASH_GRID_STEP: &str = include_str!("shaders/hash_grid_step.wgsl");
+const MLP: &str = include_str!("shaders/mlp.wgsl");
+const MLP_LAYER: &str = include_str!("shaders/mlp_layer.wgsl");
+const MLP_BACK: &str = include_str!("shaders/mlp_back.wgsl");
+const ENCODE: &str = include_str!("shaders/encode.wgsl");
+const SOFTMAX: &str = include_str!("shaders/softmax.wgsl");
+const SOFTMAX_BACK: &str = include_str!("shaders/softmax_back.wgsl");
+const SUM_FRAMES: &str = include_str!("shaders/sum_frames.wgsl");
+const CENTRE: &str = include_str!("shaders/centre.wgsl");
+const ASSIGN: &str = include_str!("shaders/assign.wgsl");
+const ASSIGN_FRAMES: &str = include_str!("shaders/assign_frames.wgsl");
+const ASSIGN_STEP: &str = include_str!("shaders/assign_step.wgsl");
+const CHAMFER: &str = include_str!("shaders/chamfer.wgsl");
 const ADAM: &str = include_str!("shaders/adam.wgsl");
 
 /// Every kernel of a step.
@@ -51,6 +66,21 @@ pub(crate) struct Kernels {
     pub(crate) adam: Kernel,
     pub(crate) sum_motions: Kernel,
     pub(crate) update_joints: Kernel,
+    pub(crate) make_frames: Kernel,
+    pub(crate) encode: Kernel,
+    pub(crate) linear: Kernel,
+    pub(crate) softmax: Kernel,
+    pub(crate) chamfer: Kernel,
+    pub(crate) sum_chamfer: Kernel,
+    pub(crate) sum_masses: Kernel,
+    pub(crate) pull_centres: Kernel,
+    pub(crate) softmax_back: Kernel,
+    pub(crate) products: Kernel,
+    pub(crate) sum_frames: Kernel,
+    pub(crate) find_largest: Kernel,
+    pub(crate) scatter_gradients: Kernel,
+    pub(crate) update_assignment: Kernel,
+    pub(crate) update_grid: Kernel,
 }
 
 impl Kernels {
@@ -60,6 +90,10 @@ impl Kernels {
         let sort = [Constant, Read, Read, Read, Write, Write, Write];
         let list = [Step, Read, Read, Read, Write, Write, Write, Write, Write, Write];
         let blend_back = [Step, Read, Read, Read, Read, Read, Read, Read, Read, Read, Read, Read, Read, Write];
+        let scatter = [Step, Read, Read, Read, Write, Write];
+        let centre = [Step, Read, Read, Read, Write, Write, Write];
+        let chamfer = [Step, Read, Read, Read, Constant, Read, Read, Write, Write, Write];
+        let softmax_back = [Step, Read, Read, Read, Read, Read, Read, Read, Write, Write, Write];
         let gather = [Step, Read, Read, Read, Read, Read, Read, Read, Read, Write, Write, Write];
         compiled(gpu, || {
             let new = |name: &'static str, sources: &[&str], uses: &[Use]| Kernel::new(gpu, name, sources, uses);
@@ -97,8 +131,35 @@ impl Kernels {
                 collect: new("collect", &[COMMON, RESULTS], &[Step, Read, Read, Read, Read, Write]),
                 blend_back: new("blend_back", &[COMMON, BLEND_BACK], &blend_back),
                 gather: new("gather", &[COMMON, QUATERNION, GATHER, WARP, SH, SH_ADJOINT, CHAIN], &gather),
-                sum_motions: new("sum_motions", &[COMMON, SUM_MOTIONS], &[Step, Read, Read, Write]),
+                sum_motions: new("sum_motions", &[COMMON, SUM_MOTIONS], &[Step, Read, Read, Read, Write]),
                 update_joints: new("update_joints", &[COMMON, QUATERNION, JOINTS], &[Step, Read, Read, Write, Write]),
+                make_frames: new(
+                    "make_frames",
+                    &[COMMON, QUATERNION, ASSIGN, ASSIGN_FRAMES],
+                    &[Step, Read, Write, Write],
+                ),
+                encode: new("encode", &[COMMON, ENCODE, HASH_GRID], &[Step, Read, Read, Read, Read, Write]),
+                linear: new("linear", &[COMMON, MLP, MLP_LAYER], &[Step, Constant, Read, Read, Read, Write]),
+                softmax: new("softmax", &[COMMON, SOFTMAX], &[Step, Read, Read, Read, Write, Write, Write, Write]),
+                chamfer: new("chamfer", &[COMMON, QUATERNION, CHAMFER, WARP], &chamfer),
+                sum_chamfer: new("sum_chamfer", &[COMMON, QUATERNION, CHAMFER, WARP], &chamfer),
+                sum_masses: new("sum_masses", &[COMMON, CENTRE], &centre),
+                pull_centres: new("pull_centres", &[COMMON, CENTRE], &centre),
+                softmax_back: new("softmax_back", &[COMMON, SOFTMAX_BACK], &softmax_back),
+                products: new("products", &[COMMON, MLP, MLP_BACK], &[Step, Constant, Read, Read, Write]),
+                sum_frames: new("sum_frames", &[COMMON, SUM_FRAMES], &[Step, Read, Read, Read, Read, Read, Write]),
+                find_largest: new("find_largest", &[COMMON, HASH_GRID, HASH_GRID_BACK], &scatter),
+                scatter_gradients: new("scatter_gradients", &[COMMON, HASH_GRID, HASH_GRID_BACK], &scatter),
+                update_assignment: new(
+                    "update_assignment",
+                    &[COMMON, QUATERNION, ASSIGN, ASSIGN_STEP],
+                    &[Step, Read, Read, Read, Read, Write, Write, Write],
+                ),
+                update_grid: new(
+                    "update_grid",
+                    &[COMMON, HASH_GRID, HASH_GRID_STEP],
+                    &[Step, Read, Read, Read, Write, Write, Write],
+                ),
                 adam: new("adam", &[COMMON, ADAM], &[Step, Read, Read, Write, Write, Write]),
             }
         })

@@ -2,10 +2,12 @@
 //! under the same names.
 
 mod backend;
+mod chamfer;
 mod device;
 mod joints;
 mod kernel;
 mod kernels;
+mod learnt;
 mod picture;
 mod scene;
 mod step;

@@ -92,6 +92,8 @@ pub(crate) struct Desk {
     pub(crate) results: Buffer,
     /// Half motions at both states, `[2][K][2]` quaternions.
     pub(crate) motions: Buffer,
+    /// Chamfer term and pull of the centres of the steps of a batch.
+    pub(crate) extras: Buffer,
     digits: Vec<Buffer>,
 }
 
@@ -240,6 +242,7 @@ impl Desk {
             arguments: gpu.array("arguments", 12, 4)?,
             results: gpu.array("results", 2 * steps, 16)?,
             motions: gpu.array("motions", 4 * parts.max(1), 16)?,
+            extras: gpu.array("terms of parts", 2 * steps, 4)?,
             digits: (0..DEPTH_BITS / DIGIT).map(digit).collect(),
         })
     }
@@ -280,11 +283,19 @@ impl Size {
     }
 }
 
-/// From parameters to the frame.
-pub(crate) fn forward(gpu: &Gpu, k: &Kernels, g: &Gaussians, room: &Room, canvas: &Canvas, desk: &Desk) -> Program {
+/// From parameters to the frame; `motions` are those of the parts or, where these are weighted, of the Gaussians.
+pub(crate) fn forward(
+    gpu: &Gpu,
+    k: &Kernels,
+    g: &Gaussians,
+    motions: &Buffer,
+    room: &Room,
+    canvas: &Canvas,
+    desk: &Desk,
+) -> Program {
     let (n, per_thread, per_block) = (g.n, Size::Count(g.n.div_ceil(256)), Size::Count(g.n.div_ceil(BLOCK)));
     let mut out: Program = Vec::new();
-    let arrays = [&desk.steps, &g.params, &g.labels, &desk.motions, &g.flats, &g.keys[0], &g.order[0], &g.counts];
+    let arrays = [&desk.steps, &g.params, &g.labels, motions, &g.flats, &g.keys[0], &g.order[0], &g.counts];
     out.push((k.project.on(gpu, &arrays), per_thread));
     let depth = Sort { keys: &g.keys, values: &g.order, histogram: &g.histogram, length: &g.length };
     debug_assert_eq!(DEPTH_BITS / DIGIT % 2, 0, "the sorted order ends where it began");
@@ -340,8 +351,16 @@ pub(crate) fn forward(gpu: &Gpu, k: &Kernels, g: &Gaussians, room: &Room, canvas
     out
 }
 
-/// From the gradient of the frame to that of the parameters.
-pub(crate) fn backward(gpu: &Gpu, k: &Kernels, g: &Gaussians, room: &Room, canvas: &Canvas, desk: &Desk) -> Program {
+/// From the gradient of the frame to that of the parameters; `motions` as in [`forward`].
+pub(crate) fn backward(
+    gpu: &Gpu,
+    k: &Kernels,
+    g: &Gaussians,
+    motions: &Buffer,
+    room: &Room,
+    canvas: &Canvas,
+    desk: &Desk,
+) -> Program {
     let sorted = tile_passes(canvas.tiles) as usize % 2;
     let arrays = [
         &desk.steps,
@@ -364,7 +383,7 @@ pub(crate) fn backward(gpu: &Gpu, k: &Kernels, g: &Gaussians, room: &Room, canva
         &desk.steps,
         &g.params,
         &g.labels,
-        &desk.motions,
+        motions,
         &g.flats,
         &g.counts,
         &g.starts,

@@ -15,6 +15,11 @@ pub(crate) const EXACT_WARP: u32 = 32;
 pub(crate) const ROTATE_SH: u32 = 64;
 pub(crate) const ARTICULATED: u32 = 128;
 pub(crate) const LEARN_JOINTS: u32 = 256;
+pub(crate) const WEIGHTED: u32 = 512;
+pub(crate) const HARD: u32 = 1024;
+pub(crate) const GUMBEL: u32 = 2048;
+pub(crate) const CENTRE: u32 = 4096;
+pub(crate) const CHAMFER: u32 = 8192;
 
 /// Twin of `Step` in `common.wgsl`; see there for what the fields mean.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -55,7 +60,19 @@ pub(crate) struct Step {
     pub(crate) joint_rate: f32,
     pub(crate) joint_corrections: [f32; 2],
     pub(crate) length_unit: f32,
-    spare: f32,
+    pub(crate) scale_factor: f32,
+    pub(crate) origin: [f32; 3],
+    pub(crate) coordinate_scale: f32,
+    pub(crate) noise: [u32; 2],
+    pub(crate) assign_corrections: [f32; 2],
+    pub(crate) assign_rate: f32,
+    pub(crate) inverse_temperature: f32,
+    pub(crate) shift_weight: f32,
+    pub(crate) centre_scale: f32,
+    pub(crate) learning_levels: u32,
+    pub(crate) levels: u32,
+    pub(crate) hidden: u32,
+    pub(crate) chamfer_share: f32,
 }
 
 impl Step {

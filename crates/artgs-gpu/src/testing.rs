@@ -2,11 +2,12 @@
 
 use crate::{Gpu, GpuError};
 use artgs::articulation::{MotionModel, MotionParameters};
-use artgs::fit::{Articulated, DeformConfig, DepthPick, LogLinear, Membership, TrainImage};
+use artgs::fit::{Articulated, ChamferTargets, DeformConfig, DepthPick, LogLinear, Membership, TrainImage};
 use artgs_core::{Camera, DepthMap, Intrinsics, Rigid, Splats, View};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use std::sync::Arc;
 
 /// Any device, also one in software; none with a word about it where there is no driver, unless `ARTGS_REQUIRE_GPU` is set.
 ///
@@ -78,8 +79,19 @@ pub(crate) fn images(seed: u64) -> Vec<TrainImage<'static>> {
         .collect()
 }
 
-/// Four parts: one stays, the others have one kind of motion each.
+/// Five parts with random Gaussians.
 pub(crate) fn articulated(rng: &mut Pcg64Mcg, n: usize, exact: bool, learn_joints: bool) -> Articulated {
+    let labels = (0..n).map(|_| rng.random_range(0..5)).collect();
+    parts(Membership::Labels(labels), exact, learn_joints, None)
+}
+
+/// Five parts: one stays, the others have one kind of motion each.
+pub(crate) fn parts(
+    membership: Membership,
+    exact: bool,
+    learn_joints: bool,
+    targets: Option<Arc<ChamferTargets>>,
+) -> Articulated {
     let axis = DVec3::new(0.2, 0.9, -0.4).normalize();
     let turn = Rigid::about(axis, DVec3::new(0.3, 0.2, 0.5), 0.7);
     let joints = [
@@ -90,7 +102,6 @@ pub(crate) fn articulated(rng: &mut Pcg64Mcg, n: usize, exact: bool, learn_joint
     ];
     let middles = vec![DVec3::new(0.3, 0.1, 0.2), DVec3::ZERO, DVec3::new(-0.2, 0.3, 0.1), DVec3::new(0.1, 0.0, 0.4)];
     let joints = joints.map(|(model, motion)| MotionParameters::from_motion(model, &motion)).to_vec();
-    let labels = (0..n).map(|_| rng.random_range(0..5)).collect();
     let rate = LogLinear { from: 5e-3, to: 1e-3, steps: 100 };
     let config = DeformConfig {
         exact,
@@ -99,9 +110,9 @@ pub(crate) fn articulated(rng: &mut Pcg64Mcg, n: usize, exact: bool, learn_joint
         joint_rate: rate,
         assign_rate: rate,
         length_unit: 0.8,
-        chamfer: 0.0,
-        chamfer_steps: [0, 0],
+        chamfer: if targets.is_some() { 0.5 } else { 0.0 },
+        chamfer_steps: [0, 100],
         centre_after: 0,
     };
-    Articulated::new(Membership::Labels(labels), joints, middles, None, config, 1)
+    Articulated::new(membership, joints, middles, targets, config, 1)
 }

@@ -57,14 +57,14 @@ fn chain_of(i: u32, at: Placed) -> Chain {
 // Viewing direction in the frame of the harmonics.
 fn to_frame(i: u32, world: vec3f) -> vec3f {
     if has(step.flags, ARTICULATED) && has(step.flags, ROTATE_SH) {
-        return world * matrix(motion_of(i).r);
+        return world * frame_of(i);
     }
     return world;
 }
 
 fn from_frame(i: u32, local: vec3f) -> vec3f {
     if has(step.flags, ARTICULATED) && has(step.flags, ROTATE_SH) {
-        return matrix(motion_of(i).r) * local;
+        return frame_of(i) * local;
     }
     return local;
 }

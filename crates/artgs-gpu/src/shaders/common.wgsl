@@ -49,7 +49,26 @@ struct Step {
     // Bias corrections `1 - beta^t` of the motions.
     joint_corrections: vec2f,
     length_unit: f32,
-    spare: f32,
+    // Factor on the scales of parts.
+    scale_factor: f32,
+    // Coordinates that hash grid and perceptron see: `(x - origin) coordinate_scale`.
+    origin: vec3f,
+    coordinate_scale: f32,
+    // Seed of the noise of this step.
+    noise: vec2u,
+    // Bias corrections `1 - beta^t` of a learnt membership.
+    assign_corrections: vec2f,
+    assign_rate: f32,
+    inverse_temperature: f32,
+    shift_weight: f32,
+    // Pull of the centres over the number of their coordinates.
+    centre_scale: f32,
+    // Levels of the hash grid that learn, and all of them.
+    learning_levels: u32,
+    levels: u32,
+    hidden: u32,
+    // Weight of the Chamfer term over the number of Gaussians.
+    chamfer_share: f32,
 }
 
 const DOUBLE_ALPHA: u32 = 1u;
@@ -61,6 +80,15 @@ const EXACT_WARP: u32 = 32u;
 const ROTATE_SH: u32 = 64u;
 const ARTICULATED: u32 = 128u;
 const LEARN_JOINTS: u32 = 256u;
+// Parts are weighted: `motions` holds the blended motion of every Gaussian and the rotation of its heaviest part.
+const WEIGHTED: u32 = 512u;
+const HARD: u32 = 1024u;
+const GUMBEL: u32 = 2048u;
+const CENTRE: u32 = 4096u;
+const CHAMFER: u32 = 8192u;
+// Numbers per part: centre, log scales, quaternion.
+const FRAME: u32 = 10u;
+const FEATURES: u32 = 2u;
 
 // Words of `control`.
 const TOTAL: u32 = 0u;

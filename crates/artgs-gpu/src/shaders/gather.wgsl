@@ -121,7 +121,7 @@ fn write_nothing(i: u32) {
         grads[at + k] = 0.0;
     }
     grads[at_logit(step.n, i)] = entropy_adjoint(params[at_logit(step.n, i)]);
-    if has(step.flags, LEARN_JOINTS) {
+    if has(step.flags, LEARN_JOINTS | WEIGHTED) {
         d_motions[2u * i] = vec4f(0.0);
         d_motions[2u * i + 1u] = vec4f(0.0);
     }
@@ -138,7 +138,7 @@ fn place_back(i: u32, d_mean: vec3f, d_rotation: vec4f) {
     let exact = has(step.flags, EXACT_WARP);
     write3(3u * i, select(d_mean, d_mean * matrix(m.r), exact));
     write_rotation(i, multiply(conjugate(m.r), d_rotation));
-    if has(step.flags, LEARN_JOINTS) {
+    if has(step.flags, LEARN_JOINTS | WEIGHTED) {
         let at = canonical(i);
         var by_r = vec4f(0.0);
         if exact {

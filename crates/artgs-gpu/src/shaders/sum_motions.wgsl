@@ -3,7 +3,9 @@
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> labels: array<u32>;
 @group(0) @binding(2) var<storage, read> d_motions: array<vec4f>;
-@group(0) @binding(3) var<storage, read_write> partial: array<vec4f>;
+// `[K][n]`, where parts are weighted.
+@group(0) @binding(3) var<storage, read> weights: array<f32>;
+@group(0) @binding(4) var<storage, read_write> partial: array<vec4f>;
 
 var<workgroup> reals: array<vec4f, 256>;
 var<workgroup> duals: array<vec4f, 256>;
@@ -14,8 +16,13 @@ fn sum_motions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
     let end = min((group.x + 1u) * each, step.n);
     var real = vec4f(0.0);
     var dual = vec4f(0.0);
+    let weighted = has(step.flags, WEIGHTED);
     for (var i = group.x * each + lane; i < end; i += 256u) {
-        if labels[i] == group.y {
+        if weighted {
+            let w = weights[group.y * step.n + i];
+            real += w * d_motions[2u * i];
+            dual += w * d_motions[2u * i + 1u];
+        } else if labels[i] == group.y {
             real += d_motions[2u * i];
             dual += d_motions[2u * i + 1u];
         }

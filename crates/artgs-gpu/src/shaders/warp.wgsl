@@ -1,4 +1,5 @@
-// Canonical Gaussians to the state of a photograph, and back. Twin of `artgs::articulation::warp` for fixed labels.
+// Canonical Gaussians to the state of a photograph, and back. Twin of `artgs::articulation::warp`. Weighted
+// sums of motions are made beforehand, by `softmax`.
 // Needs `step`, `params`, `labels` and `motions`.
 
 // A rigid motion as a unit quaternion and the dual part over the same length.
@@ -23,8 +24,19 @@ fn canonical(i: u32) -> Placed {
 }
 
 fn motion_of(i: u32) -> Motion {
+    if has(step.flags, WEIGHTED) {
+        return Motion(motions[3u * i], motions[3u * i + 1u]);
+    }
     let k = 2u * (step.pose * step.parts + labels[i]);
     return Motion(motions[k], motions[k + 1u]);
+}
+
+// Rotation from the frame of the harmonics to the world: that of the heaviest part.
+fn frame_of(i: u32) -> mat3x3f {
+    if has(step.flags, WEIGHTED) {
+        return matrix(motions[3u * i + 2u]);
+    }
+    return matrix(motion_of(i).r);
 }
 
 fn placed(i: u32) -> Placed {
@@ -37,8 +49,8 @@ fn placed(i: u32) -> Placed {
     return p;
 }
 
-// Gradient by the blended sums of a motion, from those by the warped centre and by `r` otherwise. The sums are of unit
-// length, so they are not divided by it.
+// Gradient by the blended sums of a motion, from those by the warped centre and by `r` otherwise. Of labels the sums are
+// of unit length; where they are not, `softmax_back` divides by the length.
 fn motion_adjoint(m: Motion, x: vec3f, g: vec3f, by_r: vec4f) -> Motion {
     let w = m.r.x;
     let v = m.r.yzw;

@@ -5,7 +5,7 @@
 
 use super::adam::{Adam, corrections};
 use super::block::{Block, Frame, Model, PART_SUMS, Partial, gumbel};
-use super::hash_grid::{FEATURES, HashGrid, HashGridConfig};
+use super::hash_grid::{FEATURES, GridTable, HashGrid, HashGridConfig};
 use super::mlp::{LANES, Mlp};
 use super::normal;
 use super::quaternion::{matrix, matrix_vjp, normalise, normalise_vjp};
@@ -128,14 +128,14 @@ impl AssignConfig {
     }
 
     /// What logits are multiplied by before the softmax, for `parts` parts.
-    pub(super) fn inverse_temperature(&self, step: usize, parts: usize) -> f32 {
+    pub fn inverse_temperature(&self, step: usize, parts: usize) -> f32 {
         let movable = (parts.max(2) - 1) as f64;
         let divisor = if self.divide_temperature_by_movable { movable } else { 1.0 };
         (divisor / self.temperature(step)) as f32
     }
 
     /// Levels of the hash grid that learn at a step.
-    pub(super) fn active_levels(&self, step: usize) -> usize {
+    pub fn active_levels(&self, step: usize) -> usize {
         (self.initial_levels + step / self.steps_per_level.max(1)).min(self.grid.levels)
     }
 
@@ -149,6 +149,18 @@ impl AssignConfig {
     pub fn is_hard(&self, step: usize) -> bool {
         self.temperature(step) - self.end_temperature < self.hard_margin
     }
+}
+
+/// What training changes of the module, for devices that train it elsewhere.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AssignState {
+    /// Ten numbers per part, `[K]`: centre, log-scales, quaternion (w, x, y, z); then the perceptron's W1
+    /// `[hidden][inputs]`, b1, W2 `[2 K][hidden]`, b2.
+    pub values: Vec<f32>,
+    /// First and second moments of `values`.
+    pub moments: Vec<[f64; 2]>,
+    /// Levels of the hash grid.
+    pub grid: Vec<GridTable>,
 }
 
 /// The module with its optimiser and scratch memory.
@@ -236,6 +248,40 @@ impl PartAssignment {
     /// Centres as learnt so far, `[K]`.
     pub fn centres(&self) -> Vec<[f32; 3]> {
         self.frames.chunks_exact(FRAME).map(|f| [f[0], f[1], f[2]]).collect()
+    }
+
+    /// Lower corner and inverse longest side of the object; zero and one for world coordinates.
+    pub fn normalisation(&self) -> ([f32; 3], f32) {
+        self.normalisation
+    }
+
+    /// Number of entries of each level of the hash grid.
+    pub fn entries(&self) -> Vec<usize> {
+        (0..self.grid.levels()).map(|level| self.grid.entries(level)).collect()
+    }
+
+    /// Parameters and their optimisers.
+    pub fn state(&self) -> AssignState {
+        let values = self.frames.iter().chain(self.mlp.params()).copied().collect();
+        AssignState { values, moments: self.adam.moments().to_vec(), grid: self.grid.tables() }
+    }
+
+    /// Takes over what [`state`](Self::state) has given out, as it is after all steps counted so far.
+    pub fn set_state(&mut self, state: &AssignState) {
+        let params = self.frames.iter_mut().chain(self.mlp.params_mut());
+        params.zip(&state.values).for_each(|(to, v)| *to = *v);
+        self.adam.moments_mut().iter_mut().zip(&state.moments).for_each(|(to, m)| *to = *m);
+        self.grid.take_over(&state.grid, self.steps);
+    }
+
+    /// Counts a step that was made elsewhere; [`set_state`](Self::set_state) must follow before the next one made here.
+    pub fn count_step(&mut self) {
+        self.steps += 1;
+    }
+
+    /// Bias corrections `1 - beta^t` of the `ahead`-th step from here on.
+    pub fn corrections(&self, ahead: u32) -> [f64; 2] {
+        corrections(self.steps + ahead)
     }
 
     fn local_frames(&self) -> Vec<Frame> {

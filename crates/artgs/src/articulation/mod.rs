@@ -16,9 +16,9 @@ pub mod slot_assign;
 mod slot_cell;
 pub mod warp;
 
-pub use assign::{AssignConfig, AssignKind, PartAssignment, SlotConfig};
+pub use assign::{AssignConfig, AssignKind, AssignState, PartAssignment, SlotConfig};
 pub use assignment::Assignment;
-pub use hash_grid::{HashGrid, HashGridConfig};
+pub use hash_grid::{GridTable, HashGrid, HashGridConfig};
 pub use joints::{MotionModel, MotionParameters};
 pub use mlp_assign::MlpAssignment;
 pub use slot_assign::SlotAssignment;

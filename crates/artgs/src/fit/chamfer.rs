@@ -19,6 +19,11 @@ impl ChamferTargets {
         Self { points: points.clone(), trees: [0, 1].map(|state: usize| PointTree::new(&points[state])) }
     }
 
+    /// Centres of a state.
+    pub fn points(&self, state: usize) -> &[[f32; 3]] {
+        &self.points[state]
+    }
+
     /// `weight mean_i min_j |x_i - y_j|^2` over all `means`; writes its gradient by them to `d_means`, `[n]`.
     /// `sums` is scratch memory. Without targets, and for centres that are not finite, nothing.
     pub fn evaluate(

@@ -9,7 +9,7 @@ use crate::articulation::{Warp, WarpGradients, WarpInput};
 use artgs_core::{Rigid, Splats};
 use artgs_raster::{Colors, ShFrames, SplatGrads, SplatView};
 use glam::DVec3;
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::sync::Arc;
 
@@ -140,9 +140,14 @@ impl Articulated {
         &self.config
     }
 
-    /// True if the Chamfer term acts at some step.
-    pub fn has_targets(&self) -> bool {
-        self.targets.is_some() && self.config.chamfer > 0.0
+    /// Where the Chamfer term pulls Gaussians to, if it acts at some step.
+    pub fn targets(&self) -> Option<&Arc<ChamferTargets>> {
+        self.targets.as_ref().filter(|_| self.config.chamfer > 0.0)
+    }
+
+    /// Seed of the noise of a learnt membership for a device that draws its own.
+    pub fn noise_seed(&self) -> u64 {
+        self.rng.clone().random()
     }
 
     /// Half motions of all parts as dual quaternions, `[K]`, the static one first, world frame.
@@ -177,9 +182,14 @@ impl Articulated {
         }
     }
 
-    /// Counts an update of the motions that was made elsewhere.
+    /// Counts an update of motions and membership that was made elsewhere.
     pub fn count_update(&mut self) {
         self.updates += u32::from(self.config.learn_joints);
+        if let Membership::Learned(assignment) = &mut self.membership
+            && let Assignment::Centres(module) = &mut **assignment
+        {
+            module.count_step();
+        }
     }
 
     /// Bias corrections `1 - beta^t` of the `ahead`-th update of the motions from here on.

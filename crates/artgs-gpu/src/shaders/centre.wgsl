@@ -1,0 +1,72 @@
+// The pull of centres to the opacity-weighted means of their parts. Twin of `centre_regulariser` in
+// `artgs::articulation::assign`.
+
+@group(0) @binding(0) var<uniform> step: Step;
+@group(0) @binding(1) var<storage, read> params: array<f32>;
+@group(0) @binding(2) var<storage, read> weights: array<f32>;
+@group(0) @binding(3) var<storage, read> values: array<f32>;
+// `[K][chunks]`: weighted sums of positions, and the weight.
+@group(0) @binding(4) var<storage, read_write> masses: array<vec4f>;
+@group(0) @binding(5) var<storage, read_write> pulls: array<vec4f>;
+// What the terms that act on parts alone were like, two numbers for each step.
+@group(0) @binding(6) var<storage, read_write> extras: array<f32>;
+
+const OPACITY_FLOOR: f32 = 1e-5;
+
+var<workgroup> own: array<vec4f, 128>;
+
+@compute @workgroup_size(128)
+fn sum_masses(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let n = step.n;
+    let each = (n + step.chunks - 1u) / step.chunks;
+    var end = min((group.x + 1u) * each, n);
+    if !has(step.flags, CENTRE) {
+        end = 0u;
+    }
+    var sum = vec4f(0.0);
+    for (var i = group.x * each + lane; i < end; i += 128u) {
+        let mass = weights[group.y * n + i] / (1.0 + exp(-params[at_logit(n, i)]));
+        sum += mass * vec4f(params[3u * i], params[3u * i + 1u], params[3u * i + 2u], 1.0);
+    }
+    own[lane] = sum;
+    workgroupBarrier();
+    for (var reach = 64u; reach > 0u; reach /= 2u) {
+        if lane < reach {
+            own[lane] += own[lane + reach];
+        }
+        workgroupBarrier();
+    }
+    if lane == 0u {
+        masses[group.y * step.chunks + group.x] = own[0];
+    }
+}
+
+// One workgroup, few parts.
+@compute @workgroup_size(128)
+fn pull_centres(@builtin(local_invocation_index) lane: u32) {
+    var loss = 0.0;
+    for (var k = lane; k < step.parts && has(step.flags, CENTRE); k += 128u) {
+        var total = vec4f(0.0);
+        for (var c = 0u; c < step.chunks; c++) {
+            total += masses[k * step.chunks + c];
+        }
+        let mass = total.w + OPACITY_FLOOR;
+        let mean = total.xyz / mass;
+        let centre = vec3f(values[FRAME * k], values[FRAME * k + 1u], values[FRAME * k + 2u]);
+        let gap = centre - mean;
+        loss += step.centre_scale * dot(gap, gap);
+        pulls[2u * k] = vec4f(mean, 0.0);
+        pulls[2u * k + 1u] = vec4f(-2.0 * step.centre_scale * gap / mass, 0.0);
+    }
+    own[lane] = vec4f(loss);
+    workgroupBarrier();
+    for (var reach = 64u; reach > 0u; reach /= 2u) {
+        if lane < reach {
+            own[lane] += own[lane + reach];
+        }
+        workgroupBarrier();
+    }
+    if lane == 0u {
+        extras[2u * step.slot + 1u] = own[0].x;
+    }
+}

@@ -1,0 +1,120 @@
+// One-sided Chamfer distance from moved Gaussians to targets in a uniform grid. Twin of `artgs::fit::chamfer` and of its
+// call in `artgs::fit::deform`: gradients reach only motions and weights.
+
+@group(0) @binding(0) var<uniform> step: Step;
+@group(0) @binding(1) var<storage, read> params: array<f32>;
+@group(0) @binding(2) var<storage, read> labels: array<u32>;
+@group(0) @binding(3) var<storage, read> motions: array<vec4f>;
+@group(0) @binding(4) var<uniform> grids: array<Grid, 2>;
+// Where the points of each cell begin, x fastest, and one past the last; both states one after the other.
+@group(0) @binding(5) var<storage, read> cells: array<u32>;
+@group(0) @binding(6) var<storage, read> points: array<vec4f>;
+@group(0) @binding(7) var<storage, read_write> d_motions: array<vec4f>;
+@group(0) @binding(8) var<storage, read_write> squares: array<f32>;
+@group(0) @binding(9) var<storage, read_write> extras: array<f32>;
+
+struct Grid {
+    origin: vec3f,
+    side: f32,
+    size: vec3u,
+    // Where the cells of a state begin.
+    begin: u32,
+    // Number of points.
+    count: u32,
+    pad_a: u32,
+    pad_b: u32,
+    pad_c: u32,
+}
+
+// Nearest point so far, squared distance in w.
+fn look(best: vec4f, x: vec3f, begin: u32, end: u32) -> vec4f {
+    var nearest = best;
+    for (var k = cells[begin]; k < cells[end]; k++) {
+        let y = points[k].xyz;
+        let square = dot(x - y, x - y);
+        if square < nearest.w {
+            nearest = vec4f(y, square);
+        }
+    }
+    return nearest;
+}
+
+// Searches rings of cells around that of `x`, or around the nearest one to it, until no nearer point is possible: beyond
+// ring `r` points are at least `r` sides away, besides the way from `x` to the grid.
+fn nearest_of(grid: Grid, x: vec3f) -> vec4f {
+    let size = vec3i(grid.size);
+    let place = (x - grid.origin) / grid.side;
+    let here = vec3i(clamp(floor(place), vec3f(0.0), vec3f(size - 1)));
+    let beside = x - clamp(x, grid.origin, grid.origin + grid.side * vec3f(size));
+    var best = vec4f(x, LARGEST);
+    let last = max(size.x, max(size.y, size.z));
+    for (var r = 0; r < last; r++) {
+        let low = max(here - r, vec3i(0));
+        let high = min(here + r, size - 1);
+        for (var z = low.z; z <= high.z; z++) {
+            for (var y = low.y; y <= high.y; y++) {
+                let row = grid.begin + u32((z * size.y + y) * size.x);
+                if abs(z - here.z) == r || abs(y - here.y) == r {
+                    best = look(best, x, row + u32(low.x), row + u32(high.x) + 1u);
+                } else {
+                    if here.x - r >= 0 {
+                        best = look(best, x, row + u32(here.x - r), row + u32(here.x - r) + 1u);
+                    }
+                    if here.x + r < size.x {
+                        best = look(best, x, row + u32(here.x + r), row + u32(here.x + r) + 1u);
+                    }
+                }
+            }
+        }
+        // A little less than the bound: cells are told apart with rounding.
+        let reach = 0.999 * f32(r) * grid.side;
+        if best.w <= reach * reach + dot(beside, beside) {
+            break;
+        }
+    }
+    return best;
+}
+
+@compute @workgroup_size(128)
+fn chamfer(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let i = group.x * 128u + lane;
+    if i >= step.n {
+        return;
+    }
+    squares[i] = 0.0;
+    if !has(step.flags, CHAMFER) || grids[step.pose].count == 0u {
+        return;
+    }
+    let at = placed(i).mean;
+    if any(!(abs(at) < vec3f(LARGEST))) {
+        return;
+    }
+    let nearest = nearest_of(grids[step.pose], at);
+    squares[i] = nearest.w;
+    let pull = 2.0 * step.chamfer_share * (at - nearest.xyz);
+    let d = motion_adjoint(motion_of(i), canonical(i).mean, pull, vec4f(0.0));
+    d_motions[2u * i] += d.r;
+    d_motions[2u * i + 1u] += d.s;
+}
+
+var<workgroup> own: array<f32, 256>;
+
+// One workgroup.
+@compute @workgroup_size(256)
+fn sum_chamfer(@builtin(local_invocation_index) lane: u32) {
+    var sum = 0.0;
+    for (var i = lane; i < step.n; i += 256u) {
+        sum += squares[i];
+    }
+    own[lane] = sum;
+    workgroupBarrier();
+    for (var reach = 128u; reach > 0u; reach /= 2u) {
+        if lane < reach {
+            own[lane] += own[lane + reach];
+        }
+        workgroupBarrier();
+    }
+    if lane == 0u {
+        extras[2u * step.slot] = step.chamfer_share * own[0];
+    }
+}

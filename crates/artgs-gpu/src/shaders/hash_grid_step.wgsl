@@ -1,0 +1,63 @@
+// One Adam update of every entry of the levels that learn. Twin of `HashGrid::adam_step`, which visits only entries with a
+// gradient and adds the drift of the others where it reads them.
+
+@group(0) @binding(0) var<uniform> step: Step;
+@group(0) @binding(1) var<storage, read> control: array<u32>;
+@group(0) @binding(2) var<storage, read> levels: array<Level>;
+@group(0) @binding(3) var<storage, read> largest: array<u32>;
+@group(0) @binding(4) var<storage, read_write> sums: array<vec4u>;
+@group(0) @binding(5) var<storage, read_write> table: array<vec2f>;
+// First moments, second moments.
+@group(0) @binding(6) var<storage, read_write> moments: array<vec4f>;
+
+// Moments below this are set to zero, as on the processor.
+const FLUSH: f32 = 1e-30;
+
+// Of a sum in two words, in units of the upper one.
+fn number_of(words: vec2u) -> f32 {
+    var low = words.x;
+    var high = words.y;
+    let negative = (high & 0x80000000u) != 0u;
+    if negative {
+        high = ~high;
+        low = ~low + 1u;
+        high += select(0u, 1u, low == 0u);
+    }
+    let size = f32(high) + f32(low) / 4294967296.0;
+    return select(size, -size, negative);
+}
+
+@compute @workgroup_size(256)
+fn update_grid(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    if group.y >= step.learning_levels {
+        return;
+    }
+    let level = levels[group.y];
+    let most = bitcast<f32>(largest[group.y]);
+    let corrections = step.assign_corrections;
+    for (var e = group.x * 256u + lane; e < level.size; e += groups.x * 256u) {
+        let i = level.begin + e;
+        let words = sums[i];
+        if any(words != vec4u(0u)) {
+            sums[i] = vec4u(0u);
+        }
+        let before = moments[i];
+        if control[OVERFLOW] != 0u || (all(words == vec4u(0u)) && all(before == vec4f(0.0))) {
+            continue;
+        }
+        var g = vec2f(0.0);
+        if usable(most) {
+            g = vec2f(number_of(words.xy), number_of(words.zw)) / units_per_gradient(most);
+        }
+        var m = 0.9 * before.xy + 0.1 * g;
+        var v = 0.999 * before.zw + 0.001 * g * g;
+        m = select(m, vec2f(0.0), abs(m) < vec2f(FLUSH));
+        v = select(v, vec2f(0.0), v < vec2f(FLUSH));
+        moments[i] = vec4f(m, v);
+        table[i] -= step.assign_rate * (m / corrections.x) / (sqrt(v) * inverseSqrt(corrections.y) + 1e-15);
+    }
+}

@@ -1,0 +1,53 @@
+// Gradients by the frame of a part, summed over a stretch of Gaussians in a fixed order. Twin of `frame_backward` in
+// `artgs::articulation::block`.
+
+@group(0) @binding(0) var<uniform> step: Step;
+@group(0) @binding(1) var<storage, read> params: array<f32>;
+@group(0) @binding(2) var<storage, read> frames: array<vec4f>;
+@group(0) @binding(3) var<storage, read> inputs: array<f32>;
+@group(0) @binding(4) var<storage, read> d_inputs: array<f32>;
+@group(0) @binding(5) var<storage, read> d_distances: array<f32>;
+// `[K][chunks][5]`: by the vector before scaling, by log scales, and the products of the former with `x - centre`, row by row.
+@group(0) @binding(6) var<storage, read_write> partial: array<vec4f>;
+
+var<workgroup> sums: array<array<vec3f, 5>, 128>;
+
+@compute @workgroup_size(128)
+fn sum_frames(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let n = step.n;
+    let each = (n + step.chunks - 1u) / step.chunks;
+    let end = min((group.x + 1u) * each, n);
+    let f = 4u * group.y;
+    let inverse_scale = vec3f(frames[f + 1u].w, frames[f + 2u].w, frames[f + 3u].w);
+    var own: array<vec3f, 5>;
+    for (var i = group.x * each + lane; i < end; i += 128u) {
+        let at = f * n + i;
+        let here = vec3f(inputs[at], inputs[at + n], inputs[at + 2u * n]);
+        let norm = inputs[at + 3u * n];
+        var radial = 2.0 * d_distances[group.y * n + i];
+        if norm > 0.0 {
+            radial += d_inputs[at + 3u * n] / norm;
+        }
+        let d_here = vec3f(d_inputs[at], d_inputs[at + n], d_inputs[at + 2u * n]) + here * radial;
+        let d_turned = d_here * inverse_scale;
+        let y = vec3f(params[3u * i], params[3u * i + 1u], params[3u * i + 2u]) - frames[f].xyz;
+        own[0] += d_turned;
+        own[1] -= here * d_here;
+        own[2] += d_turned.x * y;
+        own[3] += d_turned.y * y;
+        own[4] += d_turned.z * y;
+    }
+    sums[lane] = own;
+    workgroupBarrier();
+    for (var reach = 64u; reach > 0u; reach /= 2u) {
+        if lane < reach {
+            for (var q = 0u; q < 5u; q++) {
+                sums[lane][q] += sums[lane + reach][q];
+            }
+        }
+        workgroupBarrier();
+    }
+    if lane < 5u {
+        partial[5u * (group.y * step.chunks + group.x) + lane] = vec4f(sums[0][lane], 0.0);
+    }
+}
