@@ -10,6 +10,8 @@ use bytemuck::{Pod, Zeroable};
 use std::sync::Arc;
 use wgpu::Buffer;
 
+/// Gaussians per workgroup.
+const GROUP: usize = 128;
 /// Cells for each target: most are empty where targets lie on surfaces.
 const CELLS_PER_POINT: f64 = 4.0;
 /// Cells along an axis at most.
@@ -108,7 +110,7 @@ impl Chamfer {
     pub(crate) fn new(gpu: &Gpu, n: usize, of: &Arc<ChamferTargets>, old: Option<&Self>) -> Result<Self, GpuError> {
         let same = old.filter(|old| old.is_for(of)).map(|old| old.targets.clone());
         let targets = same.map_or_else(|| Targets::new(gpu, of), Ok)?;
-        Ok(Self { targets, squares: gpu.array("squared distances from targets", n, 4)? })
+        Ok(Self { targets, squares: gpu.array("squared distances from targets", n.div_ceil(GROUP), 4)? })
     }
 
     /// Whether these are its targets.
@@ -131,7 +133,7 @@ impl Chamfer {
             &desk.extras,
         ];
         vec![
-            (k.chamfer.on(gpu, &arrays), Size::Grid([g.n.div_ceil(128) as u32, 1, 1])),
+            (k.chamfer.on(gpu, &arrays), Size::Grid([g.n.div_ceil(GROUP) as u32, 1, 1])),
             (k.sum_chamfer.on(gpu, &arrays), Size::Count(1)),
         ]
     }

@@ -141,11 +141,21 @@ fn some_steps_lead_to_the_same_membership() {
     let moved = distance(&a.values, &begun.values);
     let off = distance(&b.values, &a.values);
     // Adam makes steps of full length of the faintest gradients, whose sign rounding decides.
-    assert!(moved > 1e-2 && off < 0.02 * moved, "values {off} of {moved}");
+    assert!(moved > 1e-2 && off < 5e-3 * moved, "values {off} of {moved}");
     for (level, ((a, b), begun)) in a.grid.iter().zip(&b.grid).zip(&begun.grid).enumerate() {
-        let moved = distance(a.values.as_flattened(), begun.values.as_flattened());
-        let off = distance(b.values.as_flattened(), a.values.as_flattened());
-        assert!(moved > 1e-3 && off < 0.05 * moved, "level {level}: {off} of {moved}");
+        // Where gradients are below a millionth of the largest, rounding decides about them, and Adam about their size.
+        let roots = || a.squares.as_flattened().iter().map(|s| s.sqrt());
+        let floor = 1e-6 * roots().fold(0.0, f32::max);
+        let pick = |values: &[[f32; 2]]| -> Vec<f32> {
+            values.as_flattened().iter().zip(roots()).filter(|(_, r)| *r > floor).map(|(v, _)| *v).collect()
+        };
+        let (want, got, begun) = (pick(&a.values), pick(&b.values), pick(&begun.values));
+        let (off, moved) = (distance(&got, &want), distance(&want, &begun));
+        assert!(
+            want.len() > 60 && moved > 1e-3 && off < 5e-3 * moved,
+            "level {level}: {off} of {moved}, {}",
+            want.len()
+        );
     }
     for (a, b) in parts_of(&cpu).joint_states().iter().zip(parts_of(&gpu).joint_states()) {
         let off = (0..8).map(|i| (a.values[i] - b.values[i]).abs()).fold(0.0, f64::max);
@@ -296,4 +306,28 @@ fn a_device_takes_turns_between_kinds_of_states() {
         assert!(!pulled || losses.iter().all(|l| *l > 1e-4), "{losses:?}");
         backend.download().unwrap();
     }
+}
+
+#[test]
+#[ignore]
+fn timing() {
+    let Some(gpu) = gpu() else { return };
+    let settings = AssignConfig { grid: HashGridConfig::default(), ..settings() };
+    let start = learnt(settings, 32, 200, true, true);
+    let t = Instant::now();
+    let s = module_of(&start);
+    println!("DIAG state {:?}", t.elapsed());
+    let mut backend = backend(&gpu, images(9), config(LossConfig::default()));
+    let t = Instant::now();
+    backend.upload(start).unwrap();
+    println!("DIAG upload {:?}", t.elapsed());
+    let t = Instant::now();
+    backend.run(1, true, &mut |_| ControlFlow::Continue(())).unwrap();
+    println!("DIAG run {:?}", t.elapsed());
+    let t = Instant::now();
+    let d = backend.download().unwrap();
+    println!("DIAG download {:?}", t.elapsed());
+    let t = Instant::now();
+    backend.upload(d).unwrap();
+    println!("DIAG upload again {:?} {}", t.elapsed(), s.grid.len());
 }

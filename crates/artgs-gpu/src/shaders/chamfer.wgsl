@@ -10,6 +10,7 @@
 @group(0) @binding(5) var<storage, read> cells: array<u32>;
 @group(0) @binding(6) var<storage, read> points: array<vec4f>;
 @group(0) @binding(7) var<storage, read_write> d_motions: array<vec4f>;
+// Sums of squared distances over workgroups.
 @group(0) @binding(8) var<storage, read_write> squares: array<f32>;
 @group(0) @binding(9) var<storage, read_write> extras: array<f32>;
 
@@ -75,45 +76,55 @@ fn nearest_of(grid: Grid, x: vec3f) -> vec4f {
     return best;
 }
 
-@compute @workgroup_size(128)
-fn chamfer(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let i = group.x * 128u + lane;
-    if i >= step.n {
-        return;
-    }
-    squares[i] = 0.0;
-    if !has(step.flags, CHAMFER) || grids[step.pose].count == 0u {
-        return;
-    }
+// Adds the pull of a Gaussian to its target to the gradient by its motion; squared distance of the two.
+fn pulled(i: u32) -> f32 {
     let at = placed(i).mean;
     if any(!(abs(at) < vec3f(LARGEST))) {
-        return;
+        return 0.0;
     }
     let nearest = nearest_of(grids[step.pose], at);
-    squares[i] = nearest.w;
     let pull = 2.0 * step.chamfer_share * (at - nearest.xyz);
     let d = motion_adjoint(motion_of(i), canonical(i).mean, pull, vec4f(0.0));
     d_motions[2u * i] += d.r;
     d_motions[2u * i + 1u] += d.s;
+    return nearest.w;
 }
 
-var<workgroup> own: array<f32, 256>;
+var<workgroup> own: array<f32, 128>;
 
-// One workgroup.
-@compute @workgroup_size(256)
-fn sum_chamfer(@builtin(local_invocation_index) lane: u32) {
-    var sum = 0.0;
-    for (var i = lane; i < step.n; i += 256u) {
-        sum += squares[i];
-    }
-    own[lane] = sum;
+// Sum over the threads of a workgroup, in `own[0]`.
+fn sum_up(lane: u32, value: f32) {
+    own[lane] = value;
     workgroupBarrier();
-    for (var reach = 128u; reach > 0u; reach /= 2u) {
+    for (var reach = 64u; reach > 0u; reach /= 2u) {
         if lane < reach {
             own[lane] += own[lane + reach];
         }
         workgroupBarrier();
     }
+}
+
+@compute @workgroup_size(128)
+fn chamfer(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let i = group.x * 128u + lane;
+    var square = 0.0;
+    if i < step.n && has(step.flags, CHAMFER) && grids[step.pose].count > 0u {
+        square = pulled(i);
+    }
+    sum_up(lane, square);
+    if lane == 0u {
+        squares[group.x] = own[0];
+    }
+}
+
+// One workgroup.
+@compute @workgroup_size(128)
+fn sum_chamfer(@builtin(local_invocation_index) lane: u32) {
+    var sum = 0.0;
+    for (var k = lane; k < (step.n + 127u) / 128u; k += 128u) {
+        sum += squares[k];
+    }
+    sum_up(lane, sum);
     if lane == 0u {
         extras[2u * step.slot] = step.chamfer_share * own[0];
     }
