@@ -1,7 +1,10 @@
 //! Training on a graphics processor.
 
+#[path = "profile.rs"]
+mod profile;
+
 use crate::joints;
-use crate::kernels::Kernels;
+use crate::kernels::{Kernels, Walk};
 use crate::picture::Picture;
 use crate::scene::{Canvas, Desk, Gaussians, PLAIN, Program, Room, Size, backward, forward};
 use crate::step::{self, Step};
@@ -19,6 +22,8 @@ use std::time::{Duration, Instant};
 
 /// Steps whose numbers are uploaded together at most.
 const BATCH: usize = 64;
+/// Steps handed to the device at a time: it begins while the host still writes down the next ones.
+const SUBMIT: usize = 8;
 /// Batches become longer while they take less than this and shorter when they take more than four times as long.
 const PATIENCE: Duration = Duration::from_millis(200);
 /// Intersections there is room for at first, for each Gaussian.
@@ -59,7 +64,7 @@ pub struct GpuDevices {
 impl GpuDevices {
     /// Compiles the kernels for the device.
     pub fn new(gpu: Gpu) -> Result<Self, GpuError> {
-        let kernels = Arc::new(Kernels::new(&gpu)?);
+        let kernels = Arc::new(Kernels::new(&gpu, Walk::of(&gpu))?);
         Ok(Self { gpu, kernels })
     }
 
@@ -184,20 +189,22 @@ impl<'a> GpuBackend<'a> {
         let Some(resident) = &self.resident else { return Ok(Vec::new()) };
         let Resident { desk, programs, .. } = resident;
         self.gpu.write(&desk.steps, 0, &step::bytes(&numbers));
-        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            for (i, step) in numbers.iter().enumerate() {
-                let update = update_last || i + 1 < steps;
-                let adam = if update { &programs.adam[..] } else { &[] };
-                let compare = &programs.compare[self.drawn[i].0];
-                let calls = programs.forward.iter().chain(compare).chain(&programs.backward).chain(adam);
-                for (call, size) in calls.chain(&programs.joints) {
-                    call.encode(&mut pass, i, size.groups(step), &desk.arguments);
+        for (chunk, numbers) in numbers.chunks(SUBMIT).enumerate() {
+            let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                for (k, step) in numbers.iter().enumerate() {
+                    let i = chunk * SUBMIT + k;
+                    let adam = if update_last || i + 1 < steps { &programs.adam[..] } else { &[] };
+                    let compare = &programs.compare[self.drawn[i].0];
+                    let calls = programs.forward.iter().chain(compare).chain(&programs.backward).chain(adam);
+                    for (call, size) in calls.chain(&programs.joints) {
+                        call.encode(&mut pass, i, size.groups(step), &desk.arguments);
+                    }
                 }
             }
+            self.gpu.queue.submit([encoder.finish()]);
         }
-        self.gpu.queue.submit([encoder.finish()]);
         self.seen(steps)
     }
 
@@ -228,7 +235,7 @@ impl<'a> GpuBackend<'a> {
         let Some(Resident { desk, gaussians, joints, programs }) = resident else { return Ok(()) };
         self.capacity = capacity;
         *programs = Programs::default();
-        let room = Room::new(gpu, capacity, canvas.tiles)?;
+        let room = Room::new(gpu, capacity, canvas.tiles, kernels.walk.bucket())?;
         let adam =
             [&desk.steps, &gaussians.grads, &desk.control, &gaussians.params, &gaussians.first, &gaussians.second];
         let floats = gaussians.n * (PLAIN + gaussians.sh_stride);
