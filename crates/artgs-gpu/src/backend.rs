@@ -12,8 +12,8 @@ use crate::{Gpu, GpuError};
 use artgs::articulation::DualQuaternion;
 use artgs::fit::cpu::{coarse_first, held};
 use artgs::fit::{
-    Articulated, Backend, Deformation, FitError, LossConfig, LossTerms, Membership, StepStats, TrainConfig, TrainImage,
-    TrainState, ViewSampler,
+    Articulated, Backend, Deformation, Devices, FitError, LossConfig, LossTerms, Membership, StepStats, TrainConfig,
+    TrainImage, TrainState, ViewSampler,
 };
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -68,11 +68,6 @@ impl GpuDevices {
         Ok(Self { gpu, kernels })
     }
 
-    /// Name of the device.
-    pub fn name(&self) -> &str {
-        &self.gpu.name
-    }
-
     /// A backend that holds the images as [`artgs::fit::CpuBackend`] does.
     pub fn train<'a>(
         &self,
@@ -81,6 +76,21 @@ impl GpuDevices {
         seed: u64,
     ) -> Result<GpuBackend<'a>, FitError> {
         GpuBackend::new(self.gpu.clone(), self.kernels.clone(), images, config, seed)
+    }
+}
+
+impl Devices for GpuDevices {
+    fn name(&self) -> String {
+        self.gpu.name.clone()
+    }
+
+    fn backend<'a>(
+        &'a self,
+        images: Vec<TrainImage<'a>>,
+        config: TrainConfig,
+        seed: u64,
+    ) -> Result<Box<dyn Backend + 'a>, FitError> {
+        Ok(Box::new(self.train(images, config, seed)?))
     }
 }
 
