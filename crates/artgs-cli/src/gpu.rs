@@ -1,6 +1,6 @@
 //! Graphics processors as the command line sees them; with the feature `gpu` alone are there any.
 
-pub(crate) use support::{NONE_LISTED, SUPPORTED, adapters, open};
+pub(crate) use support::{NONE_LISTED, SUPPORTED, adapters, open, quieten};
 
 #[cfg(feature = "gpu")]
 mod support {
@@ -13,6 +13,16 @@ mod support {
     /// Said below an empty list.
     pub(crate) const NONE_LISTED: &str =
         "No graphics processor was found: no driver for Vulkan, Metal or Direct3D 12 offers one.";
+
+    /// To be called before the program has a second thread. Mesa's drivers otherwise ask a display which device is best,
+    /// and complain on standard error where there is none.
+    pub(crate) fn quieten() {
+        const SWITCH: &str = "NODEVICE_SELECT";
+        if std::env::var_os(SWITCH).is_none() {
+            // SAFETY: there is one thread, so nothing else reads or writes the environment meanwhile.
+            unsafe { std::env::set_var(SWITCH, "1") };
+        }
+    }
 
     /// Opens the device `index`, or without one the most capable, `software` included or not; else says why not.
     pub(crate) fn open(index: Option<usize>, software: bool) -> Result<Box<dyn Devices>, String> {
@@ -55,6 +65,9 @@ mod support {
     /// Said below an empty list.
     pub(crate) const NONE_LISTED: &str =
         "This program was built without support for graphics processors; the feature `gpu` of artgs-cli adds it.";
+
+    /// Nothing speaks.
+    pub(crate) fn quieten() {}
 
     /// Says why not.
     pub(crate) fn open(_: Option<usize>, _: bool) -> Result<Box<dyn Devices>, String> {

@@ -24,6 +24,7 @@ use clap::Parser;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    gpu::quieten();
     let cli = args::Cli::parse();
     let json = cli.wants_json();
     match commands::run(&cli) {

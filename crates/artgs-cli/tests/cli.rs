@@ -5,7 +5,12 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 fn artgs(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_artgs")).args(args).env_remove("NO_COLOR").output().expect("the program starts")
+    Command::new(env!("CARGO_BIN_EXE_artgs"))
+        .args(args)
+        .env_remove("NO_COLOR")
+        .env_remove("XDG_RUNTIME_DIR")
+        .output()
+        .expect("the program starts")
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -71,6 +76,7 @@ fn devices_are_listed_with_and_without_drivers() {
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
         let shown = text(&output.stdout);
         assert!(shown.contains("cpu") && shown.contains("thread"), "{shown}");
+        assert!(!text(&output.stderr).contains("XDG_RUNTIME_DIR"), "{}", text(&output.stderr));
     }
     let json: serde_json::Value = serde_json::from_slice(&artgs(&["devices", "--json"]).stdout).unwrap();
     for (index, adapter) in json["adapters"].as_array().unwrap().iter().enumerate() {
