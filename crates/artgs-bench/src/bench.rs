@@ -42,6 +42,8 @@ pub struct Options {
     pub jobs: usize,
     /// Threads of a run; all cores if absent.
     pub threads: Option<usize>,
+    /// Device that trains, as `artgs reconstruct --device` reads it; the best there is if absent.
+    pub device: Option<String>,
     /// Make runs again that were made with other settings, instead of refusing.
     pub force: bool,
     /// Make failed runs again.
@@ -294,6 +296,7 @@ fn settings(item: &Item, variant: &Variant, options: &Options, seed: u64) -> Run
         parts: item.parts.filter(|_| options.parts == Parts::Given),
         seed,
         threads: options.threads,
+        device: options.device.clone(),
     }
 }
 
@@ -421,6 +424,9 @@ fn arguments(job: &Job<'_>, prepared: &Prepared, options: &Options, folder: &Pat
     args.extend(["--seed".into(), job.settings.seed.to_string().into()]);
     if let Some(threads) = options.threads {
         args.extend(["--threads".into(), threads.to_string().into()]);
+    }
+    if let Some(device) = &options.device {
+        args.extend(["--device".into(), device.into()]);
     }
     args.push("--json".into());
     args.extend(job.variant.arguments.iter().map(OsString::from));

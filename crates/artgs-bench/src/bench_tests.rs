@@ -51,6 +51,7 @@ impl Fake {
             timeout: None,
             jobs: 1,
             threads: None,
+            device: None,
             force: false,
             retry_failed: false,
         }
@@ -145,6 +146,15 @@ fn runs_are_made_scored_and_not_made_again() {
     assert_eq!((third.records.len(), fake.calls().len()), (12, 8));
     let wide = fake.calls().into_iter().find(|c| c.contains("--preset paper")).unwrap();
     assert!(wide.contains("--config ") && wide.contains("variants/wide.toml"), "{wide}");
+
+    // Another device is another setting.
+    let elsewhere = Options { device: Some("gpu:1".into()), ..options };
+    let refused = fake.run_with(&[full()], &elsewhere).unwrap_err().to_string();
+    assert!(refused.contains("device"), "{refused}");
+    fake.forget_calls();
+    fake.run(&Options { force: true, ..elsewhere });
+    let calls = fake.calls();
+    assert!(calls.len() == 4 && calls.iter().all(|c| c.ends_with("--device gpu:1 --json")), "{calls:?}");
 }
 
 #[test]

@@ -24,6 +24,9 @@ pub struct RunSettings {
     pub seed: u64,
     /// Threads of the run; none for all cores.
     pub threads: Option<usize>,
+    /// Device asked for; none for the best there is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub device: Option<String>,
 }
 
 impl RunSettings {
@@ -38,6 +41,7 @@ impl RunSettings {
             ("parts", self.parts != other.parts),
             ("seed", self.seed != other.seed),
             ("threads", self.threads != other.threads),
+            ("device", self.device != other.device),
         ];
         fields.into_iter().filter(|f| f.1).map(|f| f.0).collect()
     }
@@ -93,6 +97,9 @@ pub struct RunMetrics {
     pub seconds: Vec<(String, f64)>,
     /// Wall-clock seconds of the reconstruction.
     pub total_seconds: f64,
+    /// What trained, at last.
+    #[serde(default)]
+    pub device: Option<String>,
     /// Largest resident memory, MiB.
     pub peak_memory_mib: Option<f64>,
     /// What was odd.

@@ -12,6 +12,7 @@ use crate::{markdown, table};
 use artgs_io::{FileError, write_atomic};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 const TITLE: &str = "artgs benchmark";
@@ -63,7 +64,13 @@ fn intro(all: &Collected, how: &Circumstances) -> Vec<String> {
         n => format!("{n} runs at a time, so that times are longer than those of a run alone"),
     };
     let (version, runs, threads) = (env!("CARGO_PKG_VERSION"), all.records.len(), how.threads);
-    vec![format!("artgs {version}: {runs} runs, {failed} failed; {threads} threads, {alone}. {parts}")]
+    let measured = all.records.iter().filter_map(Record::measured);
+    let devices: BTreeSet<&str> = measured.filter_map(|m| m.metrics.device.as_deref()).collect();
+    let trained = match devices.is_empty() {
+        true => String::new(),
+        false => format!(" Trained on {}.", devices.into_iter().collect::<Vec<&str>>().join(", ")),
+    };
+    vec![format!("artgs {version}: {runs} runs, {failed} failed; {threads} threads, {alone}. {parts}{trained}")]
 }
 
 /// All records and what they amount to.

@@ -33,7 +33,7 @@ Made by
 
     artgs bench a b -o 'x y' --seeds 2
 
-artgs 0.1.0: 4 runs, 2 failed; 4 threads, one run at a time. The number of parts was given.
+artgs 0.1.0: 4 runs, 2 failed; 4 threads, one run at a time. The number of parts was given. Trained on CPU (AVX2, 4 threads).
 
 ## Every object
 ";

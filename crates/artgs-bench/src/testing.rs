@@ -28,6 +28,7 @@ pub(crate) fn measured(error: f64) -> Measured {
             gaussians: 1000,
             test: [picture(30.0), picture(32.0)],
             total_seconds: 90.0,
+            device: Some("CPU (AVX2, 4 threads)".into()),
             peak_memory_mib: Some(512.0),
             ..RunMetrics::default()
         },
@@ -57,6 +58,7 @@ pub(crate) fn record(variant: &str, object: &str, seed: u64, error: f64) -> Reco
             parts: Some(2),
             seed,
             threads: None,
+            device: None,
         },
         facts: Facts { views: 40, size: 200, noise: None },
         outcome: Outcome::Done(measured(error)),

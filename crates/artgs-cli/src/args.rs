@@ -1,5 +1,6 @@
 //! The command line as people type it.
 
+use crate::device::DeviceChoice;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -38,6 +39,7 @@ impl Cli {
                 Command::Export(a) => a.json,
                 Command::Check(a) => a.json,
                 Command::View(a) => a.json,
+                Command::Devices(a) => a.json,
             }
     }
 }
@@ -62,6 +64,15 @@ pub(crate) enum Command {
     Bench(Bench),
     /// Photograph procedural objects with everything known about them
     Synth(Synth),
+    /// List what training can run on
+    Devices(DeviceList),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DeviceList {
+    /// Write JSON
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -116,6 +127,9 @@ pub(crate) struct Method {
     /// Number of threads; all cores if absent
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<NonZeroUsize>,
+    /// What training runs on: auto (a graphics processor if there is one), cpu, gpu or gpu:N; `artgs devices` lists them
+    #[arg(long, value_name = "DEVICE", default_value_t = DeviceChoice::Auto)]
+    pub(crate) device: DeviceChoice,
 }
 
 /// What to do about an earlier run in the same folder.
@@ -377,6 +391,9 @@ pub(crate) struct Bench {
     /// Number of threads of a run; all cores if absent
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<NonZeroUsize>,
+    /// What training runs on, as `artgs reconstruct` reads it
+    #[arg(long, value_name = "DEVICE", default_value_t = DeviceChoice::Auto)]
+    pub(crate) device: DeviceChoice,
     /// Make runs again that were made with other settings
     #[arg(long)]
     pub(crate) force: bool,

@@ -2,6 +2,7 @@
 
 use crate::args::Bench;
 use crate::commands::{Style, use_threads};
+use crate::device::{self, DeviceChoice};
 use crate::failure::Failure;
 use crate::library::Config;
 use crate::output::say;
@@ -21,6 +22,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub(crate) fn run(args: &Bench, style: Style) -> Result<(), Failure> {
     use_threads(args.threads)?;
     let (items, variants) = (items(args)?, variants(args)?);
+    // Rather now than in every run.
+    device::open(args.device)?;
     let program = std::env::current_exe().context("cannot tell where this program is")?;
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
@@ -52,6 +55,7 @@ fn options(args: &Bench) -> Options {
         timeout: args.timeout,
         jobs: args.jobs.get(),
         threads: args.threads.map(Into::into),
+        device: Some(args.device).filter(|d| *d != DeviceChoice::Auto).map(|d| d.to_string()),
         force: args.force,
         retry_failed: args.retry_failed,
     }

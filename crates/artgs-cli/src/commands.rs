@@ -1,12 +1,13 @@
 //! What each command does.
 
 use crate::args::{Cli, Command, Evaluate, Method, Reconstruct};
+use crate::device::{self, Chosen};
 use crate::failure::Failure;
 use crate::library::{Config, Settings};
 use crate::output::{Report, note, say};
 use crate::{bench, demo, export, folder, library, live, progress, synth, view};
 use anyhow::Context;
-use artgs::observer::{JsonLines, NullObserver, Observer, Tee};
+use artgs::observer::{Event, JsonLines, NullObserver, Observer, Tee};
 use artgs_core::Capture;
 use serde_json::json;
 use std::num::NonZeroUsize;
@@ -33,6 +34,7 @@ pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Export(args) => export::run(args, style),
         Command::Check(args) => check(&args.out, style),
         Command::View(args) => view::run(args, style),
+        Command::Devices(_) => device::list(style),
     }
 }
 
@@ -40,11 +42,12 @@ fn reconstruct(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     use_threads(args.method.threads)?;
     let config = library::configure(&settings(&args.method, args.parts))?;
     folder::check(&args.out, args.earlier)?;
+    let device = device::choose(args.method.device, &config)?;
     let capture = library::load(&args.capture)?;
     folder::prepare(&args.out, args.earlier)?;
     folder::note_capture(&args.out, &args.capture)?;
     let observed = if args.view { live::observed } else { observed };
-    let summary = observed(&capture, &args.out, &config, args.earlier.resume, style)?;
+    let summary = observed(&capture, &args.out, &config, args.earlier.resume, &device, style)?;
     if style.json {
         return say(json!({ "event": "result", "out": args.out, "summary": summary.json }));
     }
@@ -93,9 +96,10 @@ pub(crate) fn observed(
     out: &Path,
     config: &Config,
     resume: bool,
+    device: &Chosen,
     style: Style,
 ) -> Result<Report, Failure> {
-    observed_by(&mut NullObserver, capture, out, config, resume, style)
+    observed_by(&mut NullObserver, capture, out, config, resume, device, style)
 }
 
 /// The same with one more who looks on.
@@ -105,13 +109,16 @@ pub(crate) fn observed_by(
     out: &Path,
     config: &Config,
     resume: bool,
+    device: &Chosen,
     style: Style,
 ) -> Result<Report, Failure> {
     let path = out.join(folder::EVENTS);
     let mut log = JsonLines::append(&path).with_context(|| format!("cannot write {}", path.display()))?;
     let mut shown = progress::renderer(style);
     let mut told = Tee(&mut log, shown.as_mut());
-    let result = library::reconstruct(capture, out, config, resume, &mut Tee(&mut told, onlooker));
+    let mut all = Tee(&mut told, onlooker);
+    device.told.iter().for_each(|text| all.event(Event::note(text)));
+    let result = library::reconstruct(capture, out, config, resume, device.devices.as_ref(), &mut all);
     drop(shown);
     let logged = log.finish().with_context(|| format!("cannot write {}", path.display()));
     let summary = result?;

@@ -2,6 +2,7 @@
 
 use crate::args::{Demo, Export};
 use crate::commands::{Style, observed, settings, use_threads, write_json};
+use crate::device;
 use crate::failure::Failure;
 use crate::output::say;
 use crate::{export, folder, library};
@@ -19,6 +20,7 @@ pub(crate) fn run(args: &Demo, style: Style) -> Result<(), Failure> {
     let seed = args.method.seed.unwrap_or_default();
     let options = CabinetOptions { views: args.views, size: args.size, seed, ..CabinetOptions::default() };
     options.check().map_err(Failure::bad)?;
+    let device = device::choose(args.method.device, &config)?;
     check_folder(&args.out)?;
     let found = Found::at(&capture, &options)?;
     folder::prepare(&replica, args.earlier)?;
@@ -26,7 +28,7 @@ pub(crate) fn run(args: &Demo, style: Style) -> Result<(), Failure> {
         write_cabinet(&capture, &options).map_err(anyhow::Error::from)?;
     }
     let loaded = library::load(&capture)?;
-    let summary = observed(&loaded, &replica, &config, args.earlier.resume, style)?;
+    let summary = observed(&loaded, &replica, &config, args.earlier.resume, &device, style)?;
     let scores = library::evaluate(&replica, &capture.join("gt"))?;
     write_json(&args.out.join("scores.json"), &scores)?;
     let mut exports = Export::of(replica.clone());

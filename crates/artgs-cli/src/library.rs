@@ -6,6 +6,7 @@ use crate::output::Report;
 use artgs::ablation;
 use artgs::evaluate::pictures::has_splats;
 use artgs::evaluate::{Lpips, PictureReport, Scores, score_replica};
+use artgs::fit::{Devices, FitError};
 use artgs::observer::Observer;
 use artgs_core::Capture;
 use std::path::{Path, PathBuf};
@@ -72,9 +73,10 @@ pub(crate) fn reconstruct(
     out: &Path,
     config: &Config,
     resume: bool,
+    devices: &dyn Devices,
     observer: &mut dyn Observer,
 ) -> Result<Report, Failure> {
-    Report::new(&artgs::reconstruct(capture, out, config, resume, observer).map_err(failure)?)
+    Report::new(&artgs::reconstruct(capture, out, config, resume, devices, observer).map_err(failure)?)
 }
 
 /// What a check found.
@@ -125,5 +127,9 @@ pub(crate) fn score(
 }
 
 fn failure(error: artgs::Error) -> Failure {
+    if matches!(error, artgs::Error::Fit(FitError::Device(_))) {
+        let remedy = "with --device auto the CPU would go on in its place";
+        return Failure::Failed(anyhow::anyhow!("{error}; {remedy}"));
+    }
     if error.is_bad_input() { Failure::BadInput(error.into()) } else { Failure::Failed(error.into()) }
 }

@@ -1,6 +1,7 @@
 //! `artgs reconstruct --view`: training in the browser as it goes.
 
 use crate::commands::{Style, observed_by};
+use crate::device::Chosen;
 use crate::failure::Failure;
 use crate::library::Config;
 use crate::output::Report;
@@ -43,6 +44,7 @@ pub(crate) fn observed(
     out: &Path,
     config: &Config,
     resume: bool,
+    device: &Chosen,
     style: Style,
 ) -> Result<Report, Failure> {
     /// Time for a page to hear of the end.
@@ -54,7 +56,7 @@ pub(crate) fn observed(
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
         scope.spawn(|| server.run(&stop));
-        let result = observed_by(&mut Onlooker(Arc::clone(&live)), capture, out, config, resume, style);
+        let result = observed_by(&mut Onlooker(Arc::clone(&live)), capture, out, config, resume, device, style);
         live.finish(result.as_ref().map(|_| ()).map_err(ToString::to_string));
         live.wait_told(LAST_WORDS);
         stop.store(true, Ordering::Relaxed);

@@ -7,9 +7,11 @@ mod bench;
 mod coacd;
 mod commands;
 mod demo;
+mod device;
 mod export;
 mod failure;
 mod folder;
+mod gpu;
 mod library;
 mod live;
 mod output;
@@ -22,6 +24,7 @@ use clap::Parser;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    gpu::quieten();
     let cli = args::Cli::parse();
     let json = cli.wants_json();
     match commands::run(&cli) {

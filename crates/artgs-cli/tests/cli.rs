@@ -5,7 +5,12 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 fn artgs(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_artgs")).args(args).env_remove("NO_COLOR").output().expect("the program starts")
+    Command::new(env!("CARGO_BIN_EXE_artgs"))
+        .args(args)
+        .env_remove("NO_COLOR")
+        .env_remove("XDG_RUNTIME_DIR")
+        .output()
+        .expect("the program starts")
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -43,6 +48,9 @@ fn wrong_usage_exits_2_and_says_what_is_wrong() {
         (&["reconstruct", "x", "-o", "y", "--parts", "2", "--preset", "paper", "--schedule", "2"], "`schedule`"),
         (&["reconstruct", "x", "-o", "y", "--method", "registration", "--variant", "mlp"], "trains nothing"),
         (&["demo", "--threads", "0"], "--threads"),
+        (&["demo", "--device", "cuda"], "auto, cpu, gpu, or gpu:N"),
+        (&["reconstruct", "x", "-o", "y", "--parts", "2", "--device", "gpu:9999"], "graphics processor"),
+        (&["bench", "fridge", "-o", "y", "--device", "gpu:9999"], "graphics processor"),
         (&["evaluate", "x"], "--gt"),
         (&["evaluate", "x", "--gt", "y", "--lpips", "z"], "--capture"),
     ] {
@@ -52,6 +60,58 @@ fn wrong_usage_exits_2_and_says_what_is_wrong() {
         assert!(message.contains(words), "{args:?}: {message}");
         assert!(!message.contains('\u{1b}'), "no colours into a pipe");
     }
+}
+
+/// The program on a machine without any driver.
+fn without_drivers(args: &[&str]) -> Output {
+    let nowhere = "/nonexistent/driver.json";
+    let mut command = Command::new(env!("CARGO_BIN_EXE_artgs"));
+    command.args(args).env("VK_DRIVER_FILES", nowhere).env("VK_ICD_FILENAMES", nowhere);
+    command.output().expect("the program starts")
+}
+
+#[test]
+fn devices_are_listed_with_and_without_drivers() {
+    for output in [artgs(&["devices"]), artgs(&["devices", "--json"]), without_drivers(&["devices"])] {
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let shown = text(&output.stdout);
+        assert!(shown.contains("cpu") && shown.contains("thread"), "{shown}");
+        assert!(!text(&output.stderr).contains("XDG_RUNTIME_DIR"), "{}", text(&output.stderr));
+    }
+    let json: serde_json::Value = serde_json::from_slice(&artgs(&["devices", "--json"]).stdout).unwrap();
+    for (index, adapter) in json["adapters"].as_array().unwrap().iter().enumerate() {
+        assert_eq!(adapter["index"].as_u64(), Some(index as u64));
+        assert!(adapter["name"].as_str().is_some_and(|name| !name.is_empty()), "{adapter}");
+    }
+}
+
+/// Drivers of other systems are not found through files that a variable could hide.
+#[cfg(target_os = "linux")]
+#[test]
+fn without_a_driver_the_processor_trains_unless_a_graphics_processor_is_asked_for() {
+    let shown = text(&without_drivers(&["devices"]).stdout);
+    assert!(!shown.contains("gpu:0") && shown.contains("graphics processor"), "{shown}");
+    let folder = tempfile::tempdir().unwrap();
+    let (capture, out) = (folder.path().join("capture"), folder.path().join("out"));
+    write_cabinet(&capture, &CabinetOptions { views: 8, test_views: 1, size: 48, ..CabinetOptions::default() })
+        .unwrap();
+    let run = |device: &str| {
+        let settings = folder.path().join("quick.toml");
+        std::fs::write(&settings, "[articulate]\nsteps = 5\n[surface]\nresolution = 40.0\n").unwrap();
+        let args = ["reconstruct", str(&capture), "-o", str(&out), "--parts", "3", "--config", str(&settings)];
+        without_drivers(&[&args[..], &["--force", "--device", device]].concat())
+    };
+    let refused = run("gpu");
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("graphics processor") && !out.exists(), "{}", text(&refused.stderr));
+    let done = run("auto");
+    let progress = text(&done.stderr);
+    assert_eq!(done.status.code(), Some(0), "{progress}");
+    let told: Vec<&str> = progress.lines().filter(|l| l.starts_with("device: ")).collect();
+    assert!(told.len() == 1 && told[0].contains("CPU") && told[0].contains("graphics processor"), "{progress}");
+    assert!(!progress.contains("warning: device"), "no driver is nothing odd");
+    let metrics: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("metrics.json")).unwrap()).unwrap();
+    assert!(metrics["device"].as_str().is_some_and(|d| d.starts_with("CPU (")), "{metrics}");
 }
 
 #[test]

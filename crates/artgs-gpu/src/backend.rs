@@ -1,8 +1,11 @@
 //! Training on a graphics processor.
 
+#[path = "profile.rs"]
+mod profile;
+
 use crate::chamfer::{self, Chamfer};
 use crate::joints;
-use crate::kernels::Kernels;
+use crate::kernels::{Kernels, Walk};
 use crate::learnt::{self, Learnt, Shape};
 use crate::picture::Picture;
 use crate::scene::{Canvas, Desk, Gaussians, PLAIN, Program, Room, Size, backward, forward};
@@ -11,8 +14,8 @@ use crate::{Gpu, GpuError};
 use artgs::articulation::{Assignment, DualQuaternion};
 use artgs::fit::cpu::{coarse_first, held};
 use artgs::fit::{
-    Articulated, Backend, Deformation, FitError, LossConfig, LossTerms, Membership, StepStats, TrainConfig, TrainImage,
-    TrainState, ViewSampler,
+    Articulated, Backend, Deformation, Devices, FitError, LossConfig, LossTerms, Membership, StepStats, TrainConfig,
+    TrainImage, TrainState, ViewSampler,
 };
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -21,6 +24,8 @@ use std::time::{Duration, Instant};
 
 /// Steps whose numbers are uploaded together at most.
 const BATCH: usize = 64;
+/// Steps handed to the device at a time: it begins while the host still writes down the next ones.
+const SUBMIT: usize = 8;
 /// Batches become longer while they take less than this and shorter when they take more than four times as long.
 const PATIENCE: Duration = Duration::from_millis(200);
 /// Intersections there is room for at first, for each Gaussian.
@@ -61,13 +66,8 @@ pub struct GpuDevices {
 impl GpuDevices {
     /// Compiles the kernels for the device.
     pub fn new(gpu: Gpu) -> Result<Self, GpuError> {
-        let kernels = Arc::new(Kernels::new(&gpu)?);
+        let kernels = Arc::new(Kernels::new(&gpu, Walk::of(&gpu))?);
         Ok(Self { gpu, kernels })
-    }
-
-    /// Name of the device.
-    pub fn name(&self) -> &str {
-        &self.gpu.name
     }
 
     /// A backend that holds the images as [`artgs::fit::CpuBackend`] does.
@@ -78,6 +78,21 @@ impl GpuDevices {
         seed: u64,
     ) -> Result<GpuBackend<'a>, FitError> {
         GpuBackend::new(self.gpu.clone(), self.kernels.clone(), images, config, seed)
+    }
+}
+
+impl Devices for GpuDevices {
+    fn name(&self) -> String {
+        self.gpu.name.clone()
+    }
+
+    fn backend<'a>(
+        &'a self,
+        images: Vec<TrainImage<'a>>,
+        config: TrainConfig,
+        seed: u64,
+    ) -> Result<Box<dyn Backend + 'a>, FitError> {
+        Ok(Box::new(self.train(images, config, seed)?))
     }
 }
 
@@ -101,7 +116,7 @@ struct Programs {
     backward: Program,
     adam: Program,
     /// Updates of motions and membership.
-    parts: Program,
+    joints: Program,
 }
 
 /// What one step of a batch was like.
@@ -193,20 +208,22 @@ impl<'a> GpuBackend<'a> {
         let Some(resident) = &self.resident else { return Ok(Vec::new()) };
         let Resident { desk, programs, .. } = resident;
         self.gpu.write(&desk.steps, 0, &step::bytes(&numbers));
-        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            for (i, step) in numbers.iter().enumerate() {
-                let update = update_last || i + 1 < steps;
-                let adam = if update { &programs.adam[..] } else { &[] };
-                let compare = &programs.compare[self.drawn[i].0];
-                let calls = programs.forward.iter().chain(compare).chain(&programs.backward).chain(adam);
-                for (call, size) in calls.chain(&programs.parts) {
-                    call.encode(&mut pass, i, size.groups(step), &desk.arguments);
+        for (chunk, numbers) in numbers.chunks(SUBMIT).enumerate() {
+            let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                for (k, step) in numbers.iter().enumerate() {
+                    let i = chunk * SUBMIT + k;
+                    let adam = if update_last || i + 1 < steps { &programs.adam[..] } else { &[] };
+                    let compare = &programs.compare[self.drawn[i].0];
+                    let calls = programs.forward.iter().chain(compare).chain(&programs.backward).chain(adam);
+                    for (call, size) in calls.chain(&programs.joints) {
+                        call.encode(&mut pass, i, size.groups(step), &desk.arguments);
+                    }
                 }
             }
+            self.gpu.queue.submit([encoder.finish()]);
         }
-        self.gpu.queue.submit([encoder.finish()]);
         self.seen(steps)
     }
 
@@ -239,7 +256,7 @@ impl<'a> GpuBackend<'a> {
         let Some(Resident { desk, gaussians, joints, learnt, chamfer, programs }) = resident else { return Ok(()) };
         self.capacity = capacity;
         *programs = Programs::default();
-        let room = Room::new(gpu, capacity, canvas.tiles)?;
+        let room = Room::new(gpu, capacity, canvas.tiles, kernels.walk.bucket())?;
         let adam =
             [&desk.steps, &gaussians.grads, &desk.control, &gaussians.params, &gaussians.first, &gaussians.second];
         let floats = gaussians.n * (PLAIN + gaussians.sh_stride);
@@ -258,7 +275,7 @@ impl<'a> GpuBackend<'a> {
             compare: pictures.iter().map(compare).collect(),
             backward: back,
             adam: vec![(kernels.adam.on(gpu, &adam), Size::Count(floats.div_ceil(256)))],
-            parts: moved.chain(assigned).collect(),
+            joints: moved.chain(assigned).collect(),
         };
         gpu.check()
     }
@@ -377,7 +394,7 @@ impl<'a> GpuBackend<'a> {
 impl Default for Programs {
     fn default() -> Self {
         let empty = Vec::new;
-        Self { forward: empty(), compare: Vec::new(), backward: empty(), adam: empty(), parts: empty() }
+        Self { forward: empty(), compare: Vec::new(), backward: empty(), adam: empty(), joints: empty() }
     }
 }
 

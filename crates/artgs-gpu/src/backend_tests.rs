@@ -74,7 +74,11 @@ pub(super) fn distance(got: &[f32], want: &[f32]) -> f64 {
 }
 
 pub(super) fn backend<'a>(gpu: &Gpu, images: Vec<TrainImage<'a>>, config: TrainConfig) -> GpuBackend<'a> {
-    let kernels = Arc::new(Kernels::new(gpu).unwrap());
+    walking(gpu, images, config, Walk::Memory)
+}
+
+fn walking<'a>(gpu: &Gpu, images: Vec<TrainImage<'a>>, config: TrainConfig, walk: Walk) -> GpuBackend<'a> {
+    let kernels = Arc::new(Kernels::new(gpu, walk).unwrap());
     GpuBackend::new(gpu.clone(), kernels, images, config, 3).unwrap()
 }
 
@@ -83,9 +87,13 @@ pub(super) fn floats(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Vec<f32>
 }
 
 /// One step without an update on both devices, compared.
-pub(super) fn compare(gpu: &Gpu, mut state: TrainState, seed: u64, config: TrainConfig, what: &str) {
+pub(super) fn compare(gpu: &Gpu, state: TrainState, seed: u64, config: TrainConfig, what: &str) {
+    compare_walking(gpu, state, seed, config, Walk::Memory, what);
+}
+
+fn compare_walking(gpu: &Gpu, mut state: TrainState, seed: u64, config: TrainConfig, walk: Walk, what: &str) {
     let images = images(seed);
-    let mut backend = backend(gpu, images.clone(), config);
+    let mut backend = walking(gpu, images.clone(), config, walk);
     backend.upload(state.clone()).unwrap();
     let mut stats = Vec::new();
     backend
@@ -166,6 +174,16 @@ fn every_form_of_the_loss_agrees_with_the_processor() {
     let no_depth = LossConfig { depth: 0.0, ..LossConfig::default() };
     for (what, loss) in [("as published", published), ("without similarity", no_ssim), ("without depth", no_depth)] {
         compare(&gpu, TrainState::new(splats(&mut rng(5), 400, 2)), 5, config(loss), what);
+    }
+}
+
+#[test]
+fn pixels_handed_on_in_registers_agree_with_the_processor() {
+    let Some(gpu) = gpu() else { return };
+    let Some([least, most]) = gpu.subgroup else { return };
+    if least == most {
+        let state = TrainState::new(splats(&mut rng(13), 900, 1));
+        compare_walking(&gpu, state, 13, config(LossConfig::default()), Walk::Subgroup(most), "registers");
     }
 }
 
@@ -278,7 +296,13 @@ fn what_cannot_be_trained_is_refused_with_a_reason() {
     assert!(matches!(backend.upload(TrainState::default()), Err(FitError::Empty)));
     assert!(matches!(backend.held_back(), Err(FitError::Empty)));
     assert!(matches!(
-        GpuBackend::new(gpu.clone(), Arc::new(Kernels::new(&gpu).unwrap()), vec![], config(LossConfig::default()), 1),
+        GpuBackend::new(
+            gpu.clone(),
+            Arc::new(Kernels::new(&gpu, Walk::Memory).unwrap()),
+            vec![],
+            config(LossConfig::default()),
+            1
+        ),
         Err(FitError::NoViews)
     ));
 }

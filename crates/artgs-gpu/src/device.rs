@@ -166,6 +166,8 @@ pub struct Gpu {
     pub kind: Kind,
     pub(crate) largest_buffer: u64,
     pub(crate) timestamps: bool,
+    /// Fewest and most threads that step together.
+    pub(crate) subgroup: Option<[u32; 2]>,
     failure: Arc<Mutex<Option<String>>>,
 }
 
@@ -188,8 +190,8 @@ impl Gpu {
         if let Some(lacks) = &adapter.lacks {
             return Err(GpuError::Unsuitable { name: adapter.name.clone(), lacks: lacks.clone() });
         }
-        let wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES;
-        let features = adapter.handle.features() & wanted;
+        let timing = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES;
+        let features = adapter.handle.features() & (timing | wgpu::Features::SUBGROUP);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("artgs"),
             required_features: features,
@@ -218,7 +220,8 @@ impl Gpu {
             name: format!("{} ({})", adapter.name, adapter.interface),
             kind: adapter.kind,
             largest_buffer: adapter.largest_buffer,
-            timestamps: features == wanted,
+            timestamps: features.contains(timing),
+            subgroup: adapter.subgroup,
             failure,
         })
     }

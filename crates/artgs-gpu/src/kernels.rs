@@ -18,6 +18,8 @@ const BIN: &str = include_str!("shaders/bin.wgsl");
 const LIST: &str = include_str!("shaders/list.wgsl");
 const BLEND: &str = include_str!("shaders/blend.wgsl");
 const BLEND_BACK: &str = include_str!("shaders/blend_back.wgsl");
+const BY_MEMORY: &str = include_str!("shaders/hand_on_by_memory.wgsl");
+const BY_SUBGROUP: &str = include_str!("shaders/hand_on_by_subgroup.wgsl");
 const GATHER: &str = include_str!("shaders/gather.wgsl");
 const WINDOW: &str = include_str!("shaders/window.wgsl");
 const PHOTO: &str = include_str!("shaders/photo.wgsl");
@@ -43,9 +45,37 @@ const ASSIGN_STEP: &str = include_str!("shaders/assign_step.wgsl");
 const CHAMFER: &str = include_str!("shaders/chamfer.wgsl");
 const ADAM: &str = include_str!("shaders/adam.wgsl");
 
+/// How pixels pass from thread to thread on the way back through blending.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Walk {
+    /// Through memory of the workgroup.
+    Memory,
+    /// In registers, among so many threads that always step together.
+    Subgroup(u32),
+}
+
+impl Walk {
+    /// What the device is likely to be best at: registers, if its subgroups have one size of 32 or 64.
+    pub(crate) fn of(gpu: &Gpu) -> Self {
+        match gpu.subgroup {
+            Some([least, most]) if least == most && matches!(most, 32 | 64) => Self::Subgroup(most),
+            _ => Self::Memory,
+        }
+    }
+
+    /// Gaussians of a tile whose way back is walked together.
+    pub(crate) fn bucket(self) -> usize {
+        match self {
+            Self::Memory => 32,
+            Self::Subgroup(size) => size as usize,
+        }
+    }
+}
+
 /// Every kernel of a step.
 #[derive(Debug)]
 pub(crate) struct Kernels {
+    pub(crate) walk: Walk,
     pub(crate) project: Kernel,
     pub(crate) reduce_blocks: Kernel,
     pub(crate) scan_sums: Kernel,
@@ -85,7 +115,14 @@ pub(crate) struct Kernels {
 
 impl Kernels {
     /// Compiles all of them.
-    pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu, walk: Walk) -> Result<Self, GpuError> {
+        let bucket = format!("const BUCKET: u32 = {}u;\n", walk.bucket());
+        let common = [&bucket, COMMON].concat();
+        let (hand_on, lane) = match walk {
+            Walk::Memory => (BY_MEMORY, "local_invocation_index"),
+            Walk::Subgroup(_) => (BY_SUBGROUP, "subgroup_invocation_id"),
+        };
+        let walk_back = BLEND_BACK.replace("LANE", lane);
         let scan = [Step, Read, Read, Write, Write, Write, Write];
         let sort = [Constant, Read, Read, Read, Write, Write, Write];
         let list = [Step, Read, Read, Read, Write, Write, Write, Write, Write, Write];
@@ -98,69 +135,70 @@ impl Kernels {
         compiled(gpu, || {
             let new = |name: &'static str, sources: &[&str], uses: &[Use]| Kernel::new(gpu, name, sources, uses);
             Self {
+                walk,
                 project: new(
                     "project",
-                    &[COMMON, QUATERNION, PROJECT, WARP, SH, CHAIN, FOOTPRINT],
+                    &[&common, QUATERNION, PROJECT, WARP, SH, CHAIN, FOOTPRINT],
                     &[Step, Read, Read, Read, Write, Write, Write, Write],
                 ),
-                reduce_blocks: new("reduce_blocks", &[COMMON, SCAN], &scan),
-                scan_sums: new("scan_sums", &[COMMON, SCAN], &scan),
-                apply: new("apply", &[COMMON, SCAN], &scan),
-                count: new("count", &[COMMON, SORT], &sort),
-                scan_digits: new("scan_digits", &[COMMON, SORT], &sort),
-                scatter: new("scatter", &[COMMON, SORT], &sort),
+                reduce_blocks: new("reduce_blocks", &[&common, SCAN], &scan),
+                scan_sums: new("scan_sums", &[&common, SCAN], &scan),
+                apply: new("apply", &[&common, SCAN], &scan),
+                count: new("count", &[&common, SORT], &sort),
+                scan_digits: new("scan_digits", &[&common, SORT], &sort),
+                scatter: new("scatter", &[&common, SORT], &sort),
                 emit: new(
                     "emit",
-                    &[COMMON, BIN, FOOTPRINT],
+                    &[&common, BIN, FOOTPRINT],
                     &[Step, Read, Read, Read, Read, Write, Write, Write, Write],
                 ),
-                delimit: new("delimit", &[COMMON, LIST], &list[..7]),
-                count_buckets: new("count_buckets", &[COMMON, LIST], &list),
-                name_buckets: new("name_buckets", &[COMMON, LIST], &list),
+                delimit: new("delimit", &[&common, LIST], &list[..7]),
+                count_buckets: new("count_buckets", &[&common, LIST], &list),
+                name_buckets: new("name_buckets", &[&common, LIST], &list),
                 blend: new(
                     "blend",
-                    &[COMMON, BLEND],
+                    &[&common, BLEND],
                     &[Step, Read, Read, Read, Read, Write, Write, Write, Write, Write],
                 ),
-                slope: new("slope", &[COMMON, WINDOW, PHOTO, SSIM], &[Step, Read, Read, Write, Write]),
+                slope: new("slope", &[&common, WINDOW, PHOTO, SSIM], &[Step, Read, Read, Write, Write]),
                 compare: new(
                     "compare",
-                    &[COMMON, WINDOW, PHOTO, LOSS],
+                    &[&common, WINDOW, PHOTO, LOSS],
                     &[Step, Read, Read, Read, Read, Read, Write, Write, Write],
                 ),
-                collect: new("collect", &[COMMON, RESULTS], &[Step, Read, Read, Read, Read, Write]),
-                blend_back: new("blend_back", &[COMMON, BLEND_BACK], &blend_back),
-                gather: new("gather", &[COMMON, QUATERNION, GATHER, WARP, SH, SH_ADJOINT, CHAIN], &gather),
-                sum_motions: new("sum_motions", &[COMMON, SUM_MOTIONS], &[Step, Read, Read, Read, Write]),
-                update_joints: new("update_joints", &[COMMON, QUATERNION, JOINTS], &[Step, Read, Read, Write, Write]),
+                collect: new("collect", &[&common, RESULTS], &[Step, Read, Read, Read, Read, Write]),
+                blend_back: new("blend_back", &[&common, &walk_back, hand_on], &blend_back),
+                gather: new("gather", &[&common, QUATERNION, GATHER, WARP, SH, SH_ADJOINT, CHAIN], &gather),
+                sum_motions: new("sum_motions", &[&common, SUM_MOTIONS], &[Step, Read, Read, Read, Write]),
+                update_joints: new("update_joints", &[&common, QUATERNION, JOINTS], &[Step, Read, Read, Write, Write]),
                 make_frames: new(
                     "make_frames",
-                    &[COMMON, QUATERNION, ASSIGN, ASSIGN_FRAMES],
+                    &[&common, QUATERNION, ASSIGN, ASSIGN_FRAMES],
                     &[Step, Read, Write, Write],
                 ),
-                encode: new("encode", &[COMMON, ENCODE, HASH_GRID], &[Step, Read, Read, Read, Read, Write]),
-                linear: new("linear", &[COMMON, MLP, MLP_LAYER], &[Step, Constant, Read, Read, Read, Write]),
-                softmax: new("softmax", &[COMMON, SOFTMAX], &[Step, Read, Read, Read, Write, Write, Write, Write]),
-                chamfer: new("chamfer", &[COMMON, QUATERNION, CHAMFER, WARP], &chamfer),
-                sum_chamfer: new("sum_chamfer", &[COMMON, QUATERNION, CHAMFER, WARP], &chamfer),
-                sum_masses: new("sum_masses", &[COMMON, CENTRE], &centre),
-                pull_centres: new("pull_centres", &[COMMON, CENTRE], &centre),
-                softmax_back: new("softmax_back", &[COMMON, SOFTMAX_BACK], &softmax_back),
-                products: new("products", &[COMMON, MLP, MLP_BACK], &[Step, Constant, Read, Read, Write]),
-                sum_frames: new("sum_frames", &[COMMON, SUM_FRAMES], &[Step, Read, Read, Read, Read, Read, Write]),
-                find_largest: new("find_largest", &[COMMON, HASH_GRID, HASH_GRID_BACK], &scatter),
-                scatter_gradients: new("scatter_gradients", &[COMMON, HASH_GRID, HASH_GRID_BACK], &scatter),
+                encode: new("encode", &[&common, ENCODE, HASH_GRID], &[Step, Read, Read, Read, Read, Write]),
+                linear: new("linear", &[&common, MLP, MLP_LAYER], &[Step, Constant, Read, Read, Read, Write]),
+                softmax: new("softmax", &[&common, SOFTMAX], &[Step, Read, Read, Read, Write, Write, Write, Write]),
+                chamfer: new("chamfer", &[&common, QUATERNION, CHAMFER, WARP], &chamfer),
+                sum_chamfer: new("sum_chamfer", &[&common, QUATERNION, CHAMFER, WARP], &chamfer),
+                sum_masses: new("sum_masses", &[&common, CENTRE], &centre),
+                pull_centres: new("pull_centres", &[&common, CENTRE], &centre),
+                softmax_back: new("softmax_back", &[&common, SOFTMAX_BACK], &softmax_back),
+                products: new("products", &[&common, MLP, MLP_BACK], &[Step, Constant, Read, Read, Write]),
+                sum_frames: new("sum_frames", &[&common, SUM_FRAMES], &[Step, Read, Read, Read, Read, Read, Write]),
+                find_largest: new("find_largest", &[&common, HASH_GRID, HASH_GRID_BACK], &scatter),
+                scatter_gradients: new("scatter_gradients", &[&common, HASH_GRID, HASH_GRID_BACK], &scatter),
                 update_assignment: new(
                     "update_assignment",
-                    &[COMMON, QUATERNION, ASSIGN, ASSIGN_STEP],
+                    &[&common, QUATERNION, ASSIGN, ASSIGN_STEP],
                     &[Step, Read, Read, Read, Read, Write, Write, Write],
                 ),
                 update_grid: new(
                     "update_grid",
-                    &[COMMON, HASH_GRID, HASH_GRID_STEP],
+                    &[&common, HASH_GRID, HASH_GRID_STEP],
                     &[Step, Read, Read, Read, Write, Write, Write],
                 ),
-                adam: new("adam", &[COMMON, ADAM], &[Step, Read, Read, Write, Write, Write]),
+                adam: new("adam", &[&common, ADAM], &[Step, Read, Read, Write, Write, Write]),
             }
         })
     }

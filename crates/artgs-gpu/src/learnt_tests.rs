@@ -307,27 +307,3 @@ fn a_device_takes_turns_between_kinds_of_states() {
         backend.download().unwrap();
     }
 }
-
-#[test]
-#[ignore]
-fn timing() {
-    let Some(gpu) = gpu() else { return };
-    let settings = AssignConfig { grid: HashGridConfig::default(), ..settings() };
-    let start = learnt(settings, 32, 200, true, true);
-    let t = Instant::now();
-    let s = module_of(&start);
-    println!("DIAG state {:?}", t.elapsed());
-    let mut backend = backend(&gpu, images(9), config(LossConfig::default()));
-    let t = Instant::now();
-    backend.upload(start).unwrap();
-    println!("DIAG upload {:?}", t.elapsed());
-    let t = Instant::now();
-    backend.run(1, true, &mut |_| ControlFlow::Continue(())).unwrap();
-    println!("DIAG run {:?}", t.elapsed());
-    let t = Instant::now();
-    let d = backend.download().unwrap();
-    println!("DIAG download {:?}", t.elapsed());
-    let t = Instant::now();
-    backend.upload(d).unwrap();
-    println!("DIAG upload again {:?} {}", t.elapsed(), s.grid.len());
-}

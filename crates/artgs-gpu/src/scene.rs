@@ -16,8 +16,6 @@ const DEPTH_BITS: u32 = 32;
 const DIGIT: u32 = 4;
 /// Floats of a Gaussian without its harmonics.
 pub(crate) const PLAIN: usize = 11;
-/// Gaussians of a tile whose way back is walked together; `BUCKET` in the kernels.
-const BUCKET: usize = 32;
 const TILE_PIXELS: usize = 256;
 /// Where indirect arguments begin, bytes: for the sort, for each intersection, for each bucket.
 const BY_BLOCK: u64 = 0;
@@ -181,9 +179,9 @@ impl Gaussians {
 }
 
 impl Room {
-    pub(crate) fn new(gpu: &Gpu, capacity: usize, tiles: usize) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu, capacity: usize, tiles: usize, bucket: usize) -> Result<Self, GpuError> {
         let words = |label: &str| gpu.array(label, capacity, 4);
-        let buckets = capacity / BUCKET + tiles;
+        let buckets = capacity / bucket + tiles;
         Ok(Self {
             tiles_of: [words("tiles")?, words("tiles, sorted")?],
             places: [words("places")?, words("places, sorted")?],

@@ -132,6 +132,11 @@ impl Step {
         }
     }
 
+    /// The same, but Gaussians stay as they are.
+    pub(crate) fn without_rates(self) -> Self {
+        Self { rates: [0.0; 4], sh_rates: [0.0; 2], joint_rate: 0.0, assign_rate: 0.0, ..self }
+    }
+
     /// Learning rates, and the corrections of Adam at its update `count` (from 1).
     pub(crate) fn update(&mut self, rates: &SplatRates, adam: &artgs::fit::AdamConfig, count: usize) {
         let power = |beta: f32| 1.0 - f64::from(beta).powf(count as f64);

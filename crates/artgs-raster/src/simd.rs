@@ -76,6 +76,22 @@ pub fn level() -> Level {
     if chosen == Instructions::Best { Level::new() } else { chosen.level().unwrap_or_else(Level::new) }
 }
 
+/// Name of the instruction set in use.
+pub fn instructions() -> &'static str {
+    let level = level();
+    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+    let names = [
+        (level.as_avx512().is_some(), "AVX-512"),
+        (level.as_avx2().is_some(), "AVX2"),
+        (level.as_sse4_2().is_some(), "SSE4.2"),
+    ];
+    #[cfg(target_arch = "aarch64")]
+    let names = [(level.as_neon().is_some(), "NEON")];
+    #[cfg(not(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64")))]
+    let names = [(level.is_fallback(), "plain code")];
+    names.iter().find(|(has, _)| *has).map_or("plain code", |(_, name)| name)
+}
+
 /// `2^x` for x in [-126, 126], relative error 2.1e-7; garbage below.
 /// Adding 1.5 * 2^23 rounds to an integer, whose bits then move into the exponent.
 #[inline(always)]

@@ -3,7 +3,7 @@
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
 use artgs::articulate::{PaperConfig, paper_pipeline, score_state};
-use artgs::fit::{Follow, SingleConfig, StepStats, fit_single, score};
+use artgs::fit::{Cpu, Follow, SingleConfig, StepStats, fit_single, score};
 use artgs_core::JointKind;
 use std::time::Instant;
 
@@ -14,13 +14,13 @@ fn main() {
     let number = |i: usize, default: usize| args.get(i).map_or(default, |a| a.parse().unwrap());
     let config = SingleConfig { steps: number(2, 10_000), ..SingleConfig::paper() };
     let mut reports = Reports { stage: "single", clock: Instant::now() };
-    let single = [0, 1].map(|state| fit_single(&capture.states[state].train, &config, 1, &mut reports).unwrap());
+    let single = [0, 1].map(|state| fit_single(&capture.states[state].train, &config, 1, &Cpu, &mut reports).unwrap());
     let mut config = PaperConfig::default();
     config.types.train.steps = number(3, config.types.train.steps);
     config.types.steps_for_many = number(3, config.types.steps_for_many);
     config.articulate.steps = number(4, config.articulate.steps);
     let views = [0, 1].map(|state| &capture.states[state].train[..]);
-    let result = paper_pipeline(views, &single, parts, &config, 1, &mut reports).unwrap();
+    let result = paper_pipeline(views, &single, parts, &config, 1, &Cpu, &mut reports).unwrap();
     println!("{:?}", result.models);
     for joint in &result.trained.joints {
         let kind = joint.joint_kind(10_f64.to_radians());

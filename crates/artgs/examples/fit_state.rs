@@ -1,7 +1,7 @@
 //! Fits one state of a capture and tells how well and how fast: `fit_state CAPTURE STATE [CONFIG.toml]`.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-use artgs::fit::{SingleConfig, StepStats, fit_single, score, score_views};
+use artgs::fit::{Cpu, SingleConfig, StepStats, fit_single, score, score_views};
 use std::time::Instant;
 
 fn main() {
@@ -15,7 +15,7 @@ fn main() {
     };
     let views = &capture.states[state];
     let (start, mut first, mut last) = (Instant::now(), None, 0);
-    let splats = fit_single(&views.train, &config, 1, &mut |s: StepStats| {
+    let splats = fit_single(&views.train, &config, 1, &Cpu, &mut |s: StepStats| {
         first.get_or_insert_with(Instant::now);
         last = s.step;
         if s.step.is_multiple_of(100) || s.step == 1 {

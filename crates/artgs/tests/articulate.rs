@@ -4,7 +4,7 @@
 
 use artgs::articulate::{ArticulateConfig, SkinStart, Start, Trained, articulate, score_state};
 use artgs::articulation::{MotionModel, MotionParameters};
-use artgs::fit::{DensifyConfig, FitError, LogLinear, PlateauConfig, RateConfig, StepStats, score};
+use artgs::fit::{Cpu, DensifyConfig, FitError, LogLinear, PlateauConfig, RateConfig, StepStats, score};
 use artgs_core::{Camera, DepthMap, Intrinsics, Rigid, Splats, View};
 use artgs_raster::Rasterizer;
 use glam::DVec3;
@@ -77,7 +77,7 @@ fn gentle(steps: usize) -> ArticulateConfig {
 
 fn run(truth: &Trained, start: Start, config: &ArticulateConfig, seed: u64) -> Trained {
     let views = captured(truth);
-    articulate([&views[0], &views[1]], start, None, config, seed, &mut |s: StepStats| assert!(s.loss.is_finite()))
+    articulate([&views[0], &views[1]], start, None, config, seed, &Cpu, &mut |s: StepStats| assert!(s.loss.is_finite()))
         .unwrap()
 }
 
@@ -176,7 +176,7 @@ fn starts_that_do_not_fit_together_are_refused() {
     let refuse = |skin: SkinStart| {
         let start = Start { splats: truth.splats.clone(), skin, joints: truth.joints.clone() };
         let views = [&views[0][..], &views[1][..]];
-        articulate(views, start, None, &gentle(1), 1, &mut |_: StepStats| {}).unwrap_err()
+        articulate(views, start, None, &gentle(1), 1, &Cpu, &mut |_: StepStats| {}).unwrap_err()
     };
     let mut labels = truth.labels.clone();
     labels[3] = 2;

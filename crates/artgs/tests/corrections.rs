@@ -1,5 +1,6 @@
 //! A person's corrections are honoured when a run is resumed, and whatever depends on them is made anew.
 
+use artgs::fit::Cpu;
 use artgs::observer::{Event, NullObserver};
 use artgs::{Config, reconstruct};
 use artgs_core::{Capture, JointKind, Replica};
@@ -9,7 +10,7 @@ use std::path::Path;
 
 fn resume(capture: &Capture, out: &Path, config: &Config) -> (Replica, Vec<String>) {
     let mut events: Vec<Event> = Vec::new();
-    reconstruct(capture, out, config, true, &mut events).expect("a resumed run ends");
+    reconstruct(capture, out, config, true, &Cpu, &mut events).expect("a resumed run ends");
     let made = events.iter().filter_map(|e| match e {
         Event::StageFinished { stage, reused: false, .. } => Some(stage.to_string()),
         _ => None,
@@ -26,7 +27,7 @@ fn parts_are_deleted_added_and_given_their_types() {
     let capture = artgs_io::load_capture(&folder).unwrap();
     let mut config = Config { parts: Some(3), ..Config::registration() };
     config.surface.resolution = 120.0;
-    reconstruct(&capture, &out, &config, false, &mut NullObserver).unwrap();
+    reconstruct(&capture, &out, &config, false, &Cpu, &mut NullObserver).unwrap();
     let first = read_replica(&out).unwrap();
     let kinds = |r: &Replica| (1..r.parts.len()).map(|i| r.joint(i).unwrap().kind).collect::<Vec<_>>();
     let drawer = 1 + kinds(&first).iter().position(|k| *k == JointKind::Prismatic).unwrap();
@@ -64,9 +65,9 @@ fn parts_are_deleted_added_and_given_their_types() {
 
     let wrong = Corrections { centres: vec![CentreEdit::Delete { part: 7 }], joints: vec![] };
     write_corrections(&out, &wrong).unwrap();
-    let refused = reconstruct(&capture, &out, &config, true, &mut NullObserver).unwrap_err();
+    let refused = reconstruct(&capture, &out, &config, true, &Cpu, &mut NullObserver).unwrap_err();
     assert!(refused.is_bad_input() && refused.to_string().contains("part 7"), "{refused}");
     std::fs::write(out.join("corrections.json"), "{").unwrap();
-    let refused = reconstruct(&capture, &out, &config, true, &mut NullObserver).unwrap_err();
+    let refused = reconstruct(&capture, &out, &config, true, &Cpu, &mut NullObserver).unwrap_err();
     assert!(refused.is_bad_input() && refused.to_string().contains("corrections.json"), "{refused}");
 }

@@ -1,5 +1,6 @@
 //! The whole method on a small procedural cabinet: numbers within bounds, the same bytes for the same seed, resuming.
 
+use artgs::fit::{Backend, Cpu, Devices, FitError, TrainConfig, TrainImage, WithFallback};
 use artgs::observer::{Event, NullObserver};
 use artgs::{Config, reconstruct};
 use artgs_core::Capture;
@@ -29,13 +30,32 @@ const FILES: [&str; 6] = [
     "preview.png",
 ];
 
+/// A device that never works.
+#[derive(Debug)]
+struct Broken;
+
+impl Devices for Broken {
+    fn name(&self) -> String {
+        "Broken".into()
+    }
+
+    fn backend<'a>(
+        &'a self,
+        _: Vec<TrainImage<'a>>,
+        _: TrainConfig,
+        _: u64,
+    ) -> Result<Box<dyn Backend + 'a>, FitError> {
+        Err(FitError::Device("it never works".into()))
+    }
+}
+
 #[test]
 fn a_cabinet_is_reconstructed_repeatably_and_resumably() {
     let root = tempfile::tempdir().unwrap();
     let capture = cabinet(&root.path().join("capture"));
     let (one, two) = (root.path().join("one"), root.path().join("two"));
     let config = short(3);
-    let summary = reconstruct(&capture, &one, &config, false, &mut NullObserver).unwrap();
+    let summary = reconstruct(&capture, &one, &config, false, &Cpu, &mut NullObserver).unwrap();
     assert_eq!(summary.parts, 3);
     for state in summary.test {
         assert!(state.unwrap().psnr > 26.0, "{summary}");
@@ -48,7 +68,14 @@ fn a_cabinet_is_reconstructed_repeatably_and_resumably() {
     // The back of the drawer is never seen, which bounds its Chamfer distance from below; F-scores tell what is seen.
     assert!(scores.movable.mean.f_score > 0.6 && scores.fixed.mean.chamfer < 5.0, "{scores}");
 
-    reconstruct(&capture, &two, &config, false, &mut NullObserver).unwrap();
+    // On a device that fails at once, as on the processor but for one warning.
+    let mut events: Vec<Event> = Vec::new();
+    let devices = WithFallback::new(Box::new(Broken));
+    let fallen = reconstruct(&capture, &two, &config, false, &devices, &mut events).unwrap();
+    let told = |e: &&Event| matches!(e, Event::Warning { message } if message.contains("Broken: it never works"));
+    assert_eq!(events.iter().filter(told).count(), 1);
+    assert!(fallen.warnings.len() == summary.warnings.len() + 1 && fallen.device == summary.device);
+    assert_eq!(summary.device, Some(Cpu.name()));
     for file in FILES {
         assert!(fs::read(one.join(file)).unwrap() == fs::read(two.join(file)).unwrap(), "{file} differs");
     }
@@ -57,7 +84,7 @@ fn a_cabinet_is_reconstructed_repeatably_and_resumably() {
     fs::remove_file(two.join("stages/joints.json")).unwrap();
     fs::remove_file(two.join("replica.json")).unwrap();
     let mut events: Vec<Event> = Vec::new();
-    reconstruct(&capture, &two, &config, true, &mut events).unwrap();
+    reconstruct(&capture, &two, &config, true, &Cpu, &mut events).unwrap();
     let reused = |name: &str| {
         events.iter().any(|e| matches!(e, Event::StageFinished { stage, reused: true, .. } if stage == name))
     };
@@ -68,11 +95,11 @@ fn a_cabinet_is_reconstructed_repeatably_and_resumably() {
 
     let mut elsewhere = capture.clone();
     elsewhere.states[0].train.swap(0, 1);
-    let refused = reconstruct(&elsewhere, &two, &config, true, &mut NullObserver).unwrap_err();
+    let refused = reconstruct(&elsewhere, &two, &config, true, &Cpu, &mut NullObserver).unwrap_err();
     assert!(refused.is_bad_input() && refused.to_string().contains("another capture"), "{refused}");
 
     let other = Config { seed: 1, ..config };
-    let refused = reconstruct(&capture, &two, &other, true, &mut NullObserver).unwrap_err();
+    let refused = reconstruct(&capture, &two, &other, true, &Cpu, &mut NullObserver).unwrap_err();
     assert!(refused.is_bad_input() && refused.to_string().contains("other settings"), "{refused}");
 }
 
@@ -81,11 +108,11 @@ fn missing_parts_and_still_objects_are_refused() {
     let root = tempfile::tempdir().unwrap();
     let mut capture = cabinet(&root.path().join("capture"));
     let out = root.path().join("out");
-    let error = reconstruct(&capture, &out, &Config::default(), false, &mut NullObserver).unwrap_err();
+    let error = reconstruct(&capture, &out, &Config::default(), false, &Cpu, &mut NullObserver).unwrap_err();
     assert!(error.is_bad_input() && error.to_string().contains("--parts"), "{error}");
     assert!(!out.exists(), "nothing is written before the settings are known to be complete");
 
     capture.states[1] = capture.states[0].clone();
-    let error = reconstruct(&capture, &out, &short(2), false, &mut NullObserver).unwrap_err();
+    let error = reconstruct(&capture, &out, &short(2), false, &Cpu, &mut NullObserver).unwrap_err();
     assert!(error.is_bad_input() && error.to_string().contains("nothing moved"), "{error}");
 }

@@ -1,7 +1,7 @@
 //! Fits known Gaussians from their own renderings, and a real capture where one is at hand.
 
 use artgs::fit::{
-    DensifyConfig, Follow, InitKind, PlateauConfig, SingleConfig, StepStats, TrainState, fit_single, score_views,
+    Cpu, DensifyConfig, Follow, InitKind, PlateauConfig, SingleConfig, StepStats, TrainState, fit_single, score_views,
 };
 use artgs_core::{Camera, DepthMap, Intrinsics, Splats, View};
 use artgs_raster::{Rasterizer, RenderOptions, SplatView};
@@ -67,10 +67,13 @@ fn a_start_on_depth_comes_back_to_the_truth() {
     let (train, test) = (views(&truth, 12, 0.0), views(&truth, 4, 1.1));
     let config = quick(InitKind::Depth);
     let mut steps = 0;
-    let splats = fit_single(&train, &config, 1, &mut |s: StepStats| steps = s.step).unwrap();
+    let splats = fit_single(&train, &config, 1, &Cpu, &mut |s: StepStats| steps = s.step).unwrap();
     assert_eq!(steps, 300);
     let (before, after) = (
-        mean_psnr(&fit_single(&train, &SingleConfig { steps: 0, ..config }, 1, &mut |_: StepStats| {}).unwrap(), &test),
+        mean_psnr(
+            &fit_single(&train, &SingleConfig { steps: 0, ..config }, 1, &Cpu, &mut |_: StepStats| {}).unwrap(),
+            &test,
+        ),
         mean_psnr(&splats, &test),
     );
     eprintln!("held out: {before:.2} dB at the start, {after:.2} dB after 300 steps, {} Gaussians", splats.len());
@@ -86,12 +89,14 @@ fn a_random_start_with_densification_learns_too_and_the_seed_decides_every_byte(
     let config = SingleConfig { steps: 400, densify, ..quick(InitKind::Random) };
     let fit = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| fit_single(&train, &config, seed, &mut |_: StepStats| {}).unwrap())
+        pool.install(|| fit_single(&train, &config, seed, &Cpu, &mut |_: StepStats| {}).unwrap())
     };
     let splats = fit(2, 3);
     let psnr = mean_psnr(&splats, &test);
-    let before =
-        mean_psnr(&fit_single(&train, &SingleConfig { steps: 0, ..config }, 3, &mut |_: StepStats| {}).unwrap(), &test);
+    let before = mean_psnr(
+        &fit_single(&train, &SingleConfig { steps: 0, ..config }, 3, &Cpu, &mut |_: StepStats| {}).unwrap(),
+        &test,
+    );
     eprintln!("random start: {psnr:.2} dB from {before:.2} dB, {} Gaussians", splats.len());
     assert!(psnr > 18.0 && psnr > before + 8.0, "{before} {psnr}");
     assert!(splats == fit(1, 3), "the number of threads shows");
@@ -135,9 +140,9 @@ fn looking_on_changes_nothing() {
     let plateau = PlateauConfig { settle: 40, hold_back: 2, every: 30, ..PlateauConfig::default() };
     for (update_always, plateau) in [(false, PlateauConfig::never()), (true, plateau)] {
         let config = SingleConfig { steps: 160, densify, update_always, plateau, ..quick(InitKind::Random) };
-        let alone = fit_single(&train, &config, 5, &mut |_: StepStats| {}).unwrap();
+        let alone = fit_single(&train, &config, 5, &Cpu, &mut |_: StepStats| {}).unwrap();
         let mut looker = Looker::default();
-        let seen = fit_single(&train, &config, 5, &mut looker).unwrap();
+        let seen = fit_single(&train, &config, 5, &Cpu, &mut looker).unwrap();
         assert!(alone == seen, "looking on shows, update_always {update_always}");
         assert!(looker.looks.windows(2).all(|w| w[1].0 == w[0].0 + 7), "{:?}", looker.looks);
         assert!(looker.looks.len() >= looker.step / 7 && looker.step >= 70, "{:?}", looker.looks);
@@ -159,7 +164,7 @@ fn a_real_capture_is_explained() {
     let capture = artgs_io::load_capture(&dir).unwrap();
     let mut config = SingleConfig { steps: 150, ..SingleConfig::default() };
     config.depth.count = 8000;
-    let splats = fit_single(&capture.states[0].train, &config, 1, &mut |_: StepStats| {}).unwrap();
+    let splats = fit_single(&capture.states[0].train, &config, 1, &Cpu, &mut |_: StepStats| {}).unwrap();
     let psnr = mean_psnr(&splats, &capture.states[0].test);
     eprintln!("150 steps: {psnr:.2} dB on held-out views, {} Gaussians", splats.len());
     assert!(psnr > 34.0, "{psnr}");

@@ -5,7 +5,7 @@ use artgs::articulation::mlp::{LANES, Mlp};
 use artgs::canonical::matching::match_points;
 use artgs::fit::adam::adam;
 use artgs::fit::ssim::Ssim;
-use artgs::fit::{AdamConfig, InitKind, Moments, Rect, SingleConfig, StepStats, fit_single};
+use artgs::fit::{AdamConfig, Cpu, InitKind, Moments, Rect, SingleConfig, StepStats, fit_single};
 use artgs_core::View;
 use artgs_raster::simd::{Instructions, use_instructions};
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
@@ -62,7 +62,8 @@ fn matched() -> Vec<f32> {
 fn trained(views: &[View]) -> Vec<f32> {
     let config = SingleConfig { steps: 6, init: InitKind::Depth, ..SingleConfig::default() };
     let mut losses = Vec::new();
-    fit_single(views, &config, 1, &mut |s: StepStats| losses.push(s.loss as f32)).expect("the views can be trained on");
+    fit_single(views, &config, 1, &Cpu, &mut |s: StepStats| losses.push(s.loss as f32))
+        .expect("the views can be trained on");
     losses
 }
 

@@ -1,5 +1,6 @@
 //! The baseline without Gaussians on a procedural cabinet: a door and a drawer, the files of a replica but splats.
 
+use artgs::fit::Cpu;
 use artgs::observer::{Event, NullObserver};
 use artgs::{Config, reconstruct};
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
@@ -14,7 +15,7 @@ fn a_door_and_a_drawer_are_registered_and_written_without_splats() {
     let mut capture = artgs_io::load_capture(&folder).unwrap();
     let mut config = Config { parts: Some(3), ..Config::registration() };
     config.surface.resolution = 200.0;
-    let summary = reconstruct(&capture, &out, &config, false, &mut NullObserver).unwrap();
+    let summary = reconstruct(&capture, &out, &config, false, &Cpu, &mut NullObserver).unwrap();
     assert!(summary.gaussians == 0 && summary.test == [None, None] && summary.train == [None, None]);
     assert!(!out.join("splats").exists() && !out.join("preview.png").exists());
     for file in ["metrics.json", "meshes/start/part_1.ply", "meshes/end/whole.ply"] {
@@ -30,16 +31,16 @@ fn a_door_and_a_drawer_are_registered_and_written_without_splats() {
     let replica = fs::read(out.join("replica.json")).unwrap();
     fs::remove_file(out.join("replica.json")).unwrap();
     let mut events: Vec<Event> = Vec::new();
-    reconstruct(&capture, &out, &config, true, &mut events).unwrap();
+    reconstruct(&capture, &out, &config, true, &Cpu, &mut events).unwrap();
     assert!(
         events.iter().any(|e| matches!(e, Event::StageFinished { stage, reused: true, .. } if stage == "register"))
     );
     assert!(replica == fs::read(out.join("replica.json")).unwrap());
     let again = root.path().join("again");
-    reconstruct(&capture, &again, &config, false, &mut NullObserver).unwrap();
+    reconstruct(&capture, &again, &config, false, &Cpu, &mut NullObserver).unwrap();
     assert!(replica == fs::read(again.join("replica.json")).unwrap());
 
     capture.states[1].train[3].depth = None;
-    let error = reconstruct(&capture, &again, &config, false, &mut NullObserver).unwrap_err();
+    let error = reconstruct(&capture, &again, &config, false, &Cpu, &mut NullObserver).unwrap_err();
     assert!(error.is_bad_input() && error.to_string().contains("state end lacks it"), "{error}");
 }

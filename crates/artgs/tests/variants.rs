@@ -1,6 +1,7 @@
 //! Every ablation runs from photographs to a scored replica, with both presets, and does without what it says.
 
 use artgs::ablation::{apply, variants};
+use artgs::fit::Cpu;
 use artgs::observer::{Event, NullObserver};
 use artgs::{Config, reconstruct};
 use artgs_core::{Capture, JointKind};
@@ -42,7 +43,7 @@ fn published_variants_run_and_only_one_skips_the_types() {
         let Ok(config) = apply(name, hasty(Config::paper_scaled(0.002).unwrap())) else { continue };
         let out = root.path().join(name);
         let mut events: Vec<Event> = Vec::new();
-        let summary = reconstruct(&capture, &out, &config, false, &mut events).unwrap();
+        let summary = reconstruct(&capture, &out, &config, false, &Cpu, &mut events).unwrap();
         assert!(summary.parts == 3 && summary.test[0].is_some(), "{name}");
         assert_eq!(started(&events, "types"), *name != "no-types", "{name}");
         if *name == "mlp" {
@@ -65,7 +66,7 @@ fn default_variants_run_repeatably() {
         config.articulate.steps = 24;
         let config = apply(name, config).unwrap();
         let run = |out: &Path| {
-            let summary = reconstruct(&capture, out, &config, false, &mut NullObserver).unwrap();
+            let summary = reconstruct(&capture, out, &config, false, &Cpu, &mut NullObserver).unwrap();
             assert!(summary.parts == 3 && summary.gaussians > 500, "{name}: {summary}");
         };
         let out = root.path().join(name);
@@ -85,7 +86,7 @@ fn default_variants_run_repeatably() {
             }
             // As if stopped before the meshes: what training learnt is taken over.
             let before = fs::read(out.join("metrics.json")).unwrap();
-            reconstruct(&capture, &out, &config, true, &mut NullObserver).unwrap();
+            reconstruct(&capture, &out, &config, true, &Cpu, &mut NullObserver).unwrap();
             let psnr = |bytes: &[u8]| serde_json::from_slice::<serde_json::Value>(bytes).unwrap()["test"].clone();
             assert_eq!(psnr(&before), psnr(&fs::read(out.join("metrics.json")).unwrap()));
         }

@@ -1,6 +1,7 @@
 // Adjoint of blending. Twin of `backward` in `artgs_raster::blend`. One workgroup walks one bucket of a tile: every thread
 // holds a Gaussian and its sums in registers, and the pixels pass from thread to thread, each a step behind the one before it,
-// with the transmittance and what is still to come. No sum is shared, so nothing is atomic.
+// with the transmittance and what is still to come. No sum is shared, so nothing is atomic. How they are handed on is up to
+// `hand_on_by_memory.wgsl` or `hand_on_by_subgroup.wgsl`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> flats: array<Flat>;
@@ -21,6 +22,12 @@
 var<workgroup> pixel_pulls: array<vec4f, 256>;
 var<workgroup> transmittances: array<f32, 256>;
 var<workgroup> remains: array<f32, 256>;
+
+// A pixel on its way: transmittance, and what is still to come.
+struct Passing {
+    t: f32,
+    rest: f32,
+}
 
 fn load_pixel(p: u32, tile: u32, bucket: u32, first: bool) {
     let pixel = vec2u(tile % step.tiles.x, tile / step.tiles.x) * TILE + vec2u(p % TILE, p / TILE);
@@ -45,8 +52,8 @@ fn load_pixel(p: u32, tile: u32, bucket: u32, first: bool) {
     remains[p] = rest;
 }
 
-@compute @workgroup_size(32)
-fn blend_back(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+@compute @workgroup_size(BUCKET)
+fn blend_back(@builtin(workgroup_id) group: vec3u, @builtin(LANE) lane: u32) {
     let bucket = group_index(group);
     if bucket >= control[BUCKETS] {
         return;
@@ -72,29 +79,30 @@ fn blend_back(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
         let color = vec4f(flat.rgb, flat.depth);
         let corner = vec2f(vec2u(tile % step.tiles.x, tile / step.tiles.x) * TILE) + 0.5;
         workgroupBarrier();
+        var passing: Passing;
         for (var tick = 0u; tick < TILE_PIXELS + BUCKET - 1u; tick++) {
             let p = tick - lane;
-            if tick >= lane && p < TILE_PIXELS {
+            let there = tick >= lane && p < TILE_PIXELS;
+            passing = receive(passing, p, there, lane);
+            if there && passing.t >= TRANSMITTANCE_MIN {
                 let d = corner + vec2f(f32(p % TILE), f32(p / TILE)) - flat.center;
                 let e = exponent(flat, d);
-                let t = transmittances[p];
-                if e >= LOG2_CUT && t >= TRANSMITTANCE_MIN {
+                if e >= LOG2_CUT {
                     let v = pixel_pulls[p];
                     let raw = exp2(e);
                     let alpha = min(raw, ALPHA_MAX);
-                    let weight = alpha * t;
+                    let weight = alpha * passing.t;
                     let value = dot(v, color);
-                    let rest = remains[p] - weight * value;
-                    let d_alpha = t * value - rest / (1.0 - alpha);
+                    passing.rest -= weight * value;
+                    let d_alpha = passing.t * value - passing.rest / (1.0 - alpha);
                     let g = select(0.0, alpha * d_alpha, raw <= ALPHA_MAX);
-                    remains[p] = rest;
-                    transmittances[p] = t - weight;
+                    passing.t -= weight;
                     first_sums += g * vec4f(1.0, d.x, d.y, d.x * d.x);
                     second_sums += vec4f(g * vec2f(d.x * d.y, d.y * d.y), weight * v.x, weight * v.y);
                     color_sums += vec4f(weight * v.z, weight * v.w, 0.0, 0.0);
                 }
             }
-            workgroupBarrier();
+            hand_on(passing, p, there);
         }
     }
     if mine {

@@ -105,8 +105,6 @@ const SLACK: f32 = 1e-3;
 const SLACK_PIXELS: f32 = 0.01;
 const TILE: u32 = 16u;
 const TILE_PIXELS: u32 = 256u;
-// Gaussians of a tile whose way back is walked together.
-const BUCKET: u32 = 32u;
 // Largest alpha of one Gaussian in one pixel; held there, it has no gradient.
 const ALPHA_MAX: f32 = 0.99;
 // A pixel is finished once its transmittance is below this; the Gaussian that takes it there still counts.

@@ -6,7 +6,7 @@ use super::trained::Trained;
 use super::types::{TypeConfig, predict_types, still_start};
 use crate::articulation::MotionModel;
 use crate::canonical::{CanonicalConfig, canonical_init};
-use crate::fit::{FitError, Follow};
+use crate::fit::{Devices, FitError, Follow};
 use artgs_core::{Splats, View};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -41,21 +41,23 @@ pub struct PaperResult {
 }
 
 /// Canonical start, kinds of joints and joint optimisation for `parts` parts, the static one included. `single` are the
-/// Gaussians of each state alone. Stages are told as `types` and `articulate`. The same seed gives the same bytes.
+/// Gaussians of each state alone. Stages are told as `types` and `articulate`. The same seed gives the same bytes on the
+/// processor.
 pub fn paper_pipeline(
     views: [&[View]; 2],
     single: &[Splats; 2],
     parts: usize,
     config: &PaperConfig,
     seed: u64,
+    devices: &dyn Devices,
     follow: &mut dyn Follow,
 ) -> Result<PaperResult, FitError> {
     let canonical = canonical_init(single, parts, &config.canonical, &mut Pcg64Mcg::seed_from_u64(seed))?;
     follow.stage("types");
-    let models = predict_types(views, &canonical, &config.types, seed, follow)?;
+    let models = predict_types(views, &canonical, &config.types, seed, devices, follow)?;
     let start = still_start(&canonical, &models, seed);
     let targets = Some(&canonical.cd_targets);
     follow.stage("articulate");
-    let trained = articulate(views, start, targets, &config.articulate, seed, follow)?;
+    let trained = articulate(views, start, targets, &config.articulate, seed, devices, follow)?;
     Ok(PaperResult { trained, models })
 }

@@ -6,7 +6,7 @@ use crate::articulation::{Assignment, MotionModel, MotionParameters};
 use crate::fit::images::prepare;
 use crate::fit::single::camera_extent;
 use crate::fit::{
-    Articulated, ChamferTargets, CpuBackend, DeformConfig, Deformation, FitError, Follow, Membership, Region, RunPlan,
+    Articulated, ChamferTargets, DeformConfig, Deformation, Devices, FitError, Follow, Membership, Region, RunPlan,
     TrainImage, TrainState, train,
 };
 use artgs_core::{Splats, View};
@@ -103,15 +103,16 @@ fn bounds(points: &[[f32; 3]]) -> [[f32; 3]; 2] {
     [low, high]
 }
 
-/// Trains canonical Gaussians, and as configured parts and motions, on the views of both states, on the processor.
+/// Trains canonical Gaussians, and as configured parts and motions, on the views of both states.
 /// `cd_targets`, centres of Gaussians fitted to each state alone, are for the Chamfer term and may be left out.
-/// The same seed gives the same bytes.
+/// The same seed gives the same bytes on the processor.
 pub fn articulate(
     views: [&[View]; 2],
     start: Start,
     cd_targets: Option<&[Vec<[f32; 3]>; 2]>,
     config: &ArticulateConfig,
     seed: u64,
+    devices: &dyn Devices,
     follow: &mut dyn Follow,
 ) -> Result<Trained, FitError> {
     start.check()?;
@@ -124,10 +125,10 @@ pub fn articulate(
     let extent = camera_extent(&images).max(half_side);
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let state = train_state(start, cd_targets, config, half_side, &mut rng);
-    let mut backend = CpuBackend::new(images, config.train(extent, half_side), seed.wrapping_add(1))?;
+    let mut backend = devices.backend(images, config.train(extent, half_side), seed.wrapping_add(1))?;
     let ArticulateConfig { steps, plateau, update_always, densify, .. } = *config;
     let plan = RunPlan { steps, plateau, update_always, densify, extent: extent as f32 };
-    let state = train(&mut backend, state, &plan, &mut rng, follow)?;
+    let state = train(backend.as_mut(), state, &plan, &mut rng, follow)?;
     Ok(finish(state))
 }
 

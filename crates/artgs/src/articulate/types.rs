@@ -4,7 +4,7 @@ use super::config::ArticulateConfig;
 use super::run::{SkinStart, Start, articulate};
 use crate::articulation::{AssignConfig, MotionModel, MotionParameters};
 use crate::canonical::Canonical;
-use crate::fit::{FitError, Follow, LossConfig};
+use crate::fit::{Devices, FitError, Follow, LossConfig};
 use artgs_core::View;
 use glam::DVec3;
 use rand::SeedableRng;
@@ -59,6 +59,7 @@ pub fn predict_types(
     canonical: &Canonical,
     config: &TypeConfig,
     seed: u64,
+    devices: &dyn Devices,
     follow: &mut dyn Follow,
 ) -> Result<Vec<MotionModel>, FitError> {
     let parts = canonical.centres.len();
@@ -68,7 +69,7 @@ pub fn predict_types(
     let steps = if parts > 2 { config.steps_for_many } else { config.train.steps };
     let train = ArticulateConfig { steps, ..config.train.clone() };
     let start = still_start(canonical, &vec![MotionModel::Free; parts.saturating_sub(1)], seed);
-    let trained = articulate(views, start, None, &train, seed, follow)?;
+    let trained = articulate(views, start, None, &train, seed, devices, follow)?;
     let limit = config.half_angle_deg.to_radians();
     let kind = |joint: &MotionParameters| {
         if joint.half_motion().angle() > limit { MotionModel::Free } else { MotionModel::Prismatic }

@@ -240,10 +240,11 @@ pub struct StepStats {
 
 /// A device that trains. Pixels never leave it.
 pub trait Backend {
-    /// Takes the state over.
+    /// Takes the state over. A device that cannot train it says why ([`FitError::Device`]).
     fn upload(&mut self, state: TrainState) -> Result<(), FitError>;
 
-    /// Makes `steps` steps and reports each; fewer if `on_step` breaks off, after the step that it was told of. Without
+    /// Makes `steps` steps and reports each, in order; fewer if `on_step` breaks off, after the step that it was told of.
+    /// A device that makes several steps at once breaks off after the last of them; it goes on reporting. Without
     /// `update_last` the last of all `steps` leaves the Gaussians as they are and only gathers statistics; what moves them
     /// is updated all the same.
     fn run(

@@ -1,6 +1,6 @@
 //! Fitting Gaussians to photographs: losses, optimiser, densification, initialisation and the training loop.
 //!
-//! Data flow: [`images`] and [`region`] prepare the views, [`init`] places Gaussians, a [`backend`] steps them
+//! Data flow: [`images`] and [`region`] prepare the views, [`init`] places Gaussians, a [`backend`] that [`devices`] made steps them
 //! ([`deform`], [`loss`], [`ssim`], [`chamfer`], [`adam`]), [`densify`] changes their number, [`single`] is the loop around, [`score`] the test.
 
 pub mod adam;
@@ -9,6 +9,8 @@ pub mod chamfer;
 pub mod cpu;
 pub mod deform;
 pub mod densify;
+pub mod devices;
+pub mod fallback;
 pub mod follow;
 pub mod images;
 pub mod init;
@@ -26,6 +28,8 @@ pub use chamfer::ChamferTargets;
 pub use cpu::{CpuBackend, ViewSampler};
 pub use deform::{Articulated, DeformConfig, JointState, Membership};
 pub use densify::{DensifyConfig, DensifyReport, DensifyStats};
+pub use devices::{Cpu, Devices};
+pub use fallback::WithFallback;
 pub use follow::Follow;
 pub use images::{DepthPick, Rect, TrainImage};
 pub use init::{DepthInit, RandomInit};

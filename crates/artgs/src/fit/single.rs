@@ -3,8 +3,8 @@
 use super::FitError;
 use super::adam::AdamConfig;
 use super::backend::{Backend, PlateauConfig, RateConfig, TrainConfig, TrainState};
-use super::cpu::CpuBackend;
 use super::densify::DensifyConfig;
+use super::devices::Devices;
 use super::follow::Follow;
 use super::images::{DepthPick, TrainImage, prepare};
 use super::init::{DepthInit, RandomInit, from_depth, random_cube};
@@ -145,11 +145,12 @@ pub fn initialize(
     start.map_or_else(|| random_cube(region, &config.random, config.sh_degree, rng), Ok)
 }
 
-/// Fits Gaussians to the views of one state on the processor. The same seed gives the same bytes.
+/// Fits Gaussians to the views of one state. The same seed gives the same bytes on the processor.
 pub fn fit_single(
     views: &[View],
     config: &SingleConfig,
     seed: u64,
+    devices: &dyn Devices,
     follow: &mut dyn Follow,
 ) -> Result<Splats, FitError> {
     if views.is_empty() {
@@ -173,8 +174,8 @@ pub fn fit_single(
         near: (0.05 * region.half_side()) as f32,
         plateau: config.plateau,
     };
-    let mut backend = CpuBackend::new(images, train, seed.wrapping_add(1))?;
-    train_single(&mut backend, TrainState::new(splats), config, extent as f32, &mut rng, follow)
+    let mut backend = devices.backend(images, train, seed.wrapping_add(1))?;
+    train_single(backend.as_mut(), TrainState::new(splats), config, extent as f32, &mut rng, follow)
 }
 
 /// Runs a backend through the first stage.

@@ -53,7 +53,7 @@ pub fn train(
         backend.run(to - from, plan.update_always, &mut |s| {
             at = s.step;
             follow.step(StepStats { total: end, ..s });
-            wanted = follow.wants_snapshot();
+            wanted |= follow.wants_snapshot();
             if wanted { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         })?;
         let seen = if look && at == to { backend.held_back()? } else { None };
@@ -91,6 +91,8 @@ mod tests {
     #[derive(Default)]
     struct Scripted {
         state: TrainState,
+        /// Steps it makes at once; 0: one.
+        at_once: usize,
         looks: Vec<(usize, f64)>,
         /// Steps made before and after the run settled.
         steps: [usize; 2],
@@ -108,11 +110,12 @@ mod tests {
             _: bool,
             on_step: &mut dyn FnMut(StepStats) -> ControlFlow<()>,
         ) -> Result<(), FitError> {
-            for _ in 0..steps {
-                self.state.step += 1;
-                self.steps[usize::from(self.state.settling.is_some())] += 1;
-                if on_step(StepStats { step: self.state.step, ..StepStats::default() }).is_break() {
-                    break;
+            let (mut broken, end) = (false, self.state.step + steps);
+            while !broken && self.state.step < end {
+                for _ in 0..self.at_once.max(1).min(end - self.state.step) {
+                    self.state.step += 1;
+                    self.steps[usize::from(self.state.settling.is_some())] += 1;
+                    broken |= on_step(StepStats { step: self.state.step, ..StepStats::default() }).is_break();
                 }
             }
             Ok(())
@@ -156,6 +159,35 @@ mod tests {
         assert_eq!(run(&[], 55, plateau).0, [25, 30]);
         assert_eq!(run(&rising, 20, plateau).0, [0, 20]);
         assert_eq!(run(&rising, 70, PlateauConfig::never()).0, [70, 0]);
+    }
+
+    #[test]
+    fn a_look_comes_after_the_last_of_several_steps_made_at_once() {
+        /// Asks for a look at step 5 and forgets that it did.
+        #[derive(Default)]
+        struct Fickle {
+            steps: Vec<usize>,
+            looks: Vec<usize>,
+        }
+        impl Follow for Fickle {
+            fn step(&mut self, s: StepStats) {
+                self.steps.push(s.step);
+            }
+            fn wants_snapshot(&mut self) -> bool {
+                self.steps.last() == Some(&5)
+            }
+            fn snapshot(&mut self, state: &TrainState, _: usize) {
+                self.looks.push(state.step);
+            }
+        }
+        let densify = DensifyConfig { every: 0, ..DensifyConfig::default() };
+        let plan = RunPlan { steps: 20, plateau: PlateauConfig::never(), update_always: true, densify, extent: 1.0 };
+        for (at_once, look) in [(1, 5), (4, 8)] {
+            let mut backend = Scripted { at_once, ..Scripted::default() };
+            let (mut follow, mut rng) = (Fickle::default(), Pcg64Mcg::seed_from_u64(1));
+            train(&mut backend, TrainState::new(Splats::empty(0)), &plan, &mut rng, &mut follow).unwrap();
+            assert_eq!((follow.steps, follow.looks), ((1..=20).collect(), vec![look]));
+        }
     }
 
     #[test]

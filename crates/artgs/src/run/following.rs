@@ -1,11 +1,14 @@
 //! Training as an observer of the run sees it.
 
-use crate::fit::{Deformation, Follow, StepStats, TrainState};
+use crate::fit::{Deformation, Devices, Follow, StepStats, TrainState};
 use crate::observer::{Event, Observer, Snapshot};
 
-/// Tells an observer of the steps of a stage.
+/// Tells an observer of the steps of a stage, and of what befalls the device.
 pub(super) struct Following<'o> {
     observer: &'o mut dyn Observer,
+    devices: &'o dyn Devices,
+    /// Of the whole run.
+    warnings: &'o mut Vec<String>,
     stage: &'static str,
     /// Steps of the stage before this training, and after it.
     around: [usize; 2],
@@ -13,13 +16,18 @@ pub(super) struct Following<'o> {
 
 impl<'o> Following<'o> {
     /// Training is all of the stage.
-    pub(super) fn new(observer: &'o mut dyn Observer, stage: &'static str) -> Self {
-        Self { observer, stage, around: [0, 0] }
+    pub(super) fn new(
+        observer: &'o mut dyn Observer,
+        devices: &'o dyn Devices,
+        warnings: &'o mut Vec<String>,
+        stage: &'static str,
+    ) -> Self {
+        Self { observer, devices, warnings, stage, around: [0, 0] }
     }
 
     /// The stage trains twice, `steps` steps at most each time, and this is the time `index`.
-    pub(super) fn of_two(observer: &'o mut dyn Observer, stage: &'static str, index: usize, steps: usize) -> Self {
-        Self { observer, stage, around: [index * steps, (1 - index) * steps] }
+    pub(super) fn of_two(self, index: usize, steps: usize) -> Self {
+        Self { around: [index * steps, (1 - index) * steps], ..self }
     }
 
     fn counted(&self, step: usize, total: usize) -> [usize; 2] {
@@ -29,6 +37,10 @@ impl<'o> Following<'o> {
 
 impl Follow for Following<'_> {
     fn step(&mut self, s: StepStats) {
+        if let Some(message) = self.devices.notice() {
+            self.observer.event(Event::warning(message.clone()));
+            self.warnings.push(message);
+        }
         let [step, total] = self.counted(s.step, s.total);
         self.observer.event(Event::Progress {
             stage: self.stage.into(),

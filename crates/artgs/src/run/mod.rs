@@ -14,7 +14,7 @@ use crate::articulate::Trained;
 use crate::config::{Config, ConfigError, Method};
 use crate::discover::{DiscoverError, FoundPart};
 use crate::evaluate::{EvaluateConfig, Scores, Truth};
-use crate::fit::FitError;
+use crate::fit::{Devices, FitError};
 use crate::observer::Observer;
 use crate::registration::RegistrationError;
 use crate::surface::{PartMeshes, SurfaceError};
@@ -105,6 +105,8 @@ pub struct Summary {
     pub seconds: Vec<(String, f64)>,
     /// Wall-clock seconds of this run.
     pub total_seconds: f64,
+    /// What trained, at last; none if nothing had to be trained.
+    pub device: Option<String>,
     /// Largest resident memory of the process, MiB, where the system tells.
     pub peak_memory_mib: Option<f64>,
     /// What was odd, one sentence each.
@@ -148,17 +150,19 @@ pub(crate) struct Built {
 }
 
 /// Makes a replica of a capture in the folder `out`. With `resume` stages that an earlier run saved there are taken
-/// over. The same seed on the same machine gives the same files.
+/// over, whatever device they were trained on. The same seed on the same machine gives the same files, as far as its
+/// devices do.
 pub fn reconstruct(
     capture: &Capture,
     out: &Path,
     config: &Config,
     resume: bool,
+    devices: &dyn Devices,
     observer: &mut dyn Observer,
 ) -> Result<Summary, Error> {
     config.check()?;
     let parts = config.parts.ok_or(Error::PartsMissing)?;
-    let mut run = Run::open(capture, out, config, resume, observer)?;
+    let mut run = Run::open(capture, out, config, resume, devices, observer)?;
     let (built, meshes) = match config.method {
         Method::Discover => {
             let depths = run.depths()?;

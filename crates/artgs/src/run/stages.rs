@@ -9,7 +9,7 @@ use super::{Built, Error, Summary, assemble};
 use crate::articulate::{PaperConfig, SkinStart, Start, articulate, paper_pipeline};
 use crate::config::Config;
 use crate::discover::{self, DepthPicture, Discovery, FoundPart, Scene};
-use crate::fit::{FitError, single::fit_single};
+use crate::fit::{Devices, FitError, single::fit_single};
 use crate::observer::{Event, Observer};
 use crate::registration::{RegistrationError, register_parts};
 use crate::surface::{LabelledDepth, PartMeshes, SurfaceConfig, part_meshes};
@@ -41,6 +41,7 @@ pub(super) struct Run<'a> {
     resume: bool,
     /// An earlier run was to be gone on with.
     asked_to_resume: bool,
+    devices: &'a dyn Devices,
     observer: &'a mut dyn Observer,
     begun: Instant,
     summary: Summary,
@@ -53,6 +54,7 @@ impl<'a> Run<'a> {
         out: &Path,
         config: &'a Config,
         resume: bool,
+        devices: &'a dyn Devices,
         observer: &'a mut dyn Observer,
     ) -> Result<Self, Error> {
         let file = out.join("config.toml");
@@ -74,6 +76,7 @@ impl<'a> Run<'a> {
             config,
             resume,
             asked_to_resume: resume,
+            devices,
             observer,
             begun: Instant::now(),
             summary: Summary::default(),
@@ -105,6 +108,7 @@ impl<'a> Run<'a> {
         }
         self.resume = false;
         let result = compute(self)?;
+        self.devices.notice().into_iter().for_each(|w| self.warn(w));
         let seconds = begun.elapsed().as_secs_f64();
         self.summary.seconds.push((name.into(), seconds));
         self.observer.event(Event::finished(name, seconds, false));
@@ -122,9 +126,11 @@ impl<'a> Run<'a> {
             for (state, views) in run.train_views().into_iter().enumerate() {
                 let steps = run.config.single.steps;
                 let seed = run.config.seed.wrapping_mul(2).wrapping_add(state as u64);
-                let mut follow = Following::of_two(run.observer, "single", state, steps);
-                fitted.push(fit_single(views, &run.config.single, seed, &mut follow)?);
+                let follow = Following::new(run.observer, run.devices, &mut run.summary.warnings, "single");
+                let mut follow = follow.of_two(state, steps);
+                fitted.push(fit_single(views, &run.config.single, seed, run.devices, &mut follow)?);
             }
+            run.summary.device = Some(run.devices.name());
             let end = fitted.pop().unwrap_or_default();
             let single = [fitted.pop().unwrap_or_default(), end];
             run.folder.save_single(&single)?;
@@ -236,9 +242,11 @@ impl<'a> Run<'a> {
         let (trained, parts) = self.stage("articulate", Folder::load_trained, |run| {
             let config = &run.config.articulate;
             let (start, targets) = run.start(&found, parts)?;
-            let mut follow = Following::new(run.observer, "articulate");
+            let mut follow = Following::new(run.observer, run.devices, &mut run.summary.warnings, "articulate");
             let views = [&run.capture.states[0].train[..], &run.capture.states[1].train[..]];
-            let trained = articulate(views, start, targets.as_ref(), config, run.config.seed, &mut follow)?;
+            let trained =
+                articulate(views, start, targets.as_ref(), config, run.config.seed, run.devices, &mut follow)?;
+            run.summary.device = Some(run.devices.name());
             let told = if learnt {
                 told_parts(&trained, run.config.types.half_angle_deg.to_radians())
             } else if !run.config.discover.decide_joints {
@@ -276,9 +284,10 @@ impl<'a> Run<'a> {
         let (trained, parts) = self.stage("articulate", Folder::load_trained, |run| {
             let Config { canonical, types, articulate, .. } = run.config.clone();
             let config = PaperConfig { canonical, types, articulate };
-            let mut follow = Following::new(run.observer, "articulate");
+            let mut follow = Following::new(run.observer, run.devices, &mut run.summary.warnings, "articulate");
             let views = [&run.capture.states[0].train[..], &run.capture.states[1].train[..]];
-            let result = paper_pipeline(views, single, parts, &config, run.config.seed, &mut follow)?;
+            let result = paper_pipeline(views, single, parts, &config, run.config.seed, run.devices, &mut follow)?;
+            run.summary.device = Some(run.devices.name());
             let parts = told_parts(&result.trained, config.types.half_angle_deg.to_radians());
             run.folder.save_trained(&result.trained, &parts)?;
             Ok((result.trained, parts))

@@ -1,0 +1,217 @@
+//! Training that outlives its device: the processor takes over from the last saved state.
+
+use super::FitError;
+use super::backend::{Backend, StepStats, TrainConfig, TrainState};
+use super::devices::{Cpu, Devices};
+use super::images::TrainImage;
+use std::cell::Cell;
+use std::ops::ControlFlow;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Longer stretches are saved every so many steps.
+const SAVE_EVERY: usize = 500;
+
+/// Trains on a device as long as it works. When it fails, or cannot train what it is given ([`FitError::Device`]), the
+/// processor repeats the stretch of steps from its beginning and trains from then on, also in what is made later.
+#[derive(Debug)]
+pub struct WithFallback {
+    first: Box<dyn Devices>,
+    fall: Mutex<Fall>,
+}
+
+#[derive(Debug, Default)]
+struct Fall {
+    fallen: bool,
+    /// Why, until it is told.
+    notice: Option<String>,
+}
+
+impl WithFallback {
+    /// Trains on `first` while that works.
+    pub fn new(first: Box<dyn Devices>) -> Self {
+        Self { first, fall: Mutex::default() }
+    }
+
+    fn fall(&self) -> MutexGuard<'_, Fall> {
+        self.fall.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn fallen(&self) -> bool {
+        self.fall().fallen
+    }
+
+    /// From now on on the processor.
+    fn give_up(&self, reason: &str) {
+        let notice = Some(format!("training goes on on the CPU: {}: {reason}", self.first.name()));
+        *self.fall() = Fall { fallen: true, notice };
+    }
+}
+
+impl Devices for WithFallback {
+    fn name(&self) -> String {
+        if self.fallen() { Cpu.name() } else { self.first.name() }
+    }
+
+    fn backend<'a>(
+        &'a self,
+        images: Vec<TrainImage<'a>>,
+        config: TrainConfig,
+        seed: u64,
+    ) -> Result<Box<dyn Backend + 'a>, FitError> {
+        if !self.fallen() {
+            match self.first.backend(images.clone(), config, seed) {
+                Ok(backend) => {
+                    let saved = Some(Saved { images, state: None, made: Vec::new() });
+                    return Ok(Box::new(Falling { devices: self, config, seed, backend, saved }));
+                }
+                Err(FitError::Device(reason)) => self.give_up(&reason),
+                Err(other) => return Err(other),
+            }
+        }
+        Cpu.backend(images, config, seed)
+    }
+
+    fn notice(&self) -> Option<String> {
+        self.fall().notice.take()
+    }
+}
+
+/// A backend of a device, and what the processor needs to take its place.
+struct Falling<'a> {
+    devices: &'a WithFallback,
+    config: TrainConfig,
+    seed: u64,
+    backend: Box<dyn Backend + 'a>,
+    /// None once the processor trains.
+    saved: Option<Saved<'a>>,
+}
+
+struct Saved<'a> {
+    images: Vec<TrainImage<'a>>,
+    /// As it was uploaded last.
+    state: Option<TrainState>,
+    /// What ran since.
+    made: Vec<Stretch>,
+}
+
+/// Arguments of [`Backend::run`], and the number of the last step it reported.
+struct Stretch {
+    steps: usize,
+    update_last: bool,
+    end: usize,
+}
+
+/// Reports every step once, also if steps are repeated.
+struct Teller<'t> {
+    on_step: &'t mut dyn FnMut(StepStats) -> ControlFlow<()>,
+    /// Number of the last step told.
+    told: &'t Cell<usize>,
+    /// Whoever follows broke off.
+    broken: &'t Cell<bool>,
+}
+
+impl Teller<'_> {
+    fn tell(&mut self, s: StepStats) -> ControlFlow<()> {
+        if s.step > self.told.get() {
+            self.told.set(s.step);
+            self.broken.set((self.on_step)(s).is_break() || self.broken.get());
+        }
+        // A repeated stretch breaks off where the first one had: what was reported has to have happened.
+        if self.broken.get() && s.step >= self.told.get() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+impl Falling<'_> {
+    /// Puts the processor in the place of a device that failed, at the point it had reached; other errors pass through.
+    fn fall(&mut self, error: FitError) -> Result<(), FitError> {
+        let (reason, saved) = match (error, self.saved.take()) {
+            (FitError::Device(reason), Some(saved)) => (reason, saved),
+            (error, saved) => {
+                self.saved = saved;
+                return Err(error);
+            }
+        };
+        self.devices.give_up(&reason);
+        self.backend = Cpu.backend(saved.images, self.config, self.seed)?;
+        if let Some(state) = saved.state {
+            self.backend.upload(state)?;
+        }
+        for Stretch { steps, update_last, end } in saved.made {
+            self.backend.run(steps, update_last, &mut |s| {
+                if s.step < end { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            })?;
+        }
+        Ok(())
+    }
+
+    fn stretch(&mut self, steps: usize, update_last: bool, teller: &mut Teller<'_>) -> Result<(), FitError> {
+        if let Err(error) = self.backend.run(steps, update_last, &mut |s| teller.tell(s)) {
+            self.fall(error)?;
+            return self.backend.run(steps, update_last, &mut |s| teller.tell(s));
+        }
+        if let Some(saved) = &mut self.saved {
+            saved.made.push(Stretch { steps, update_last, end: teller.told.get() });
+        }
+        Ok(())
+    }
+}
+
+impl Backend for Falling<'_> {
+    fn upload(&mut self, state: TrainState) -> Result<(), FitError> {
+        if let Some(saved) = &mut self.saved {
+            saved.state = Some(state.clone());
+            saved.made.clear();
+        }
+        self.backend.upload(state).or_else(|error| self.fall(error))
+    }
+
+    fn run(
+        &mut self,
+        steps: usize,
+        update_last: bool,
+        on_step: &mut dyn FnMut(StepStats) -> ControlFlow<()>,
+    ) -> Result<(), FitError> {
+        let (told, broken) = (Cell::new(0), Cell::new(false));
+        let mut teller = Teller { on_step, told: &told, broken: &broken };
+        let mut left = steps;
+        while left > SAVE_EVERY && self.saved.is_some() {
+            self.stretch(SAVE_EVERY, true, &mut teller)?;
+            if broken.get() {
+                return Ok(());
+            }
+            left -= SAVE_EVERY;
+            let state = self.download()?;
+            self.upload(state)?;
+        }
+        self.stretch(left, update_last, &mut teller)
+    }
+
+    fn held_back(&mut self) -> Result<Option<f64>, FitError> {
+        match self.backend.held_back() {
+            Err(error) => {
+                self.fall(error)?;
+                self.backend.held_back()
+            }
+            seen => seen,
+        }
+    }
+
+    fn download(&mut self) -> Result<TrainState, FitError> {
+        let state = match self.backend.download() {
+            Err(error) => {
+                self.fall(error)?;
+                self.backend.download()
+            }
+            state => state,
+        }?;
+        if let Some(saved) = &mut self.saved {
+            saved.state = None;
+            saved.made.clear();
+        }
+        Ok(state)
+    }
+}
+
+#[cfg(test)]
+#[path = "fallback_tests.rs"]
+mod tests;
