@@ -3,19 +3,17 @@
 #[path = "profile.rs"]
 mod profile;
 
-use crate::chamfer::{self, Chamfer};
-use crate::joints;
 use crate::kernels::{Kernels, Walk};
-use crate::learnt::{self, Learnt, Shape};
 use crate::picture::Picture;
-use crate::scene::{Canvas, Desk, Gaussians, PLAIN, Program, Room, Size, backward, forward};
+use crate::resident::Resident;
+use crate::scene::Canvas;
 use crate::step::{self, Step};
-use crate::{Gpu, GpuError};
-use artgs::articulation::{Assignment, DualQuaternion};
+use crate::{Gpu, GpuError, chamfer, joints, learnt};
+use artgs::articulation::Assignment;
 use artgs::fit::cpu::{coarse_first, held};
 use artgs::fit::{
-    Articulated, Backend, Deformation, Devices, FitError, LossConfig, LossTerms, Membership, StepStats, TrainConfig,
-    TrainImage, TrainState, ViewSampler,
+    Backend, Deformation, Devices, FitError, LossConfig, LossTerms, Membership, StepStats, TrainConfig, TrainImage,
+    TrainState, ViewSampler,
 };
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -94,29 +92,6 @@ impl Devices for GpuDevices {
     ) -> Result<Box<dyn Backend + 'a>, FitError> {
         Ok(Box::new(self.train(images, config, seed)?))
     }
-}
-
-/// What is on the device while it trains.
-#[derive(Debug)]
-struct Resident {
-    desk: Desk,
-    gaussians: Gaussians,
-    joints: Option<joints::Joints>,
-    learnt: Option<Learnt>,
-    chamfer: Option<Chamfer>,
-    programs: Programs,
-}
-
-/// The calls of a step, in order.
-#[derive(Debug)]
-struct Programs {
-    forward: Program,
-    /// For each photograph.
-    compare: Vec<Program>,
-    backward: Program,
-    adam: Program,
-    /// Updates of motions and membership.
-    joints: Program,
 }
 
 /// What one step of a batch was like.
@@ -253,91 +228,22 @@ impl<'a> GpuBackend<'a> {
     /// Room for `capacity` intersections, and the calls that use it.
     fn make_room(&mut self, capacity: usize) -> Result<(), GpuError> {
         let Self { gpu, kernels, canvas, pictures, resident, .. } = self;
-        let Some(Resident { desk, gaussians, joints, learnt, chamfer, programs }) = resident else { return Ok(()) };
+        let Some(resident) = resident else { return Ok(()) };
         self.capacity = capacity;
-        *programs = Programs::default();
-        let room = Room::new(gpu, capacity, canvas.tiles, kernels.walk.bucket())?;
-        let adam =
-            [&desk.steps, &gaussians.grads, &desk.control, &gaussians.params, &gaussians.first, &gaussians.second];
-        let floats = gaussians.n * (PLAIN + gaussians.sh_stride);
-        let compare = |picture: &Picture| picture.compare(gpu, kernels, gaussians, canvas, desk);
-        let motions = learnt.as_ref().map_or(&desk.motions, |l| &l.blended);
-        let drawn = forward(gpu, kernels, gaussians, motions, &room, canvas, desk);
-        let mut back = backward(gpu, kernels, gaussians, motions, &room, canvas, desk);
-        back.extend(chamfer.iter().flat_map(|c| c.program(gpu, kernels, gaussians, motions, desk)));
-        back.extend(learnt.iter().flat_map(|l| l.backward(gpu, kernels, gaussians, desk)));
-        let assign = learnt.iter().flat_map(|l| l.forward(gpu, kernels, gaussians, desk));
-        let weights = learnt.as_ref().map_or(&gaussians.labels, |l| &l.weights);
-        let moved = joints.iter().flat_map(|j| j.program(gpu, kernels, gaussians, weights, desk));
-        let assigned = learnt.iter().flat_map(|l| l.update(gpu, kernels, desk));
-        *programs = Programs {
-            forward: assign.chain(drawn).collect(),
-            compare: pictures.iter().map(compare).collect(),
-            backward: back,
-            adam: vec![(kernels.adam.on(gpu, &adam), Size::Count(floats.div_ceil(256)))],
-            joints: moved.chain(assigned).collect(),
-        };
+        resident.make_room(gpu, kernels, capacity, canvas, pictures)?;
         gpu.check()
     }
 
     /// Puts the state on the device.
     fn place(&mut self) -> Result<(), GpuError> {
         let Self { gpu, state, .. } = self;
-        let TrainState { splats, adam, stats, deformation, .. } = state;
-        let (n, stride) = (splats.len(), splats.sh_stride());
-        let articulated = match deformation {
-            Deformation::Articulated(articulated) => Some(&**articulated),
-            Deformation::None => None,
+        let n = state.splats.len();
+        let resident = match self.resident.take() {
+            Some(resident) if resident.fits(state) => resident,
+            old => Resident::new(gpu, state, BATCH, old)?,
         };
-        let learn = articulated.is_some_and(|a| a.config().learn_joints);
-        let parts = articulated.map_or(1, Articulated::parts);
-        let module = articulated.and_then(learnt::module);
-        let shape = module.map(Shape::new);
-        let targets = articulated.and_then(Articulated::targets);
-        let old = self.resident.take();
-        let same = |r: &Resident| {
-            let same_targets = match (&r.chamfer, targets) {
-                (Some(chamfer), Some(targets)) => chamfer.is_for(targets),
-                (chamfer, targets) => chamfer.is_none() && targets.is_none(),
-            };
-            r.gaussians.n == n
-                && r.gaussians.sh_stride == stride
-                && r.joints.is_some() == learn
-                && r.desk.parts == parts
-                && r.learnt.as_ref().map(|l| &l.shape) == shape.as_ref()
-                && same_targets
-        };
-        let mut resident = match old {
-            Some(resident) if same(&resident) => resident,
-            old => {
-                let chamfer = old.and_then(|r| r.chamfer);
-                let motions = learn || shape.is_some() || targets.is_some();
-                Resident {
-                    desk: Desk::new(gpu, BATCH, parts)?,
-                    gaussians: Gaussians::new(gpu, n, stride, motions)?,
-                    joints: if learn { Some(joints::Joints::new(gpu, parts)?) } else { None },
-                    learnt: shape.map(|shape| Learnt::new(gpu, n, shape)).transpose()?,
-                    chamfer: targets.map(|t| Chamfer::new(gpu, n, t, chamfer.as_ref())).transpose()?,
-                    programs: Programs::default(),
-                }
-            }
-        };
-        let Resident { gaussians, desk, joints, learnt, programs, .. } = &mut resident;
-        gaussians.fill(gpu, splats, adam, stats);
-        gpu.write(&desk.control, 0, &[0_u32; 8]);
-        if let Some(articulated) = articulated {
-            if let Membership::Labels(labels) = &articulated.membership {
-                gpu.write(&gaussians.labels, 0, &labels.iter().map(|&l| u32::from(l)).collect::<Vec<u32>>());
-            }
-            gpu.write(&desk.motions, 0, &motions_of(&articulated.half_motions()));
-            if let Some(joints) = joints {
-                joints.fill(gpu, articulated);
-            }
-            if let (Some(learnt), Some(module)) = (learnt, module) {
-                learnt.fill(gpu, module);
-            }
-        }
-        let ready = !programs.forward.is_empty();
+        resident.fill(gpu, state);
+        let ready = !resident.programs.forward.is_empty();
         self.resident = Some(resident);
         if !ready {
             self.make_room(self.capacity.max(TILES_PER_GAUSSIAN * n))?;
@@ -347,18 +253,8 @@ impl<'a> GpuBackend<'a> {
 
     /// What the last upload and the steps since have made of the state.
     fn fetch(&mut self) -> Result<(), GpuError> {
-        let Some(Resident { gaussians, joints, learnt, .. }) = &self.resident else { return Ok(()) };
-        let TrainState { splats, adam, stats, deformation, .. } = &mut self.state;
-        gaussians.fetch(&self.gpu, splats, adam, stats)?;
-        if let Deformation::Articulated(articulated) = deformation {
-            if let Some(joints) = joints {
-                joints.fetch(&self.gpu, articulated)?;
-            }
-            if let Some(learnt) = learnt {
-                learnt.fetch(&self.gpu, articulated)?;
-            }
-        }
-        Ok(())
+        let Some(resident) = &self.resident else { return Ok(()) };
+        resident.fetch(&self.gpu, &mut self.state)
     }
 
     fn stats(&self, seen: &Seen, view: usize) -> StepStats {
@@ -391,31 +287,11 @@ impl<'a> GpuBackend<'a> {
     }
 }
 
-impl Default for Programs {
-    fn default() -> Self {
-        let empty = Vec::new;
-        Self { forward: empty(), compare: Vec::new(), backward: empty(), adam: empty(), joints: empty() }
-    }
-}
-
 /// Photographs on the device, and what is drawn to compare with them.
 fn show(gpu: &Gpu, images: &[TrainImage<'_>]) -> Result<(Vec<Picture>, Canvas), GpuError> {
     let pictures = images.iter().map(|image| Picture::new(gpu, image)).collect::<Result<Vec<_>, _>>()?;
     let canvas = Canvas::new(gpu, images.iter().map(|image| [image.width, image.height]))?;
     Ok((pictures, canvas))
-}
-
-/// Unit real parts and dual parts of half motions towards both states.
-fn motions_of(half_motions: &[DualQuaternion]) -> Vec<[f32; 4]> {
-    let towards = |state: usize| {
-        half_motions.iter().flat_map(move |m| {
-            let sign = if state == 0 { -1.0 } else { 1.0 };
-            let length = m.real.iter().map(|c| c * c).sum::<f64>().sqrt().max(1e-12);
-            let unit = |q: [f64; 4]| std::array::from_fn(|i| (if i > 0 { sign * q[i] } else { q[i] } / length) as f32);
-            [unit(m.real), unit(m.dual)]
-        })
-    };
-    towards(0).chain(towards(1)).collect()
 }
 
 /// What this backend cannot train.

@@ -1,6 +1,7 @@
 //! Every kernel against its twin on the processor, on small random scenes.
 
 use super::*;
+use crate::scene::PLAIN;
 use crate::testing::{articulated, gpu, images, rng, splats};
 use artgs::articulation::Warp;
 use artgs::fit::deform::DeformWorkspace;

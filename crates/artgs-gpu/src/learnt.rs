@@ -286,11 +286,12 @@ impl Learnt {
         gpu.write(&self.levels, 0, &levels);
     }
 
-    /// Takes the module back.
-    pub(crate) fn fetch(&self, gpu: &Gpu, articulated: &mut Articulated) -> Result<(), GpuError> {
+    /// Takes the module back after step `step`, but for the levels of the hash grid that have not learnt yet.
+    pub(crate) fn fetch(&self, gpu: &Gpu, articulated: &mut Articulated, step: usize) -> Result<(), GpuError> {
         let Some(module) = module_mut(articulated) else { return Ok(()) };
+        let learnt = &self.shape.entries[..module.config().active_levels(step)];
         let count = FRAME * self.shape.parts + self.shape.offsets()[3];
-        let entries: usize = self.shape.entries.iter().sum();
+        let entries: usize = learnt.iter().sum();
         let read = gpu.read(&[
             (&self.values, count),
             (&self.first, count),
@@ -302,7 +303,7 @@ impl Learnt {
             std::array::from_fn(|i| bytemuck::cast_slice(&read[i]));
         let (table, moments) = (table.as_chunks::<FEATURES>().0, moments.as_chunks::<4>().0);
         let mut begin = 0;
-        let grid = self.shape.entries.iter().map(|&size| {
+        let grid = learnt.iter().map(|&size| {
             let here = begin..begin + size;
             begin = here.end;
             let moments = &moments[here.clone()];

@@ -5,7 +5,7 @@ use super::tests::{backend, both, compare, config, distance, floats};
 use super::*;
 use crate::testing::{articulated, gpu, images, parts, rng, splats};
 use artgs::articulation::{AssignConfig, AssignKind, AssignState, HashGridConfig, PartAssignment};
-use artgs::fit::{ChamferTargets, CpuBackend, DeformConfig};
+use artgs::fit::{Articulated, ChamferTargets, CpuBackend, DeformConfig};
 use artgs_core::Splats;
 use rand::RngExt;
 

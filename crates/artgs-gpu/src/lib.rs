@@ -9,6 +9,7 @@ mod kernel;
 mod kernels;
 mod learnt;
 mod picture;
+mod resident;
 mod scene;
 mod step;
 #[cfg(test)]

@@ -266,7 +266,8 @@ impl PartAssignment {
         AssignState { values, moments: self.adam.moments().to_vec(), grid: self.grid.tables() }
     }
 
-    /// Takes over what [`state`](Self::state) has given out, as it is after all steps counted so far.
+    /// Takes over what [`state`](Self::state) has given out, as it is after all steps counted so far; levels that have not
+    /// learnt yet may be left out.
     pub fn set_state(&mut self, state: &AssignState) {
         let params = self.frames.iter_mut().chain(self.mlp.params_mut());
         params.zip(&state.values).for_each(|(to, v)| *to = *v);

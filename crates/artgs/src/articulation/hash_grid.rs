@@ -394,7 +394,8 @@ impl HashGrid {
         self.levels.par_iter().map(|level| level.table(self.step, &self.drift)).collect()
     }
 
-    /// Takes over tables of the shapes that [`tables`](Self::tables) has given out, as they are after `step` updates.
+    /// Takes over tables of the shapes that [`tables`](Self::tables) has given out, as they are after `step` updates. Fewer
+    /// than those are the coarser ones; the others must not have learnt yet.
     pub fn take_over(&mut self, tables: &[GridTable], step: u32) {
         self.levels.par_iter_mut().zip(tables).for_each(|(level, table)| level.take_over(table, step));
         self.step = step;
