@@ -307,3 +307,38 @@ fn a_device_takes_turns_between_kinds_of_states() {
         backend.download().unwrap();
     }
 }
+
+#[test]
+fn targets_are_found_in_flat_and_empty_clouds_and_from_afar() {
+    let Some(gpu) = gpu() else { return };
+    let mut draw = rng(33);
+    let mut plane = |n: usize| (0..n).map(|_| [draw.random(), draw.random_range(-0.9..0.9), 0.25]).collect::<Vec<_>>();
+    let line: Vec<[f32; 3]> = (0..90).map(|i| [0.01 * i as f32, -0.3, 0.2]).collect();
+    for (what, clouds) in [
+        ("plane and nothing", [plane(900), vec![]]),
+        ("line and point", [line, vec![[0.1, 0.2, 0.3]]]),
+        ("distant one", [[plane(50), vec![[40.0, -7.0, 3.0]]].concat(), plane(1)]),
+    ] {
+        let mut far = splats(&mut rng(33), 300, 1);
+        (far.means[5], far.means[6]) = ([30.0, 2.0, -50.0], [-0.3, 9.0, 0.1]);
+        let labels = (0..300).map(|i| (i % PARTS) as u16).collect();
+        let targets = Arc::new(ChamferTargets::new(&clouds));
+        let start = state(far, parts(Membership::Labels(labels), true, true, Some(targets)));
+        let terms = |backend: &mut dyn Backend| {
+            let mut terms = Vec::new();
+            backend.upload(start.clone()).unwrap();
+            let mut on_step = |s: StepStats| {
+                terms.push(s.loss - s.terms.total);
+                ControlFlow::Continue(())
+            };
+            backend.run(4, true, &mut on_step).unwrap();
+            terms
+        };
+        let settings = config(LossConfig::default());
+        let want = terms(&mut CpuBackend::new(images(9), settings, 3).unwrap());
+        let got = terms(&mut backend(&gpu, images(9), settings));
+        let close = |a: f64, b: f64| (a - b).abs() <= 2e-4 * b.abs() + 1e-6;
+        assert!(want.iter().any(|t| *t > 1.0), "{what}: {want:?}");
+        assert!(got.iter().zip(&want).all(|(a, b)| close(*a, *b)), "{what}: {got:?} not {want:?}");
+    }
+}
