@@ -15,7 +15,7 @@ use std::str::FromStr;
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum DeviceChoice {
-    /// A graphics processor that is not software, as long as it works, else the processor.
+    /// A graphics processor that is not software and trains faster, as long as it works, else the processor.
     Auto,
     Cpu,
     /// The one of this number in the list, or the most capable one, software included.
@@ -76,8 +76,8 @@ pub(crate) fn choose(choice: DeviceChoice, config: &Config) -> Result<Chosen, Fa
 pub(crate) fn open(choice: DeviceChoice) -> Result<Chosen, Failure> {
     match choice {
         DeviceChoice::Cpu => Ok(Chosen::new(Box::new(Cpu), "")),
-        DeviceChoice::Gpu(index) => Ok(Chosen::new(gpu::open(index, true).map_err(Failure::bad)?, "")),
-        DeviceChoice::Auto => Ok(match gpu::open(None, false) {
+        DeviceChoice::Gpu(index) => Ok(Chosen::new(gpu::open(index).map_err(Failure::bad)?, "")),
+        DeviceChoice::Auto => Ok(match gpu::open_if_fast() {
             Ok(gpu) => Chosen::new(Box::new(WithFallback::new(gpu)), ""),
             Err(reason) => Chosen::new(Box::new(Cpu), &format!(", as {reason}")),
         }),

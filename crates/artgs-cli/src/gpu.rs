@@ -1,12 +1,12 @@
 //! Graphics processors as the command line sees them; with the feature `gpu` alone are there any.
 
-pub(crate) use support::{NONE_LISTED, SUPPORTED, adapters, open, quieten};
+pub(crate) use support::{NONE_LISTED, SUPPORTED, adapters, open, open_if_fast, quieten};
 
 #[cfg(feature = "gpu")]
 mod support {
     use crate::device::Listed;
-    use artgs::fit::Devices;
-    use artgs_gpu::{Adapter, Gpu, GpuDevices, GpuError};
+    use artgs::fit::{Cpu, Devices};
+    use artgs_gpu::{Adapter, Gpu, GpuDevices, GpuError, Kind, seconds_per_step};
 
     /// True if this program can train on graphics processors.
     pub(crate) const SUPPORTED: bool = true;
@@ -24,14 +24,30 @@ mod support {
         }
     }
 
-    /// Opens the device `index`, or without one the most capable, `software` included or not; else says why not.
-    pub(crate) fn open(index: Option<usize>, software: bool) -> Result<Box<dyn Devices>, String> {
+    /// Opens the device `index`, or without one the most capable; else says why not.
+    pub(crate) fn open(index: Option<usize>) -> Result<Box<dyn Devices>, String> {
+        let gpu = Gpu::open(index, true).map_err(|e| e.to_string())?;
+        Ok(Box::new(GpuDevices::new(gpu).map_err(|e| e.to_string())?))
+    }
+
+    /// Opens the most capable device that is not software, unless it trains no faster than the processor; else says why not.
+    /// Devices with memory of their own are taken at their word.
+    pub(crate) fn open_if_fast() -> Result<Box<dyn Devices>, String> {
         let reason = |error: GpuError| match error {
-            GpuError::None if !software => "no graphics processor was found".to_string(),
+            GpuError::None => "no graphics processor was found".to_string(),
             error => error.to_string(),
         };
-        let gpu = Gpu::open(index, software).map_err(reason)?;
-        Ok(Box::new(GpuDevices::new(gpu).map_err(reason)?))
+        let gpu = Gpu::open(None, false).map_err(reason)?;
+        let surely = gpu.kind == Kind::Discrete;
+        let devices = GpuDevices::new(gpu).map_err(reason)?;
+        if !surely {
+            let time = |devices: &dyn Devices| seconds_per_step(devices).map_err(|e| e.to_string());
+            let [there, here] = [time(&devices)?, time(&Cpu)?].map(|s| 1e3 * s);
+            if there >= here {
+                return Err(format!("{} takes {there:.1} ms for a step of a trial, the CPU {here:.1}", devices.name()));
+            }
+        }
+        Ok(Box::new(devices))
     }
 
     /// All there are.
@@ -70,8 +86,13 @@ mod support {
     pub(crate) fn quieten() {}
 
     /// Says why not.
-    pub(crate) fn open(_: Option<usize>, _: bool) -> Result<Box<dyn Devices>, String> {
+    pub(crate) fn open(_: Option<usize>) -> Result<Box<dyn Devices>, String> {
         Err("this program was built without support for graphics processors (feature `gpu` of artgs-cli)".into())
+    }
+
+    /// Says why not.
+    pub(crate) fn open_if_fast() -> Result<Box<dyn Devices>, String> {
+        open(None)
     }
 
     /// None.

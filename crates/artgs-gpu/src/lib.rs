@@ -11,6 +11,8 @@ mod scene;
 mod step;
 #[cfg(test)]
 mod testing;
+mod trial;
 
 pub use backend::{GpuBackend, GpuDevices};
 pub use device::{Adapter, Gpu, GpuError, Kind, adapters};
+pub use trial::seconds_per_step;
