@@ -48,7 +48,7 @@ function openStage(scene: SceneData): Stage {
 async function start(scene: SceneData) {
   const stage = openStage(scene);
   const model = new Model(scene.links);
-  const looks = new Appearance(model);
+  const looks = new Appearance(model, stage.plain);
   const clouds = new Clouds(scene.clouds ?? []);
   stage.add(model.root);
   stage.add(clouds.group);
@@ -68,7 +68,7 @@ async function start(scene: SceneData) {
     clouds.group.visible = mode === "points";
     stage.drawSplats(mode === "splats");
     panel.mode(mode);
-    stage.invalidate();
+    stage.changed();
   };
   const setState = (next: number) => {
     state = next;
@@ -79,8 +79,14 @@ async function start(scene: SceneData) {
   };
   const explode = (share: number) => {
     model.explode(share);
-    stage.invalidate();
+    panel.explode(share);
+    stage.stir();
     if (share > 0) stage.include(model.present());
+  };
+  const setAxes = (on: boolean) => {
+    glyphs.visible = on;
+    panel.axes(on);
+    stage.changed();
   };
   const look = async (index: number | null) => {
     if (index === null) {
@@ -94,7 +100,7 @@ async function start(scene: SceneData) {
   };
   const panel: Panel = new Panel(document.querySelector("#panel")!, scene, model, {
     mode: setMode,
-    axes: (on) => ((glyphs.visible = on), stage.invalidate()),
+    axes: setAxes,
     explode,
     home: () => (panel.free(), stage.home()),
     state: setState,
@@ -105,7 +111,8 @@ async function start(scene: SceneData) {
     mask: (on) => wipe.showMask(on),
     moved: (on) => ((marked = on), clouds.show(state, on), stage.invalidate()),
   });
-  model.onMove(() => stage.invalidate());
+  model.onMove(() => stage.stir());
+  stage.onCoarsen((triangles) => looks.coarsen(triangles));
   const has = (kind: (l: SceneData["links"][number]) => boolean) => scene.links.some(kind);
   panel.allow("textured", has((l) => !!l.mesh));
   panel.allow("mesh", has((l) => !!l.mesh));
@@ -144,12 +151,14 @@ async function start(scene: SceneData) {
     setJoint: (link: string | number, value: number) => model.set(model.find(link), value),
     joint: (link: string | number) => model.find(link).value,
     setExploded: explode,
-    setAxes: (on: boolean) => ((glyphs.visible = on), stage.invalidate()),
+    setAxes,
     setFrustums: (on: boolean) => frustums.show(on),
     look,
     setWipe: (share: number) => wipe.set(share),
     play: (on: boolean) => player.set(on),
     settled: () => stage.settled(),
+    /** How coarsely things are drawn, see there. */
+    coarseness: () => stage.coarseness,
     /** Page coordinates of a point of a link's frame. */
     onPage: (link: string | number, point: [number, number, number]) => {
       model.root.updateMatrixWorld(true);

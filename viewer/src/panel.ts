@@ -33,6 +33,8 @@ const NAMES: Record<Mode, string> = {
 export class Panel {
   private readonly modes = new Map<Mode, HTMLInputElement>();
   private readonly sliders = new Map<Link, { box: HTMLElement; input: HTMLInputElement; value: HTMLOutputElement }>();
+  private readonly apart = make("input", { type: "range", min: "0", max: "1", step: "0.01", value: "0", id: "explode" });
+  private readonly axesShown = check("Joint axes and limits", (on) => this.act.axes(on));
   private readonly playing = button("Play", () => this.act.play(this.playing.getAttribute("aria-pressed") !== "true"));
 
   constructor(
@@ -63,14 +65,13 @@ export class Panel {
       this.modes.set(mode, input);
       choices.append(make("label", {}, input, make("span", {}, NAMES[mode])));
     }
-    const apart = make("input", { type: "range", min: "0", max: "1", step: "0.01", value: "0", id: "explode" });
-    apart.addEventListener("input", () => this.act.explode(apart.valueAsNumber));
+    this.apart.addEventListener("input", () => this.act.explode(this.apart.valueAsNumber));
     const group = make("fieldset", { ariaLabel: "What is drawn" }, choices);
     const out = section("Show", group);
     if (this.model.movable().length > 0) {
       out.append(
-        make("label", { className: "slider" }, make("span", { className: "head" }, "Apart"), apart),
-        check("Joint axes and limits", (on) => this.act.axes(on)),
+        make("label", { className: "slider" }, make("span", { className: "head" }, "Apart"), this.apart),
+        this.axesShown,
       );
     }
     if (this.scene.clouds?.length) out.append(check("Mark points that moved", (on) => this.act.moved(on)));
@@ -150,6 +151,14 @@ export class Panel {
   play(on: boolean): void {
     this.playing.setAttribute("aria-pressed", `${on}`);
     this.playing.textContent = on ? "Pause" : "Play";
+  }
+
+  explode(share: number): void {
+    this.apart.valueAsNumber = share;
+  }
+
+  axes(on: boolean): void {
+    this.axesShown.querySelector("input")!.checked = on;
   }
 
   /** Free view again. */
