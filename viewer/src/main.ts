@@ -13,7 +13,7 @@ import { startLive } from "./live";
 import { Model, motion } from "./model";
 import { Panel } from "./panel";
 import { Player } from "./player";
-import { checkScene, type SceneData } from "./scene";
+import { checkScene, isFound, type SceneData } from "./scene";
 import { Stage } from "./stage";
 
 const message = document.querySelector<HTMLElement>("#message")!;
@@ -23,9 +23,13 @@ function say(words: string, wrong = false): void {
   message.classList.toggle("wrong", wrong);
 }
 
-/** Which way the object opens, level: the sum of where the middles of its parts go. */
-function frontOf(model: Model): Vector3 {
+/**
+ * Which way the object opens, level: the sum of where the middles of its parts go. Before training nobody knows whether
+ * joints open or close from state A to B; then that way counts which leads out of the object.
+ */
+function frontOf(model: Model, found: boolean): Vector3 {
   const front = new Vector3();
+  const centre = model.extent().getCenter(new Vector3());
   for (const link of model.movable()) {
     const joint = link.data.joint!;
     const middle = link.box.isEmpty() ? new Vector3() : link.box.getCenter(new Vector3());
@@ -34,7 +38,9 @@ function frontOf(model: Model): Vector3 {
       motion(joint, value, position, rotation);
       return middle.clone().applyQuaternion(rotation).add(position);
     };
-    front.add(at(joint.limits[0] + 0.3 * (joint.limits[1] - joint.limits[0])).sub(at(joint.limits[0])).setZ(0).normalize());
+    const way = at(joint.limits[0] + 0.3 * (joint.limits[1] - joint.limits[0])).sub(at(joint.limits[0])).setZ(0).normalize();
+    const out = at(joint.limits[0]).add(new Vector3().fromArray(link.data.origin)).sub(centre);
+    front.addScaledVector(way, found && way.dot(out) < 0 ? -1 : 1);
   }
   return front;
 }
@@ -49,10 +55,13 @@ async function start(scene: SceneData) {
   const stage = openStage(scene);
   const model = new Model(scene.links);
   const looks = new Appearance(model, stage.plain);
-  const clouds = new Clouds(scene.clouds ?? []);
+  // Parts that were found, before training: their points are all there is to move.
+  const found = isFound(scene);
+  const clouds = new Clouds(scene.clouds ?? [], model, found);
   stage.add(model.root);
   stage.add(clouds.group);
   await looks.loadMeshes();
+  if (found) await clouds.load();
   const glyphs = new Glyphs(model);
   const extent = model.extent();
   const views = scene.cameras ?? [];
@@ -61,11 +70,11 @@ async function start(scene: SceneData) {
   stage.add(frustums.group);
 
   let state = 0;
-  let marked = false;
+  let marked = found;
   const player = new Player(stage, model, (on) => panel.play(on));
   const setMode = (mode: Mode) => {
     looks.show(mode);
-    clouds.group.visible = mode === "points";
+    clouds.visible = mode === "points";
     stage.drawSplats(mode === "splats");
     panel.mode(mode);
     stage.changed();
@@ -120,7 +129,7 @@ async function start(scene: SceneData) {
   panel.allow("collision", has((l) => l.collision.length > 0));
   panel.allow("points", clouds.any);
   panel.allow("splats", false);
-  stage.frameObject(extent, frontOf(model));
+  stage.frameObject(extent, frontOf(model, found));
   setState(0);
   setMode(has((l) => !!l.mesh) ? "textured" : "points");
   if (scene.corrections && model.movable().length > 0) {
@@ -131,15 +140,16 @@ async function start(scene: SceneData) {
   enableDrag(stage, model, looks, (link) => (player.set(false), panel.hold(link)));
 
   // The object can be moved by now; what is heavier follows.
-  await Promise.all([looks.loadSplats(), clouds.load()]);
+  await Promise.all([looks.loadSplats(), found ? undefined : clouds.load()]);
   clouds.show(state, marked);
   if (extent.isEmpty()) stage.frameObject(clouds.extent(), new Vector3());
   const counts = looks.count();
   panel.allow("splats", counts.splats > 0);
   const facts = [`${scene.links.length} links`, `${counts.triangles.toLocaleString("en")} triangles`];
   if (counts.splats > 0) facts.push(`${counts.splats.toLocaleString("en")} Gaussians`);
-  panel.facts(scene.links.length > 0 ? facts.join(" · ") : "Capture before reconstruction");
-  say(exported || !model.movable().length ? "" : "Drag a part to move it. Drag beside it to turn the view.");
+  panel.facts(found ? "Parts as they were found, before training" : scene.links.length > 0 ? facts.join(" · ") : "Capture before reconstruction");
+  if (found) say("Are these the parts, and do they move like this? Correct what is wrong, then go on.");
+  else say(exported || !model.movable().length ? "" : "Drag a part to move it. Drag beside it to turn the view.");
   setTimeout(() => message.classList.contains("wrong") || say(""), 6000);
 
   return {

@@ -92,6 +92,15 @@ impl Folder {
         self.write_json(&self.stage("joints.json"), &file)
     }
 
+    /// Removes what [`Self::load_trained`] loads.
+    pub(super) fn forget_trained(&self) -> Result<(), FileError> {
+        let path = self.stage("joints.json");
+        match std::fs::remove_file(&path) {
+            Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(FileError::Write { path, source }),
+            _ => Ok(()),
+        }
+    }
+
     pub(super) fn load_trained(&self) -> Option<(Trained, Vec<FoundPart>)> {
         let TrainedFile { parts, joints } = self.read_json("joints.json")?;
         let (splats, labels) = read_splat_ply(&self.stage("articulated.ply")).ok()?;
