@@ -196,7 +196,9 @@ async function post(path: string, data: object): Promise<string | null> {
   const headers = { "Content-Type": "application/json" };
   try {
     const answer = await fetch(path, { method: "POST", headers, body: JSON.stringify(data) });
-    return answer.ok ? null : (await answer.text()).trim();
+    // All of it is read: a page that leaves before would break the answer off.
+    const words = (await answer.text()).trim();
+    return answer.ok ? null : words;
   } catch (error) {
     return error instanceof Error ? error.message : String(error);
   }

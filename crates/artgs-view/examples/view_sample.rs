@@ -2,7 +2,7 @@
 //! to DIR/capture.html, prints the address of a server for it, and serves until standard input ends. The tests of the page
 //! run it.
 //!
-//! A run that the page starts turns the door red, unless corrections delete part 3: then it fails. `view_sample DIR --found`
+//! A run that the page starts turns the door red, unless corrections delete part 3: then it fails; it does not end before a file `hold` in DIR is gone. `view_sample DIR --found`
 //! shows parts before training first, and `view_sample DIR --unable` says that no run can be started.
 //!
 //! `view_sample OUT --exported`: the same for a replica folder that exists and was exported.
@@ -65,6 +65,9 @@ fn made_again(live: &Live, folder: &Path, page: &Page) -> Result<Page, String> {
     for step in 1..=20 {
         live.event("articulate", [step, 20], Some(0.5), Some(20.0 + step as f64), Some(1234));
         std::thread::sleep(Duration::from_millis(50));
+    }
+    while folder.join("hold").exists() {
+        std::thread::sleep(Duration::from_millis(20));
     }
     let corrections = artgs_io::read_corrections(folder).map_err(|e| e.to_string())?.unwrap_or_default();
     if corrections.centres.contains(&CentreEdit::Delete { part: 3 }) {
