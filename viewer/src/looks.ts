@@ -13,6 +13,8 @@ import {
   LinearMipmapNearestFilter,
   Mesh,
   MeshBasicMaterial,
+  NearestFilter,
+  NearestMipmapNearestFilter,
   MeshLambertMaterial,
   SRGBColorSpace,
   Texture,
@@ -26,6 +28,9 @@ import { parseObj } from "./obj";
 export const MODES = ["splats", "textured", "mesh", "parts", "collision", "points"] as const;
 export type Mode = (typeof MODES)[number];
 
+/** Where less than this share of the triangles is drawn, textures are not filtered. */
+const UNFILTERED = 0.1;
+
 /** All that hangs on one link. */
 interface Looks {
   mesh?: Mesh;
@@ -33,6 +38,9 @@ interface Looks {
   fine?: BufferGeometry;
   coarse: Map<string, BufferGeometry>;
   painted?: MeshBasicMaterial;
+  /** The texture, and the same read without filtering. */
+  picture?: Texture;
+  rough?: Texture;
   hulls: Mesh[];
   splats?: SplatMesh;
 }
@@ -75,6 +83,7 @@ export class Appearance {
       looks.painted = new MeshBasicMaterial({ map, vertexColors: !map && geometry.hasAttribute("color"), side: sideOf(link) });
       looks.mesh = new Mesh(geometry, looks.painted);
       looks.fine = geometry;
+      if (map) looks.picture = map;
       link.shell.add(looks.mesh);
       link.box.copy(geometry.boundingBox!);
     }
@@ -118,10 +127,16 @@ export class Appearance {
     }
   }
 
-  /** Draws meshes with a share of their triangles. */
+  /** Draws meshes with a share of their triangles, and leaves out what takes long: edges of hulls, filtering of textures. */
   coarsen(share: number): void {
     const textured = this.mode === "textured";
     for (const looks of this.looks.values()) {
+      for (const hull of looks.hulls) hull.children.forEach((edges) => (edges.visible = share === 1));
+      if (looks.picture) {
+        const rough = share < UNFILTERED;
+        if (rough) looks.rough ??= unfiltered(looks.picture);
+        looks.painted!.map = rough ? looks.rough! : looks.picture;
+      }
       if (!looks.mesh?.visible) continue;
       const key = `${share} ${textured}`;
       let geometry = share === 1 ? looks.fine! : looks.coarse.get(key);
@@ -145,6 +160,16 @@ export class Appearance {
       splats: all.reduce((n, l) => n + (l.splats?.packedSplats?.numSplats ?? 0), 0),
     };
   }
+}
+
+/** The same texture, read as cheaply as can be. */
+function unfiltered(texture: Texture): Texture {
+  const out = texture.clone();
+  out.magFilter = NearestFilter;
+  out.minFilter = NearestMipmapNearestFilter;
+  out.anisotropy = 1;
+  out.needsUpdate = true;
+  return out;
 }
 
 async function picture(file: string, plain: boolean): Promise<Texture> {

@@ -12,9 +12,10 @@ const ALIKE = 1.15;
 /** Milliseconds after which a finer level is tried again when something begins to move. */
 const FORGIVE = 20_000;
 
-function median(values: number[]): number {
-  const sorted = [...values].sort((a, b) => a - b);
-  return sorted[sorted.length >> 1];
+/** Mean without the longest, which may be an accident; displays show whole beats, so that a median would jump. */
+function usual(intervals: number[]): number {
+  const sum = intervals.reduce((a, b) => a + b);
+  return (sum - Math.max(...intervals)) / (intervals.length - 1);
 }
 
 /** Level 0 is the finest. */
@@ -75,7 +76,7 @@ export class Pace {
   }
 
   private learn(now: number): void {
-    this.costs[this.current] = median(this.intervals);
+    this.costs[this.current] = usual(this.intervals);
     this.intervals = [];
     const slow = this.costs[this.current]! > FAST;
     const next = this.current + 1;
