@@ -65,12 +65,19 @@ pub struct FoundPart {
     pub kind: JointKind,
     /// Motion from start to end, on the joint.
     pub motion: Rigid,
-    /// Root mean square distance between the registered surfaces, scene units.
+    /// Root mean square distance between the registered surfaces, scene units; not a number where too little of the part
+    /// was seen to register it.
+    #[serde(deserialize_with = "number_or_none")]
     pub rms: f64,
     /// Share of the part's points that the motion takes onto a surface of the other state, of those that it takes where
     /// that state is seen; none where that was not looked at, or too few points are in view there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub confidence: Option<f64>,
+}
+
+/// JSON has no number that is none: it is written as null.
+fn number_or_none<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 
 /// Labelled surface points of both states and the motions of the parts.

@@ -123,6 +123,23 @@ mod tests {
     use super::*;
 
     #[test]
+    fn parts_that_could_not_be_registered_come_back() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = Folder::new(root.path());
+        let part = |rms, confidence| FoundPart {
+            kind: JointKind::Prismatic,
+            motion: artgs_core::Rigid::IDENTITY,
+            rms,
+            confidence,
+        };
+        let parts = vec![part(f64::NAN, None), part(0.5, Some(0.25))];
+        folder.save_discovery(&Discovery { parts, ..Discovery::default() }).unwrap();
+        let read = folder.load_discovery().unwrap().parts;
+        assert!(read[0].rms.is_nan() && read[0].confidence.is_none());
+        assert_eq!((read[1].rms, read[1].confidence), (0.5, Some(0.25)));
+    }
+
+    #[test]
     fn numbers_come_back_to_the_last_bit() {
         let root = tempfile::tempdir().unwrap();
         let folder = Folder::new(root.path());
