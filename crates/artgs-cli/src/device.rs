@@ -7,6 +7,7 @@ use crate::library::Config;
 use crate::output::Report;
 use artgs::config::Method;
 use artgs::fit::{Cpu, Devices, WithFallback};
+use artgs::observer::{Event, Observer};
 use serde::Serialize;
 use serde_json::json;
 use std::fmt;
@@ -61,6 +62,11 @@ impl Chosen {
     fn new(devices: Box<dyn Devices>, why: &str) -> Self {
         let told = Some(format!("device: {}{why}", devices.name()));
         Self { devices, told }
+    }
+
+    /// Tells which it is.
+    pub(crate) fn tell(&self, observer: &mut dyn Observer) {
+        self.told.iter().for_each(|text| observer.event(Event::note(text)));
     }
 }
 
