@@ -15,4 +15,4 @@ mod trial;
 
 pub use backend::{GpuBackend, GpuDevices};
 pub use device::{Adapter, Gpu, GpuError, Kind, adapters};
-pub use trial::seconds_per_step;
+pub use trial::{Scene, Trial, trial};
