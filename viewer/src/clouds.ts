@@ -1,18 +1,37 @@
 /** Points of the observed states; those that moved stand out. */
 
-import { Box3, BufferAttribute, BufferGeometry, Color, Group, Points, PointsMaterial, SRGBColorSpace } from "three";
+import { Box3, BufferAttribute, BufferGeometry, Color, Group, type Matrix4, Object3D, Points, PointsMaterial, SRGBColorSpace } from "three";
 import { bytes } from "./files";
+import type { Model } from "./model";
 import type { CloudData } from "./scene";
 
 /** Moved points, sRGB. */
 const MOVED = new Color("#d4366a");
 
+/** Some of the points of a state. */
+interface Piece {
+  state: number;
+  points: Points;
+  photo: Float32Array;
+  marked: Float32Array;
+}
+
 export class Clouds {
   readonly group = new Group();
-  private readonly states: { state: number; points: Points; photo: Float32Array; marked: Float32Array }[] = [];
+  private readonly pieces: Piece[] = [];
+  private on = false;
+  private state = 0;
 
-  constructor(private readonly data: CloudData[]) {
-    this.group.visible = false;
+  /** `hung`: each link carries its points of both states, and moves them. */
+  constructor(
+    private readonly data: CloudData[],
+    private readonly model: Model,
+    private readonly hung: boolean,
+  ) {}
+
+  set visible(on: boolean) {
+    this.on = on;
+    this.place();
   }
 
   get any(): boolean {
@@ -24,23 +43,56 @@ export class Clouds {
       const source = await bytes(cloud.file);
       if (source.length !== cloud.count * 16) throw new Error(`${cloud.file}: ${source.length} bytes for ${cloud.count} points`);
       const positions = new Float32Array(source.buffer, source.byteOffset, cloud.count * 3);
-      const photo = new Float32Array(cloud.count * 3);
-      const colour = new Color();
-      const marked = new Float32Array(cloud.count * 3);
-      for (let i = 0, k = cloud.count * 12; i < cloud.count; i++, k += 4) {
-        colour.setRGB(source[k] / 255, source[k + 1] / 255, source[k + 2] / 255, SRGBColorSpace).toArray(photo, 3 * i);
-        if (source[k + 3]) colour.copy(MOVED);
-        else colour.lerp(new Color(0.35, 0.35, 0.35), 0.6);
-        colour.toArray(marked, 3 * i);
+      const marks = Uint8Array.from({ length: cloud.count }, (_, i) => source[cloud.count * 12 + 4 * i + 3]);
+      const all = Uint32Array.from({ length: cloud.count }, (_, i) => i);
+      if (!this.hung) {
+        this.add(cloud.state, source, positions, marks, all, this.group, null);
+        continue;
       }
-      const geometry = new BufferGeometry();
-      geometry.setAttribute("position", new BufferAttribute(positions, 3));
-      geometry.setAttribute("color", new BufferAttribute(photo.slice(), 3));
-      const material = new PointsMaterial({ size: 3, sizeAttenuation: false, vertexColors: true });
-      const points = new Points(geometry, material);
-      this.states.push({ state: cloud.state, points, photo, marked });
-      this.group.add(points);
+      this.model.setState(cloud.state);
+      this.model.root.updateMatrixWorld(true);
+      for (const link of this.model.links) {
+        const own = all.filter((i) => marks[i] === link.index);
+        const toLink = link.shell.matrixWorld.clone().invert();
+        const points = this.add(cloud.state, source, positions, marks, own, link.shell, toLink);
+        if (cloud.state === 0 && own.length > 0) link.box.copy(points.geometry.boundingBox!);
+      }
     }
+    this.place();
+  }
+
+  private add(state: number, source: Uint8Array, positions: Float32Array, marks: Uint8Array, own: Uint32Array, on: Object3D, move: Matrix4 | null): Points {
+    const [places, photo, marked] = [0, 0, 0].map(() => new Float32Array(own.length * 3));
+    const colour = new Color();
+    own.forEach((i, k) => {
+      places.set(positions.subarray(3 * i, 3 * i + 3), 3 * k);
+      const at = marks.length * 12 + 4 * i;
+      colour.setRGB(source[at] / 255, source[at + 1] / 255, source[at + 2] / 255, SRGBColorSpace).toArray(photo, 3 * k);
+      if (marks[i]) colour.copy(this.markOf(marks[i]));
+      else colour.lerp(new Color(0.35, 0.35, 0.35), 0.6);
+      colour.toArray(marked, 3 * k);
+    });
+    const geometry = new BufferGeometry();
+    geometry.setAttribute("position", new BufferAttribute(places, 3));
+    if (move) geometry.applyMatrix4(move);
+    geometry.setAttribute("color", new BufferAttribute(photo.slice(), 3));
+    geometry.computeBoundingBox();
+    const points = new Points(geometry, new PointsMaterial({ size: 3, sizeAttenuation: false, vertexColors: true }));
+    this.pieces.push({ state, points, photo, marked });
+    on.add(points);
+    return points;
+  }
+
+  /** The colour of a part, or of what moved while there are none. */
+  private markOf(mark: number): Color {
+    const link = this.model.links[mark];
+    if (!link) return MOVED;
+    const [r, g, b] = link.data.colour;
+    return new Color().setRGB(r / 255, g / 255, b / 255, SRGBColorSpace);
+  }
+
+  private place(): void {
+    for (const { state, points } of this.pieces) points.visible = this.on && state === this.state;
   }
 
   /** Extent of both states, object's frame. */
@@ -50,10 +102,11 @@ export class Clouds {
 
   /** Shows one state, in the colours of the photos or with what moved marked. */
   show(state: number, moved: boolean): void {
-    for (const cloud of this.states) {
-      cloud.points.visible = cloud.state === state;
-      const colours = cloud.points.geometry.getAttribute("color") as BufferAttribute;
-      (colours.array as Float32Array).set(moved ? cloud.marked : cloud.photo);
+    this.state = state;
+    this.place();
+    for (const { points, photo, marked } of this.pieces) {
+      const colours = points.geometry.getAttribute("color") as BufferAttribute;
+      (colours.array as Float32Array).set(moved ? marked : photo);
       colours.needsUpdate = true;
     }
   }

@@ -3,7 +3,7 @@
 import { Group, Mesh, MeshBasicMaterial, Plane, Quaternion, SphereGeometry, SRGBColorSpace, Vector3 } from "three";
 import { button, check, make, section } from "./dom";
 import type { Link, Model } from "./model";
-import type { SceneData, Triple } from "./scene";
+import { isFound, type SceneData, type Triple } from "./scene";
 import type { Stage } from "./stage";
 
 interface Centre {
@@ -43,9 +43,16 @@ export class Corrections {
     const show = check("Show part centres", (on) => this.show(on));
     this.element = section("Corrections", show, this.list);
     if (scene.placement) this.element.append(make("div", { className: "row" }, button("Add a centre", () => this.add())));
-    const save = button("Save corrections", () => void this.save());
-    const note = "Saved for the next artgs reconstruct --resume, which makes again what depends on them.";
-    this.element.append(make("div", { className: "row" }, save), this.told, make("p", { className: "note" }, note));
+    const row = make("div", { className: "row" }, button("Save corrections", () => void this.save()));
+    this.element.append(row, this.told);
+    if (scene.rerun) {
+      const go = button(isFound(scene) ? "Save and go on" : "Save and run again", () => void this.run());
+      go.disabled = scene.rerun.refused !== null;
+      row.append(go);
+    }
+    const later = "Saved for the next artgs reconstruct --resume, which makes again what depends on them.";
+    const note = scene.rerun?.refused ? `${later} It cannot be started here: ${scene.rerun.refused}.` : later;
+    this.element.append(make("p", { className: "note" }, note));
     this.listen();
   }
 
@@ -169,15 +176,31 @@ export class Corrections {
     return { centres, joints };
   }
 
-  private async save(): Promise<void> {
-    const body = JSON.stringify({ format: "artgs-corrections", version: 1, ...this.edits() });
-    const headers = { "Content-Type": "application/json" };
-    try {
-      const answer = await fetch("corrections", { method: "POST", headers, body });
-      this.told.textContent = answer.ok ? "Saved." : `Not saved: ${(await answer.text()).trim()}`;
-    } catch (error) {
-      this.told.textContent = `Not saved: ${error instanceof Error ? error.message : error}`;
-    }
+  private async save(): Promise<boolean> {
+    const refused = await post("corrections", { format: "artgs-corrections", version: 1, ...this.edits() });
+    this.told.textContent = refused === null ? "Saved." : `Not saved: ${refused}`;
+    return refused === null;
+  }
+
+  /** Makes again what depends on the corrections; the page follows that, and shows then what was made. */
+  private async run(): Promise<void> {
+    if (!(await this.save())) return;
+    const refused = await post("rerun", {});
+    if (refused === null) location.reload();
+    else this.told.textContent = `Saved, but not started: ${refused}`;
+  }
+}
+
+/** Why the server refuses it, if it does. */
+async function post(path: string, data: object): Promise<string | null> {
+  const headers = { "Content-Type": "application/json" };
+  try {
+    const answer = await fetch(path, { method: "POST", headers, body: JSON.stringify(data) });
+    // All of it is read: a page that leaves before would break the answer off.
+    const words = (await answer.text()).trim();
+    return answer.ok ? null : words;
+  } catch (error) {
+    return error instanceof Error ? error.message : String(error);
   }
 }
 

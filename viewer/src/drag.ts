@@ -95,7 +95,6 @@ export function enableDrag(stage: Stage, model: Model, looks: Appearance, busy: 
     if (!event.isPrimary) return;
     if (grip) {
       model.set(grip.link, follow(stage, grip, new Vector2(event.clientX, event.clientY)));
-      stage.invalidate();
     } else if (event.pointerType === "mouse" && event.buttons === 0) {
       canvas.classList.toggle("over", controls.enabled && !!pick(stage, looks, event.clientX, event.clientY)?.link.mover());
     }

@@ -192,7 +192,10 @@ export function startLive(scene: SceneData, stage: Stage, say: (words: string, w
     if (data.parts === 0 && tint === "parts") void choose("splats");
     // One that nobody sees does not ask for Gaussians, so training need not stop for it.
     if (!document.hidden || data.state !== "running") await swapped.show(data.splats, tint);
-    if (data.state === "failed") say(`The run failed: ${data.message ?? ""}`, true);
+    if (data.state === "failed") {
+      say(`The run failed: ${data.message ?? ""}`, true);
+      if (scene.returns) words.facts.after(make("div", { className: "row" }, button("Back", () => location.reload())));
+    } else if (data.state === "finished" && scene.returns) location.reload();
     else if (data.state === "finished") say("The run is finished. “artgs view” shows what it made.");
     else if (swapped.count > 0) say("");
   };

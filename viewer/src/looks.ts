@@ -10,13 +10,17 @@ import {
   LineSegments,
   LinearFilter,
   LinearMipmapLinearFilter,
+  LinearMipmapNearestFilter,
   Mesh,
   MeshBasicMaterial,
-  MeshStandardMaterial,
+  NearestFilter,
+  NearestMipmapNearestFilter,
+  MeshLambertMaterial,
   SRGBColorSpace,
   Texture,
 } from "three";
 import { SplatFileType, SplatMesh } from "@sparkjsdev/spark";
+import { coarser, ready } from "./coarse";
 import { bytes } from "./files";
 import type { Link, Model } from "./model";
 import { parseObj } from "./obj";
@@ -24,15 +28,24 @@ import { parseObj } from "./obj";
 export const MODES = ["splats", "textured", "mesh", "parts", "collision", "points"] as const;
 export type Mode = (typeof MODES)[number];
 
+/** Where less than this share of the triangles is drawn, textures are not filtered. */
+const UNFILTERED = 0.1;
+
 /** All that hangs on one link. */
 interface Looks {
   mesh?: Mesh;
+  /** The mesh as it is, and coarser by share of triangles and whether its colours are drawn. */
+  fine?: BufferGeometry;
+  coarse: Map<string, BufferGeometry>;
   painted?: MeshBasicMaterial;
+  /** The texture, and the same read without filtering. */
+  picture?: Texture;
+  rough?: Texture;
   hulls: Mesh[];
   splats?: SplatMesh;
 }
 
-const clay = [FrontSide, DoubleSide].map((side) => new MeshStandardMaterial({ color: 0xc9c6c0, roughness: 0.9, side }));
+const clay = [FrontSide, DoubleSide].map((side) => new MeshLambertMaterial({ color: 0xc9c6c0, side }));
 
 /** Which sides of a mesh can be seen: drawing both costs half as much again. */
 function sideOf(link: Link): typeof FrontSide | typeof DoubleSide {
@@ -41,30 +54,36 @@ function sideOf(link: Link): typeof FrontSide | typeof DoubleSide {
 
 export class Appearance {
   private readonly looks = new Map<Link, Looks>();
-  private readonly coloured = new Map<Link, MeshStandardMaterial>();
+  private readonly coloured = new Map<Link, MeshLambertMaterial>();
   mode: Mode = "textured";
 
-  constructor(private readonly model: Model) {}
+  constructor(
+    private readonly model: Model,
+    /** Without a graphics card, where filtering takes its time. */
+    private readonly plain: boolean,
+  ) {}
 
   /** Loads meshes, textures and hulls; Gaussians follow with `loadSplats`. */
   async loadMeshes(): Promise<void> {
-    await Promise.all(this.model.links.map((link) => this.loadLink(link)));
+    await Promise.all([ready, ...this.model.links.map((link) => this.loadLink(link))]);
   }
 
   private async loadLink(link: Link): Promise<void> {
-    const looks: Looks = { hulls: [] };
+    const looks: Looks = { hulls: [], coarse: new Map() };
     this.looks.set(link, looks);
     const { mesh, collision, colour } = link.data;
     const tint = new Color().setRGB(colour[0] / 255, colour[1] / 255, colour[2] / 255, SRGBColorSpace);
-    this.coloured.set(link, new MeshStandardMaterial({ color: tint, roughness: 0.8, side: sideOf(link) }));
+    this.coloured.set(link, new MeshLambertMaterial({ color: tint, side: sideOf(link) }));
     if (mesh) {
       const [geometry, map] = await Promise.all([
         bytes(mesh.file).then(parseObj),
-        mesh.texture ? picture(mesh.texture) : Promise.resolve(null),
+        mesh.texture ? picture(mesh.texture, this.plain) : Promise.resolve(null),
       ]);
       // The photographed light is in the texture already.
       looks.painted = new MeshBasicMaterial({ map, vertexColors: !map && geometry.hasAttribute("color"), side: sideOf(link) });
       looks.mesh = new Mesh(geometry, looks.painted);
+      looks.fine = geometry;
+      if (map) looks.picture = map;
       link.shell.add(looks.mesh);
       link.box.copy(geometry.boundingBox!);
     }
@@ -73,7 +92,7 @@ export class Appearance {
       const shade = tint.clone().offsetHSL(0, 0, (((i * 0.381966) % 1) - 0.5) * 0.25);
       const hull = new Mesh(
         geometry,
-        new MeshStandardMaterial({ color: shade, roughness: 0.9, transparent: true, opacity: 0.75, flatShading: true }),
+        new MeshLambertMaterial({ color: shade, transparent: true, opacity: 0.75, flatShading: true }),
       );
       hull.add(new LineSegments(new EdgesGeometry(geometry, 20), new LineBasicMaterial({ color: shade.clone().multiplyScalar(0.3) })));
       looks.hulls.push(hull);
@@ -108,6 +127,24 @@ export class Appearance {
     }
   }
 
+  /** Draws meshes with a share of their triangles, and leaves out what takes long: edges of hulls, filtering of textures. */
+  coarsen(share: number): void {
+    const textured = this.mode === "textured";
+    for (const looks of this.looks.values()) {
+      for (const hull of looks.hulls) hull.children.forEach((edges) => (edges.visible = share === 1));
+      if (looks.picture) {
+        const rough = share < UNFILTERED;
+        if (rough) looks.rough ??= unfiltered(looks.picture);
+        looks.painted!.map = rough ? looks.rough! : looks.picture;
+      }
+      if (!looks.mesh?.visible) continue;
+      const key = `${share} ${textured}`;
+      let geometry = share === 1 ? looks.fine! : looks.coarse.get(key);
+      if (!geometry) looks.coarse.set(key, (geometry = coarser(looks.fine!, share, textured)));
+      looks.mesh.geometry = geometry;
+    }
+  }
+
   /** Meshes to point at: hulls, which have few triangles, else what is drawn. */
   targets(): { link: Link; mesh: Mesh }[] {
     return [...this.looks].flatMap(([link, { mesh, hulls }]) =>
@@ -119,21 +156,31 @@ export class Appearance {
     const all = [...this.looks.values()];
     const triangles = (g: BufferGeometry) => (g.index ? g.index.count : g.getAttribute("position").count) / 3;
     return {
-      triangles: all.reduce((n, l) => n + (l.mesh ? triangles(l.mesh.geometry) : 0), 0),
+      triangles: all.reduce((n, l) => n + (l.fine ? triangles(l.fine) : 0), 0),
       splats: all.reduce((n, l) => n + (l.splats?.packedSplats?.numSplats ?? 0), 0),
     };
   }
 }
 
-async function picture(file: string): Promise<Texture> {
+/** The same texture, read as cheaply as can be. */
+function unfiltered(texture: Texture): Texture {
+  const out = texture.clone();
+  out.magFilter = NearestFilter;
+  out.minFilter = NearestMipmapNearestFilter;
+  out.anisotropy = 1;
+  out.needsUpdate = true;
+  return out;
+}
+
+async function picture(file: string, plain: boolean): Promise<Texture> {
   const blob = new Blob([await bytes(file)], { type: "image/png" });
   // OBJ counts v from below; the bitmap is flipped here because WebGL does not flip bitmaps.
   const texture = new Texture(await createImageBitmap(blob, { imageOrientation: "flipY" }));
   texture.flipY = false;
   texture.colorSpace = SRGBColorSpace;
   texture.magFilter = LinearFilter;
-  texture.minFilter = LinearMipmapLinearFilter;
-  texture.anisotropy = 4;
+  texture.minFilter = plain ? LinearMipmapNearestFilter : LinearMipmapLinearFilter;
+  texture.anisotropy = plain ? 1 : 4;
   texture.needsUpdate = true;
   return texture;
 }

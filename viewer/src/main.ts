@@ -13,7 +13,7 @@ import { startLive } from "./live";
 import { Model, motion } from "./model";
 import { Panel } from "./panel";
 import { Player } from "./player";
-import { checkScene, type SceneData } from "./scene";
+import { checkScene, isFound, type SceneData } from "./scene";
 import { Stage } from "./stage";
 
 const message = document.querySelector<HTMLElement>("#message")!;
@@ -23,9 +23,13 @@ function say(words: string, wrong = false): void {
   message.classList.toggle("wrong", wrong);
 }
 
-/** Which way the object opens, level: the sum of where the middles of its parts go. */
-function frontOf(model: Model): Vector3 {
+/**
+ * Which way the object opens, level: the sum of where the middles of its parts go. Before training nobody knows whether
+ * joints open or close from state A to B; then that way counts which leads out of the object.
+ */
+function frontOf(model: Model, found: boolean): Vector3 {
   const front = new Vector3();
+  const centre = model.extent().getCenter(new Vector3());
   for (const link of model.movable()) {
     const joint = link.data.joint!;
     const middle = link.box.isEmpty() ? new Vector3() : link.box.getCenter(new Vector3());
@@ -34,7 +38,9 @@ function frontOf(model: Model): Vector3 {
       motion(joint, value, position, rotation);
       return middle.clone().applyQuaternion(rotation).add(position);
     };
-    front.add(at(joint.limits[0] + 0.3 * (joint.limits[1] - joint.limits[0])).sub(at(joint.limits[0])).setZ(0).normalize());
+    const way = at(joint.limits[0] + 0.3 * (joint.limits[1] - joint.limits[0])).sub(at(joint.limits[0])).setZ(0).normalize();
+    const out = at(joint.limits[0]).add(new Vector3().fromArray(link.data.origin)).sub(centre);
+    front.addScaledVector(way, found && way.dot(out) < 0 ? -1 : 1);
   }
   return front;
 }
@@ -48,11 +54,14 @@ function openStage(scene: SceneData): Stage {
 async function start(scene: SceneData) {
   const stage = openStage(scene);
   const model = new Model(scene.links);
-  const looks = new Appearance(model);
-  const clouds = new Clouds(scene.clouds ?? []);
+  const looks = new Appearance(model, stage.plain);
+  // Parts that were found, before training: their points are all there is to move.
+  const found = isFound(scene);
+  const clouds = new Clouds(scene.clouds ?? [], model, found);
   stage.add(model.root);
   stage.add(clouds.group);
   await looks.loadMeshes();
+  if (found) await clouds.load();
   const glyphs = new Glyphs(model);
   const extent = model.extent();
   const views = scene.cameras ?? [];
@@ -61,14 +70,14 @@ async function start(scene: SceneData) {
   stage.add(frustums.group);
 
   let state = 0;
-  let marked = false;
+  let marked = found;
   const player = new Player(stage, model, (on) => panel.play(on));
   const setMode = (mode: Mode) => {
     looks.show(mode);
-    clouds.group.visible = mode === "points";
+    clouds.visible = mode === "points";
     stage.drawSplats(mode === "splats");
     panel.mode(mode);
-    stage.invalidate();
+    stage.changed();
   };
   const setState = (next: number) => {
     state = next;
@@ -79,8 +88,14 @@ async function start(scene: SceneData) {
   };
   const explode = (share: number) => {
     model.explode(share);
-    stage.invalidate();
+    panel.explode(share);
+    stage.stir();
     if (share > 0) stage.include(model.present());
+  };
+  const setAxes = (on: boolean) => {
+    glyphs.visible = on;
+    panel.axes(on);
+    stage.changed();
   };
   const look = async (index: number | null) => {
     if (index === null) {
@@ -94,7 +109,7 @@ async function start(scene: SceneData) {
   };
   const panel: Panel = new Panel(document.querySelector("#panel")!, scene, model, {
     mode: setMode,
-    axes: (on) => ((glyphs.visible = on), stage.invalidate()),
+    axes: setAxes,
     explode,
     home: () => (panel.free(), stage.home()),
     state: setState,
@@ -105,7 +120,8 @@ async function start(scene: SceneData) {
     mask: (on) => wipe.showMask(on),
     moved: (on) => ((marked = on), clouds.show(state, on), stage.invalidate()),
   });
-  model.onMove(() => stage.invalidate());
+  model.onMove(() => stage.stir());
+  stage.onCoarsen((triangles) => looks.coarsen(triangles));
   const has = (kind: (l: SceneData["links"][number]) => boolean) => scene.links.some(kind);
   panel.allow("textured", has((l) => !!l.mesh));
   panel.allow("mesh", has((l) => !!l.mesh));
@@ -113,7 +129,7 @@ async function start(scene: SceneData) {
   panel.allow("collision", has((l) => l.collision.length > 0));
   panel.allow("points", clouds.any);
   panel.allow("splats", false);
-  stage.frameObject(extent, frontOf(model));
+  stage.frameObject(extent, frontOf(model, found));
   setState(0);
   setMode(has((l) => !!l.mesh) ? "textured" : "points");
   if (scene.corrections && model.movable().length > 0) {
@@ -124,15 +140,16 @@ async function start(scene: SceneData) {
   enableDrag(stage, model, looks, (link) => (player.set(false), panel.hold(link)));
 
   // The object can be moved by now; what is heavier follows.
-  await Promise.all([looks.loadSplats(), clouds.load()]);
+  await Promise.all([looks.loadSplats(), found ? undefined : clouds.load()]);
   clouds.show(state, marked);
   if (extent.isEmpty()) stage.frameObject(clouds.extent(), new Vector3());
   const counts = looks.count();
   panel.allow("splats", counts.splats > 0);
   const facts = [`${scene.links.length} links`, `${counts.triangles.toLocaleString("en")} triangles`];
   if (counts.splats > 0) facts.push(`${counts.splats.toLocaleString("en")} Gaussians`);
-  panel.facts(scene.links.length > 0 ? facts.join(" · ") : "Capture before reconstruction");
-  say(exported || !model.movable().length ? "" : "Drag a part to move it. Drag beside it to turn the view.");
+  panel.facts(found ? "Parts as they were found, before training" : scene.links.length > 0 ? facts.join(" · ") : "Capture before reconstruction");
+  if (found) say("Are these the parts, and do they move like this? Correct what is wrong, then go on.");
+  else say(exported || !model.movable().length ? "" : "Drag a part to move it. Drag beside it to turn the view.");
   setTimeout(() => message.classList.contains("wrong") || say(""), 6000);
 
   return {
@@ -144,12 +161,14 @@ async function start(scene: SceneData) {
     setJoint: (link: string | number, value: number) => model.set(model.find(link), value),
     joint: (link: string | number) => model.find(link).value,
     setExploded: explode,
-    setAxes: (on: boolean) => ((glyphs.visible = on), stage.invalidate()),
+    setAxes,
     setFrustums: (on: boolean) => frustums.show(on),
     look,
     setWipe: (share: number) => wipe.set(share),
     play: (on: boolean) => player.set(on),
     settled: () => stage.settled(),
+    /** How coarsely things are drawn, see there. */
+    coarseness: () => stage.coarseness,
     /** Page coordinates of a point of a link's frame. */
     onPage: (link: string | number, point: [number, number, number]) => {
       model.root.updateMatrixWorld(true);

@@ -3,7 +3,7 @@
 import { button, check, make, section } from "./dom";
 import { MODES, type Mode } from "./looks";
 import type { Link, Model } from "./model";
-import { readable, type SceneData } from "./scene";
+import { isFound, readable, type SceneData } from "./scene";
 import { rows, table } from "./scores";
 
 /** What the controls do. */
@@ -33,6 +33,8 @@ const NAMES: Record<Mode, string> = {
 export class Panel {
   private readonly modes = new Map<Mode, HTMLInputElement>();
   private readonly sliders = new Map<Link, { box: HTMLElement; input: HTMLInputElement; value: HTMLOutputElement }>();
+  private readonly apart = make("input", { type: "range", min: "0", max: "1", step: "0.01", value: "0", id: "explode" });
+  private readonly axesShown = check("Joint axes and limits", (on) => this.act.axes(on));
   private readonly playing = button("Play", () => this.act.play(this.playing.getAttribute("aria-pressed") !== "true"));
 
   constructor(
@@ -63,17 +65,21 @@ export class Panel {
       this.modes.set(mode, input);
       choices.append(make("label", {}, input, make("span", {}, NAMES[mode])));
     }
-    const apart = make("input", { type: "range", min: "0", max: "1", step: "0.01", value: "0", id: "explode" });
-    apart.addEventListener("input", () => this.act.explode(apart.valueAsNumber));
+    this.apart.addEventListener("input", () => this.act.explode(this.apart.valueAsNumber));
     const group = make("fieldset", { ariaLabel: "What is drawn" }, choices);
     const out = section("Show", group);
     if (this.model.movable().length > 0) {
       out.append(
-        make("label", { className: "slider" }, make("span", { className: "head" }, "Apart"), apart),
-        check("Joint axes and limits", (on) => this.act.axes(on)),
+        make("label", { className: "slider" }, make("span", { className: "head" }, "Apart"), this.apart),
+        this.axesShown,
       );
     }
-    if (this.scene.clouds?.length) out.append(check("Mark points that moved", (on) => this.act.moved(on)));
+    if (this.scene.clouds?.length) {
+      const found = isFound(this.scene);
+      const marks = check(found ? "Colour points by part" : "Mark points that moved", (on) => this.act.moved(on));
+      marks.querySelector("input")!.checked = found;
+      out.append(marks);
+    }
     if (this.scene.clouds?.length && this.model.movable().length === 0) out.append(make("div", { className: "row" }, ...this.states()));
     out.append(make("div", { className: "row" }, button("Reset view", () => this.act.home())));
     return out;
@@ -104,8 +110,13 @@ export class Panel {
     const dot = make("span", { className: "dot" });
     dot.style.background = `rgb(${link.data.colour.join(" ")})`;
     const value = make("output");
-    const sure = joint.confidence === undefined ? "" : `, ${(joint.confidence * 100).toFixed(0)} % sure`;
-    const head = make("span", { className: "head" }, dot, link.data.name.replaceAll("_", " "), make("span", { className: "kind" }, joint.kind + sure), value);
+    const kind = make("span", { className: "kind" }, joint.kind);
+    if (joint.confidence !== undefined) {
+      // Rounded down: all of it is all of it.
+      kind.append(`, ${Math.floor(joint.confidence * 100 + 1e-9)} % fits`);
+      kind.title = "Share of the part's points that the joint takes onto a surface of the other state, of those in view there";
+    }
+    const head = make("span", { className: "head" }, dot, link.data.name.replaceAll("_", " "), kind, value);
     const ends = make("span", { className: "ends" }, ...joint.limits.map((v) => make("span", {}, readable(joint, v))));
     const box = make("label", { className: "slider" }, head, input, ends);
     this.sliders.set(link, { box, input, value });
@@ -150,6 +161,14 @@ export class Panel {
   play(on: boolean): void {
     this.playing.setAttribute("aria-pressed", `${on}`);
     this.playing.textContent = on ? "Pause" : "Play";
+  }
+
+  explode(share: number): void {
+    this.apart.valueAsNumber = share;
+  }
+
+  axes(on: boolean): void {
+    this.axesShown.querySelector("input")!.checked = on;
   }
 
   /** Free view again. */

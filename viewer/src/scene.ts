@@ -59,6 +59,10 @@ export interface SceneData {
   corrections: boolean;
   /** The page follows a run. */
   live?: boolean;
+  /** When that is over, the server has something else to show. */
+  returns?: boolean;
+  /** Whether a run can be started, and why it cannot. */
+  rerun?: { refused: string | null };
 }
 
 /** Refuses what another version of the program wrote. */
@@ -67,6 +71,11 @@ export function checkScene(scene: SceneData): SceneData {
     throw new Error(`scene.json is ${scene.format} version ${scene.version}; this page reads artgs-scene version 1`);
   }
   return scene;
+}
+
+/** True where parts are known, but no surfaces or Gaussians of them: before training. */
+export function isFound(scene: SceneData): boolean {
+  return scene.links.length > 0 && scene.links.every((l) => !l.mesh && !l.splats && l.collision.length === 0);
 }
 
 /** A joint value as people read it. */

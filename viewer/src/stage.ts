@@ -18,7 +18,20 @@ import {
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { SparkRenderer } from "@sparkjsdev/spark";
 import { drawInBatches } from "./batches";
+import { Pace } from "./pace";
 import type { CameraData } from "./scene";
+
+/** Milliseconds without motion after which everything is drawn as finely as it can be. */
+const REST = 120;
+
+/** How coarsely things are drawn while they move, finest first: share of triangles, and of pixels in each direction. */
+const LEVELS = [
+  { triangles: 1, pixels: 1 },
+  { triangles: 1 / 4, pixels: 1 },
+  { triangles: 1 / 16, pixels: 1 },
+  { triangles: 1 / 16, pixels: 0.7 },
+  { triangles: 1 / 64, pixels: 0.5 },
+];
 
 const UP_TO_Z = new Matrix4().makeRotationX(Math.PI / 2);
 
@@ -46,6 +59,15 @@ export class Stage {
   private front = new Vector3(0, -1, 0);
   private looking: CameraData | null = null;
   private readonly resized: (() => void)[] = [];
+  private readonly pace = new Pace(LEVELS.length);
+  private readonly density: number;
+  /** Index into `LEVELS` of what is drawn. */
+  private drawn = 0;
+  /** Runs while something moves. */
+  private waking: ReturnType<typeof setTimeout> | null = null;
+  private coarsen: (triangles: number) => void = () => {};
+  /** Drawn without a graphics card. */
+  readonly plain: boolean;
 
   constructor(
     readonly canvas: HTMLCanvasElement,
@@ -54,10 +76,12 @@ export class Stage {
     // Smooth edges and dense pixels are for graphics cards.
     const plain = test || drawnInSoftware();
     this.renderer = new WebGLRenderer({ canvas, antialias: !plain, preserveDrawingBuffer: test, powerPreference: "high-performance" });
-    this.renderer.setPixelRatio(plain ? 1 : Math.min(devicePixelRatio, 2));
+    this.density = plain ? 1 : Math.min(devicePixelRatio, 2);
+    this.plain = plain;
+    this.renderer.setPixelRatio(this.density);
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
-    this.controls.addEventListener("change", () => this.invalidate());
+    this.controls.addEventListener("change", () => this.stir());
     this.controls.enableDamping = false;
     this.spark = new SparkRenderer({ renderer: this.renderer, onDirty: () => this.invalidate() });
     drawInBatches(this.spark);
@@ -93,6 +117,7 @@ export class Stage {
     this.camera.updateProjectionMatrix();
     if (this.looking) this.project(this.looking);
     this.resized.forEach((f) => f());
+    this.pace.forget();
     // At once, since resizing has cleared the canvas.
     this.draw();
   }
@@ -108,6 +133,39 @@ export class Stage {
     requestAnimationFrame((now) => this.frame(now));
   }
 
+  /** Asks for a frame of a motion: one of many, so that it may be coarse if the machine does not keep up otherwise. */
+  stir(): void {
+    this.wake();
+    this.invalidate();
+  }
+
+  private wake(): void {
+    if (this.waking !== null) clearTimeout(this.waking);
+    this.waking = setTimeout(() => {
+      // A machine that is late with a frame of the motion has not come to its end.
+      if (this.wanted) return this.wake();
+      this.waking = null;
+      this.pace.rest();
+      this.invalidate();
+    }, REST);
+  }
+
+  /** What makes things coarse: is told of the share of triangles to draw. */
+  onCoarsen(listener: (triangles: number) => void): void {
+    this.coarsen = listener;
+  }
+
+  /** Something else is drawn from now on. */
+  changed(): void {
+    this.pace.forget();
+    this.invalidate();
+  }
+
+  /** Level of coarseness that is drawn, and milliseconds of a frame at each as far as they are known. */
+  get coarseness(): { drawn: number; level: number; known: readonly (number | undefined)[] } {
+    return { drawn: this.drawn, level: this.pace.level, known: this.pace.known };
+  }
+
   /** Calls `tick` with the seconds passed before every frame until it returns false. */
   animate(tick: (seconds: number) => boolean): void {
     this.ticks.add(tick);
@@ -120,8 +178,17 @@ export class Stage {
     const seconds = Math.min(0.25, Math.max(0, now - this.last) / 1000);
     this.last = now;
     for (const tick of [...this.ticks]) if (!tick(seconds)) this.ticks.delete(tick);
+    if (this.ticks.size > 0) this.stir();
+    this.refine(this.waking === null ? 0 : this.pace.step(now));
     this.draw();
-    if (this.ticks.size > 0) this.invalidate();
+  }
+
+  private refine(level: number): void {
+    if (level === this.drawn) return;
+    this.drawn = level;
+    const { triangles, pixels } = LEVELS[level];
+    if (this.renderer.getPixelRatio() !== this.density * pixels) this.renderer.setPixelRatio(this.density * pixels);
+    this.coarsen(triangles);
   }
 
   private draw(): void {
@@ -136,7 +203,7 @@ export class Stage {
     for (let quiet = 0, seen = -1; quiet < 4; ) {
       await pause(60);
       const ordering = this.spark.visible && (this.spark.sorting || this.spark.sortDirty);
-      quiet = this.frames === seen && !this.wanted && !ordering ? quiet + 1 : 0;
+      quiet = this.frames === seen && !this.wanted && this.waking === null && !ordering ? quiet + 1 : 0;
       seen = this.frames;
     }
   }
@@ -144,7 +211,7 @@ export class Stage {
   /** Gaussians cost time even where none are seen. */
   drawSplats(on: boolean): void {
     this.spark.visible = on;
-    this.invalidate();
+    this.changed();
   }
 
   /** Where the object is and which way it opens; the camera goes home. */
@@ -274,6 +341,6 @@ export class Stage {
     s.makeSafe();
     this.camera.position.setFromSpherical(s).applyMatrix4(UP_TO_Z).add(this.controls.target);
     this.controls.update();
-    this.invalidate();
+    this.stir();
   }
 }

@@ -181,6 +181,48 @@ test("states, play, exploded view and axes", async () => {
   assert.equal(await joint("door"), paused);
 });
 
+test("the console and the controls agree", async () => {
+  await rest();
+  await call("setExploded", 0.4);
+  assert.equal(await view.page.locator("#explode").inputValue(), "0.4");
+  await call("setAxes", true);
+  assert.ok(await view.page.getByLabel("Joint axes and limits").isChecked());
+  await call("setAxes", false);
+  assert.ok(!(await view.page.getByLabel("Joint axes and limits").isChecked()));
+  await call("setExploded", 0);
+});
+
+test("a machine that does not keep up draws motions coarsely and rest finely, and at rest nothing", async () => {
+  await rest();
+  await call("setMode", "mesh");
+  const before = await shot(view.page);
+  const frames = () => view.page.evaluate(() => artgs.stage.frames);
+  const drawnBefore = await frames();
+  await view.page.waitForTimeout(400);
+  assert.equal(await frames(), drawnBefore, "it draws though nothing changes");
+  // A machine that takes long over all but the coarsest.
+  const moving = await view.page.evaluate(async () => {
+    const { stage } = artgs;
+    const draw = stage.draw;
+    stage.draw = function () {
+      const end = performance.now() + (stage.coarseness.drawn < 4 ? 70 : 0);
+      while (performance.now() < end);
+      draw.call(stage);
+    };
+    await artgs.fps(4);
+    const found = { ...stage.coarseness, width: stage.canvas.width };
+    delete stage.draw;
+    artgs.setState(0);
+    return found;
+  });
+  assert.equal(moving.level, 4, JSON.stringify(moving));
+  assert.ok(moving.width < 0.6 * before.width, `${moving.width} of ${before.width} pixels`);
+  const began = Date.now();
+  await view.page.waitForFunction(() => artgs.stage.coarseness.drawn === 0);
+  assert.ok(Date.now() - began < 1000);
+  assert.equal(difference(before, await shot(view.page)).count, 0);
+});
+
 test("a camera's photo lies over the replica as far as the wipe says", async () => {
   await rest();
   await view.page.locator("#camera").selectOption("0");

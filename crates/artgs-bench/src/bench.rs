@@ -17,16 +17,6 @@ use std::time::{Duration, Instant};
 const MARKER: &str = "bench.json";
 const RECORD: &str = "run.json";
 
-/// Whether the method is told the number of parts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Parts {
-    /// The true number, as in the paper.
-    #[default]
-    Given,
-    /// It has to find it.
-    Auto,
-}
-
 /// How a bench is run.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -34,8 +24,6 @@ pub struct Options {
     pub out: PathBuf,
     /// Runs of each variant and object, with seeds 0, 1, ...
     pub seeds: u64,
-    /// Whether the number of parts is given.
-    pub parts: Parts,
     /// Time after which a run counts as failed.
     pub timeout: Option<Duration>,
     /// Runs at a time. Times and memory are honest only with one.
@@ -293,7 +281,7 @@ fn settings(item: &Item, variant: &Variant, options: &Options, seed: u64) -> Run
             Source::Folder(path) => path.display().to_string(),
             Source::Procedural { settings, .. } => settings.clone(),
         },
-        parts: item.parts.filter(|_| options.parts == Parts::Given),
+        parts: item.parts,
         seed,
         threads: options.threads,
         device: options.device.clone(),

@@ -47,7 +47,6 @@ impl Fake {
         Options {
             out: self.root.path().join("out"),
             seeds: 2,
-            parts: Parts::Given,
             timeout: None,
             jobs: 1,
             threads: None,
@@ -189,16 +188,16 @@ fn other_settings_are_refused_unless_forced() {
     let fake = Fake::new("");
     let options = Options { seeds: 1, ..fake.options() };
     fake.run(&options);
-    let auto = Options { parts: Parts::Auto, ..options.clone() };
-    let refused = fake.run_with(&[full()], &auto).unwrap_err();
+    let other = Options { threads: Some(3), ..options.clone() };
+    let refused = fake.run_with(&[full()], &other).unwrap_err();
     let told = refused.to_string();
     assert!(
-        refused.is_bad_input() && told.contains("another parts (2 such runs)") && told.contains("--force"),
+        refused.is_bad_input() && told.contains("another threads (2 such runs)") && told.contains("--force"),
         "{told}"
     );
     fake.forget_calls();
-    assert_eq!(fake.run(&Options { force: true, ..auto }).records.len(), 2);
-    assert!(fake.calls().len() == 2 && !fake.calls()[0].contains("--parts"), "{:?}", fake.calls());
+    assert_eq!(fake.run(&Options { force: true, ..other }).records.len(), 2);
+    assert!(fake.calls().len() == 2 && fake.calls()[0].contains("--threads 3"), "{:?}", fake.calls());
 }
 
 #[test]

@@ -23,7 +23,7 @@ mod tables;
 mod testing;
 mod variant;
 
-pub use bench::{BenchError, Event, Finished, Options, Parts, RunName, run};
+pub use bench::{BenchError, Event, Finished, Options, RunName, run};
 pub use collect::{Collected, Failures, ObjectInfo, VariantInfo};
 pub use item::{Item, ItemError, Photographer, Source, check_names, items_of_folder};
 pub use launch::Tools;

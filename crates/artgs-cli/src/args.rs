@@ -101,9 +101,20 @@ pub(crate) struct Reconstruct {
     /// Show training in the browser as it goes
     #[arg(long)]
     pub(crate) view: bool,
+    /// Stop when parts and joints are found, before training, so that they can be corrected: in the page, which with
+    /// --view is open at once and else by `artgs view DIR`, or by hand; --resume goes on
+    #[arg(long, value_name = "STAGE", value_enum)]
+    pub(crate) stop_after: Option<Stop>,
     /// Write events as JSON, one per line
     #[arg(long)]
     json: bool,
+}
+
+/// Where to stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Stop {
+    /// Finding parts and joints
+    Discover,
 }
 
 /// How to reconstruct.
@@ -223,7 +234,7 @@ pub(crate) struct Check {
 
 #[derive(Debug, Args)]
 pub(crate) struct View {
-    /// Folder that `reconstruct` made, or a capture
+    /// Folder that `reconstruct` made, also one that stopped before training, or a capture
     pub(crate) what: PathBuf,
     /// Port on this machine; 8765 or any free one if absent
     #[arg(long, value_name = "N")]

@@ -10,8 +10,8 @@ use crate::suites::{self, Photos};
 use anyhow::{Context, anyhow};
 use artgs::evaluate::Lpips;
 use artgs_bench::{
-    Circumstances, Collected, Event, Files, Finished, Item, Options, Outcome, Parts, RunName, Tools, Variant,
-    items_of_folder, measure, paper,
+    Circumstances, Collected, Event, Files, Finished, Item, Options, Outcome, RunName, Tools, Variant, items_of_folder,
+    measure, paper,
 };
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -51,7 +51,6 @@ fn options(args: &Bench) -> Options {
     Options {
         out: args.out.clone(),
         seeds: args.seeds,
-        parts: Parts::Given,
         timeout: args.timeout,
         jobs: args.jobs.get(),
         threads: args.threads.map(Into::into),

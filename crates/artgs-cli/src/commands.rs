@@ -5,9 +5,9 @@ use crate::device::{self, Chosen};
 use crate::failure::Failure;
 use crate::library::{Config, Settings};
 use crate::output::{Report, note, say};
-use crate::{bench, demo, export, folder, library, live, progress, synth, view};
+use crate::{bench, demo, export, folder, library, live, progress, rerun, synth, view};
 use anyhow::Context;
-use artgs::observer::{Event, JsonLines, NullObserver, Observer, Tee};
+use artgs::observer::{JsonLines, NullObserver, Observer, Tee};
 use artgs_core::Capture;
 use serde_json::json;
 use std::num::NonZeroUsize;
@@ -46,6 +46,9 @@ fn reconstruct(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     let capture = library::load(&args.capture)?;
     folder::prepare(&args.out, args.earlier)?;
     folder::note_capture(&args.out, &args.capture)?;
+    if args.stop_after.is_some() {
+        return find_parts(args, &capture, &config, &device, style);
+    }
     let observed = if args.view { live::observed } else { observed };
     let summary = observed(&capture, &args.out, &config, args.earlier.resume, &device, style)?;
     if style.json {
@@ -55,6 +58,33 @@ fn reconstruct(args: &Reconstruct, style: Style) -> Result<(), Failure> {
         summary.show(false)?;
         let shown = args.out.display();
         say(format!("replica in {shown}; artgs export {shown} makes files for simulators and browsers of it"))?;
+    }
+    Ok(())
+}
+
+/// The stages before training; with `--view` the page stays, takes corrections and goes on.
+fn find_parts(
+    args: &Reconstruct,
+    capture: &Capture,
+    config: &Config,
+    device: &Chosen,
+    style: Style,
+) -> Result<(), Failure> {
+    if args.view {
+        let (resume, choice) = (args.earlier.resume, args.method.device);
+        return rerun::find_parts(capture, &args.capture, &args.out, config, resume, (device, choice), style);
+    }
+    let found = watched(&mut NullObserver, &args.out, style, |observer| {
+        device.tell(observer);
+        library::find_parts(capture, &args.out, config, args.earlier.resume, device.devices.as_ref(), observer)
+    })?;
+    if style.json {
+        return say(json!({ "event": "result", "out": args.out, "found": found.json }));
+    }
+    if !style.quiet {
+        found.show(false)?;
+        let shown = args.out.display();
+        say(format!("parts in {shown}; artgs view {shown} shows them, takes corrections and goes on"))?;
     }
     Ok(())
 }
@@ -112,13 +142,24 @@ pub(crate) fn observed_by(
     device: &Chosen,
     style: Style,
 ) -> Result<Report, Failure> {
+    watched(onlooker, out, style, |observer| {
+        device.tell(observer);
+        library::reconstruct(capture, out, config, resume, device.devices.as_ref(), observer)
+    })
+}
+
+/// Does something of which a folder's event file, the terminal and one more are told.
+pub(crate) fn watched<T>(
+    onlooker: &mut dyn Observer,
+    out: &Path,
+    style: Style,
+    act: impl FnOnce(&mut dyn Observer) -> Result<T, Failure>,
+) -> Result<T, Failure> {
     let path = out.join(folder::EVENTS);
     let mut log = JsonLines::append(&path).with_context(|| format!("cannot write {}", path.display()))?;
     let mut shown = progress::renderer(style);
     let mut told = Tee(&mut log, shown.as_mut());
-    let mut all = Tee(&mut told, onlooker);
-    device.told.iter().for_each(|text| all.event(Event::note(text)));
-    let result = library::reconstruct(capture, out, config, resume, device.devices.as_ref(), &mut all);
+    let result = act(&mut Tee(&mut told, onlooker));
     drop(shown);
     let logged = log.finish().with_context(|| format!("cannot write {}", path.display()));
     let summary = result?;

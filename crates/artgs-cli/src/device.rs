@@ -7,6 +7,7 @@ use crate::library::Config;
 use crate::output::Report;
 use artgs::config::Method;
 use artgs::fit::{Cpu, Devices, WithFallback};
+use artgs::observer::{Event, Observer};
 use serde::Serialize;
 use serde_json::json;
 use std::fmt;
@@ -15,7 +16,7 @@ use std::str::FromStr;
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum DeviceChoice {
-    /// A graphics processor that is not software, as long as it works, else the processor.
+    /// A graphics processor that is not software and trains faster, as long as it works, else the processor.
     Auto,
     Cpu,
     /// The one of this number in the list, or the most capable one, software included.
@@ -62,6 +63,11 @@ impl Chosen {
         let told = Some(format!("device: {}{why}", devices.name()));
         Self { devices, told }
     }
+
+    /// Tells which it is.
+    pub(crate) fn tell(&self, observer: &mut dyn Observer) {
+        self.told.iter().for_each(|text| observer.event(Event::note(text)));
+    }
 }
 
 /// Opens the device for a run with these settings.
@@ -76,8 +82,8 @@ pub(crate) fn choose(choice: DeviceChoice, config: &Config) -> Result<Chosen, Fa
 pub(crate) fn open(choice: DeviceChoice) -> Result<Chosen, Failure> {
     match choice {
         DeviceChoice::Cpu => Ok(Chosen::new(Box::new(Cpu), "")),
-        DeviceChoice::Gpu(index) => Ok(Chosen::new(gpu::open(index, true).map_err(Failure::bad)?, "")),
-        DeviceChoice::Auto => Ok(match gpu::open(None, false) {
+        DeviceChoice::Gpu(index) => Ok(Chosen::new(gpu::open(index).map_err(Failure::bad)?, "")),
+        DeviceChoice::Auto => Ok(match gpu::open_if_fast() {
             Ok(gpu) => Chosen::new(Box::new(WithFallback::new(gpu)), ""),
             Err(reason) => Chosen::new(Box::new(Cpu), &format!(", as {reason}")),
         }),

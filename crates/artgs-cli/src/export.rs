@@ -13,7 +13,9 @@ use artgs_io::asset;
 use artgs_physical::decompose::Decomposer;
 use artgs_physical::stance::Stop;
 use artgs_physical::{Built, Collision, Parts, PhysicalConfig, Up, build};
-use serde::Serialize;
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use std::fmt;
 use std::fs;
 use std::io::ErrorKind;
@@ -58,7 +60,7 @@ pub(crate) fn export(args: &Export, style: Style) -> Result<Report, Failure> {
         files.extend(write(&args.out.join(EXPORTS), format, &built.asset)?);
     }
     let up = if config.up == Up::Z { "z" } else { "y" };
-    let told = Told::of(&built, up, files);
+    let told = Told { options: Options::of(args), ..Told::of(&built, up, files) };
     let report = Report::new(&told)?;
     write_json(&args.out.join(EXPORTS).join(DECISIONS), &report)?;
     Ok(report)
@@ -153,9 +155,57 @@ fn remove(folder: &Path) -> Result<(), Failure> {
     }
 }
 
+/// Exports a replica again that is not what it was, in the same formats and with the same options.
+pub(crate) fn again(out: &Path, style: Style) -> Result<Report, Failure> {
+    let exports = out.join(EXPORTS);
+    let text = fs::read(exports.join(DECISIONS)).unwrap_or_default();
+    let told: Value = serde_json::from_slice(&text).unwrap_or_default();
+    let options: Options = serde_json::from_value(told["options"].clone()).unwrap_or_default();
+    let there = |format: &&Format| exports.join(format.folder()).is_dir();
+    let shown = [Format::Urdf, Format::Splats];
+    let mut args = Export::of(out.into());
+    args.to = Format::ALL.iter().filter(|f| shown.contains(f) || there(f)).copied().collect();
+    args.capture = options.capture.filter(|folder| folder.is_dir());
+    args.name = options.name.unwrap_or(args.name);
+    args.scale = told["scale"].as_f64().unwrap_or(args.scale);
+    args.up = if told["up"] == "y" { UpAxis::Y } else { UpAxis::Z };
+    args.density = options.density;
+    args.collision = options.collision.and_then(|c| CollisionKind::from_str(&c, false).ok()).unwrap_or(args.collision);
+    args.observed_limits = options.observed_limits;
+    args.triangles = options.triangles;
+    export(&args, style)
+}
+
+/// What an export was asked for, so that it can be made again.
+#[derive(Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+struct Options {
+    name: Option<String>,
+    capture: Option<PathBuf>,
+    density: Option<f64>,
+    collision: Option<String>,
+    observed_limits: bool,
+    triangles: Option<usize>,
+}
+
+impl Options {
+    fn of(args: &Export) -> Self {
+        Self {
+            name: Some(args.name.clone()),
+            // Wherever the program is started the next time.
+            capture: args.capture.as_ref().and_then(|folder| fs::canonicalize(folder).ok()),
+            density: args.density,
+            collision: args.collision.to_possible_value().map(|v| v.get_name().into()),
+            observed_limits: args.observed_limits,
+            triangles: args.triangles,
+        }
+    }
+}
+
 /// What an export decided.
 #[derive(Debug, Serialize)]
 struct Told {
+    options: Options,
     /// Metres per unit of the capture, and its upward axis.
     scale: f64,
     up: &'static str,
@@ -209,6 +259,7 @@ impl Told {
         };
         let [before, after] = decisions.clearance.volume;
         Self {
+            options: Options::default(),
             scale: decisions.scale,
             up,
             links: asset.links.iter().enumerate().map(link).collect(),

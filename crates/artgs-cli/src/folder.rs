@@ -7,6 +7,9 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+/// Parts that a run has found.
+const FOUND: &str = "stages/parts.json";
+
 /// Events of the runs in a folder; also what tells an output folder from any other.
 pub(crate) const EVENTS: &str = "events.jsonl";
 const REPLICA: &str = "replica.json";
@@ -61,6 +64,11 @@ pub(crate) fn note_capture(out: &Path, capture: &Path) -> Result<(), Failure> {
 pub(crate) fn capture_of(out: &Path) -> Option<PathBuf> {
     let text = fs::read_to_string(out.join(PHOTOS)).ok()?;
     Some(PathBuf::from(text.trim_end_matches('\n')))
+}
+
+/// True if a run in the folder has found parts.
+pub(crate) fn has_parts(out: &Path) -> bool {
+    out.join(FOUND).is_file()
 }
 
 /// Removes what a run writes, by name; anything else in the folder stays.

@@ -1,12 +1,12 @@
 //! Graphics processors as the command line sees them; with the feature `gpu` alone are there any.
 
-pub(crate) use support::{NONE_LISTED, SUPPORTED, adapters, open, quieten};
+pub(crate) use support::{NONE_LISTED, SUPPORTED, adapters, open, open_if_fast, quieten};
 
 #[cfg(feature = "gpu")]
 mod support {
     use crate::device::Listed;
-    use artgs::fit::Devices;
-    use artgs_gpu::{Adapter, Gpu, GpuDevices, GpuError};
+    use artgs::fit::{Cpu, Devices};
+    use artgs_gpu::{Adapter, Gpu, GpuDevices, GpuError, Kind, Scene, trial};
 
     /// True if this program can train on graphics processors.
     pub(crate) const SUPPORTED: bool = true;
@@ -24,14 +24,48 @@ mod support {
         }
     }
 
-    /// Opens the device `index`, or without one the most capable, `software` included or not; else says why not.
-    pub(crate) fn open(index: Option<usize>, software: bool) -> Result<Box<dyn Devices>, String> {
+    /// Opens the device `index`, or without one the most capable; else says why not.
+    pub(crate) fn open(index: Option<usize>) -> Result<Box<dyn Devices>, String> {
+        let gpu = Gpu::open(index, true).map_err(|e| e.to_string())?;
+        let devices = GpuDevices::new(gpu).map_err(|e| e.to_string())?;
+        tried(&devices)?;
+        Ok(Box::new(devices))
+    }
+
+    /// Opens the most capable device that is not software, unless it trains no faster than the processor; else says why not.
+    /// Devices with memory of their own are taken to be faster.
+    pub(crate) fn open_if_fast() -> Result<Box<dyn Devices>, String> {
         let reason = |error: GpuError| match error {
-            GpuError::None if !software => "no graphics processor was found".to_string(),
+            GpuError::None => "no graphics processor was found".to_string(),
             error => error.to_string(),
         };
-        let gpu = Gpu::open(index, software).map_err(reason)?;
-        Ok(Box::new(GpuDevices::new(gpu).map_err(reason)?))
+        let gpu = Gpu::open(None, false).map_err(reason)?;
+        let surely = gpu.kind == Kind::Discrete;
+        let devices = GpuDevices::new(gpu).map_err(reason)?;
+        tried(&devices)?;
+        if !surely {
+            let time = |devices: &dyn Devices| match trial(devices, Scene::USUAL) {
+                Ok(trial) => Ok(1e3 * trial.seconds_per_step),
+                Err(error) => Err(error.to_string()),
+            };
+            let [there, here] = [time(&devices)?, time(&Cpu)?];
+            if there >= here {
+                return Err(format!("{} takes {there:.1} ms for a step of a trial, the CPU {here:.1}", devices.name()));
+            }
+        }
+        Ok(Box::new(devices))
+    }
+
+    /// Refuses a device that does not compute what the processor does.
+    fn tried(devices: &GpuDevices) -> Result<(), String> {
+        let of = |devices: &dyn Devices| trial(devices, Scene::SMALL).map_err(|e| e.to_string());
+        match of(devices)?.disagrees(&of(&Cpu)?) {
+            None => Ok(()),
+            Some((step, [there, here])) => Err(format!(
+                "{} makes mistakes: a loss of {there} after {step} steps of a trial, the CPU {here}; a newer driver may help",
+                devices.name()
+            )),
+        }
     }
 
     /// All there are.
@@ -70,8 +104,13 @@ mod support {
     pub(crate) fn quieten() {}
 
     /// Says why not.
-    pub(crate) fn open(_: Option<usize>, _: bool) -> Result<Box<dyn Devices>, String> {
+    pub(crate) fn open(_: Option<usize>) -> Result<Box<dyn Devices>, String> {
         Err("this program was built without support for graphics processors (feature `gpu` of artgs-cli)".into())
+    }
+
+    /// Says why not.
+    pub(crate) fn open_if_fast() -> Result<Box<dyn Devices>, String> {
+        open(None)
     }
 
     /// None.

@@ -4,11 +4,13 @@ use crate::args::Preset;
 use crate::failure::Failure;
 use crate::output::Report;
 use artgs::ablation;
+use artgs::discover::FoundPart;
 use artgs::evaluate::pictures::has_splats;
 use artgs::evaluate::{Lpips, PictureReport, Scores, score_replica};
 use artgs::fit::{Devices, FitError};
 use artgs::observer::Observer;
 use artgs_core::Capture;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 pub(crate) use artgs::Config;
@@ -77,6 +79,34 @@ pub(crate) fn reconstruct(
     observer: &mut dyn Observer,
 ) -> Result<Report, Failure> {
     Report::new(&artgs::reconstruct(capture, out, config, resume, devices, observer).map_err(failure)?)
+}
+
+/// Finds the parts of a capture and no more; files go to `out`.
+pub(crate) fn find_parts(
+    capture: &Capture,
+    out: &Path,
+    config: &Config,
+    resume: bool,
+    devices: &dyn Devices,
+    observer: &mut dyn Observer,
+) -> Result<Report, Failure> {
+    let found = artgs::run::find_parts(capture, out, config, resume, devices, observer).map_err(failure)?;
+    let kind = |p: &FoundPart| serde_json::to_value(p.kind).unwrap_or_default();
+    let sure = |p: &FoundPart| {
+        p.confidence.map_or(String::new(), |c| format!(", {:.0} % of its points fit", (100.0 * c).floor()))
+    };
+    let line =
+        |(k, p): (usize, &FoundPart)| format!("part {}: {}{}\n", k + 1, kind(p).as_str().unwrap_or_default(), sure(p));
+    let text = found.parts.iter().enumerate().map(line).collect();
+    let told = found.parts.iter().map(|p| json!({ "type": kind(p), "confidence": p.confidence }));
+    Ok(Report { text, json: json!({ "parts": told.collect::<Value>(), "warnings": found.warnings }) })
+}
+
+/// The settings that the run in a folder was made with; the error says why they cannot be used.
+pub(crate) fn settings_of(out: &Path) -> Result<Config, String> {
+    let file = out.join("config.toml");
+    let text = std::fs::read_to_string(&file).map_err(|e| format!("{}: {e}", file.display()))?;
+    Config::default().overridden_by(&text).map_err(|e| format!("{}: {e}", file.display()))
 }
 
 /// What a check found.

@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// Tells a page what happens.
-struct Onlooker(Arc<Live>);
+pub(crate) struct Onlooker(pub(crate) Arc<Live>);
 
 impl Observer for Onlooker {
     fn event(&mut self, event: Event) {
@@ -38,6 +38,9 @@ impl Observer for Onlooker {
     }
 }
 
+/// Time for a page to hear of the end.
+pub(crate) const LAST_WORDS: Duration = Duration::from_secs(5);
+
 /// Runs the method with a page that follows it; the page is told how it ended.
 pub(crate) fn observed(
     capture: &Capture,
@@ -47,8 +50,6 @@ pub(crate) fn observed(
     device: &Chosen,
     style: Style,
 ) -> Result<Report, Failure> {
-    /// Time for a page to hear of the end.
-    const LAST_WORDS: Duration = Duration::from_secs(5);
     let name = out.file_name().map_or("run".into(), |n| n.to_string_lossy().into_owned());
     let live = Arc::new(Live::new(&name, Placement::default()));
     let server = Server::bind_live(Arc::clone(&live), None).map_err(|e| Failure::Failed(e.into()))?;

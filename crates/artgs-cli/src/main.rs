@@ -16,6 +16,7 @@ mod library;
 mod live;
 mod output;
 mod progress;
+mod rerun;
 mod suites;
 mod synth;
 mod view;

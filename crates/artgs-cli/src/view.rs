@@ -7,11 +7,13 @@ use crate::failure::Failure;
 use crate::folder;
 use crate::library;
 use crate::output::{note, say};
+use crate::rerun;
 use anyhow::Context;
-use artgs::discover::{DiscoverConfig, glimpse};
-use artgs_core::{Capture, STATE_NAMES};
+use artgs::discover::{DiscoverConfig, FoundPart, glimpse};
+use artgs_core::{Capture, Joint, STATE_NAMES};
 use artgs_physical::Up;
 use artgs_view::{CameraView, Cloud, Page, Placement, Server, ViewError, export_page};
+use glam::DVec3;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -25,41 +27,108 @@ pub(crate) fn run(args: &View, style: Style) -> Result<(), Failure> {
     if !args.what.is_dir() {
         return Err(Failure::bad(format!("{}: no such folder; give a replica or a capture", args.what.display())));
     }
-    let is_replica = args.what.join("replica.json").is_file();
-    let page = if is_replica { replica(args, style)? } else { capture(&args.what, style)? };
+    let page = page_of(&args.what, args.capture.as_deref(), style)?;
     if let Some(file) = &args.export {
         export_page(&page, file).map_err(failure)?;
         return if style.quiet { Ok(()) } else { say(format!("page in {}", file.display())) };
     }
-    let corrections = is_replica.then(|| args.what.clone());
-    let server = Server::bind(page, args.port, corrections).map_err(failure)?;
+    let is_run = is_replica(&args.what) || folder::has_parts(&args.what);
+    let mut server = Server::bind(page, args.port, is_run.then(|| args.what.clone())).map_err(failure)?;
+    if is_run {
+        server = server.with_rerun(rerun::rerun_of(&args.what, args.capture.as_deref(), style));
+    }
+    let server = Arc::new(server);
     announce(&server.url(), !args.no_open, style)?;
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("cannot watch for Ctrl-C")?;
+    let stop = stopped(&server)?;
     server.run(&stop);
     Ok(())
 }
 
+/// Becomes true at Ctrl-C. A run that is under way then ends at once: its files are whole, and it can be resumed.
+pub(crate) fn stopped(server: &Arc<Server>) -> Result<Arc<AtomicBool>, Failure> {
+    const INTERRUPTED: i32 = 130;
+    let stop = Arc::new(AtomicBool::new(false));
+    let (flag, server) = (Arc::clone(&stop), Arc::clone(server));
+    let end = move || {
+        if server.is_busy() {
+            std::process::exit(INTERRUPTED);
+        }
+        flag.store(true, Ordering::Relaxed);
+    };
+    ctrlc::set_handler(end).context("cannot watch for Ctrl-C")?;
+    Ok(stop)
+}
+
+fn is_replica(folder: &Path) -> bool {
+    folder.join("replica.json").is_file()
+}
+
+/// Page of a replica, of what a run has found before training, or of a capture. `photos` of the first two: where they
+/// are, if the user said so.
+pub(crate) fn page_of(what: &Path, photos: Option<&Path>, style: Style) -> Result<Page, Failure> {
+    match what {
+        out if is_replica(out) => replica(out, photos, style),
+        out if folder::has_parts(out) => found(out, photos, style),
+        folder => capture(folder, style),
+    }
+}
+
 /// Page of a replica, exported first if it is not; with the photos if they are where they were.
-fn replica(args: &View, style: Style) -> Result<Page, Failure> {
-    let exports = args.what.join(EXPORTS);
-    let lacks_splats = args.what.join("splats").is_dir() && !exports.join("splats").is_dir();
+fn replica(out: &Path, photos: Option<&Path>, style: Style) -> Result<Page, Failure> {
+    let exports = out.join(EXPORTS);
+    let lacks_splats = out.join("splats").is_dir() && !exports.join("splats").is_dir();
     if !exports.join("urdf").is_dir() || lacks_splats {
         note("the replica has no exports to show yet: making them", style);
-        let mut wanted = Export::of(args.what.clone());
+        let mut wanted = Export::of(out.into());
         wanted.to = vec![Format::Urdf, Format::Splats];
+        wanted.capture = photos.map(Path::to_path_buf);
         export::export(&wanted, style)?;
     }
-    let mut page = Page::of_replica(&args.what).map_err(failure)?;
-    let placement = placement(&exports.join(DECISIONS));
-    page.place(placement);
-    let photos = args.capture.clone().or_else(|| folder::capture_of(&args.what)).filter(|f| f.is_dir());
-    match photos.map(|folder| Ok::<_, Failure>((library::load(&folder)?, folder))).transpose()? {
-        Some((capture, folder)) => page.add_cameras(&cameras(&capture, &folder), placement).map_err(failure)?,
-        None => note("the photos are not where they were: no cameras are shown; see --capture", style),
-    }
+    let mut page = Page::of_replica(out).map_err(failure)?;
+    page.place(placement(&exports.join(DECISIONS)));
+    add_photos(&mut page, out, photos, style)?;
+    page.corrected = artgs::run::corrections_of(out);
     Ok(page)
+}
+
+/// Page of parts before training: labelled points of both states on joints that move them.
+fn found(out: &Path, photos: Option<&Path>, style: Style) -> Result<Page, Failure> {
+    let unreadable = || Failure::bad(format!("{}: stages cannot be read; start afresh with --force", out.display()));
+    let found = artgs::run::found(out).ok_or_else(unreadable)?;
+    let name = out.file_name().map_or("run".into(), |n| n.to_string_lossy().into_owned());
+    let joint = |(k, part): (usize, &FoundPart)| {
+        let own =
+            found.clouds[0].points.iter().zip(&found.labels[0]).filter(|(_, label)| usize::from(**label) == k + 1);
+        let own: Vec<DVec3> = own.map(|(p, _)| p.as_dvec3()).collect();
+        let middle = own.iter().sum::<DVec3>() / own.len().max(1) as f64;
+        (Joint::from_motion(part.kind, &part.motion).with_origin_near(middle), part.confidence)
+    };
+    let joints: Vec<(Joint, Option<f64>)> = found.parts.iter().enumerate().map(joint).collect();
+    let placement = Placement::default();
+    let mut page = Page::of_joints(&name, &joints, placement);
+    for (state, (cloud, labels)) in found.clouds.iter().zip(&found.labels).enumerate() {
+        // More parts than that are never asked for.
+        let marks = labels.iter().map(|label| u8::try_from(*label).unwrap_or(u8::MAX)).collect();
+        page.add_cloud(&points(state, cloud, marks), placement);
+    }
+    add_photos(&mut page, out, photos, style)?;
+    Ok(page)
+}
+
+/// Adds the cameras of the run's capture, if the photos are where they were.
+fn add_photos(page: &mut Page, out: &Path, photos: Option<&Path>, style: Style) -> Result<(), Failure> {
+    let place = photos.map(Path::to_path_buf).or_else(|| folder::capture_of(out)).filter(|f| f.is_dir());
+    let Some(folder) = place else {
+        note("the photos are not where they were: no cameras are shown; see --capture", style);
+        return Ok(());
+    };
+    let placement = page.scene.placement.unwrap_or_default();
+    page.add_cameras(&cameras(&library::load(&folder)?, &folder), placement).map_err(failure)
+}
+
+fn points(state: usize, cloud: &artgs::discover::observe::Cloud, marks: Vec<u8>) -> Cloud {
+    let colors = cloud.colors.iter().map(|c| c.to_array().map(|x| (255.0 * x).round().clamp(0.0, 255.0) as u8));
+    Cloud { state, points: cloud.points.iter().map(|p| p.to_array()).collect(), colors: colors.collect(), marks }
 }
 
 /// Page of a capture: its cameras and the surface points of both states.
@@ -75,10 +144,8 @@ fn capture(folder: &Path, style: Style) -> Result<Page, Failure> {
         note("the capture has no depth: no points are shown", style);
     }
     for (state, seen) in seen.iter().enumerate() {
-        let points = seen.cloud.points.iter().map(|p| p.to_array()).collect();
-        let colors =
-            seen.cloud.colors.iter().map(|c| c.to_array().map(|x| (255.0 * x).round().clamp(0.0, 255.0) as u8));
-        page.add_cloud(&Cloud { state, points, colors: colors.collect(), moved: seen.moved.clone() }, placement);
+        let marks = seen.moved.iter().map(|moved| u8::from(*moved)).collect();
+        page.add_cloud(&points(state, &seen.cloud, marks), placement);
     }
     Ok(page)
 }

@@ -111,6 +111,11 @@ pub struct Part {
     pub parent: Option<usize>,
     /// How it moves against its parent; none for the base.
     pub joint: Option<JointRecord>,
+    /// How well the joint is borne out by what was measured, 0 to 1: where the joint takes the part's points from one
+    /// observed state to the other and they are in view there, the share of them that is on a surface and not in empty
+    /// space. None if that is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub confidence: Option<f64>,
     /// Meshes in world coordinates of each state.
     pub meshes: PerState,
 }
@@ -141,6 +146,7 @@ impl Replica {
             name: if id == 0 { "base".into() } else { format!("part_{id}") },
             parent: (id > 0).then_some(0),
             joint: (id > 0).then(|| joints[id - 1].into()),
+            confidence: None,
             meshes: file(&format!("part_{id}")),
         };
         Self {
@@ -186,6 +192,9 @@ impl Replica {
             }
             if part.parent.is_some() != part.joint.is_some() {
                 return fail("fields `parent` and `joint` must be given together");
+            }
+            if part.confidence.is_some_and(|c| !(0.0..=1.0).contains(&c)) {
+                return fail("field `confidence` is not between 0 and 1");
             }
             let Some(joint) = self.joint(index) else { continue };
             let values = [joint.state_values, joint.limits].concat();
@@ -237,6 +246,9 @@ mod tests {
         let mut r = sample();
         r.version = 7;
         assert_eq!(r.validate(), Err(ReplicaError::Version(7)));
+        let mut r = sample();
+        r.parts[1].confidence = Some(1.5);
+        assert!(matches!(r.validate(), Err(ReplicaError::Part { part: 1, .. })));
         for spoil in [
             (|j: &mut Joint| j.axis = DVec3::ZERO) as fn(&mut Joint),
             |j| j.limits[1] = f64::NAN,

@@ -291,6 +291,49 @@ fn the_same_seed_gives_the_same_bytes_and_breaking_off_loses_nothing() {
 }
 
 #[test]
+fn a_device_that_is_lost_is_an_error_and_the_processor_can_go_on() {
+    let Some(gpu) = gpu() else { return };
+    let state = TrainState::new(splats(&mut rng(14), 200, 1));
+    let mut lost = backend(&gpu, images(9), config(LossConfig::default()));
+    lost.upload(state.clone()).unwrap();
+    gpu.device.destroy();
+    let error = lost.run(2, true, &mut |_| ControlFlow::Continue(())).unwrap_err();
+    assert!(matches!(&error, FitError::Device(_)), "{error}");
+    assert!(matches!(lost.download(), Err(FitError::Device(_))));
+
+    #[derive(Debug)]
+    struct Lost(GpuDevices);
+    impl Devices for Lost {
+        fn name(&self) -> String {
+            self.0.name()
+        }
+        fn backend<'a>(
+            &'a self,
+            images: Vec<TrainImage<'a>>,
+            config: TrainConfig,
+            seed: u64,
+        ) -> Result<Box<dyn Backend + 'a>, FitError> {
+            let made = self.0.backend(images, config, seed)?;
+            self.0.gpu.device.destroy();
+            Ok(made)
+        }
+    }
+    let fresh = crate::testing::gpu().unwrap();
+    let devices = artgs::fit::WithFallback::new(Box::new(Lost(GpuDevices::new(fresh).unwrap())));
+    let mut falling = devices.backend(images(9), config(LossConfig::default()), 3).unwrap();
+    falling.upload(state).unwrap();
+    let mut steps = Vec::new();
+    falling
+        .run(3, true, &mut |s| {
+            steps.push(s.step);
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+    assert_eq!(steps, [1, 2, 3]);
+    assert!(devices.notice().is_some_and(|n| n.contains("CPU")));
+}
+
+#[test]
 fn what_cannot_be_trained_is_refused_with_a_reason() {
     let Some(gpu) = gpu() else { return };
     let mut backend = backend(&gpu, images(9), config(LossConfig::default()));

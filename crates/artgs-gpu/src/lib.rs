@@ -14,6 +14,8 @@ mod scene;
 mod step;
 #[cfg(test)]
 mod testing;
+mod trial;
 
 pub use backend::{GpuBackend, GpuDevices};
 pub use device::{Adapter, Gpu, GpuError, Kind, adapters};
+pub use trial::{Scene, Trial, trial};

@@ -6,7 +6,8 @@
 //!              {"action": "delete", "part": 2}, {"action": "merge", "part": 3, "into": 1}],
 //!  "joints": [{"part": 1, "type": "revolute"}]}
 //! ```
-//! Positions are in the capture's frame and unit, parts at the start state; `part` is the `id` of `replica.json`.
+//! Positions are in the capture's frame and unit, parts at the start state; `part` is the `id` of the `replica.json` that
+//! was made without corrections. Parts that are added have the numbers after those, in the order in which they are added.
 
 use crate::error::read_bytes;
 use crate::{FileError, write_atomic};
@@ -31,7 +32,7 @@ pub struct Corrections {
     pub joints: Vec<JointMark>,
 }
 
-/// A change of the part centres. Parts are movable ones, so counted from 1; added ones get no number here.
+/// A change of the part centres. Parts are movable ones, so counted from 1; added ones have the next numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "action", rename_all = "lowercase", deny_unknown_fields)]
 pub enum CentreEdit {
@@ -59,6 +60,16 @@ pub enum CentreEdit {
         /// The part that stays and takes its points.
         into: usize,
     },
+}
+
+impl CentreEdit {
+    /// The part that is no more.
+    pub fn gone(&self) -> Option<usize> {
+        match *self {
+            Self::Delete { part } | Self::Merge { part, .. } => Some(part),
+            Self::Add { .. } | Self::Move { .. } => None,
+        }
+    }
 }
 
 /// The type that a joint is known to have.
@@ -103,6 +114,38 @@ impl Corrections {
         let document = Document { format: FORMAT.into(), version: VERSION, centres, joints };
         // Neither map keys nor floats are there that JSON could not hold: numbers were checked to be finite.
         serde_json::to_string_pretty(&document).map(|t| t + "\n").unwrap_or_default()
+    }
+
+    /// True if nothing is changed.
+    pub fn is_empty(&self) -> bool {
+        self.centres.is_empty() && self.joints.is_empty()
+    }
+
+    /// These, which are of the parts that `earlier` ones left of `found` movable parts, as further ones of what was found.
+    /// Numbers that are none stay none.
+    pub fn after(&self, earlier: &Self, found: usize) -> Self {
+        let added = |edits: &[CentreEdit]| edits.iter().filter(|e| matches!(e, CentreEdit::Add { .. })).count();
+        let known = found + added(&earlier.centres);
+        let went = |edits: &[CentreEdit], part: usize| edits.iter().any(|e| e.gone() == Some(part));
+        // Parts that are left, in the order in which a run numbers them, and then those that these add.
+        let left: Vec<usize> = (1..=known).filter(|part| !went(&earlier.centres, *part)).collect();
+        let renumber = |part: usize| match part.checked_sub(1).map(|i| (i, left.get(i))) {
+            None => 0,
+            Some((_, Some(part))) => *part,
+            Some((i, None)) => i - left.len() + known + 1,
+        };
+        let further = self.centres.iter().map(|edit| match *edit {
+            CentreEdit::Add { position } => CentreEdit::Add { position },
+            CentreEdit::Move { part, position } => CentreEdit::Move { part: renumber(part), position },
+            CentreEdit::Delete { part } => CentreEdit::Delete { part: renumber(part) },
+            CentreEdit::Merge { part, into } => CentreEdit::Merge { part: renumber(part), into: renumber(into) },
+        });
+        let centres: Vec<CentreEdit> = earlier.centres.iter().copied().chain(further).collect();
+        let marks: Vec<JointMark> =
+            self.joints.iter().map(|m| JointMark { part: renumber(m.part), kind: m.kind }).collect();
+        let kept = |m: &&JointMark| !went(&centres, m.part) && marks.iter().all(|new| new.part != m.part);
+        let joints = earlier.joints.iter().filter(kept).copied().chain(marks.iter().copied()).collect();
+        Self { centres, joints }
     }
 
     /// Part numbers above 0, finite positions, no part changed after it went, one type per joint.
@@ -177,6 +220,44 @@ mod tests {
         };
         write_corrections(dir.path(), &corrections).unwrap();
         assert_eq!(read_corrections(dir.path()).unwrap(), Some(corrections));
+    }
+
+    #[test]
+    fn later_ones_are_of_what_earlier_ones_left() {
+        let at = |x: f64| [x, 0.0, 0.0];
+        let mark = |part, kind| JointMark { part, kind };
+        let earlier = Corrections {
+            centres: vec![CentreEdit::Delete { part: 1 }, CentreEdit::Add { position: at(1.0) }],
+            joints: vec![mark(2, JointKind::Screw), mark(3, JointKind::Prismatic)],
+        };
+        // Three were found; left are 2, 3 and the added 4, which a run numbers 1, 2 and 3.
+        let later = Corrections {
+            centres: vec![
+                CentreEdit::Move { part: 3, position: at(2.0) },
+                CentreEdit::Merge { part: 1, into: 2 },
+                CentreEdit::Add { position: at(3.0) },
+                CentreEdit::Delete { part: 4 },
+            ],
+            joints: vec![mark(2, JointKind::Revolute), mark(3, JointKind::Screw)],
+        };
+        let both = later.after(&earlier, 3);
+        let expected = Corrections {
+            centres: vec![
+                CentreEdit::Delete { part: 1 },
+                CentreEdit::Add { position: at(1.0) },
+                CentreEdit::Move { part: 4, position: at(2.0) },
+                CentreEdit::Merge { part: 2, into: 3 },
+                CentreEdit::Add { position: at(3.0) },
+                CentreEdit::Delete { part: 5 },
+            ],
+            joints: vec![mark(3, JointKind::Revolute), mark(4, JointKind::Screw)],
+        };
+        assert_eq!(both, expected);
+        assert_eq!(both.check(), Ok(()));
+        assert_eq!(Corrections::default().after(&earlier, 3), earlier);
+        assert_eq!(later.after(&Corrections::default(), 3), later);
+        let nobody = Corrections { centres: vec![CentreEdit::Delete { part: 0 }], ..Corrections::default() };
+        assert!(nobody.after(&earlier, 3).check().is_err());
     }
 
     #[test]

@@ -115,7 +115,12 @@ mod tests {
 
     #[test]
     fn round_trip() {
-        let (dir, replica) = folder();
+        let (dir, mut replica) = folder();
+        assert_eq!(read_replica(dir.path()).unwrap(), replica);
+        // A replica of before there was any confidence has no such field.
+        assert!(!std::fs::read_to_string(dir.path().join(REPLICA_FILE)).unwrap().contains("confidence"));
+        replica.parts[1].confidence = Some(0.75);
+        write_replica(dir.path(), &replica).unwrap();
         assert_eq!(read_replica(dir.path()).unwrap(), replica);
     }
 

@@ -7,11 +7,9 @@
 
 use anyhow::{Context, Result};
 use artgs_core::{Camera, Capture, Mesh, Replica, Rigid, Texture, TexturedMesh, View};
-use artgs_physical::bake::{BakeOptions, BakeView, bake, visible};
-use artgs_physical::repair::{RepairOptions, mean_edge, repair};
-use artgs_physical::shade::{CREASE, with_normals};
-use artgs_physical::simplify::{simplify, smoothed};
-use artgs_physical::unwrap::{UnwrapOptions, unwrap};
+use artgs_physical::PhysicalConfig;
+use artgs_physical::bake::visible;
+use artgs_physical::looks::surfaces;
 use glam::{DVec3, Vec2, Vec3};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -30,138 +28,32 @@ fn main() -> Result<()> {
     for part in &replica.parts {
         meshes.push(artgs_io::read_mesh_ply(&replica_dir.join(part.meshes.get(0)))?);
     }
-    let moving: Vec<Moving> = (1..meshes.len()).filter_map(|id| Moving::new(&meshes[id], &replica, id)).collect();
+    let clock = Instant::now();
+    let config = PhysicalConfig { triangles: budget, ..PhysicalConfig::default() };
+    let made = surfaces(&replica, &meshes, Some(&capture), &config);
+    println!("all parts in {:.2?}", clock.elapsed());
     let mut parts = Vec::new();
-    for (part, mesh) in replica.parts.iter().zip(&meshes) {
-        let done = textured(mesh, part.id, &replica, &capture, &moving, budget)?;
-        write_obj(&out, &format!("part_{}", part.id), &done)?;
-        parts.push(done);
+    for (part, surface) in replica.parts.iter().zip(made) {
+        let [texels, seen] = surface.texels;
+        println!(
+            "{}: {} -> {} triangles, closed {}, error max {:.5} 99% {:.5} mean {:.6}, {texels} texels, {seen} seen",
+            part.name,
+            surface.fused,
+            surface.visual.mesh.triangles.len(),
+            surface.closed,
+            surface.error.max,
+            surface.error.most,
+            surface.error.mean
+        );
+        surface.warnings.iter().for_each(|warning| println!("  {warning}"));
+        write_obj(&out, &format!("part_{}", part.id), &surface.visual)?;
+        parts.push(surface.visual);
     }
     compare(&out, &replica, &capture, &parts)
 }
 
-/// The box of a movable part on its way from start to end.
-struct Moving {
-    low: DVec3,
-    high: DVec3,
-    /// From the world to the part's place at the start, for poses on the way.
-    back: Vec<Rigid>,
-}
-
-impl Moving {
-    fn new(mesh: &Mesh, replica: &Replica, id: usize) -> Option<Self> {
-        let joint = replica.joint(id)?;
-        let points = || mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)));
-        let (low, high) = (points().reduce(DVec3::min)?, points().reduce(DVec3::max)?);
-        let shrink = 0.03 * (high - low);
-        let [start, end] = joint.state_values;
-        let back = (0..=8).map(|i| joint.motion((end - start) * f64::from(i) / 8.0).inverse()).collect();
-        Some(Self { low: low + shrink, high: high - shrink, back })
-    }
-
-    fn passes(&self, p: DVec3) -> bool {
-        self.back.iter().any(|m| {
-            let q = m.apply(p);
-            q.cmpgt(self.low).all() && q.cmplt(self.high).all()
-        })
-    }
-}
-
-/// A part made fit for drawing, in the world frame of the start state.
-fn textured(
-    mesh: &Mesh,
-    id: usize,
-    replica: &Replica,
-    capture: &Capture,
-    moving: &[Moving],
-    budget: usize,
-) -> Result<TexturedMesh> {
-    let edge = mean_edge(mesh);
-    let voxel = 1.4 * edge;
-    let clock = Instant::now();
-    let closed = repair(mesh, &|p| id == 0 && moving.iter().any(|m| m.passes(p)), &RepairOptions::at_resolution(edge));
-    let t_repair = clock.elapsed();
-    let clock = Instant::now();
-    let smooth = smoothed(&closed.mesh, 6, 0.5 * voxel);
-    let simple = simplify(&smooth, budget, voxel);
-    let t_simplify = clock.elapsed();
-    println!(
-        "part {id}: {} -> {} triangles, watertight {} ({} capped, {} left open, thickened {}, {} open edges), volume {:.5}",
-        mesh.triangles.len(),
-        simple.mesh.triangles.len(),
-        closed.watertight,
-        closed.capped,
-        closed.left_open,
-        closed.thickened,
-        closed.open_edges,
-        closed.volume
-    );
-    println!("  after simplification watertight {}", repair_free(&simple.mesh));
-    println!(
-        "  error max {:.5} 99% {:.5} mean {:.6}; voxel {voxel:.5}",
-        simple.error.max, simple.error.most, simple.error.mean
-    );
-    let views = &capture.states[0].train;
-    let pixel =
-        views.iter().map(|v| v.camera.position().length() / v.camera.intrinsics.fx).fold(f64::INFINITY, f64::min);
-    let clock = Instant::now();
-    let shaded = with_normals(&simple.mesh, CREASE);
-    let t_shade = clock.elapsed();
-    let clock = Instant::now();
-    let flat = unwrap(&shaded, &UnwrapOptions { texels_per_unit: 1.0 / pixel, ..UnwrapOptions::default() })?;
-    let t_unwrap = clock.elapsed();
-    let motion = replica.world_motion(id);
-    let views: Vec<BakeView> = [Rigid::IDENTITY, motion]
-        .iter()
-        .zip(&capture.states)
-        .flat_map(|(motion, state)| {
-            state.train.iter().map(|v| BakeView {
-                camera: v.camera.moved_with(motion),
-                rgba: &v.rgba,
-                depth: v.depth.as_ref(),
-                labels: None,
-                weight: 1.0,
-            })
-        })
-        .collect();
-    let clock = Instant::now();
-    let baked = bake(&flat.mesh, flat.size, &views, mesh, &BakeOptions::at_resolution(voxel));
-    let t_bake = clock.elapsed();
-    println!(
-        "  atlas {}x{}, {} charts, {:.0} of {:.0} texels per unit, {} texels, {} seen",
-        flat.size[0],
-        flat.size[1],
-        flat.charts,
-        flat.texels_per_unit,
-        1.0 / pixel,
-        baked.texels,
-        baked.seen
-    );
-    println!(
-        "  repair {t_repair:.2?}, simplify {t_simplify:.2?}, normals {t_shade:.2?}, unwrap {t_unwrap:.2?}, bake {t_bake:.2?}"
-    );
-    let mut done = flat.mesh;
-    done.mesh.colors = baked.colors;
-    done.texture = Some(baked.texture);
-    Ok(done)
-}
-
-/// True if the mesh is closed; asked of the library by repairing nothing.
-fn repair_free(mesh: &Mesh) -> bool {
-    let options = RepairOptions {
-        island_fraction: 0.0,
-        small_hole: -1.0,
-        planarity: -1.0,
-        thickness: 0.0,
-        weld: 1e-9,
-        obstructed: 0.0,
-        rim_smoothing: 0.0,
-    };
-    repair(mesh, &|_| false, &options).watertight
-}
-
 fn write_obj(out: &Path, name: &str, mesh: &TexturedMesh) -> Result<()> {
-    let texture = mesh.texture.as_ref().context("it was baked")?;
+    let texture = mesh.texture.as_ref().context("a part has no texture")?;
     artgs_io::image_io::write_rgb(&out.join(format!("{name}.png")), texture.width, texture.height, &texture.rgb)?;
     let material = format!("newmtl {name}\nKd 1 1 1\nmap_Kd {name}.png\n");
     artgs_io::write_atomic(&out.join(format!("{name}.mtl")), material.as_bytes())?;

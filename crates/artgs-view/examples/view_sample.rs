@@ -2,6 +2,9 @@
 //! to DIR/capture.html, prints the address of a server for it, and serves until standard input ends. The tests of the page
 //! run it.
 //!
+//! A run that the page starts turns the door red, unless corrections delete part 3: then it fails; it does not end before a file `hold` in DIR is gone. `view_sample DIR --found`
+//! shows parts before training first, and `view_sample DIR --unable` says that no run can be started.
+//!
 //! `view_sample OUT --exported`: the same for a replica folder that exists and was exported.
 //!
 //! `view_sample DIR --live`: serves a run that does what the lines of standard input say: `steps STAGE FROM TO`, `splats COUNT`
@@ -13,9 +16,10 @@
 mod common;
 
 use artgs_core::Splats;
-use artgs_view::{Live, Page, Placement, Scene, Server, export_page};
+use artgs_io::CentreEdit;
+use artgs_view::{Live, Page, Placement, Rerun, Scene, Server, export_page};
 use std::io::Read as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -32,10 +36,19 @@ fn main() {
         common::page(&out)
     };
     export_page(&page, &out.join("page.html")).unwrap();
-    let capture =
-        Page { scene: Scene { links: Vec::new(), scores: None, ..page.scene.clone() }, files: page.files.clone() };
+    let capture = Page {
+        scene: Scene { links: Vec::new(), scores: None, ..page.scene.clone() },
+        files: page.files.clone(),
+        corrected: None,
+    };
     export_page(&capture, &out.join("capture.html")).unwrap();
-    let server = Server::bind(page, Some(0), Some(out)).unwrap();
+    let told = |flag: &str| std::env::args().any(|a| a == flag);
+    let shown = if told("--found") { common::found_page() } else { page.clone() };
+    let folder = out.clone();
+    let again = move |live: &Arc<Live>| made_again(live, &folder, &page);
+    let rerun: Result<Box<Rerun<'static>>, String> =
+        if told("--unable") { Err("there are no photos".into()) } else { Ok(Box::new(again)) };
+    let server = Server::bind(shown, Some(0), Some(out)).unwrap().with_rerun(rerun);
     println!("{}", server.url());
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
@@ -43,6 +56,27 @@ fn main() {
         let _ = std::io::stdin().read_to_end(&mut Vec::new());
         stop.store(true, Ordering::Relaxed);
     });
+}
+
+/// What stands for a run.
+fn made_again(live: &Live, folder: &Path, page: &Page) -> Result<Page, String> {
+    live.stage_started("discover");
+    live.stage_finished("discover", 0.0, true);
+    for step in 1..=20 {
+        live.event("articulate", [step, 20], Some(0.5), Some(20.0 + step as f64), Some(1234));
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    while folder.join("hold").exists() {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let corrections = artgs_io::read_corrections(folder).map_err(|e| e.to_string())?.unwrap_or_default();
+    if corrections.centres.contains(&CentreEdit::Delete { part: 3 }) {
+        return Err("the knob cannot be spared".into());
+    }
+    let mut page = page.clone();
+    page.scene.name = "cabinet again".into();
+    page.scene.links[1].colour = [255, 0, 0];
+    Ok(page)
 }
 
 fn follow() {

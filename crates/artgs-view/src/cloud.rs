@@ -12,8 +12,9 @@ pub struct Cloud {
     pub points: Vec<[f32; 3]>,
     /// sRGB, one per point.
     pub colors: Vec<[u8; 3]>,
-    /// Which points the other state does not have, one per point; empty if that was not looked at.
-    pub moved: Vec<bool>,
+    /// Part of every point, 0 for what stays; before parts are known, 1 for what the other state does not have. Empty if
+    /// that was not looked at.
+    pub marks: Vec<u8>,
 }
 
 impl Cloud {
@@ -26,7 +27,7 @@ impl Cloud {
         }
         for i in 0..self.points.len() {
             out.extend(self.colors.get(i).unwrap_or(&[160; 3]));
-            out.push(u8::from(self.moved.get(i).copied().unwrap_or(false)));
+            out.push(self.marks.get(i).copied().unwrap_or(0));
         }
         out
     }
@@ -39,7 +40,7 @@ mod tests {
     #[test]
     fn positions_then_colours() {
         let cloud =
-            Cloud { state: 0, points: vec![[1.0, 2.0, 3.0], [0.0; 3]], colors: vec![[9, 8, 7]], moved: vec![true] };
+            Cloud { state: 0, points: vec![[1.0, 2.0, 3.0], [0.0; 3]], colors: vec![[9, 8, 7]], marks: vec![1] };
         let bytes = cloud.bytes(&Placement { scale: 2.0, ..Placement::default() });
         assert_eq!(bytes.len(), 32);
         assert_eq!(bytes[8..12], 6f32.to_le_bytes());

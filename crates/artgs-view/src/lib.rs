@@ -1,5 +1,5 @@
 //! The browser viewer: what the page shows ([`Page`]), a server for it on loopback ([`Server`]), and the same as one
-//! file ([`export_page`]). [`Live`] is a run under way, which a server shows, too. The page itself is built from `viewer/` and is part of this crate.
+//! file ([`export_page`]). [`Live`] is a run under way, which a server shows, too, and starts where it is given a [`Rerun`]. The page itself is built from `viewer/` and is part of this crate.
 
 mod bundle;
 mod camera;
@@ -19,6 +19,6 @@ pub use cloud::Cloud;
 pub use error::ViewError;
 pub use live::Live;
 pub use page::{Page, Source};
-pub use scene::{Scene, SceneCamera, SceneCloud, SceneJoint, SceneLink, SceneMesh};
-pub use server::{DEFAULT_PORT, Server};
+pub use scene::{Scene, SceneCamera, SceneCloud, SceneJoint, SceneLink, SceneMesh, SceneRerun};
+pub use server::{DEFAULT_PORT, Rerun, Server};
 pub use single::export_page;

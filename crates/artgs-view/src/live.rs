@@ -275,6 +275,11 @@ impl Live {
         now.given = Some((Instant::now(), PERIOD.max(waited * WAIT_SHARE)));
     }
 
+    /// True until [`Live::finish`].
+    pub(crate) fn is_running(&self) -> bool {
+        self.now().end.is_none()
+    }
+
     /// The run is over; `Err` says why it failed.
     pub fn finish(&self, outcome: Result<(), String>) {
         self.now().end.get_or_insert(outcome);

@@ -4,7 +4,9 @@ use crate::camera::{CameraView, Placement};
 use crate::scene::{self, Scene, SceneCloud, SceneJoint, SceneLink, SceneMesh};
 use crate::urdf::{self, Link};
 use crate::{Cloud, ViewError};
-use artgs_io::FileError;
+use artgs_core::{Joint, JointKind};
+use artgs_io::{Corrections, FileError};
+use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
@@ -34,6 +36,8 @@ pub struct Page {
     pub scene: Scene,
     /// Everything `scene` names.
     pub files: BTreeMap<String, Source>,
+    /// What was corrected already in what is shown, and how many movable parts were found before that.
+    pub corrected: Option<(Corrections, usize)>,
 }
 
 /// Colours of parts: the base grey, the others well apart for most eyes (after Okabe and Ito), then again.
@@ -58,14 +62,16 @@ impl Page {
             placement: None,
             corrections: false,
             live: false,
+            returns: false,
+            rerun: None,
         };
-        Self { scene, files: BTreeMap::new() }
+        Self { scene, files: BTreeMap::new(), corrected: None }
     }
 
     /// A replica folder: `exports/urdf/*.urdf` with its meshes, `exports/splats/` and `metrics.json`. Refuses a folder
     /// without a valid `replica.json` or without that export.
     pub fn of_replica(out: &Path) -> Result<Self, ViewError> {
-        artgs_io::read_replica(out)?;
+        let replica = artgs_io::read_replica(out)?;
         let folder = out.join("exports/urdf");
         let missing = |missing| ViewError::NotExported { out: out.into(), missing };
         let path = first_urdf(&folder).ok_or_else(|| missing("exports/urdf/*.urdf"))?;
@@ -76,6 +82,10 @@ impl Page {
             let mut link = page.link(out, &folder, i, link)?;
             if let Some(mesh) = &mut link.mesh {
                 mesh.closed = closed.contains(&link.name);
+            }
+            let part = replica.parts.iter().find(|part| part.name == link.name);
+            if let Some(joint) = &mut link.joint {
+                joint.confidence = part.and_then(|part| part.confidence);
             }
             page.scene.links.push(link);
         }
@@ -90,6 +100,39 @@ impl Page {
             page.scene.scores = Some(scores);
         }
         Ok(page)
+    }
+
+    /// Parts that were found, before there are surfaces of them: a base, and a link for every joint with how sure it is.
+    /// Joints are in the capture's frame and unit, as in a replica.
+    pub fn of_joints(name: &str, joints: &[(Joint, Option<f64>)], placement: Placement) -> Self {
+        let mut page = Self::empty(name);
+        page.place(placement);
+        let link = |index: usize, origin: DVec3, joint| SceneLink {
+            name: if index == 0 { "base".into() } else { format!("part_{index}") },
+            parent: (index > 0).then_some(0),
+            origin: origin.to_array(),
+            joint,
+            mesh: None,
+            collision: Vec::new(),
+            splats: None,
+            colour: colour(index),
+        };
+        page.scene.links.push(link(0, DVec3::ZERO, None));
+        for (k, (joint, confidence)) in joints.iter().enumerate() {
+            let length = if joint.kind == JointKind::Prismatic { placement.scale } else { 1.0 };
+            let told = SceneJoint {
+                kind: joint.kind,
+                axis: (placement.rotation * joint.axis).to_array(),
+                pitch: placement.scale * joint.pitch,
+                limits: joint.limits.map(|v| length * v),
+                observed: joint.state_values.map(|v| length * v),
+                effort: 0.0,
+                confidence: *confidence,
+            };
+            let origin = placement.rotation * (placement.scale * joint.origin);
+            page.scene.links.push(link(k + 1, origin, Some(told)));
+        }
+        page
     }
 
     /// Tells where the capture is in the object's frame; without it the page takes no positions for corrections.

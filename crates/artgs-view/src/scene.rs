@@ -39,6 +39,19 @@ pub struct Scene {
     /// True if the page is to follow a run, see [`Live`](crate::Live).
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub live: bool,
+    /// Of a page that follows a run: when that is over, this server has something else to show.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub returns: bool,
+    /// Whether the server makes anew what depends on corrections; none if it was never asked to.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rerun: Option<SceneRerun>,
+}
+
+/// Whether a run can be started from the page.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneRerun {
+    /// Why it cannot; none if it can.
+    pub refused: Option<String>,
 }
 
 /// A rigid body.
@@ -122,7 +135,7 @@ pub struct SceneCloud {
     pub state: usize,
     /// Number of points.
     pub count: usize,
-    /// Little endian: `count` times x y z (f32, object's frame, metres), then `count` times r g b moved (u8; moved is 0
-    /// or 1).
+    /// Little endian: `count` times x y z (f32, object's frame, metres), then `count` times r g b mark (u8; the mark is
+    /// the index of the point's link, or before there are links 1 for what moved).
     pub file: String,
 }

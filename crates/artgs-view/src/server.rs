@@ -1,18 +1,20 @@
 //! The page over HTTP, on loopback only.
 //!
-//! `GET` of `/`, the script, the style, `/scene.json` and the files that the scene names; `POST /corrections`; of a run
-//! that is under way, `/live.json`, `/live/splats.spz` and `/live/parts.spz`. Paths are looked up among those names, so no path reaches the file system.
+//! `GET` of `/`, the script, the style, `/scene.json` and the files that the scene names; of a run, `/live.json`,
+//! `/live/splats.spz` and `/live/parts.spz`; `POST` of `/corrections` and, to start a run, `/rerun`. Paths are looked up
+//! among those names, so no path reaches the file system.
 
 use crate::bundle::{HTML, POLICY, SCRIPT, STYLE};
 use crate::guard::{Asked, refusal};
 use crate::http::{self, Answer, Body, Request};
 use crate::live::{Live, Tint};
-use crate::{Page, Source, ViewError};
+use crate::{Page, SceneRerun, Source, ViewError};
 use artgs_io::{Corrections, write_corrections};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Port that is tried first.
@@ -24,12 +26,23 @@ const MOST_BYTES: usize = 1 << 16;
 /// How often the end is looked for, and a new connection.
 const BEAT: Duration = Duration::from_millis(10);
 
+/// Makes anew what the page shows, tells how that goes, and returns what there is to show then or why it failed.
+pub type Rerun<'a> = dyn Fn(&Arc<Live>) -> Result<Page, String> + Send + Sync + 'a;
+
 /// A page that can be asked for.
 pub struct Server {
     listener: TcpListener,
     port: u16,
-    page: Page,
+    shown: Mutex<Shown>,
     corrections: Option<PathBuf>,
+    /// What a page can start, or why it cannot.
+    rerun: Option<Result<Box<Rerun<'static>>, String>>,
+}
+
+/// What is to be seen.
+struct Shown {
+    page: Arc<Page>,
+    /// The run that is under way, or the last one.
     live: Option<Arc<Live>>,
 }
 
@@ -46,7 +59,8 @@ impl Server {
         listener.set_nonblocking(true).map_err(refused(port.unwrap_or(DEFAULT_PORT)))?;
         let port = listener.local_addr().map_err(refused(port.unwrap_or(DEFAULT_PORT)))?.port();
         page.scene.corrections = corrections.is_some();
-        Ok(Self { listener, port, page, corrections, live: None })
+        let shown = Mutex::new(Shown { page: Arc::new(page), live: None });
+        Ok(Self { listener, port, shown, corrections, rerun: None })
     }
 
     /// Listens like [`Server::bind`] for a page that follows a run; nothing can be written.
@@ -54,7 +68,63 @@ impl Server {
         let mut page = Page::empty(live.name());
         page.place(live.placement());
         page.scene.live = true;
-        Ok(Self { live: Some(live), ..Self::bind(page, port, None)? })
+        let server = Self::bind(page, port, None)?;
+        server.shown().live = Some(live);
+        Ok(server)
+    }
+
+    /// The same server, at which the page can start a run; `Err` says why there is none to be had.
+    pub fn with_rerun(mut self, rerun: Result<Box<Rerun<'static>>, String>) -> Self {
+        self.rerun = Some(rerun);
+        let page = Page::clone(&self.shown().page);
+        self.show(page);
+        self
+    }
+
+    /// Shows another page to those who ask from now on.
+    fn show(&self, mut page: Page) {
+        page.scene.corrections = self.corrections.is_some();
+        let refused = self.rerun.as_ref().map(|r| r.as_ref().err().cloned());
+        page.scene.rerun = refused.map(|refused| SceneRerun { refused });
+        self.shown().page = Arc::new(page);
+    }
+
+    /// Does a job, to its end, while pages follow it; then they see what it made. None if another one is under way, else
+    /// whether it went well.
+    pub fn follow(&self, job: &Rerun<'_>) -> Option<Result<(), String>> {
+        let live = self.begin()?;
+        Some(self.carry_on(&live, job))
+    }
+
+    /// True while a run is under way.
+    pub fn is_busy(&self) -> bool {
+        self.shown().live.as_ref().is_some_and(|live| live.is_running())
+    }
+
+    /// Takes the place of the one job that there is at a time.
+    fn begin(&self) -> Option<Arc<Live>> {
+        let mut shown = self.shown();
+        if shown.live.as_ref().is_some_and(|live| live.is_running()) {
+            return None;
+        }
+        let scene = &shown.page.scene;
+        let live = Arc::new(Live::new(&scene.name, scene.placement.unwrap_or_default()));
+        shown.live = Some(Arc::clone(&live));
+        Some(live)
+    }
+
+    fn carry_on(&self, live: &Arc<Live>, job: &Rerun<'_>) -> Result<(), String> {
+        // Whatever happens to a run, the server goes on.
+        let made = catch_unwind(AssertUnwindSafe(|| job(live)));
+        let made = made.unwrap_or_else(|_| Err("the run broke off because of a mistake in this program".into()));
+        let outcome = made.map(|page| self.show(page));
+        live.finish(outcome.clone());
+        outcome
+    }
+
+    /// Nothing that holds the lock can leave things half done, whatever happened to the thread.
+    fn shown(&self) -> MutexGuard<'_, Shown> {
+        self.shown.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Where the page is.
@@ -86,11 +156,11 @@ impl Server {
     fn serve(&self, mut stream: TcpStream, busy: bool) -> std::io::Result<()> {
         stream.set_nonblocking(false)?;
         stream.set_nodelay(true)?;
+        let mut begun = None;
         let answer = match busy {
             true => Answer::text(503, "too many connections"),
-            false => {
-                http::read(&mut stream, MOST_BYTES)?.map_or_else(|refused| refused, |request| self.respond(&request))
-            }
+            false => http::read(&mut stream, MOST_BYTES)?
+                .map_or_else(|refused| refused, |request| self.respond(&request, &mut begun)),
         };
         let headers = [
             ("Content-Security-Policy", POLICY),
@@ -99,10 +169,17 @@ impl Server {
             ("Referrer-Policy", "no-referrer"),
             ("Cache-Control", "no-store"),
         ];
-        http::write(&mut stream, answer, &headers)
+        let written = http::write(&mut stream, answer, &headers);
+        drop(stream);
+        // The thread of the request that started it is as good as any.
+        if let (Some(live), Some(Ok(job))) = (begun, &self.rerun) {
+            // Pages are told by `live`.
+            let _ = self.carry_on(&live, job);
+        }
+        written
     }
 
-    fn respond(&self, request: &Request) -> Answer {
+    fn respond(&self, request: &Request, begun: &mut Option<Arc<Live>>) -> Answer {
         let asked = Asked {
             host: request.header("Host"),
             origin: request.header("Origin"),
@@ -115,39 +192,83 @@ impl Server {
             return Answer::text(403, reason);
         }
         match (request.method.as_str(), request.path()) {
-            ("GET", path) => match &self.live {
-                Some(live) if path.starts_with("/live") => look(live, request),
-                _ => self.get(path),
-            },
+            ("GET", path) => {
+                let (page, live) = {
+                    let shown = self.shown();
+                    (Arc::clone(&shown.page), shown.live.clone())
+                };
+                match live {
+                    Some(live) if path.starts_with("/live") => look(&live, request),
+                    Some(live) if path == "/scene.json" && live.is_running() && !page.scene.live => {
+                        Answer::bytes(following(&live).scene_json().as_bytes(), "application/json")
+                    }
+                    _ => get(&page, path),
+                }
+            }
             ("POST", "/corrections") => self.correct(request),
-            _ => Answer::text(405, "only GET, and POST /corrections"),
+            ("POST", "/rerun") => self.start(request, begun),
+            _ => Answer::text(405, "only GET, POST /corrections and POST /rerun"),
         }
     }
 
-    fn get(&self, path: &str) -> Answer {
-        match path {
-            "/" => Answer::bytes(HTML.as_bytes(), "text/html; charset=utf-8"),
-            "/viewer.js" => Answer::bytes(SCRIPT.as_bytes(), "text/javascript; charset=utf-8"),
-            "/viewer.css" => Answer::bytes(STYLE.as_bytes(), "text/css; charset=utf-8"),
-            "/scene.json" => Answer::bytes(self.page.scene_json().as_bytes(), "application/json"),
-            _ => match path.strip_prefix("/files/").and_then(|name| Some((name, self.page.files.get(name)?))) {
-                Some((name, source)) => file(name, source),
-                None => Answer::text(404, "there is no such file"),
-            },
+    /// Starts the run, unless one is under way.
+    fn start(&self, request: &Request, begun: &mut Option<Arc<Live>>) -> Answer {
+        match &self.rerun {
+            None => return Answer::text(403, "this page starts no runs"),
+            Some(Err(reason)) => return Answer::text(403, reason),
+            Some(Ok(_)) if !is_json(request) => return Answer::text(415, "a run is asked for by application/json"),
+            Some(Ok(_)) => {}
+        }
+        *begun = self.begin();
+        match begun {
+            Some(_) => Answer::text(202, "started"),
+            None => Answer::text(409, "a run is under way"),
         }
     }
 
     fn correct(&self, request: &Request) -> Answer {
         let Some(folder) = &self.corrections else { return Answer::text(403, "this page takes no corrections") };
-        // A form of another page cannot send this type without being asked first, which is refused.
-        let kind = request.header("Content-Type").unwrap_or("").split(';').next().unwrap_or("").trim();
-        if !kind.eq_ignore_ascii_case("application/json") {
+        if !is_json(request) {
             return Answer::text(415, "corrections are application/json");
         }
+        if self.is_busy() {
+            return Answer::text(409, "a run is under way; corrections can be saved when it is over");
+        }
+        let earlier = self.shown().page.corrected.clone();
         let written = Corrections::parse(&request.body)
+            .map(|c| earlier.map_or(c.clone(), |(earlier, found)| c.after(&earlier, found)))
+            .and_then(|c| c.check().map(|()| c))
             .map_err(|reason| Answer::text(400, &reason))
             .and_then(|c| write_corrections(folder, &c).map_err(|e| Answer::text(500, &e.to_string())));
         written.map_or_else(|refused| refused, |()| Answer::text(200, "saved"))
+    }
+}
+
+/// A form of another page cannot send this type without asking first, which is refused.
+fn is_json(request: &Request) -> bool {
+    let kind = request.header("Content-Type").unwrap_or("").split(';').next().unwrap_or("").trim();
+    kind.eq_ignore_ascii_case("application/json")
+}
+
+/// The page of a run after which the server has something else to show.
+fn following(live: &Live) -> Page {
+    let mut page = Page::empty(live.name());
+    page.place(live.placement());
+    page.scene.live = true;
+    page.scene.returns = true;
+    page
+}
+
+fn get(page: &Page, path: &str) -> Answer {
+    match path {
+        "/" => Answer::bytes(HTML.as_bytes(), "text/html; charset=utf-8"),
+        "/viewer.js" => Answer::bytes(SCRIPT.as_bytes(), "text/javascript; charset=utf-8"),
+        "/viewer.css" => Answer::bytes(STYLE.as_bytes(), "text/css; charset=utf-8"),
+        "/scene.json" => Answer::bytes(page.scene_json().as_bytes(), "application/json"),
+        _ => match path.strip_prefix("/files/").and_then(|name| Some((name, page.files.get(name)?))) {
+            Some((name, source)) => file(name, source),
+            None => Answer::text(404, "there is no such file"),
+        },
     }
 }
 

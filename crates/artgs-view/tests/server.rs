@@ -4,13 +4,16 @@
 
 mod common;
 
-use artgs_core::Splats;
+use artgs_core::{Joint, JointKind, Splats};
+use artgs_io::{CentreEdit, Corrections};
 use artgs_view::{Live, Page, Placement, Server, ViewError, export_page};
+use glam::{DQuat, DVec3};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
 
 /// Runs a server of the sample while `ask` sends requests; `{}` in them is the port.
 fn with_server(corrections: bool, ask: impl FnOnce(&Path, &dyn Fn(&str) -> String)) {
@@ -67,6 +70,8 @@ fn the_page_its_scene_and_its_files() {
             (&1.into(), &"screw".into(), &0.01.into())
         );
         assert_eq!((&scene["corrections"], &scene["scores"]["parts"]), (&false.into(), &4.into()));
+        let sure = [1, 2].map(|i| scene["links"][i]["joint"].get("confidence").cloned());
+        assert_eq!(sure, [Some(0.97.into()), None]);
         let file = scene["links"][1]["mesh"]["file"].as_str().unwrap();
         let body = send(&get(&format!("/files/{file}")));
         let disk = std::fs::read_to_string(dir.join("exports/urdf/meshes/door_visual.obj")).unwrap();
@@ -112,6 +117,139 @@ fn a_run_under_way_is_told_to_its_own_page_alone() {
         }
         assert_eq!(status(&send("POST /corrections HTTP/1.1\r\nHost: localhost:{}\r\n\r\n")), "403");
     });
+}
+
+fn post(path: &str, headers: &str, body: &str) -> String {
+    let length = body.len();
+    format!("POST {path} HTTP/1.1\r\nHost: 127.0.0.1:{{}}\r\n{headers}Content-Length: {length}\r\n\r\n{body}")
+}
+
+#[test]
+fn a_run_is_started_by_the_own_page_one_at_a_time_and_its_result_shown() {
+    const JSON: &str = "Content-Type: application/json\r\n";
+    let dir = tempfile::tempdir().unwrap();
+    common::write_replica_folder(dir.path());
+    let page = common::page(dir.path());
+    let (asked, go) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(false)));
+    let (times, gate, made) = (Arc::clone(&asked), Arc::clone(&go), page.clone());
+    let job = move |live: &Arc<Live>| {
+        let nth = times.fetch_add(1, Ordering::SeqCst);
+        live.stage_started("articulate");
+        while !gate.load(Ordering::SeqCst) {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        assert!(nth < 2, "a third run is a mistake");
+        if nth == 1 { Err("no depth".into()) } else { Ok(Page { scene: scene_called("after", &made), ..made.clone() }) }
+    };
+    let server = Server::bind(page, Some(0), Some(dir.path().into())).unwrap().with_rerun(Ok(Box::new(job)));
+    asking(&server, |send| {
+        let json = |path: &str| -> serde_json::Value {
+            serde_json::from_str(send(&get(path)).split_once("\r\n\r\n").unwrap().1).unwrap()
+        };
+        let over = |state: &str| {
+            for _ in 0..2000 {
+                if json("/live.json")["state"] == state {
+                    return;
+                }
+                std::thread::sleep(Duration::from_millis(5));
+            }
+            panic!("the run does not end: {}", json("/live.json"));
+        };
+        assert_eq!(json("/scene.json")["rerun"], serde_json::json!({ "refused": null }));
+        assert_eq!(status(&send(&get("/live.json"))), "404");
+        for hostile in ["Origin: http://evil.example\r\n", "Origin: null\r\n", "Sec-Fetch-Site: cross-site\r\n"] {
+            assert_eq!(status(&send(&post("/rerun", &format!("{JSON}{hostile}"), "{}"))), "403", "{hostile}");
+        }
+        let elsewhere = post("/rerun", JSON, "{}").replace("127.0.0.1", "evil.example");
+        assert_eq!(status(&send(&elsewhere)), "403");
+        assert_eq!(status(&send(&post("/rerun", "Content-Type: text/plain\r\n", "{}"))), "415");
+        assert_eq!(status(&send(&get("/rerun"))), "404");
+        assert_eq!((asked.load(Ordering::SeqCst), server.is_busy()), (0, false));
+
+        assert_eq!(status(&send(&post("/rerun", JSON, "{}"))), "202");
+        assert!(server.is_busy());
+        assert_eq!(status(&send(&post("/rerun", JSON, "{}"))), "409");
+        let saved = r#"{"format":"artgs-corrections","version":1}"#;
+        assert_eq!(status(&send(&post("/corrections", JSON, saved))), "409");
+        let scene = json("/scene.json");
+        assert_eq!(
+            (&scene["live"], &scene["returns"], &scene["name"]),
+            (&true.into(), &true.into(), &"cabinet".into())
+        );
+        go.store(true, Ordering::SeqCst);
+        over("finished");
+        let scene = json("/scene.json");
+        assert_eq!((&scene["name"], &scene["corrections"]), (&"after".into(), &true.into()));
+        assert_eq!(scene["rerun"], serde_json::json!({ "refused": null }));
+
+        // One that fails, or breaks, leaves what was there.
+        assert_eq!(status(&send(&post("/rerun", JSON, "{}"))), "202");
+        over("failed");
+        assert_eq!(json("/live.json")["message"], "no depth");
+        assert_eq!(status(&send(&post("/rerun", JSON, "{}"))), "202");
+        over("failed");
+        assert!(json("/live.json")["message"].as_str().unwrap().contains("broke off"));
+        assert_eq!((json("/scene.json")["name"].as_str(), asked.load(Ordering::SeqCst)), (Some("after"), 3));
+        assert_eq!(status(&send(&post("/corrections", JSON, saved))), "200");
+    });
+}
+
+fn scene_called(name: &str, page: &Page) -> artgs_view::Scene {
+    artgs_view::Scene { name: name.into(), ..page.scene.clone() }
+}
+
+#[test]
+fn a_page_that_can_start_no_run_says_why() {
+    const JSON: &str = "Content-Type: application/json\r\n";
+    with_server(true, |_, send| assert_eq!(status(&send(&post("/rerun", JSON, "{}"))), "403"));
+    let dir = tempfile::tempdir().unwrap();
+    common::write_replica_folder(dir.path());
+    let server = Server::bind(common::found_page(), Some(0), Some(dir.path().into())).unwrap();
+    let server = server.with_rerun(Err("the photos are gone".into()));
+    asking(&server, |send| {
+        let scene = send(&get("/scene.json"));
+        assert!(scene.contains(r#""rerun":{"refused":"the photos are gone"}"#), "{scene}");
+        let answer = send(&post("/rerun", JSON, "{}"));
+        assert!(status(&answer) == "403" && answer.contains("the photos are gone"), "{answer}");
+        assert!(!server.is_busy());
+    });
+}
+
+#[test]
+fn corrections_of_what_was_corrected_follow_the_earlier_ones() {
+    let dir = tempfile::tempdir().unwrap();
+    common::write_replica_folder(dir.path());
+    let mut page = common::page(dir.path());
+    let earlier = Corrections { centres: vec![CentreEdit::Delete { part: 1 }], joints: vec![] };
+    page.corrected = Some((earlier, 4));
+    let server = Server::bind(page, Some(0), Some(dir.path().into())).unwrap();
+    asking(&server, |send| {
+        let body = r#"{"format":"artgs-corrections","version":1,"centres":[{"action":"delete","part":2}]}"#;
+        assert_eq!(status(&send(&post("/corrections", "Content-Type: application/json\r\n", body))), "200");
+    });
+    let read = artgs_io::read_corrections(dir.path()).unwrap().unwrap();
+    assert_eq!(read.centres, [CentreEdit::Delete { part: 1 }, CentreEdit::Delete { part: 3 }]);
+}
+
+#[test]
+fn found_parts_are_placed_like_their_points() {
+    let joint = Joint {
+        kind: JointKind::Prismatic,
+        axis: DVec3::Y,
+        origin: DVec3::new(1.0, 2.0, 3.0),
+        pitch: 0.0,
+        state_values: [0.0, 4.0],
+        limits: [0.0, 4.0],
+    };
+    let upright = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    let page = Page::of_joints("x", &[(joint, Some(0.5))], Placement { scale: 0.1, rotation: upright });
+    let [base, part] = &page.scene.links[..] else { panic!("two links") };
+    assert!(base.joint.is_none() && part.parent == Some(0));
+    let told = part.joint.as_ref().unwrap();
+    let near = |a: [f64; 3], b: [f64; 3]| DVec3::from(a).distance(DVec3::from(b)) < 1e-12;
+    assert!(near(part.origin, [0.1, -0.3, 0.2]) && near(told.axis, [0.0, 0.0, 1.0]), "{part:?}");
+    assert!((told.limits[1] - 0.4).abs() < 1e-12 && (told.observed[1] - 0.4).abs() < 1e-12);
+    assert_eq!(told.confidence, Some(0.5));
 }
 
 #[test]
@@ -164,12 +302,8 @@ fn hostile_paths_hosts_and_origins_are_refused() {
 
 #[test]
 fn corrections_are_checked_and_written_whole() {
-    let post = |kind: &str, extra: &str, body: &str| {
-        format!(
-            "POST /corrections HTTP/1.1\r\nHost: 127.0.0.1:{{}}\r\nContent-Type: {kind}\r\n{extra}Content-Length: {}\r\n\r\n{body}",
-            body.len()
-        )
-    };
+    let post =
+        |kind: &str, extra: &str, body: &str| post("/corrections", &format!("Content-Type: {kind}\r\n{extra}"), body);
     let good = r#"{"format":"artgs-corrections","version":1,"centres":[{"action":"move","part":1,"position":[0.5,0,1]}],
         "joints":[{"part":2,"type":"prismatic"}]}"#;
     with_server(true, |dir, send| {

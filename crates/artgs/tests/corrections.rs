@@ -2,6 +2,7 @@
 
 use artgs::fit::Cpu;
 use artgs::observer::{Event, NullObserver};
+use artgs::run::{corrections_of, find_parts};
 use artgs::{Config, reconstruct};
 use artgs_core::{Capture, JointKind, Replica};
 use artgs_io::{CentreEdit, Corrections, JointMark, read_replica, write_corrections};
@@ -27,7 +28,17 @@ fn parts_are_deleted_added_and_given_their_types() {
     let capture = artgs_io::load_capture(&folder).unwrap();
     let mut config = Config { parts: Some(3), ..Config::registration() };
     config.surface.resolution = 120.0;
-    reconstruct(&capture, &out, &config, false, &Cpu, &mut NullObserver).unwrap();
+    // Parts can be looked at before the rest is made of them.
+    let found = find_parts(&capture, &out, &config, false, &Cpu, &mut NullObserver).unwrap();
+    assert!(found.parts.len() == 2 && !out.join("replica.json").exists());
+    assert!(found.parts.iter().all(|part| part.confidence.unwrap() > 0.9), "{:?}", found.parts);
+    let read = artgs::run::found(&out).unwrap();
+    assert_eq!((read.labels, read.parts.len()), (found.labels, 2));
+    let learnt = Config { parts: Some(3), ..Config::paper_scaled(0.1).unwrap() };
+    let refused = find_parts(&capture, &root.path().join("b"), &learnt, false, &Cpu, &mut NullObserver).unwrap_err();
+    assert!(refused.is_bad_input() && refused.to_string().contains("learnt"), "{refused}");
+    let (_, made) = resume(&capture, &out, &config);
+    assert_eq!(made, ["surface", "assemble"]);
     let first = read_replica(&out).unwrap();
     let kinds = |r: &Replica| (1..r.parts.len()).map(|i| r.joint(i).unwrap().kind).collect::<Vec<_>>();
     let drawer = 1 + kinds(&first).iter().position(|k| *k == JointKind::Prismatic).unwrap();
@@ -37,6 +48,7 @@ fn parts_are_deleted_added_and_given_their_types() {
     };
 
     // Without corrections nothing but what is always made is made.
+    assert_eq!(corrections_of(&out), None);
     let (same, made) = resume(&capture, &out, &config);
     assert!(same == first && !made.iter().any(|stage| stage == "correct"), "{made:?}");
 
@@ -44,6 +56,7 @@ fn parts_are_deleted_added_and_given_their_types() {
     write_corrections(&out, &delete).unwrap();
     let (less, made) = resume(&capture, &out, &config);
     assert_eq!(kinds(&less), [JointKind::Revolute]);
+    assert_eq!(corrections_of(&out), Some((delete, 2)));
     assert!(made.iter().any(|stage| stage == "correct") && !made.iter().any(|stage| stage == "register"), "{made:?}");
 
     // Added again where it was, as the last part, with its motion.
@@ -56,7 +69,15 @@ fn parts_are_deleted_added_and_given_their_types() {
     assert_eq!(kinds(&again), [JointKind::Revolute, JointKind::Prismatic]);
     assert!((again.joint(2).unwrap().state_values[1] - travel).abs() < 0.02 * travel);
 
+    // What was measured bears the right joints out, and a wrong one less.
+    let sure = |r: &Replica, part: usize| r.parts[part].confidence.unwrap();
+    assert!(sure(&again, 1) > 0.9 && sure(&again, 2) > 0.9, "{} {}", sure(&again, 1), sure(&again, 2));
     let door = 3 - drawer;
+    let slides = Corrections { centres: vec![], joints: vec![JointMark { part: door, kind: JointKind::Prismatic }] };
+    write_corrections(&out, &slides).unwrap();
+    let (doubted, _) = resume(&capture, &out, &config);
+    assert!(sure(&doubted, door) < 0.7 && sure(&doubted, drawer) > 0.9, "{}", sure(&doubted, door));
+
     let marked = Corrections { centres: vec![], joints: vec![JointMark { part: door, kind: JointKind::Screw }] };
     write_corrections(&out, &marked).unwrap();
     let (told, _) = resume(&capture, &out, &config);

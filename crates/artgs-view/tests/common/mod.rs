@@ -121,7 +121,11 @@ pub(crate) fn write_replica_folder(out: &Path) {
             Joint { kind, axis, origin: l.origin, pitch, limits, state_values: observed.map(|v| v - zero) }
         })
         .collect();
-    let replica = Replica::new(&joints);
+    let mut replica = Replica::new(&joints);
+    for (part, link) in replica.parts.iter_mut().zip(&asset.links) {
+        part.name = link.name.clone();
+    }
+    replica.parts[1].confidence = Some(0.97);
     for state in ["start", "end"] {
         for name in ["whole", "part_0", "part_1", "part_2", "part_3"] {
             let mesh = out.join("meshes").join(state).join(format!("{name}.ply"));
@@ -163,6 +167,24 @@ pub(crate) fn page(out: &Path) -> Page {
         }
     });
     page.add_cameras(&views, Placement::default()).unwrap();
+    add_clouds(&mut page);
+    page
+}
+
+/// Parts of the sample before there are surfaces: joints and labelled points. The knob is taken to be a part of its own,
+/// not one of the door.
+pub(crate) fn found_page() -> Page {
+    let joint = |l: &AssetLink| {
+        let AssetJoint { kind, axis, pitch, limits, observed, .. } = l.joint?;
+        Some((Joint { kind, axis, origin: l.origin, pitch, limits, state_values: observed }, Some(0.87)))
+    };
+    let joints: Vec<_> = cabinet().links.iter().filter_map(joint).collect();
+    let mut page = Page::of_joints("cabinet", &joints, Placement::default());
+    add_clouds(&mut page);
+    page
+}
+
+fn add_clouds(page: &mut Page) {
     let asset = cabinet();
     for state in [0, 1] {
         let poses: Vec<Rigid> = asset.poses(&asset.observed(state));
@@ -171,10 +193,9 @@ pub(crate) fn page(out: &Path) -> Page {
             for mean in link.splats.iter().flat_map(|s| &s.means) {
                 cloud.points.push(pose.apply(DVec3::from_array(mean.map(f64::from))).as_vec3().to_array());
                 cloud.colors.push(link.visual.mesh.colors[0]);
-                cloud.moved.push(i > 0);
+                cloud.marks.push(i as u8);
             }
         }
         page.add_cloud(&cloud, Placement::default());
     }
-    page
 }

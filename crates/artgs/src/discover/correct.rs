@@ -11,11 +11,13 @@ use glam::{DVec3, Vec3};
 #[derive(Debug, thiserror::Error)]
 pub enum CorrectError {
     /// They name a part that is not there.
-    #[error("corrections.json names part {part}, but there are parts 1 to {count}; see the numbers in replica.json")]
+    #[error(
+        "corrections.json names part {part}, but there are parts 1 to {count}; they are numbered as they were found, added ones last"
+    )]
     NoSuchPart {
         /// As the file says.
         part: usize,
-        /// Movable parts found.
+        /// Movable parts found or added until then.
         count: usize,
     },
     /// Nothing that moves was found where a part was added.
@@ -37,7 +39,7 @@ pub enum CorrectError {
 /// A part on its way through the corrections.
 #[derive(Clone, Copy)]
 struct Kept {
-    /// Number in what was found; 0 for added ones.
+    /// Number in what was found; added ones have the next.
     number: usize,
     motion: Rigid,
 }
@@ -52,31 +54,35 @@ pub fn correct(
 ) -> Result<Discovery, CorrectError> {
     let search = scene.states.each_ref().map(|s| Searchable::new(&s.cloud));
     let seen = Seen::new(scene)?;
-    let count = found.parts.len();
     let asked = |e: &CentreEdit| matches!(e, CentreEdit::Add { .. } | CentreEdit::Move { .. });
     let pool = match corrections.centres.iter().any(asked) {
-        true => seen.proposals(scene, &search, count + 2, config),
+        true => seen.proposals(scene, &search, found.parts.len() + 2, config),
         false => Vec::new(),
     };
     let mut kept: Vec<Kept> =
         found.parts.iter().enumerate().map(|(k, p)| Kept { number: k + 1, motion: p.motion }).collect();
-    let known = |part: usize| if part <= count { Ok(part) } else { Err(CorrectError::NoSuchPart { part, count }) };
+    // Parts found and added so far.
+    let mut count = found.parts.len();
+    let known = |part: usize, count: usize| {
+        if part <= count { Ok(part) } else { Err(CorrectError::NoSuchPart { part, count }) }
+    };
     for edit in &corrections.centres {
         match *edit {
             CentreEdit::Delete { part } | CentreEdit::Merge { part, .. } => {
-                let gone = known(part)?;
+                let gone = known(part, count)?;
                 if let CentreEdit::Merge { into, .. } = *edit {
-                    known(into)?;
+                    known(into, count)?;
                 }
                 kept.retain(|k| k.number != gone);
             }
             CentreEdit::Add { position } => {
                 let motion = motion_at(scene, &pool, position, &kept)?;
-                kept.push(Kept { number: 0, motion });
+                count += 1;
+                kept.push(Kept { number: count, motion });
             }
             CentreEdit::Move { part, position } => {
-                let part = known(part)?;
-                if !stands_at(found, part, position) {
+                let part = known(part, count)?;
+                if part > found.parts.len() || !stands_at(found, part, position) {
                     let others: Vec<Kept> = kept.iter().copied().filter(|k| k.number != part).collect();
                     let motion = motion_at(scene, &pool, position, &others)?;
                     kept.iter_mut().filter(|k| k.number == part).for_each(|k| k.motion = motion);
@@ -88,7 +94,7 @@ pub fn correct(
         return Err(CorrectError::NothingLeft);
     }
     for mark in &corrections.joints {
-        known(mark.part)?;
+        known(mark.part, count)?;
     }
     let kind = |k: &Kept| corrections.joints.iter().find(|mark| mark.part == k.number).map(|mark| mark.kind);
     let kinds: Vec<Option<JointKind>> = kept.iter().map(kind).collect();

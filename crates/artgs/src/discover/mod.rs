@@ -20,7 +20,7 @@ use field::Field;
 use glam::Vec3;
 pub use glimpse::{Glimpse, glimpse};
 use label::{AtRest, LabelCosts};
-use observe::Cloud;
+use observe::{Cloud, Sightings};
 use propose::{Scales, Side};
 use register::{Match, RegisterOptions, Searchable};
 pub use scene::{DepthPicture, Scene, pixel_step};
@@ -65,8 +65,19 @@ pub struct FoundPart {
     pub kind: JointKind,
     /// Motion from start to end, on the joint.
     pub motion: Rigid,
-    /// Root mean square distance between the registered surfaces, scene units.
+    /// Root mean square distance between the registered surfaces, scene units; not a number where too little of the part
+    /// was seen to register it.
+    #[serde(deserialize_with = "number_or_none")]
     pub rms: f64,
+    /// Share of the part's points that the motion takes onto a surface of the other state, of those that it takes where
+    /// that state is seen; none where that was not looked at, or too few points are in view there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub confidence: Option<f64>,
+}
+
+/// JSON has no number that is none: it is written as null.
+fn number_or_none<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 
 /// Labelled surface points of both states and the motions of the parts.
@@ -162,10 +173,13 @@ impl Seen {
     fn told(
         &self,
         scene: &Scene,
-        parts: Vec<FoundPart>,
+        mut parts: Vec<FoundPart>,
         labels: [Vec<u16>; 2],
         mut warnings: Vec<String>,
     ) -> Discovery {
+        for (k, part) in parts.iter_mut().enumerate() {
+            part.confidence = borne_out(scene, &labels, k as u16 + 1, &part.motion);
+        }
         let clouds = scene.states.each_ref().map(|s| &s.cloud);
         warnings.extend(doubts(clouds, &labels, &self.moved, &parts, scene.tolerance));
         Discovery { labels, parts, warnings, ..undiscovered(scene) }
@@ -183,8 +197,10 @@ fn settle(
     config: &DiscoverConfig,
 ) -> (Vec<FoundPart>, [Vec<u16>; 2]) {
     let clouds = [search[0].cloud, search[1].cloud];
-    let mut parts: Vec<FoundPart> =
-        motions.iter().map(|m| FoundPart { kind: JointKind::Screw, motion: *m, rms: f64::NAN }).collect();
+    let mut parts: Vec<FoundPart> = motions
+        .iter()
+        .map(|m| FoundPart { kind: JointKind::Screw, motion: *m, rms: f64::NAN, confidence: None })
+        .collect();
     let graphs = clouds.map(|c| label::neighbour_graph(&c.points, &c.normals, &c.colors, 10, scene.scales.spacing));
     let mut labels = [Vec::new(), Vec::new()];
     for round in 0..config.rounds.max(1) {
@@ -229,6 +245,24 @@ fn doubts(
         }
     }
     said
+}
+
+/// See [`FoundPart::confidence`]; `motion` leads from start to end.
+pub(crate) fn borne_out(scene: &Scene, labels: &[Vec<u16>; 2], part: u16, motion: &Rigid) -> Option<f64> {
+    /// With fewer points in view the share says nothing.
+    const FEW: usize = 24;
+    let mut told = [0, 0];
+    for state in 0..2 {
+        let there = if state == 0 { *motion } else { motion.inverse() };
+        let own = scene.states[state].cloud.points.iter().zip(&labels[state]).filter(|(_, label)| **label == part);
+        let images: Vec<Vec3> = own.map(|(p, _)| there.apply(p.as_dvec3()).as_vec3()).collect();
+        for seen in Sightings::of_all(&scene.states[1 - state].views, &images, scene.tolerance) {
+            told[0] += usize::from(seen.is_surface());
+            told[1] += usize::from(!seen.is_surface() && seen.is_empty_space());
+        }
+    }
+    let total = told[0] + told[1];
+    (total >= FEW).then(|| told[0] as f64 / total as f64)
 }
 
 /// Part of every point of both states under motions from start to end.
@@ -302,13 +336,13 @@ fn refine(
     let (iterations, max_points) = if last { (20, 20_000) } else { (12, 4000) };
     let options = RegisterOptions { first_reach: 3.0 * spacing, last_reach: spacing, iterations, max_points };
     let free = register::register(Match::mutual(&points[0], &points[1]), part.motion, None, &options);
-    *part = FoundPart { kind: JointKind::Screw, motion: free.motion, rms: free.rms };
+    *part = FoundPart { kind: JointKind::Screw, motion: free.motion, rms: free.rms, confidence: None };
     if last && config.decide_joints {
         let (kind, fit) = match known {
             Some(kind) => (kind, on_joint(&points, &free, kind, &options)),
             None => choose_joint(&points, &free, &options, config.revolute_deg),
         };
-        *part = FoundPart { kind, motion: fit.motion, rms: fit.rms };
+        *part = FoundPart { kind, motion: fit.motion, rms: fit.rms, confidence: None };
     }
 }
 

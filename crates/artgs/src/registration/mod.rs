@@ -8,7 +8,7 @@ use crate::canonical::CanonicalError;
 use crate::canonical::cluster::{ClusterConfig, spectral_clusters};
 use crate::discover::label::AtRest;
 use crate::discover::observe::Cloud;
-use crate::discover::{DiscoverError, Discovery, FoundPart, Scene};
+use crate::discover::{DiscoverError, Discovery, FoundPart, Scene, borne_out};
 use crate::evaluate::matching::hungarian;
 use align::Fit;
 use artgs_core::{Joint, JointKind, Rigid};
@@ -93,6 +93,9 @@ pub fn register_parts(
         }
         parts.push(part(start, end, *fit, scene, config));
     }
+    for (k, part) in parts.iter_mut().enumerate() {
+        part.confidence = borne_out(scene, &labels, k as u16 + 1, &part.motion);
+    }
     Ok(Discovery {
         clouds: [clouds[0].clone(), clouds[1].clone()],
         labels,
@@ -125,7 +128,7 @@ fn part(start: &Cloud, end: &Cloud, fit: Option<Fit>, scene: &Scene, config: &Re
         } else {
             Rigid::shift(middle(end) - middle(start))
         };
-        return FoundPart { kind: JointKind::Prismatic, motion, rms: f64::NAN };
+        return FoundPart { kind: JointKind::Prismatic, motion, rms: f64::NAN, confidence: None };
     };
     let turns = fit.motion.angle().to_degrees() > config.revolute_deg;
     let (kind, guess) = if turns {
@@ -134,5 +137,5 @@ fn part(start: &Cloud, end: &Cloud, fit: Option<Fit>, scene: &Scene, config: &Re
         (JointKind::Prismatic, Rigid::shift(fit.motion.apply(middle(start)) - middle(start)))
     };
     let bound = align::on_joint(start, end, guess, kind, &scene.scales);
-    FoundPart { kind, motion: bound.motion, rms: bound.rms }
+    FoundPart { kind, motion: bound.motion, rms: bound.rms, confidence: None }
 }

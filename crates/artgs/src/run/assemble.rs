@@ -31,7 +31,10 @@ fn centre(mesh: &Mesh) -> DVec3 {
 
 /// Meshes and `replica.json`.
 pub(super) fn write_replica_files(root: &Path, built: &Built, meshes: &PartMeshes) -> Result<(), Error> {
-    let replica = Replica::new(&joints(built, meshes));
+    let mut replica = Replica::new(&joints(built, meshes));
+    for (part, found) in replica.parts[1..].iter_mut().zip(&built.parts) {
+        part.confidence = found.confidence;
+    }
     for (part, pair) in replica.parts.iter().zip(&meshes.parts) {
         for state in 0..2 {
             write_mesh_ply(&root.join(part.meshes.get(state)), &pair[state])?;

@@ -92,6 +92,15 @@ impl Folder {
         self.write_json(&self.stage("joints.json"), &file)
     }
 
+    /// Removes what [`Self::load_trained`] loads.
+    pub(super) fn forget_trained(&self) -> Result<(), FileError> {
+        let path = self.stage("joints.json");
+        match std::fs::remove_file(&path) {
+            Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(FileError::Write { path, source }),
+            _ => Ok(()),
+        }
+    }
+
     pub(super) fn load_trained(&self) -> Option<(Trained, Vec<FoundPart>)> {
         let TrainedFile { parts, joints } = self.read_json("joints.json")?;
         let (splats, labels) = read_splat_ply(&self.stage("articulated.ply")).ok()?;
@@ -112,6 +121,23 @@ pub(super) fn motion_parameters(parts: &[FoundPart]) -> Vec<MotionParameters> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn parts_that_could_not_be_registered_come_back() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = Folder::new(root.path());
+        let part = |rms, confidence| FoundPart {
+            kind: JointKind::Prismatic,
+            motion: artgs_core::Rigid::IDENTITY,
+            rms,
+            confidence,
+        };
+        let parts = vec![part(f64::NAN, None), part(0.5, Some(0.25))];
+        folder.save_discovery(&Discovery { parts, ..Discovery::default() }).unwrap();
+        let read = folder.load_discovery().unwrap().parts;
+        assert!(read[0].rms.is_nan() && read[0].confidence.is_none());
+        assert_eq!((read[1].rms, read[1].confidence), (0.5, Some(0.25)));
+    }
 
     #[test]
     fn numbers_come_back_to_the_last_bit() {

@@ -42,7 +42,7 @@ pub(super) fn told_parts(trained: &Trained, half_angle: f64) -> Vec<FoundPart> {
         };
         let shift = general && kind == JointKind::Prismatic;
         let motion = if shift { Rigid::shift(shift_of_middle(trained, k + 1, &motion)) } else { motion };
-        FoundPart { kind, motion, rms: 0.0 }
+        FoundPart { kind, motion, rms: 0.0, confidence: None }
     };
     trained.joints.iter().enumerate().map(told).collect()
 }

@@ -12,14 +12,14 @@ mod stages;
 
 use crate::articulate::Trained;
 use crate::config::{Config, ConfigError, Method};
-use crate::discover::{DiscoverError, FoundPart};
+use crate::discover::{DiscoverError, Discovery, FoundPart};
 use crate::evaluate::{EvaluateConfig, Scores, Truth};
 use crate::fit::{Devices, FitError};
 use crate::observer::Observer;
 use crate::registration::RegistrationError;
 use crate::surface::{PartMeshes, SurfaceError};
 use artgs_core::{Capture, STATE_NAMES};
-use artgs_io::FileError;
+use artgs_io::{Corrections, FileError};
 use serde::Serialize;
 use stages::Run;
 pub use stages::made_from;
@@ -43,6 +43,9 @@ pub enum Error {
     /// The output folder was made from other pictures.
     #[error("{0} was made from another capture; resume with that one, start afresh in another folder, or add --force")]
     OtherCapture(String),
+    /// There is nothing to look at before training.
+    #[error("with these settings parts are learnt in training: there are none to stop at before it")]
+    PartsLearnt,
     /// Settings that cannot be used.
     #[error(transparent)]
     Config(#[from] ConfigError),
@@ -77,6 +80,7 @@ impl Error {
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::PartsMissing
+            | Self::PartsLearnt
             | Self::OtherSettings(_)
             | Self::OtherCapture(_)
             | Self::Config(_)
@@ -189,6 +193,47 @@ pub fn reconstruct(
         }
     };
     run.assemble(&built, &meshes)
+}
+
+/// The first stages alone: parts, joints and labelled surface points, saved in the folder `out` for [`found`] and for a
+/// [`reconstruct`] that resumes. Corrections are honoured there, not here.
+pub fn find_parts(
+    capture: &Capture,
+    out: &Path,
+    config: &Config,
+    resume: bool,
+    devices: &dyn Devices,
+    observer: &mut dyn Observer,
+) -> Result<Discovery, Error> {
+    config.check()?;
+    let parts = config.parts.ok_or(Error::PartsMissing)?;
+    if !finds_parts(config) {
+        return Err(Error::PartsLearnt);
+    }
+    let mut run = Run::open(capture, out, config, resume, devices, observer)?;
+    if config.method == Method::Registration {
+        let depths = run.captured_depths()?;
+        return run.register(&depths, parts);
+    }
+    let depths = run.depths()?;
+    run.discover(&depths, parts)
+}
+
+/// True if parts are found before any training, so that they can be corrected.
+pub fn finds_parts(config: &Config) -> bool {
+    config.method != Method::Paper && config.start.parts == points::PartSource::Labels
+}
+
+/// What [`find_parts`], or a whole run, found in the folder `out`; none if it does not hold that.
+pub fn found(out: &Path) -> Option<Discovery> {
+    folder::Folder::new(out).load_discovery()
+}
+
+/// The corrections that the replica in the folder `out` was made with, and how many movable parts were found before
+/// them; none if there were no corrections.
+pub fn corrections_of(out: &Path) -> Option<(Corrections, usize)> {
+    let text = std::fs::read(out.join(stages::ASSEMBLED)).ok()?;
+    Some((Corrections::parse(&text).ok()?, found(out)?.parts.len()))
 }
 
 fn truth_of(read: artgs_io::GroundTruth) -> Truth {

@@ -29,6 +29,8 @@ type ChamferPoints = [Vec<[f32; 3]>; 2];
 
 /// Corrections that the stages after discovery were made with.
 const CORRECTED: &str = "stages/corrections.json";
+/// The same of the replica: its stages may be made already with others, and it not yet.
+pub(super) const ASSEMBLED: &str = "stages/corrections_assembled.json";
 /// File that holds the fingerprint of the capture.
 const MARK: &str = "stages/capture.txt";
 
@@ -188,10 +190,12 @@ impl<'a> Run<'a> {
         }
         let asked = self.asked_to_resume && !learnt;
         let corrections = if asked { artgs_io::read_corrections(&self.folder.root) } else { Ok(None) };
-        let corrections = corrections.map_err(Error::Corrections)?;
+        let corrections = corrections.map_err(Error::Corrections)?.filter(|c| !c.is_empty());
         let text = corrections.as_ref().map(artgs_io::Corrections::text).unwrap_or_default();
         if text != honoured {
             self.resume = false;
+            // Once it is written, a run that is stopped and resumed must not find what was made before.
+            self.folder.forget_trained()?;
             artgs_io::write_atomic(&mark, text.as_bytes())?;
         }
         let Some(corrections) = corrections else { return Ok(found) };
@@ -355,6 +359,9 @@ impl<'a> Run<'a> {
                 Ok(())
             },
         )?;
+        let root = &self.folder.root;
+        let corrected = std::fs::read(root.join(CORRECTED)).unwrap_or_default();
+        artgs_io::write_atomic(&root.join(ASSEMBLED), &corrected)?;
         self.summary.total_seconds = self.begun.elapsed().as_secs_f64();
         self.summary.peak_memory_mib = assemble::peak_memory_mib();
         self.folder.write_json(&self.folder.root.join("metrics.json"), &self.summary)?;

@@ -1,0 +1,108 @@
+import assert from "node:assert/strict";
+import { readFileSync, rmSync, writeFileSync } from "node:fs";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { browse, colour, difference, drawn, open, sample, shot } from "./page.mjs";
+
+let browser;
+before(async () => (browser = await browse()));
+after(() => browser?.close());
+
+/** Waits until the page shows a scene of that name that is no run. */
+const shows = (page, name) => page.waitForFunction((n) => document.querySelector("h1")?.textContent === n && globalThis.artgs?.setMode, name);
+
+test("what is corrected is run again: progress is shown, and then what was made", async () => {
+  const served = await sample();
+  try {
+    const { page, complaints } = await open(browser, served.url);
+    await page.evaluate(() => artgs.setMode("parts"));
+    const at = await page.evaluate(() => artgs.onPage("door", [0.7, -0.02, 0.1]));
+    const before = colour(await shot(page), at);
+    assert.ok(before[1] > 60, `the door is orange: ${before}`);
+    await page.getByLabel("Type of door").selectOption("revolute");
+    const hold = join(served.folder, "hold");
+    writeFileSync(hold, "");
+    await page.getByRole("button", { name: "Save and run again" }).click();
+    await page.getByText(/Running.*articulate, step \d+ of 20/).waitFor();
+    assert.equal(await page.getByText("taken from the earlier run").count(), 1);
+    // A page that is opened meanwhile follows, too.
+    const other = await open(browser, served.url);
+    await other.page.getByText(/Running.*articulate/).waitFor();
+    rmSync(hold);
+    const saved = JSON.parse(readFileSync(join(served.folder, "corrections.json"), "utf8"));
+    assert.deepEqual(saved.joints, [{ part: 1, type: "revolute" }]);
+    for (const p of [page, other.page]) await shows(p, "cabinet again");
+    await other.page.close();
+    await page.evaluate(() => artgs.ready);
+    await page.evaluate(() => artgs.setMode("parts"));
+    const after = colour(await shot(page), await page.evaluate(() => artgs.onPage("door", [0.7, -0.02, 0.1])));
+    assert.ok(after[0] > 100 && after[1] < 30 && after[2] < 30, `the door is red: ${after}`);
+    assert.deepEqual(complaints, []);
+    await page.close();
+  } finally {
+    await served.close();
+  }
+});
+
+test("a run that fails says why, and the page goes back", async () => {
+  const served = await sample();
+  try {
+    const { page } = await open(browser, served.url);
+    await page.getByLabel("Centre of knob").selectOption("delete");
+    await page.getByRole("button", { name: "Save and run again" }).click();
+    await page.getByText("The run failed: the knob cannot be spared").waitFor();
+    await page.getByRole("button", { name: "Back" }).click();
+    await shows(page, "cabinet");
+    assert.ok(drawn(await shot(page)) > 3000);
+    await page.close();
+  } finally {
+    await served.close();
+  }
+});
+
+test("where no run can be started, the button says why", async () => {
+  const served = await sample("--unable");
+  try {
+    const { page } = await open(browser, served.url);
+    assert.ok(await page.getByRole("button", { name: "Save and run again" }).isDisabled());
+    await page.getByText("It cannot be started here: there are no photos.").waitFor();
+    await page.close();
+  } finally {
+    await served.close();
+  }
+});
+
+test("parts are seen, moved and corrected before training, and then the run goes on", async () => {
+  const served = await sample("--found");
+  try {
+    const { page, complaints } = await open(browser, served.url);
+    await page.getByText("Parts as they were found, before training").waitFor();
+    const enabled = await page.locator("input[name=mode]:enabled").evaluateAll((inputs) => inputs.map((i) => i.value));
+    assert.deepEqual(enabled, ["points"]);
+    assert.ok((await page.locator(".slider .kind").first().textContent()).includes("87 % fits"));
+    const first = await shot(page);
+    assert.ok(drawn(first) > 2000, `${drawn(first)} pixels`);
+    if (process.env.SHOTS) await page.screenshot({ path: `${process.env.SHOTS}/found.png` });
+    // Points of the door move with its slider, those of the drawer stay.
+    await page.locator("input[data-link=part_1]").fill("1.2");
+    const opened = await shot(page);
+    assert.ok(difference(first, opened).count > 1000);
+    const still = await page.evaluate(() => artgs.onPage("part_2", [0.2, -0.02, -0.1]));
+    assert.ok(colour(first, still, 6).every((c, k) => Math.abs(c - colour(opened, still, 6)[k]) < 2));
+    // In state B the points of B are where the joints take those of A.
+    await page.getByRole("button", { name: "State B" }).click();
+    const second = await shot(page);
+    await page.getByLabel("Colour points by part").uncheck();
+    assert.ok(difference(second, await shot(page)).count > 500);
+    await page.getByLabel("Show part centres").check();
+    await page.getByRole("button", { name: "Add a centre" }).click();
+    await page.getByRole("button", { name: "Save and go on" }).click();
+    await shows(page, "cabinet again");
+    const saved = JSON.parse(readFileSync(join(served.folder, "corrections.json"), "utf8"));
+    assert.deepEqual(saved.centres.map((c) => c.action), ["add"]);
+    assert.deepEqual(complaints, []);
+    await page.close();
+  } finally {
+    await served.close();
+  }
+});
