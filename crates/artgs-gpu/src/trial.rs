@@ -46,7 +46,7 @@ impl Trial {
     /// The first step whose loss is not that of the other trial, and both losses; none if the devices agree.
     pub fn disagrees(&self, other: &Self) -> Option<(usize, [f64; 2])> {
         let pairs = self.losses.iter().zip(&other.losses).enumerate();
-        let apart = |a: f64, b: f64| !((a - b).abs() <= TOLERANCE * b.abs());
+        let apart = |a: f64, b: f64| a.is_nan() || b.is_nan() || (a - b).abs() > TOLERANCE * b.abs();
         pairs.map(|(i, (&a, &b))| (i + 1, [a, b])).find(|(_, [a, b])| apart(*a, *b))
     }
 }
