@@ -229,8 +229,7 @@ impl<'a> GpuBackend<'a> {
     fn make_room(&mut self, capacity: usize) -> Result<(), GpuError> {
         let Self { gpu, kernels, canvas, pictures, resident, .. } = self;
         let Some(resident) = resident else { return Ok(()) };
-        self.capacity = capacity;
-        resident.make_room(gpu, kernels, capacity, canvas, pictures)?;
+        self.capacity = resident.make_room(gpu, kernels, capacity, canvas, pictures)?;
         gpu.check()
     }
 
@@ -289,7 +288,15 @@ impl<'a> GpuBackend<'a> {
 
 /// Photographs on the device, and what is drawn to compare with them.
 fn show(gpu: &Gpu, images: &[TrainImage<'_>]) -> Result<(Vec<Picture>, Canvas), GpuError> {
-    let pictures = images.iter().map(|image| Picture::new(gpu, image)).collect::<Result<Vec<_>, _>>()?;
+    /// Photographs whose pixels wait in memory of the host at a time.
+    const TOGETHER: usize = 16;
+    let mut pictures = Vec::with_capacity(images.len());
+    for images in images.chunks(TOGETHER) {
+        for image in images {
+            pictures.push(Picture::new(gpu, image)?);
+        }
+        gpu.read(&[])?;
+    }
     let canvas = Canvas::new(gpu, images.iter().map(|image| [image.width, image.height]))?;
     Ok((pictures, canvas))
 }

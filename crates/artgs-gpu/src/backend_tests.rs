@@ -253,6 +253,7 @@ fn a_step_without_room_is_made_again_once_there_is() {
         backend.capacity = capacity;
         backend.upload(state.clone()).unwrap();
         if capacity > 0 {
+            backend.resident.as_mut().unwrap().room = None;
             backend.make_room(capacity).unwrap();
         }
         let mut steps = Vec::new();

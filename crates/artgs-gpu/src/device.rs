@@ -81,11 +81,14 @@ impl fmt::Display for Kind {
     }
 }
 
+/// What it takes to time kernels one by one.
+const TIMING: wgpu::Features = wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES);
+
 /// What the kernels need of a device.
 fn needs() -> wgpu::Limits {
     wgpu::Limits {
-        max_storage_buffers_per_shader_stage: 12,
-        max_compute_workgroup_storage_size: 16 << 10,
+        max_storage_buffers_per_shader_stage: 13,
+        max_compute_workgroup_storage_size: 24 << 10,
         max_compute_invocations_per_workgroup: 256,
         max_compute_workgroup_size_x: 256,
         ..wgpu::Limits::downlevel_defaults()
@@ -147,7 +150,7 @@ impl Adapter {
             subgroup: features
                 .contains(wgpu::Features::SUBGROUP)
                 .then_some([info.subgroup_min_size, info.subgroup_max_size]),
-            timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
+            timestamps: features.contains(TIMING),
             lacks: lacks(&limits),
             name: info.name,
             handle,
@@ -190,8 +193,7 @@ impl Gpu {
         if let Some(lacks) = &adapter.lacks {
             return Err(GpuError::Unsuitable { name: adapter.name.clone(), lacks: lacks.clone() });
         }
-        let timing = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES;
-        let features = adapter.handle.features() & (timing | wgpu::Features::SUBGROUP);
+        let features = adapter.handle.features() & TIMING.union(wgpu::Features::SUBGROUP);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("artgs"),
             required_features: features,
@@ -220,7 +222,7 @@ impl Gpu {
             name: format!("{} ({})", adapter.name, adapter.interface),
             kind: adapter.kind,
             largest_buffer: adapter.largest_buffer,
-            timestamps: features.contains(timing),
+            timestamps: features.contains(TIMING),
             subgroup: adapter.subgroup,
             failure,
         })
@@ -294,7 +296,13 @@ impl Gpu {
         self.queue.submit([encoder.finish()]);
         staging.slice(..).map_async(wgpu::MapMode::Read, |_| {});
         let failed = |what: String| GpuError::Failed(format!("{}: {what}", self.name));
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| failed(e.to_string()))?;
+        self.check()?;
+        // A device that is lost while it is waited for makes wgpu panic.
+        let wait = || self.device.poll(wgpu::PollType::wait_indefinitely());
+        match std::panic::catch_unwind(std::panic::AssertUnwindSafe(wait)) {
+            Ok(polled) => polled.map(|_| ()).map_err(|e| failed(e.to_string()))?,
+            Err(_) => return Err(failed("the device was lost".into())),
+        }
         self.check()?;
         let view = staging.slice(..).get_mapped_range().map_err(|e| failed(e.to_string()))?;
         let mut out = Vec::with_capacity(arrays.len());

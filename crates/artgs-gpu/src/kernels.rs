@@ -150,7 +150,7 @@ impl Kernels {
                 emit: new(
                     "emit",
                     &[&common, BIN, FOOTPRINT],
-                    &[Step, Read, Read, Read, Read, Write, Write, Write, Write],
+                    &[Step, Read, Write, Read, Read, Write, Write, Write, Write],
                 ),
                 delimit: new("delimit", &[&common, LIST], &list[..7]),
                 count_buckets: new("count_buckets", &[&common, LIST], &list),

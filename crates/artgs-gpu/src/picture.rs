@@ -64,7 +64,7 @@ impl Picture {
     pub(crate) fn depth_pixels(&self, loss: &LossConfig) -> usize {
         let [w, h] = self.size;
         match loss.depth_mode {
-            artgs::fit::DepthMode::Accumulated => w * h - self.without_depth,
+            artgs::fit::DepthMode::Accumulated => (w * h - self.without_depth).max(1),
             artgs::fit::DepthMode::Normalized => w * h,
         }
     }

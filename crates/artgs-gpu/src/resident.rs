@@ -18,6 +18,8 @@ pub(crate) struct Resident {
     pub(crate) joints: Option<Joints>,
     pub(crate) learnt: Option<Learnt>,
     pub(crate) chamfer: Option<Chamfer>,
+    /// For intersections; kept while it is large enough.
+    pub(crate) room: Option<Room>,
     pub(crate) programs: Programs,
 }
 
@@ -50,7 +52,7 @@ impl Resident {
         let parts = articulated.map_or(1, Articulated::parts);
         let shape = articulated.and_then(learnt::module).map(Shape::new);
         let targets = articulated.and_then(Articulated::targets);
-        let chamfer = old.and_then(|r| r.chamfer);
+        let (chamfer, room) = old.map_or((None, None), |r| (r.chamfer, r.room));
         let motions = learn || shape.is_some() || targets.is_some();
         Ok(Self {
             desk: Desk::new(gpu, steps, parts)?,
@@ -58,6 +60,7 @@ impl Resident {
             joints: if learn { Some(Joints::new(gpu, parts)?) } else { None },
             learnt: shape.map(|shape| Learnt::new(gpu, n, shape)).transpose()?,
             chamfer: targets.map(|t| Chamfer::new(gpu, n, t, chamfer.as_ref())).transpose()?,
+            room,
             programs: Programs::default(),
         })
     }
@@ -112,7 +115,7 @@ impl Resident {
         Ok(())
     }
 
-    /// Room for `capacity` intersections, and the calls that use it.
+    /// Room for at least `capacity` intersections, and the calls that use it; returns how many there is room for.
     pub(crate) fn make_room(
         &mut self,
         gpu: &Gpu,
@@ -120,10 +123,13 @@ impl Resident {
         capacity: usize,
         canvas: &Canvas,
         pictures: &[Picture],
-    ) -> Result<(), GpuError> {
-        let Self { desk, gaussians, joints, learnt, chamfer, programs } = self;
+    ) -> Result<usize, GpuError> {
+        let Self { desk, gaussians, joints, learnt, chamfer, room: kept, programs } = self;
         *programs = Programs::default();
-        let room = Room::new(gpu, capacity, canvas.tiles, kernels.walk.bucket())?;
+        let room = match kept.take() {
+            Some(room) if room.capacity >= capacity && room.tiles >= canvas.tiles => room,
+            _ => Room::new(gpu, capacity, canvas.tiles, kernels.walk.bucket())?,
+        };
         let adam =
             [&desk.steps, &gaussians.grads, &desk.control, &gaussians.params, &gaussians.first, &gaussians.second];
         let floats = gaussians.n * (PLAIN + gaussians.sh_stride);
@@ -144,7 +150,7 @@ impl Resident {
             adam: vec![(kernels.adam.on(gpu, &adam), Size::Count(floats.div_ceil(256)))],
             joints: moved.chain(assigned).collect(),
         };
-        Ok(())
+        Ok(kept.insert(room).capacity)
     }
 }
 

@@ -49,6 +49,9 @@ pub(crate) struct Gaussians {
 /// Arrays with an element per intersection of a Gaussian with a tile.
 #[derive(Debug)]
 pub(crate) struct Room {
+    pub(crate) capacity: usize,
+    /// Tiles of the images it is for.
+    pub(crate) tiles: usize,
     tiles_of: [Buffer; 2],
     places: [Buffer; 2],
     owners: Buffer,
@@ -183,6 +186,8 @@ impl Room {
         let words = |label: &str| gpu.array(label, capacity, 4);
         let buckets = capacity / bucket + tiles;
         Ok(Self {
+            capacity,
+            tiles,
             tiles_of: [words("tiles")?, words("tiles, sorted")?],
             places: [words("places")?, words("places, sorted")?],
             owners: words("owners")?,
@@ -209,7 +214,8 @@ impl Canvas {
             rests: gpu.array("starts of the way back", area, 4)?,
             pixel_sums: gpu.array("sums over pixels", tiles, 16)?,
             window_sums: gpu.array("sums over windows", 3 * tiles, 16)?,
-            ranges: gpu.array("lists of tiles", tiles, 8)?,
+            // One more for what is left over beyond the last tile.
+            ranges: gpu.array("lists of tiles", tiles + 1, 8)?,
             bucket_starts: gpu.array("buckets of tiles", tiles, 4)?,
             tile_ends: gpu.array("ends of tiles", tiles, 4)?,
         })
@@ -394,9 +400,9 @@ pub(crate) fn backward(
     vec![walk, (k.gather.on(gpu, &arrays), Size::Count(g.n.div_ceil(128)))]
 }
 
-/// Passes of the sort by tile.
+/// Passes of the sort by tile, of which there is one more than on the image.
 fn tile_passes(tiles: usize) -> u32 {
-    (usize::BITS - (tiles - 1).leading_zeros()).div_ceil(DIGIT).max(1)
+    (usize::BITS - tiles.leading_zeros()).div_ceil(DIGIT).max(1)
 }
 
 /// What is sorted, and where to; passes go back and forth between the two arrays of each pair.

@@ -2,7 +2,7 @@
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> flats: array<Flat>;
-@group(0) @binding(2) var<storage, read> counts: array<u32>;
+@group(0) @binding(2) var<storage, read_write> counts: array<u32>;
 @group(0) @binding(3) var<storage, read> starts: array<u32>;
 @group(0) @binding(4) var<storage, read> control: array<u32>;
 @group(0) @binding(5) var<storage, read_write> tiles_of: array<u32>;
@@ -10,12 +10,22 @@
 @group(0) @binding(7) var<storage, read_write> owners: array<u32>;
 @group(0) @binding(8) var<storage, read_write> ranges: array<vec2u>;
 
+fn write(at: u32, tile: u32, owner: u32) {
+    tiles_of[at] = tile;
+    places[at] = at;
+    owners[at] = owner;
+}
+
 // Writes the intersections of every Gaussian where the prefix sum says; forgets the lists of the last rendering.
 @compute @workgroup_size(256)
-fn emit(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+fn emit(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let i = group_index(group) * 256u + lane;
     let threads = groups.x * groups.y * 256u;
-    for (var tile = i; tile < step.tiles.x * step.tiles.y; tile += threads) {
+    for (var tile = i; tile <= step.tiles.x * step.tiles.y; tile += threads) {
         ranges[tile] = vec2u(0u);
     }
     if i >= step.n || control[TOTAL] == 0u {
@@ -25,15 +35,21 @@ fn emit(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         return;
     }
     let flat = flats[i];
-    var at = starts[i];
+    let start = starts[i];
+    let end = start + counts[i];
+    var at = start;
     let rows = tile_rows(flat);
     for (var row = rows.x; row < rows.y; row++) {
         let columns = tile_columns(flat, row, rows);
-        for (var column = columns.x; column < columns.y; column++) {
-            tiles_of[at] = row * step.tiles.x + column;
-            places[at] = at;
-            owners[at] = i;
+        for (var column = columns.x; column < columns.y && at < end; column++) {
+            write(at, row * step.tiles.x + column, i);
             at += 1u;
         }
+    }
+    // Another compilation of the same arithmetic may round otherwise than the kernel that counted: places beyond the last
+    // tile hold what is left over.
+    counts[i] = at - start;
+    for (; at < end; at++) {
+        write(at, step.tiles.x * step.tiles.y, i);
     }
 }

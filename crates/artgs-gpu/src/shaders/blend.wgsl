@@ -30,7 +30,11 @@ var<workgroup> any_unfinished: u32;
 var<workgroup> end: atomic<u32>;
 
 @compute @workgroup_size(16, 16)
-fn blend(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u, @builtin(local_invocation_index) lane: u32) {
+fn blend(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(local_invocation_id) local: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let tile = group.y * step.tiles.x + group.x;
     let pixel = group.xy * TILE + local.xy;
     let inside = pixel.x < step.size.x && pixel.y < step.size.y;

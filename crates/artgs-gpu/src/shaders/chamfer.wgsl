@@ -79,7 +79,7 @@ fn nearest_of(grid: Grid, x: vec3f) -> vec4f {
 // Adds the pull of a Gaussian to its target to the gradient by its motion; squared distance of the two.
 fn pulled(i: u32) -> f32 {
     let at = placed(i).mean;
-    if any(!(abs(at) < vec3f(LARGEST))) {
+    if !(finite(at.x) && finite(at.y) && finite(at.z)) {
         return 0.0;
     }
     let nearest = nearest_of(grids[step.pose], at);

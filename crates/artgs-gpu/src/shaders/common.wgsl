@@ -74,7 +74,6 @@ struct Step {
 const DOUBLE_ALPHA: u32 = 1u;
 const DEPTH: u32 = 2u;
 const DEPTH_ACCUMULATED: u32 = 4u;
-const UPDATE: u32 = 8u;
 const SSIM: u32 = 16u;
 const EXACT_WARP: u32 = 32u;
 const ROTATE_SH: u32 = 64u;
@@ -162,6 +161,11 @@ struct Flat {
 
 fn exponent(flat: Flat, d: vec2f) -> f32 {
     return flat.log2_opacity + flat.xx * d.x * d.x + flat.xy * d.x * d.y + flat.yy * d.y * d.y;
+}
+
+// Whether a number is one, by its bits: compilers may take for granted that there are no others.
+fn finite(v: f32) -> bool {
+    return (bitcast<u32>(v) & 0x7f800000u) != 0x7f800000u;
 }
 
 // -1, 0 or 1.

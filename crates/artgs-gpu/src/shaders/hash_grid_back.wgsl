@@ -15,7 +15,7 @@ fn gradient_of(level: u32, i: u32) -> vec2f {
     let row = 4u * step.parts + FEATURES * level;
     let g = vec2f(d_inputs[row * step.n + i], d_inputs[(row + 1u) * step.n + i]);
     // One Gaussian out of numbers must not take the grid along.
-    return select(vec2f(0.0), g, abs(g) < vec2f(LARGEST));
+    return select(vec2f(0.0), g, vec2<bool>(finite(g.x), finite(g.y)));
 }
 
 @compute @workgroup_size(128)

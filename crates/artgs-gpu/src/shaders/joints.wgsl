@@ -45,8 +45,9 @@ fn motion(v: Values, model: f32) -> Dual {
         return Dual(real, multiply(vec4f(0.0, 0.5 * v.b.xyz), real));
     }
     let l = line_of(v, model);
-    let s = sin(0.5 * l.angle);
-    let c = cos(0.5 * l.angle);
+    let turn = sine_cosine(0.5 * l.angle);
+    let s = turn.x;
+    let c = turn.y;
     let slide = 0.5 * l.slide;
     return Dual(vec4f(c, l.axis * s), vec4f(-slide * s, l.axis * slide * c + cross(l.pivot, l.axis) * s));
 }
@@ -64,8 +65,9 @@ fn motion_adjoint(v: Values, model: f32, d: Dual) -> Values {
         return Values(d_raw, vec4f(0.5 * multiply(d.dual, conjugate(real)).yzw, 0.0));
     }
     let l = line_of(v, model);
-    let s = sin(0.5 * l.angle);
-    let c = cos(0.5 * l.angle);
+    let turn = sine_cosine(0.5 * l.angle);
+    let s = turn.x;
+    let c = turn.y;
     let slide = 0.5 * l.slide;
     let moment = cross(l.pivot, l.axis);
     let g_r = d.real.yzw;
@@ -114,8 +116,17 @@ fn write_motion(part: u32, m: Dual) {
     motions[2u * part + 1u] = conjugate(m.dual);
 }
 
-fn finite(v: vec4f) -> bool {
-    return all(abs(v) < vec4f(LARGEST));
+fn all_finite(v: vec4f) -> bool {
+    return finite(v.x) && finite(v.y) && finite(v.z) && finite(v.w);
+}
+
+// Sine and cosine of at most half a turn to rounding; those of the language may be off by 5e-4.
+fn sine_cosine(angle: f32) -> vec2f {
+    let x = 0.5 * angle;
+    let q = x * x;
+    let s = x * (1.0 - q / 6.0 * (1.0 - q / 20.0 * (1.0 - q / 42.0 * (1.0 - q / 72.0 * (1.0 - q / 110.0)))));
+    let c = 1.0 - q / 2.0 * (1.0 - q / 12.0 * (1.0 - q / 30.0 * (1.0 - q / 56.0 * (1.0 - q / 90.0 * (1.0 - q / 132.0)))));
+    return vec2f(2.0 * s * c, 1.0 - 2.0 * s * s);
 }
 
 @compute @workgroup_size(64)
@@ -132,7 +143,7 @@ fn update_joints(@builtin(local_invocation_index) lane: u32) {
         d.real += vec4f(0.0, cross(d.dual.yzw, middle));
         let g = motion_adjoint(v, model, d);
         // One Gaussian out of numbers must not take its joint along.
-        if finite(g.a) && finite(g.b) {
+        if all_finite(g.a) && all_finite(g.b) {
             let units = units_of(model);
             let rate = step.joint_rate;
             let corrections = step.joint_corrections;

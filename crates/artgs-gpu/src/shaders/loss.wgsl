@@ -84,7 +84,11 @@ fn depth_term(p: u32, alpha: f32, by_depth: ptr<function, f32>, by_alpha: ptr<fu
 }
 
 @compute @workgroup_size(16, 16)
-fn compare(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u, @builtin(local_invocation_index) lane: u32) {
+fn compare(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(local_invocation_id) local: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let pixel = group.xy * TILE + local.xy;
     let inside = all(pixel < step.size);
     let p = pixel.y * step.size.x + pixel.x;

@@ -9,10 +9,6 @@
 @group(0) @binding(6) var<storage, read_write> order: array<u32>;
 @group(0) @binding(7) var<storage, read_write> counts: array<u32>;
 
-fn finite(v: f32) -> bool {
-    return abs(v) < LARGEST;
-}
-
 // False if it is too near, too faint, degenerate or beside the image.
 fn flatten(i: u32, out: ptr<function, Flat>) -> bool {
     let at = placed(i);

@@ -17,7 +17,11 @@ var<workgroup> rows: array<vec4f, 416>;
 var<workgroup> similarities: array<f32, 256>;
 
 @compute @workgroup_size(16, 16)
-fn slope(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u, @builtin(local_invocation_index) lane: u32) {
+fn slope(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(local_invocation_id) local: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let channel = group.z;
     let corner = vec2i(step.rect.xy + group.xy * TILE);
     let size = vec2i(step.size);

@@ -8,7 +8,7 @@ use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Longer stretches are saved every so many steps.
+/// The state is saved at least every so many steps.
 const SAVE_EVERY: usize = 500;
 
 /// Trains on a device as long as it works. When it fails, or cannot train what it is given ([`FitError::Device`]), the
@@ -122,6 +122,12 @@ impl Teller<'_> {
 }
 
 impl Falling<'_> {
+    /// From here on a failure costs less.
+    fn save(&mut self) -> Result<(), FitError> {
+        let state = self.download()?;
+        self.upload(state)
+    }
+
     /// Puts the processor in the place of a device that failed, at the point it had reached; other errors pass through.
     fn fall(&mut self, error: FitError) -> Result<(), FitError> {
         let (reason, saved) = match (error, self.saved.take()) {
@@ -173,6 +179,9 @@ impl Backend for Falling<'_> {
     ) -> Result<(), FitError> {
         let (told, broken) = (Cell::new(0), Cell::new(false));
         let mut teller = Teller { on_step, told: &told, broken: &broken };
+        if self.saved.as_ref().is_some_and(|s| s.made.iter().map(|m| m.steps).sum::<usize>() >= SAVE_EVERY) {
+            self.save()?;
+        }
         let mut left = steps;
         while left > SAVE_EVERY && self.saved.is_some() {
             self.stretch(SAVE_EVERY, true, &mut teller)?;
@@ -180,8 +189,7 @@ impl Backend for Falling<'_> {
                 return Ok(());
             }
             left -= SAVE_EVERY;
-            let state = self.download()?;
-            self.upload(state)?;
+            self.save()?;
         }
         self.stretch(left, update_last, &mut teller)
     }

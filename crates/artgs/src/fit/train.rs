@@ -26,7 +26,7 @@ pub struct RunPlan {
 /// converged and settled, or `plan.steps` are done. In between it stops where whoever follows wants to look.
 pub fn train(
     backend: &mut dyn Backend,
-    mut state: TrainState,
+    state: TrainState,
     plan: &RunPlan,
     rng: &mut Pcg64Mcg,
     follow: &mut dyn Follow,
@@ -34,21 +34,32 @@ pub fn train(
     let (control, plateau) = (&plan.densify, &plan.plateau);
     let latest = plateau.latest(plan.steps);
     let mut best = f64::NEG_INFINITY;
+    let (mut from, mut settling) = (state.step, state.settling);
+    let mut told = settling;
+    // The device keeps the state as long as only steps change it: taking it back costs as much as many steps.
+    let mut kept = Some(state);
     loop {
-        if state.settling.is_none() && plateau.settle > 0 && state.step >= latest {
-            state.settling = Some(state.step);
+        if settling.is_none() && plateau.settle > 0 && from >= latest {
+            settling = Some(from);
         }
-        let (from, end) = (state.step, plateau.end(state.settling, plan.steps));
+        let end = plateau.end(settling, plan.steps);
         if from >= end {
-            return Ok(state);
+            let state = kept.map_or_else(|| backend.download(), Ok)?;
+            return Ok(TrainState { settling, ..state });
+        }
+        if told != settling && kept.is_none() {
+            kept = Some(backend.download()?);
+        }
+        told = settling;
+        if let Some(state) = kept.take() {
+            backend.upload(TrainState { settling, ..state })?;
         }
         let looks = |step: usize| {
-            state.settling.is_none() && plateau.every > 0 && step.is_multiple_of(plateau.every) || step == latest
+            settling.is_none() && plateau.every > 0 && step.is_multiple_of(plateau.every) || step == latest
         };
         let stops = |step: &usize| control.acts_at(*step) || control.resets_at(*step) || looks(*step);
         let to = (from + 1..end).find(stops).unwrap_or(end);
         let look = looks(to);
-        backend.upload(state)?;
         let (mut at, mut wanted) = (from, false);
         backend.run(to - from, plan.update_always, &mut |s| {
             at = s.step;
@@ -57,27 +68,37 @@ pub fn train(
             if wanted { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         })?;
         let seen = if look && at == to { backend.held_back()? } else { None };
-        state = backend.download()?;
-        if wanted {
-            follow.snapshot(&state, end);
-        }
-        if at < to {
-            continue;
+        from = at;
+        let changes = at == to && (control.acts_at(to) || control.resets_at(to));
+        if wanted || changes {
+            let mut state = backend.download()?;
+            if wanted {
+                follow.snapshot(&state, end);
+            }
+            if changes {
+                change(&mut state, plan, to, rng);
+            }
+            kept = Some(state);
         }
         if let Some(psnr) = seen {
             if psnr < best + plateau.least_gain {
-                state.settling = Some(to);
+                settling = Some(to);
             }
             best = best.max(psnr);
         }
-        if control.acts_at(to) {
-            let TrainState { splats, adam, stats, deformation, .. } = &mut state;
-            let (_, origins) = densify(splats, adam, stats, plan.extent, to, control, rng);
-            deformation.follow(&origins);
-        }
-        if control.resets_at(to) {
-            reset_opacities(&mut state.splats, &mut state.adam, control);
-        }
+    }
+}
+
+/// Changes the set of Gaussians and their opacities as planned at a step.
+fn change(state: &mut TrainState, plan: &RunPlan, step: usize, rng: &mut Pcg64Mcg) {
+    let control = &plan.densify;
+    let TrainState { splats, adam, stats, deformation, .. } = state;
+    if control.acts_at(step) {
+        let (_, origins) = densify(splats, adam, stats, plan.extent, step, control, rng);
+        deformation.follow(&origins);
+    }
+    if control.resets_at(step) {
+        reset_opacities(splats, adam, control);
     }
 }
 
