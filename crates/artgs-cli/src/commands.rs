@@ -42,6 +42,9 @@ fn reconstruct(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     use_threads(args.method.threads)?;
     let config = library::configure(&settings(&args.method, args.parts))?;
     folder::check(&args.out, args.earlier)?;
+    if args.stop_after.is_some() && !artgs::run::finds_parts(&config) {
+        return Err(Failure::bad(format!("--stop-after: {}", artgs::run::Error::PartsLearnt)));
+    }
     let device = device::choose(args.method.device, &config)?;
     let capture = library::load(&args.capture)?;
     folder::prepare(&args.out, args.earlier)?;
@@ -97,6 +100,7 @@ fn evaluate(args: &Evaluate, style: Style) -> Result<(), Failure> {
             return Err(Failure::bad(format!("{}: {what}", folder.display())));
         }
     }
+    folder::holds_replica(&args.out)?;
     let truth = args.gt.as_deref();
     let scores = match &args.capture {
         None => library::score(&args.out, truth, None)?,
@@ -115,6 +119,7 @@ fn evaluate(args: &Evaluate, style: Style) -> Result<(), Failure> {
 }
 
 fn check(out: &Path, style: Style) -> Result<(), Failure> {
+    folder::holds_replica(out)?;
     let report = library::check(out)?;
     report.shown.show(style.json)?;
     if report.passed { Ok(()) } else { Err(Failure::ChecksFailed(format!("{} does not pass", out.display()))) }

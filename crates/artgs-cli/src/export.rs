@@ -38,6 +38,7 @@ pub(crate) fn run(args: &Export, style: Style) -> Result<(), Failure> {
 /// Writes the formats and says what was decided.
 pub(crate) fn export(args: &Export, style: Style) -> Result<Report, Failure> {
     let config = config(args)?;
+    folder::holds_replica(&args.out)?;
     let replica = artgs_io::read_replica(&args.out).map_err(|e| Failure::BadInput(e.into()))?;
     let meshes = meshes(&args.out, &replica)?;
     let splats = splats(&args.out, &replica)?;

@@ -71,6 +71,21 @@ pub(crate) fn has_parts(out: &Path) -> bool {
     out.join(FOUND).is_file()
 }
 
+/// Refuses a folder without a replica, and says what to do about it.
+pub(crate) fn holds_replica(out: &Path) -> Result<(), Failure> {
+    let shown = out.display();
+    if out.join(REPLICA).is_file() {
+        Ok(())
+    } else if !out.is_dir() {
+        Err(Failure::bad(format!("{shown}: no such folder")))
+    } else if has_parts(out) {
+        let how = format!("artgs reconstruct CAPTURE -o {shown} --resume goes on");
+        Err(Failure::bad(format!("{shown}: its run stopped before there was a replica; {how}")))
+    } else {
+        Err(Failure::bad(format!("{shown}: there is no {REPLICA} here; artgs reconstruct makes one")))
+    }
+}
+
 /// Removes what a run writes, by name; anything else in the folder stays.
 fn discard(out: &Path) -> Result<(), Failure> {
     const FOLDERS: [&str; 4] = [STAGES, "meshes", "splats", crate::export::EXPORTS];

@@ -36,7 +36,8 @@ mod support {
     /// Devices with memory of their own are taken to be faster.
     pub(crate) fn open_if_fast() -> Result<Box<dyn Devices>, String> {
         let reason = |error: GpuError| match error {
-            GpuError::None => "no graphics processor was found".to_string(),
+            GpuError::None if adapters().is_empty() => "no graphics processor was found".to_string(),
+            GpuError::None => "there is only a driver that computes on the CPU".to_string(),
             error => error.to_string(),
         };
         let gpu = Gpu::open(None, false).map_err(reason)?;

@@ -85,9 +85,12 @@ fn parts_are_deleted_added_and_given_their_types() {
     assert_eq!(told.parts.len(), 3);
 
     let wrong = Corrections { centres: vec![CentreEdit::Delete { part: 7 }], joints: vec![] };
+    let honoured = || std::fs::read(out.join("stages/corrections.json")).unwrap();
+    let before = honoured();
     write_corrections(&out, &wrong).unwrap();
     let refused = reconstruct(&capture, &out, &config, true, &Cpu, &mut NullObserver).unwrap_err();
     assert!(refused.is_bad_input() && refused.to_string().contains("part 7"), "{refused}");
+    assert!(honoured() == before, "what is refused changes nothing");
     std::fs::write(out.join("corrections.json"), "{").unwrap();
     let refused = reconstruct(&capture, &out, &config, true, &Cpu, &mut NullObserver).unwrap_err();
     assert!(refused.is_bad_input() && refused.to_string().contains("corrections.json"), "{refused}");

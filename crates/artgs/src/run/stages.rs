@@ -27,6 +27,8 @@ pub(super) type Depths<'a> = [Vec<Cow<'a, DepthMap>>; 2];
 /// Where Gaussians of each state should be, for the Chamfer term.
 type ChamferPoints = [Vec<[f32; 3]>; 2];
 
+/// Joints with a smaller confidence are warned of; right ones have more than 0.9.
+const DOUBTFUL: f64 = 0.5;
 /// Corrections that the stages after discovery were made with.
 const CORRECTED: &str = "stages/corrections.json";
 /// The same of the replica: its stages may be made already with others, and it not yet.
@@ -192,16 +194,29 @@ impl<'a> Run<'a> {
         let corrections = if asked { artgs_io::read_corrections(&self.folder.root) } else { Ok(None) };
         let corrections = corrections.map_err(Error::Corrections)?.filter(|c| !c.is_empty());
         let text = corrections.as_ref().map(artgs_io::Corrections::text).unwrap_or_default();
+        // Before anything is forgotten: corrections that are refused must not cost what was trained.
+        let corrected = match &corrections {
+            None => found,
+            Some(corrections) => self.apply(depths, &found, corrections)?,
+        };
         if text != honoured {
             self.resume = false;
             // Once it is written, a run that is stopped and resumed must not find what was made before.
             self.folder.forget_trained()?;
             artgs_io::write_atomic(&mark, text.as_bytes())?;
         }
-        let Some(corrections) = corrections else { return Ok(found) };
+        Ok(corrected)
+    }
+
+    fn apply(
+        &mut self,
+        depths: &Depths<'a>,
+        found: &Discovery,
+        corrections: &artgs_io::Corrections,
+    ) -> Result<Discovery, Error> {
         self.observer.event(Event::started("correct"));
         let begun = Instant::now();
-        let corrected = discover::correct(&self.scene(depths)?, &found, &corrections, &self.config.discover)?;
+        let corrected = discover::correct(&self.scene(depths)?, found, corrections, &self.config.discover)?;
         corrected.warnings.iter().for_each(|w| self.warn(w.clone()));
         self.observer.event(Event::finished("correct", begun.elapsed().as_secs_f64(), false));
         Ok(corrected)
@@ -339,9 +354,17 @@ impl<'a> Run<'a> {
 
     /// Everything a user opens.
     pub(super) fn assemble(mut self, built: &Built, meshes: &PartMeshes) -> Result<Summary, Error> {
-        for (part, mesh) in meshes.parts.iter().enumerate().filter(|(_, m)| m[0].is_empty()) {
-            let _ = mesh;
+        for (part, _) in meshes.parts.iter().enumerate().filter(|(_, m)| m[0].is_empty()) {
             self.warn(format!("part {part} has no surface: no view shows enough of it"));
+        }
+        for (k, found) in built.parts.iter().enumerate() {
+            if let Some(share) = found.confidence.filter(|&c| c < DOUBTFUL) {
+                self.warn(format!(
+                    "part {}: its joint takes only {:.0} % of its points onto a surface of the other state; look at it in artgs view",
+                    k + 1,
+                    100.0 * share
+                ));
+            }
         }
         self.stage(
             "assemble",
