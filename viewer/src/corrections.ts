@@ -6,6 +6,8 @@ import type { Link, Model } from "./model";
 import { isFound, type SceneData, type Triple } from "./scene";
 import type { Stage } from "./stage";
 
+const SAVED = "Saved. The next artgs reconstruct --resume makes again what depends on them.";
+
 interface Centre {
   /** Part, or null for one that was added. */
   part: number | null;
@@ -21,6 +23,12 @@ type Edit =
   | { action: "move"; part: number; position: Triple }
   | { action: "delete"; part: number }
   | { action: "merge"; part: number; into: number };
+
+/** What the file says, as far as it matters here. */
+interface Saved {
+  centres: Edit[];
+  joints: { part: number; type: string }[];
+}
 
 export class Corrections {
   readonly group = new Group();
@@ -42,7 +50,7 @@ export class Corrections {
     parts.forEach((link) => this.found(link, parts));
     const show = check("Show part centres", (on) => this.show(on));
     this.element = section("Corrections", show, this.list);
-    if (scene.placement) this.element.append(make("div", { className: "row" }, button("Add a centre", () => this.add())));
+    if (scene.placement) this.element.append(make("div", { className: "row" }, button("Add a centre", () => (this.add(), this.show(true)))));
     const row = make("div", { className: "row" }, button("Save corrections", () => void this.save()));
     this.element.append(row, this.told);
     if (scene.rerun) {
@@ -50,9 +58,9 @@ export class Corrections {
       go.disabled = scene.rerun.refused !== null;
       row.append(go);
     }
-    const later = "Saved for the next artgs reconstruct --resume, which makes again what depends on them.";
-    const note = scene.rerun?.refused ? `${later} It cannot be started here: ${scene.rerun.refused}.` : later;
-    this.element.append(make("p", { className: "note" }, note));
+    if (scene.rerun?.refused) {
+      this.element.append(make("p", { className: "note" }, `A run cannot be started here: ${scene.rerun.refused}.`));
+    }
     this.listen();
   }
 
@@ -92,9 +100,9 @@ export class Corrections {
     for (const kind of ["revolute", "prismatic", "screw"]) type.append(option(kind, kind));
     const centre: Centre = { part: link.index, ball: this.ball(link.data.colour), moved: false, choice, type };
     choice.addEventListener("change", () => {
-      centre.moved = choice.value === "move";
-      centre.ball.visible = choice.value === "" || centre.moved;
-      type.disabled = !centre.ball.visible;
+      // A centre that is to be moved begins where the part is.
+      this.show(true);
+      chosen(centre);
       this.show(true);
     });
     this.centres.push(centre);
@@ -103,9 +111,10 @@ export class Corrections {
     this.list.append(make("div", { className: "edit" }, make("span", {}, dot, name), choice, type));
   }
 
-  private add(): void {
+  /** A new part, in the middle of the object or where it was put before. */
+  private add(at = this.model.extent().getCenter(new Vector3())): void {
     const centre: Centre = { part: null, ball: this.ball([120, 60, 200]), moved: true, choice: null, type: null };
-    this.model.extent().getCenter(centre.ball.position);
+    centre.ball.position.copy(at);
     this.centres.push(centre);
     const row = make("div", { className: "edit" }, make("span", {}, "New part"), make("span", { className: "kind" }, "drag its ball"));
     row.append(
@@ -117,7 +126,6 @@ export class Corrections {
       }),
     );
     this.list.append(row);
-    this.show(true);
   }
 
   /** Balls are dragged in the plane that faces the camera. */
@@ -160,8 +168,49 @@ export class Corrections {
     return point.clone().applyQuaternion(new Quaternion(...rotation).invert()).divideScalar(scale).toArray() as Triple;
   }
 
+  /** A point of the capture's frame in the object's. */
+  private placed(point: Triple): Vector3 {
+    const { scale, rotation } = this.scene.placement!;
+    return new Vector3(...point).multiplyScalar(scale).applyQuaternion(new Quaternion(...rotation));
+  }
+
+  /** Begins with what was saved before and is not in what is shown. */
+  async load(): Promise<void> {
+    const unshown = (words: string) => `Corrections that were saved before are not shown here: ${words}. Saving replaces them.`;
+    try {
+      const answer = await fetch("corrections");
+      if (!answer.ok) throw new Error((await answer.text()).trim());
+      const { centres, joints } = (await answer.json()) as Saved;
+      const strange = [...centres.filter((edit) => !this.edit(edit)), ...joints.filter((mark) => !this.mark(mark))];
+      if (strange.length > 0) this.told.textContent = unshown(strange.map((s) => JSON.stringify(s)).join(", "));
+      else if (centres.length + joints.length > 0) this.told.textContent = "Saved before, and not yet in what is shown.";
+    } catch (error) {
+      this.told.textContent = unshown(error instanceof Error ? error.message : String(error));
+    }
+  }
+
+  /** False if the controls cannot say that: there is one choice for each part that was found. */
+  private edit(edit: Edit): boolean {
+    if (!this.scene.placement && "position" in edit) return false;
+    if (edit.action === "add") return (this.add(this.placed(edit.position)), true);
+    const centre = this.centres.find((c) => c.part === edit.part);
+    const value = edit.action === "merge" ? `${edit.into}` : edit.action;
+    if (!centre?.choice || centre.choice.value !== "" || ![...centre.choice.options].some((o) => o.value === value)) return false;
+    centre.choice.value = value;
+    chosen(centre);
+    if (edit.action === "move") centre.ball.position.copy(this.placed(edit.position));
+    return true;
+  }
+
+  private mark({ part, type }: Saved["joints"][number]): boolean {
+    const select = this.centres.find((c) => c.part === part)?.type;
+    if (!select || select.disabled) return false;
+    select.value = type;
+    return true;
+  }
+
   /** What the file will say. A part is moved before another is merged into it, and merged before that one goes. */
-  edits(): { centres: Edit[]; joints: { part: number; type: string }[] } {
+  edits(): Saved {
     const order = { move: 0, merge: 1, delete: 2, add: 3 };
     const centres = this.centres.flatMap(({ part, ball, choice }): Edit[] => {
       if (part === null) return [{ action: "add", position: this.captured(ball.position) }];
@@ -178,7 +227,7 @@ export class Corrections {
 
   private async save(): Promise<boolean> {
     const refused = await post("corrections", { format: "artgs-corrections", version: 1, ...this.edits() });
-    this.told.textContent = refused === null ? "Saved." : `Not saved: ${refused}`;
+    this.told.textContent = refused === null ? SAVED : `Not saved: ${refused}`;
     return refused === null;
   }
 
@@ -189,6 +238,14 @@ export class Corrections {
     if (refused === null) location.reload();
     else this.told.textContent = `Saved, but not started: ${refused}`;
   }
+}
+
+/** What goes with the choice for a part that was found. */
+function chosen(centre: Centre): void {
+  const value = centre.choice!.value;
+  centre.moved = value === "move";
+  centre.ball.visible = value === "" || centre.moved;
+  centre.type!.disabled = !centre.ball.visible;
 }
 
 /** Why the server refuses it, if it does. */

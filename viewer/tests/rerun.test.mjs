@@ -54,6 +54,71 @@ test("a run that fails says why, and the page goes back", async () => {
     await page.getByRole("button", { name: "Back" }).click();
     await shows(page, "cabinet");
     assert.ok(drawn(await shot(page)) > 3000);
+    // What was corrected is not lost.
+    assert.equal(await page.getByLabel("Centre of knob").inputValue(), "delete");
+    await page.getByText("Saved before, and not yet in what is shown.").waitFor();
+    await page.close();
+  } finally {
+    await served.close();
+  }
+});
+
+test("what was saved is there when the page is loaded again, and stays when it is saved again", async () => {
+  const served = await sample();
+  const file = join(served.folder, "corrections.json");
+  const read = () => JSON.parse(readFileSync(file, "utf8"));
+  try {
+    const { page, complaints } = await open(browser, served.url);
+    const values = () => page.locator(".edit select").evaluateAll((all) => all.map((s) => s.value));
+    const again = async () => {
+      await page.reload();
+      await page.evaluate(() => artgs.ready);
+    };
+    const save = async () => {
+      await page.getByRole("button", { name: "Save corrections" }).click();
+      await page.getByText("Saved. The next artgs reconstruct --resume").waitFor();
+    };
+    assert.equal(await page.getByText("--resume").count(), 0);
+    await page.getByLabel("Type of door").selectOption("screw");
+    await page.getByLabel("Centre of door").selectOption("move");
+    await page.getByLabel("Centre of drawer").selectOption("delete");
+    await page.getByLabel("Centre of knob").selectOption("1");
+    await page.getByRole("button", { name: "Add a centre" }).click();
+    await save();
+    const first = read();
+    assert.deepEqual(first.centres.map((c) => c.action), ["move", "merge", "delete", "add"]);
+    assert.deepEqual(first.joints, [{ part: 1, type: "screw" }]);
+    const middle = [-0.005, -0.27, 0.75];
+    assert.ok(middle.every((x, k) => Math.abs(x - first.centres[0].position[k]) < 1e-6), `${first.centres[0].position}`);
+    // Elsewhere than where the page would put them by itself.
+    for (const c of first.centres) if (c.position) c.position = c.position.map((x) => x + 0.125);
+    writeFileSync(file, JSON.stringify(first));
+    await again();
+    assert.deepEqual(await values(), ["move", "screw", "delete", "", "1", ""]);
+    assert.ok(await page.getByLabel("Type of drawer").isDisabled());
+    await page.getByText("Saved before, and not yet in what is shown.").waitFor();
+    await page.getByLabel("Show part centres").check();
+    if (process.env.SHOTS) await page.screenshot({ path: `${process.env.SHOTS}/again.png` });
+    await save();
+    const second = read();
+    for (const [i, c] of second.centres.entries()) {
+      c.position?.forEach((x, k) => assert.ok(Math.abs(x - first.centres[i].position[k]) < 1e-9, `${x}`));
+      if (c.position) c.position = first.centres[i].position;
+    }
+    assert.deepEqual(second, first);
+    assert.deepEqual(complaints, []);
+
+    // What the controls cannot say, or nobody can read, is told, and stays until someone saves.
+    writeFileSync(file, JSON.stringify({ ...first, joints: [{ part: 9, type: "screw" }] }));
+    await again();
+    await page.getByText('are not shown here: {"part":9,"type":"screw"}. Saving replaces them.').waitFor();
+    writeFileSync(file, "{");
+    await again();
+    await page.getByText(/are not shown here: .*corrections\.json.*Saving replaces them\./).waitFor();
+    assert.deepEqual(await values(), ["", "", "", "", "", ""]);
+    assert.equal(readFileSync(file, "utf8"), "{");
+    await save();
+    assert.deepEqual(read().centres, []);
     await page.close();
   } finally {
     await served.close();
@@ -65,7 +130,7 @@ test("where no run can be started, the button says why", async () => {
   try {
     const { page } = await open(browser, served.url);
     assert.ok(await page.getByRole("button", { name: "Save and run again" }).isDisabled());
-    await page.getByText("It cannot be started here: there are no photos.").waitFor();
+    await page.getByText("A run cannot be started here: there are no photos.").waitFor();
     await page.close();
   } finally {
     await served.close();

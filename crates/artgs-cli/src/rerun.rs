@@ -5,7 +5,7 @@ use crate::device::{self, Chosen, DeviceChoice};
 use crate::failure::Failure;
 use crate::live::{LAST_WORDS, Onlooker};
 use crate::view::{announce, page_of, stopped};
-use crate::{export, folder, library};
+use crate::{export, folder, library, output};
 use artgs_core::Capture;
 use artgs_view::{Live, Page, Placement, Rerun, Server};
 use library::Config;
@@ -32,7 +32,13 @@ pub(crate) fn rerun_of(out: &Path, photos: Option<&Path>, style: Style) -> Resul
 
 fn going_on(out: &Path, photos: &Path, device: DeviceChoice, style: Style) -> Box<Rerun<'static>> {
     let (out, photos) = (out.to_path_buf(), photos.to_path_buf());
-    Box::new(move |live| go_on(&out, &photos, device, live, style).map_err(|failure| failure.to_string()))
+    Box::new(move |live| {
+        go_on(&out, &photos, device, live, style).map_err(|failure| {
+            // The page may be closed by now, and the terminal is where runs tell the rest.
+            output::error(&failure, style.json);
+            failure.to_string()
+        })
+    })
 }
 
 /// The run, the exports that the page shows, and the page.

@@ -9,6 +9,7 @@ mod guard;
 mod http;
 mod live;
 mod page;
+mod pending;
 mod scene;
 mod server;
 mod single;

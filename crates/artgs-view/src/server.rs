@@ -1,15 +1,16 @@
 //! The page over HTTP, on loopback only.
 //!
 //! `GET` of `/`, the script, the style, `/scene.json` and the files that the scene names; of a run, `/live.json`,
-//! `/live/splats.spz` and `/live/parts.spz`; `POST` of `/corrections` and, to start a run, `/rerun`. Paths are looked up
-//! among those names, so no path reaches the file system.
+//! `/live/splats.spz` and `/live/parts.spz`; `GET` and `POST` of `/corrections` and, to start a run, `POST` of `/rerun`. Paths
+//! are looked up among those names, so no path reaches the file system.
 
 use crate::bundle::{HTML, POLICY, SCRIPT, STYLE};
 use crate::guard::{Asked, refusal};
 use crate::http::{self, Answer, Body, Request};
 use crate::live::{Live, Tint};
+use crate::pending::pending;
 use crate::{Page, SceneRerun, Source, ViewError};
-use artgs_io::{Corrections, write_corrections};
+use artgs_io::{Corrections, read_corrections, write_corrections};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
@@ -202,6 +203,7 @@ impl Server {
                     Some(live) if path == "/scene.json" && live.is_running() && !page.scene.live => {
                         Answer::bytes(following(&live).scene_json().as_bytes(), "application/json")
                     }
+                    _ if path == "/corrections" => self.saved(&page),
                     _ => get(&page, path),
                 }
             }
@@ -223,6 +225,24 @@ impl Server {
         match begun {
             Some(_) => Answer::text(202, "started"),
             None => Answer::text(409, "a run is under way"),
+        }
+    }
+
+    /// The corrections in the folder that the page was not made with, as further ones of what it shows.
+    fn saved(&self, page: &Page) -> Answer {
+        let Some(folder) = &self.corrections else { return Answer::text(404, "this page takes no corrections") };
+        let all = match read_corrections(folder) {
+            Ok(all) => all,
+            Err(e) => return Answer::text(500, &e.to_string()),
+        };
+        let further = match (all, &page.corrected) {
+            (None, _) => Some(Corrections::default()),
+            (Some(all), None) => Some(all),
+            (Some(all), Some((earlier, found))) => pending(&all, earlier, *found),
+        };
+        match further {
+            Some(further) => Answer::bytes(further.text().as_bytes(), "application/json"),
+            None => Answer::text(409, "corrections.json takes back corrections that what is shown was made with"),
         }
     }
 

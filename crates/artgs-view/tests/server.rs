@@ -226,9 +226,35 @@ fn corrections_of_what_was_corrected_follow_the_earlier_ones() {
     asking(&server, |send| {
         let body = r#"{"format":"artgs-corrections","version":1,"centres":[{"action":"delete","part":2}]}"#;
         assert_eq!(status(&send(&post("/corrections", "Content-Type: application/json\r\n", body))), "200");
+        // The page that is loaded again begins with its own, in its own numbers.
+        let told = send(&get("/corrections"));
+        let told = Corrections::parse(told.split("\r\n\r\n").nth(1).unwrap().as_bytes()).unwrap();
+        assert_eq!(told, Corrections { centres: vec![CentreEdit::Delete { part: 2 }], joints: vec![] });
     });
     let read = artgs_io::read_corrections(dir.path()).unwrap().unwrap();
     assert_eq!(read.centres, [CentreEdit::Delete { part: 1 }, CentreEdit::Delete { part: 3 }]);
+}
+
+#[test]
+fn corrections_that_cannot_be_told_stay_and_say_why() {
+    with_server(false, |_, send| assert_eq!(status(&send(&get("/corrections"))), "404"));
+    let dir = tempfile::tempdir().unwrap();
+    common::write_replica_folder(dir.path());
+    let mut page = common::page(dir.path());
+    page.corrected = Some((Corrections { centres: vec![CentreEdit::Delete { part: 1 }], joints: vec![] }, 4));
+    let server = Server::bind(page, Some(0), Some(dir.path().into())).unwrap();
+    let file = dir.path().join("corrections.json");
+    asking(&server, |send| {
+        assert!(send(&get("/corrections")).contains(r#""centres": []"#), "there is no file");
+        for (text, code, words) in
+            [("{", "500", "corrections.json"), (r#"{"format":"artgs-corrections","version":1}"#, "409", "takes back")]
+        {
+            std::fs::write(&file, text).unwrap();
+            let answer = send(&get("/corrections"));
+            assert!(status(&answer) == code && answer.contains(words), "{answer}");
+            assert_eq!(std::fs::read_to_string(&file).unwrap(), text);
+        }
+    });
 }
 
 #[test]

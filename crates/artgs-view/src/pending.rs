@@ -1,0 +1,73 @@
+//! Saved corrections that what is shown was not made with: what the page's controls begin with.
+
+use artgs_io::{CentreEdit, Corrections};
+
+/// The corrections that [`Corrections::after`] makes `all` of, in numbers of the parts that `earlier` ones left of `found`
+/// movable parts; none if there are no such ones, as where an earlier one was taken back by hand.
+pub(crate) fn pending(all: &Corrections, earlier: &Corrections, found: usize) -> Option<Corrections> {
+    let further = all.centres.strip_prefix(earlier.centres.as_slice())?;
+    let known = found + earlier.centres.iter().filter(|e| matches!(e, CentreEdit::Add { .. })).count();
+    let left: Vec<usize> = (1..=known).filter(|p| earlier.centres.iter().all(|e| e.gone() != Some(*p))).collect();
+    let renumber = |part: usize| match part.checked_sub(known + 1) {
+        Some(added) => Some(left.len() + 1 + added),
+        None => left.iter().position(|p| *p == part).map(|i| i + 1),
+    };
+    let centre = |edit: &CentreEdit| {
+        Some(match *edit {
+            CentreEdit::Add { position } => CentreEdit::Add { position },
+            CentreEdit::Move { part, position } => CentreEdit::Move { part: renumber(part)?, position },
+            CentreEdit::Delete { part } => CentreEdit::Delete { part: renumber(part)? },
+            CentreEdit::Merge { part, into } => CentreEdit::Merge { part: renumber(part)?, into: renumber(into)? },
+        })
+    };
+    let centres = further.iter().map(centre).collect::<Option<_>>()?;
+    let mut joints = Vec::new();
+    for mark in all.joints.iter().filter(|mark| !earlier.joints.contains(mark)) {
+        joints.push(artgs_io::JointMark { part: renumber(mark.part)?, kind: mark.kind });
+    }
+    let rest = Corrections { centres, joints };
+    (sorted(rest.after(earlier, found)) == sorted(all.clone())).then_some(rest)
+}
+
+/// The order of joints means nothing.
+fn sorted(mut corrections: Corrections) -> Corrections {
+    corrections.joints.sort_by_key(|mark| mark.part);
+    corrections
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artgs_core::JointKind;
+    use artgs_io::JointMark;
+
+    #[test]
+    fn undoes_after_and_only_that() {
+        let at = |x: f64| [x, 0.0, 0.0];
+        let mark = |part, kind| JointMark { part, kind };
+        let earlier = Corrections {
+            centres: vec![CentreEdit::Delete { part: 1 }, CentreEdit::Add { position: at(1.0) }],
+            joints: vec![mark(2, JointKind::Screw), mark(3, JointKind::Prismatic)],
+        };
+        let later = Corrections {
+            centres: vec![
+                CentreEdit::Move { part: 3, position: at(2.0) },
+                CentreEdit::Merge { part: 1, into: 2 },
+                CentreEdit::Add { position: at(3.0) },
+                CentreEdit::Delete { part: 4 },
+            ],
+            joints: vec![mark(2, JointKind::Revolute), mark(3, JointKind::Screw)],
+        };
+        let all = later.after(&earlier, 3);
+        assert_eq!(pending(&all, &earlier, 3), Some(later.clone()));
+        assert_eq!(pending(&earlier, &earlier, 3), Some(Corrections::default()));
+        assert_eq!(pending(&later, &Corrections::default(), 3), Some(later));
+        // Neither a centre nor a joint of the earlier ones can be taken back by later ones.
+        let fewer = Corrections { centres: vec![], ..earlier.clone() };
+        assert_eq!(pending(&fewer, &earlier, 3), None);
+        let unmarked = Corrections { joints: vec![mark(2, JointKind::Screw)], ..earlier.clone() };
+        assert_eq!(pending(&unmarked, &earlier, 3), None);
+        let gone = Corrections { joints: vec![mark(1, JointKind::Screw)], ..earlier.clone() };
+        assert_eq!(pending(&gone, &earlier, 3), None);
+    }
+}
