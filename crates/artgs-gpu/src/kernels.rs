@@ -12,6 +12,7 @@ const SH_ADJOINT: &str = include_str!("shaders/sh_adjoint.wgsl");
 const CHAIN: &str = include_str!("shaders/chain.wgsl");
 const FOOTPRINT: &str = include_str!("shaders/footprint.wgsl");
 const PROJECT: &str = include_str!("shaders/project.wgsl");
+const PREFIX: &str = include_str!("shaders/prefix.wgsl");
 const SCAN: &str = include_str!("shaders/scan.wgsl");
 const SORT: &str = include_str!("shaders/sort.wgsl");
 const BIN: &str = include_str!("shaders/bin.wgsl");
@@ -141,20 +142,20 @@ impl Kernels {
                     &[&common, QUATERNION, PROJECT, WARP, SH, CHAIN, FOOTPRINT],
                     &[Step, Read, Read, Read, Write, Write, Write, Write],
                 ),
-                reduce_blocks: new("reduce_blocks", &[&common, SCAN], &scan),
-                scan_sums: new("scan_sums", &[&common, SCAN], &scan),
-                apply: new("apply", &[&common, SCAN], &scan),
-                count: new("count", &[&common, SORT], &sort),
-                scan_digits: new("scan_digits", &[&common, SORT], &sort),
-                scatter: new("scatter", &[&common, SORT], &sort),
+                reduce_blocks: new("reduce_blocks", &[&common, PREFIX, SCAN], &scan),
+                scan_sums: new("scan_sums", &[&common, PREFIX, SCAN], &scan),
+                apply: new("apply", &[&common, PREFIX, SCAN], &scan),
+                count: new("count", &[&common, PREFIX, SORT], &sort),
+                scan_digits: new("scan_digits", &[&common, PREFIX, SORT], &sort),
+                scatter: new("scatter", &[&common, PREFIX, SORT], &sort),
                 emit: new(
                     "emit",
                     &[&common, BIN, FOOTPRINT],
                     &[Step, Read, Write, Read, Read, Write, Write, Write, Write],
                 ),
-                delimit: new("delimit", &[&common, LIST], &list[..7]),
-                count_buckets: new("count_buckets", &[&common, LIST], &list),
-                name_buckets: new("name_buckets", &[&common, LIST], &list),
+                delimit: new("delimit", &[&common, PREFIX, LIST], &list[..7]),
+                count_buckets: new("count_buckets", &[&common, PREFIX, LIST], &list),
+                name_buckets: new("name_buckets", &[&common, PREFIX, LIST], &list),
                 blend: new(
                     "blend",
                     &[&common, BLEND],

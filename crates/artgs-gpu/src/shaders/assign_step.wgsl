@@ -1,3 +1,5 @@
+// One Adam update of frames and perceptron of the learnt assignment. Twin of the update in `artgs::articulation::assign`.
+
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> control: array<u32>;
 @group(0) @binding(2) var<storage, read> of_frames: array<vec4f>;

@@ -14,8 +14,6 @@
 
 const THREADS: u32 = 256u;
 
-var<workgroup> shared_sums: array<u32, 256>;
-
 @compute @workgroup_size(256)
 fn delimit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
     let i = group_index(group) * 256u + lane;
@@ -49,21 +47,11 @@ fn count_buckets(@builtin(local_invocation_index) lane: u32) {
         if tile < tiles {
             own = buckets_of(tile);
         }
-        shared_sums[lane] = own;
-        workgroupBarrier();
-        for (var reach = 1u; reach < THREADS; reach *= 2u) {
-            var left = 0u;
-            if lane >= reach {
-                left = shared_sums[lane - reach];
-            }
-            workgroupBarrier();
-            shared_sums[lane] += left;
-            workgroupBarrier();
-        }
+        let prefix = exclusive(lane, own);
         if tile < tiles {
-            bucket_starts[tile] = before + shared_sums[lane] - own;
+            bucket_starts[tile] = before + prefix;
         }
-        before += shared_sums[THREADS - 1u];
+        before += prefix_sums[THREADS - 1u];
         workgroupBarrier();
     }
     if lane == 0u {

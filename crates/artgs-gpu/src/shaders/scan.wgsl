@@ -12,24 +12,6 @@ const THREADS: u32 = 256u;
 const EACH: u32 = 8u;
 const BLOCK: u32 = 2048u;
 
-var<workgroup> shared_sums: array<u32, 256>;
-
-// Exclusive prefix sum of one value per thread; the last element of `shared_sums` is the total.
-fn exclusive(lane: u32, value: u32) -> u32 {
-    shared_sums[lane] = value;
-    workgroupBarrier();
-    for (var reach = 1u; reach < THREADS; reach *= 2u) {
-        var left = 0u;
-        if lane >= reach {
-            left = shared_sums[lane - reach];
-        }
-        workgroupBarrier();
-        shared_sums[lane] += left;
-        workgroupBarrier();
-    }
-    return shared_sums[lane] - value;
-}
-
 // Intersections of the Gaussian at a rank of the order of depth.
 fn count_at(rank: u32) -> u32 {
     if rank >= step.n {
@@ -47,7 +29,7 @@ fn reduce_blocks(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_
     }
     _ = exclusive(lane, sum);
     if lane == THREADS - 1u {
-        sums[group.x] = shared_sums[lane];
+        sums[group.x] = prefix_sums[lane];
     }
 }
 
@@ -71,7 +53,7 @@ fn scan_sums(@builtin(local_invocation_index) lane: u32) {
         if i < blocks {
             sums[i] = before + prefix;
         }
-        before += shared_sums[THREADS - 1u];
+        before += prefix_sums[THREADS - 1u];
         workgroupBarrier();
     }
     if lane == 0u {

@@ -77,7 +77,7 @@ fn scan_digits(@builtin(local_invocation_index) lane: u32) {
             }
         }
         var at = before + exclusive(lane, sum);
-        before += partial[THREADS - 1u];
+        before += prefix_sums[THREADS - 1u];
         for (var k = 0u; k < EACH; k++) {
             let i = start + lane * EACH + k;
             if i < length {
@@ -88,22 +88,6 @@ fn scan_digits(@builtin(local_invocation_index) lane: u32) {
         }
         workgroupBarrier();
     }
-}
-
-// Exclusive prefix sum of one value per thread; the last element of `partial` is the total.
-fn exclusive(lane: u32, value: u32) -> u32 {
-    partial[lane] = value;
-    workgroupBarrier();
-    for (var reach = 1u; reach < THREADS; reach *= 2u) {
-        var left = 0u;
-        if lane >= reach {
-            left = partial[lane - reach];
-        }
-        workgroupBarrier();
-        partial[lane] += left;
-        workgroupBarrier();
-    }
-    return partial[lane] - value;
 }
 
 @compute @workgroup_size(128)

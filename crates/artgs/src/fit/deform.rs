@@ -108,7 +108,8 @@ struct Chamfer {
 
 impl Articulated {
     /// Fresh optimisers. `joints` are half motions of the movable parts, `[K - 1]`: part `k` has entry `k - 1`. They are
-    /// optimised as seen from `middles`, which should be near the parts: there, turns and shifts hardly mix. `seed` decides the noise of a learnt membership; `targets` are for the Chamfer term.
+    /// optimised as seen from `middles`, which should be near the parts: there, turns and shifts hardly mix. `seed` decides
+    /// the noise of a learnt membership; `targets` are for the Chamfer term.
     pub fn new(
         membership: Membership,
         joints: Vec<MotionParameters>,
