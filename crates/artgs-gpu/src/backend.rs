@@ -10,10 +10,9 @@ use crate::scene::Canvas;
 use crate::step::{self, Step};
 use crate::{Gpu, GpuError, chamfer, joints, learnt};
 use artgs::articulation::Assignment;
-use artgs::fit::cpu::{coarse_first, held};
 use artgs::fit::{
     Backend, Deformation, Devices, FitError, LossConfig, LossTerms, Membership, StepStats, TrainConfig, TrainImage,
-    TrainState, ViewSampler,
+    TrainState, ViewPlan,
 };
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -37,14 +36,8 @@ pub struct GpuBackend<'a> {
     kernels: Arc<Kernels>,
     config: TrainConfig,
     state: TrainState,
-    sampler: ViewSampler,
-    /// State of every view.
-    states: Vec<usize>,
-    /// Views that are not trained on yet.
-    held: Vec<usize>,
+    views: ViewPlan<'a>,
     pictures: Vec<Picture>,
-    /// The same views at full size, for when the run settles; empty if they are so already.
-    fine: Vec<TrainImage<'a>>,
     canvas: Canvas,
     resident: Option<Resident>,
     /// Room for so many intersections.
@@ -117,14 +110,7 @@ impl<'a> GpuBackend<'a> {
         config: TrainConfig,
         seed: u64,
     ) -> Result<Self, FitError> {
-        if images.is_empty() {
-            return Err(FitError::NoViews);
-        }
-        let states: Vec<usize> = images.iter().map(|image| image.state).collect();
-        let held = held(&states, &config.plateau);
-        let mut sampler = ViewSampler::new(&states, config.with_replacement, seed);
-        sampler.restrict(&states, |v| !held.contains(&v));
-        let (images, fine) = coarse_first(images, &config.plateau);
+        let (views, images) = ViewPlan::new(images, &config, seed)?;
         let (pictures, canvas) = show(&gpu, &images).map_err(device)?;
         let state = TrainState::default();
         Ok(Self {
@@ -132,11 +118,8 @@ impl<'a> GpuBackend<'a> {
             kernels,
             config,
             state,
-            sampler,
-            states,
-            held,
+            views,
             pictures,
-            fine,
             canvas,
             resident: None,
             capacity: 0,
@@ -169,8 +152,8 @@ impl<'a> GpuBackend<'a> {
     /// after one for which there was no room has been made.
     fn batch(&mut self, steps: usize, update_last: bool) -> Result<Vec<Seen>, GpuError> {
         while self.drawn.len() < steps {
-            let view = self.sampler.view();
-            let background = if self.config.random_background { self.sampler.color() } else { [0.0; 3] };
+            let view = self.views.sampler.view();
+            let background = if self.config.random_background { self.views.sampler.color() } else { [0.0; 3] };
             self.drawn.push_back((view, background));
         }
         let numbers: Vec<Step> = (0..steps)
@@ -189,10 +172,8 @@ impl<'a> GpuBackend<'a> {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
                 for (k, step) in numbers.iter().enumerate() {
                     let i = chunk * SUBMIT + k;
-                    let adam = if update_last || i + 1 < steps { &programs.adam[..] } else { &[] };
-                    let compare = &programs.compare[self.drawn[i].0];
-                    let calls = programs.forward.iter().chain(compare).chain(&programs.backward).chain(adam);
-                    for (call, size) in calls.chain(&programs.joints) {
+                    let update = update_last || i + 1 < steps;
+                    for (call, size) in programs.of_step(self.drawn[i].0, update) {
                         call.encode(&mut pass, i, size.groups(step), &desk.arguments);
                     }
                 }
@@ -276,12 +257,10 @@ impl<'a> GpuBackend<'a> {
             mask: mask / area,
             ..LossTerms::default()
         };
-        let [ssim, depth, mask] = [config.ssim, config.depth, config.mask].map(f64::from);
-        terms.total = (1.0 - ssim) * terms.l1 + depth * terms.depth + mask * terms.mask;
         if config.ssim > 0.0 {
             terms.ssim = (f64::from(seen.similarity) / 3.0 + area - picture.windows(config) as f64) / area;
-            terms.total += ssim * (1.0 - terms.ssim);
         }
+        terms.weigh(config);
         terms
     }
 }
@@ -322,15 +301,12 @@ impl Backend for GpuBackend<'_> {
         refuse(&state)?;
         self.state = state;
         if self.state.settling.is_some() {
-            if !self.held.is_empty() {
-                self.held.clear();
-                self.sampler.restrict(&self.states, |_| true);
+            if !self.views.held.is_empty() {
                 self.drawn.clear();
             }
-            if !self.fine.is_empty() {
+            if let Some(fine) = self.views.settle() {
                 self.resident = None;
                 self.pictures.clear();
-                let fine = std::mem::take(&mut self.fine);
                 (self.pictures, self.canvas) = show(&self.gpu, &fine).map_err(device)?;
             }
         }
@@ -379,11 +355,11 @@ impl Backend for GpuBackend<'_> {
         }
         let colors = LossConfig { ssim: 0.0, depth: 0.0, mask: 0.0, opacity_entropy: 0.0, ..self.config.loss };
         let mut sum = 0.0;
-        for view in self.held.clone() {
+        for view in self.views.held.clone() {
             let seen = self.look(view, &colors).map_err(device)?;
             sum -= 10.0 * self.terms(&seen, view, &colors).mse.max(1e-12).log10();
         }
-        Ok((!self.held.is_empty()).then(|| sum / self.held.len() as f64))
+        Ok((!self.views.held.is_empty()).then(|| sum / self.views.held.len() as f64))
     }
 
     fn download(&mut self) -> Result<TrainState, FitError> {

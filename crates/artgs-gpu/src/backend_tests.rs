@@ -6,7 +6,7 @@ use crate::testing::{articulated, gpu, images, rng, splats};
 use artgs::articulation::Warp;
 use artgs::fit::deform::DeformWorkspace;
 use artgs::fit::loss::opacity_entropy;
-use artgs::fit::{CpuBackend, DepthMode, ImageLoss, PlateauConfig, RateConfig};
+use artgs::fit::{CpuBackend, DepthMode, ImageLoss, PlateauConfig, RateConfig, ViewSampler};
 use artgs_raster::{Frame, Rasterizer, RenderOptions, SplatGrads, SplatView};
 
 pub(super) fn config(loss: LossConfig) -> TrainConfig {

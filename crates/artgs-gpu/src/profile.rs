@@ -22,15 +22,13 @@ impl GpuBackend<'_> {
         if !self.gpu.timestamps {
             return Err(GpuError::Failed(format!("{} does not time kernels", self.gpu.name)));
         }
-        let view = self.sampler.view();
+        let view = self.views.sampler.view();
         let numbers = self.numbers(0, (view, [0.0; 3]), &self.config.loss);
         let Some(resident) = &self.resident else {
             return Err(GpuError::Failed("there is no state to make a step from".into()));
         };
         let (desk, programs) = (&resident.desk, &resident.programs);
-        let compare = &programs.compare[view];
-        let calls = programs.forward.iter().chain(compare).chain(&programs.backward).chain(&programs.adam);
-        let calls: Vec<_> = calls.chain(&programs.joints).collect();
+        let calls: Vec<_> = programs.of_step(view, true).collect();
         let marks = calls.len() + 1;
         let queries = self.gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
             label: Some("kernel times"),

@@ -2,6 +2,7 @@
 
 use crate::chamfer::Chamfer;
 use crate::joints::Joints;
+use crate::kernel::Call;
 use crate::kernels::Kernels;
 use crate::learnt::{self, Learnt, Shape};
 use crate::picture::Picture;
@@ -33,6 +34,15 @@ pub(crate) struct Programs {
     pub(crate) adam: Program,
     /// Updates of motions and membership.
     pub(crate) joints: Program,
+}
+
+impl Programs {
+    /// The calls of a step on a photograph, with or without an update of the Gaussians.
+    pub(crate) fn of_step(&self, view: usize, update: bool) -> impl Iterator<Item = &(Call, Size)> {
+        let adam = if update { &self.adam[..] } else { &[] };
+        let learn = self.backward.iter().chain(adam).chain(&self.joints);
+        self.forward.iter().chain(&self.compare[view]).chain(learn)
+    }
 }
 
 /// How the Gaussians of a state move, if they do.

@@ -139,10 +139,9 @@ impl Step {
 
     /// Learning rates, and the corrections of Adam at its update `count` (from 1).
     pub(crate) fn update(&mut self, rates: &SplatRates, adam: &artgs::fit::AdamConfig, count: usize) {
-        let power = |beta: f32| 1.0 - f64::from(beta).powf(count as f64);
         self.rates = [rates.means, rates.rotations, rates.log_scales, rates.logit_opacities];
         self.sh_rates = [rates.sh_dc, rates.sh_rest];
-        self.corrections = [(1.0 / power(adam.beta1)) as f32, (1.0 / power(adam.beta2).sqrt()) as f32];
+        self.corrections = adam.corrections(count);
         self.betas = [adam.beta1, adam.beta2];
         self.eps = adam.eps;
     }

@@ -19,6 +19,14 @@ pub struct AdamConfig {
     pub eps: f32,
 }
 
+impl AdamConfig {
+    /// Factors of the first moment and of the root of the second that correct their bias at update `count`, from 1.
+    pub fn corrections(&self, count: usize) -> [f32; 2] {
+        let power = |beta: f32| 1.0 - f64::from(beta).powf(count as f64);
+        [(1.0 / power(self.beta1)) as f32, (1.0 / power(self.beta2).sqrt()) as f32]
+    }
+}
+
 impl Default for AdamConfig {
     fn default() -> Self {
         Self { beta1: 0.9, beta2: 0.999, eps: 1e-15 }
@@ -73,14 +81,8 @@ struct Update {
 
 impl Update {
     fn new(config: &AdamConfig, count: usize) -> Self {
-        let power = |beta: f32| 1.0 - f64::from(beta).powf(count as f64);
-        Self {
-            beta1: config.beta1,
-            beta2: config.beta2,
-            eps: config.eps,
-            mean_correction: (1.0 / power(config.beta1)) as f32,
-            root_correction: (1.0 / power(config.beta2).sqrt()) as f32,
-        }
+        let [mean_correction, root_correction] = config.corrections(count);
+        Self { beta1: config.beta1, beta2: config.beta2, eps: config.eps, mean_correction, root_correction }
     }
 
     #[inline(always)]

@@ -7,27 +7,9 @@ use crate::fit::{
 };
 use artgs_core::{Camera, DepthMap, Intrinsics, Rigid, Splats, View};
 use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 use std::sync::Arc;
-
-#[test]
-fn rounds_show_every_view_once() {
-    let mut sampler = ViewSampler::new(&[0; 7], false, 5);
-    for _ in 0..3 {
-        let mut round: Vec<usize> = (0..7).map(|_| sampler.view()).collect();
-        round.sort_unstable();
-        assert_eq!(round, [0, 1, 2, 3, 4, 5, 6]);
-    }
-    let mut sampler = ViewSampler::new(&[0; 7], true, 5);
-    let draws: Vec<usize> = (0..700).map(|_| sampler.view()).collect();
-    assert!((0..7).all(|v| draws.iter().filter(|&&d| d == v).count() > 60));
-}
-
-#[test]
-fn drawing_with_replacement_treats_states_alike() {
-    let mut sampler = ViewSampler::new(&[0, 1, 1, 1], true, 5);
-    let first = (0..1000).filter(|_| sampler.view() == 0).count();
-    assert!((450..550).contains(&first), "{first}");
-}
 
 const COUNT: usize = 15;
 

@@ -72,6 +72,17 @@ pub struct LossTerms {
     pub mse: f64,
 }
 
+impl LossTerms {
+    /// Sets the weighted sum of the others.
+    pub fn weigh(&mut self, config: &LossConfig) {
+        let [ssim, depth, mask] = [config.ssim, config.depth, config.mask].map(f64::from);
+        self.total = (1.0 - ssim) * self.l1 + depth * self.depth + mask * self.mask;
+        if config.ssim > 0.0 {
+            self.total += ssim * (1.0 - self.ssim);
+        }
+    }
+}
+
 /// Fewer valid depths than this and the published depth loss is skipped.
 pub const MIN_VALID_DEPTHS: usize = 100;
 /// Depth is divided by alpha only above this alpha.
@@ -117,11 +128,7 @@ impl ImageLoss {
             terms.ssim = self.ssim.evaluate(&frame.rgb, &self.target, w, h, rect, -config.ssim, &mut self.grad.rgb);
         }
         (terms.depth, terms.mask) = self.geometry(frame, image, config, depth_unit);
-        let [ssim, depth, mask] = [config.ssim, config.depth, config.mask].map(f64::from);
-        terms.total = (1.0 - ssim) * terms.l1 + depth * terms.depth + mask * terms.mask;
-        if config.ssim > 0.0 {
-            terms.total += ssim * (1.0 - terms.ssim);
-        }
+        terms.weigh(config);
         terms
     }
 

@@ -21,11 +21,12 @@ pub mod score;
 pub mod single;
 pub mod ssim;
 pub mod train;
+pub mod views;
 
 pub use adam::{AdamConfig, Moments, SplatAdam, SplatRates};
 pub use backend::{Backend, Deformation, PlateauConfig, RateConfig, StepStats, TrainConfig, TrainState};
 pub use chamfer::ChamferTargets;
-pub use cpu::{CpuBackend, ViewSampler};
+pub use cpu::CpuBackend;
 pub use deform::{Articulated, DeformConfig, JointState, Membership};
 pub use densify::{DensifyConfig, DensifyReport, DensifyStats};
 pub use devices::{Cpu, Devices};
@@ -39,6 +40,7 @@ pub use schedule::LogLinear;
 pub use score::{ViewScore, psnr, render_view, score_splats, score_views};
 pub use single::{InitKind, SingleConfig, fit_single};
 pub use train::{RunPlan, train};
+pub use views::{ViewPlan, ViewSampler};
 
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
