@@ -114,7 +114,7 @@ fn against_replica(replica: &Replica, model: &Model, options: &CheckOptions) -> 
         turned.sort_by(f64::total_cmp);
         turned
     };
-    let (is, was) = (sorted(told), sorted(joints.map(|j| j.state_values).collect()));
+    let (is, was) = (sorted(told), sorted(joints.map(|j| j.state_values.into()).collect()));
     if is.len() == was.len() && is.iter().zip(&was).all(|(a, b)| (a - b).abs() <= options.angle) {
         return Vec::new();
     }

@@ -67,7 +67,15 @@ impl Motion {
     /// Motion in the link frame when the joint goes from 0 to `value`.
     pub(crate) fn motion(&self, value: f64) -> Rigid {
         let (kind, axis, pitch) = (self.kind, self.axis, self.pitch.unwrap_or(0.0));
-        Joint { kind, axis, origin: DVec3::ZERO, pitch, state_values: [0.0; 2], limits: self.limits }.motion(value)
+        Joint {
+            kind,
+            axis,
+            origin: DVec3::ZERO,
+            pitch,
+            state_values: artgs_core::PerState::new(0.0, 0.0),
+            limits: self.limits,
+        }
+        .motion(value)
     }
 
     pub(crate) fn turns(&self) -> bool {

@@ -40,7 +40,17 @@ fn link(name: &str, parent: Option<usize>, origin: DVec3, boxes: &[Mesh], joint:
 }
 
 fn joint(kind: JointKind, axis: DVec3, limits: [f64; 2], observed: [f64; 2]) -> AssetJoint {
-    AssetJoint { kind, axis, pitch: 0.0, limits, observed, effort: 50.0, velocity: 3.0, damping: 0.2, friction: 0.1 }
+    AssetJoint {
+        kind,
+        axis,
+        pitch: 0.0,
+        limits,
+        observed: observed.into(),
+        effort: 50.0,
+        velocity: 3.0,
+        damping: 0.2,
+        friction: 0.1,
+    }
 }
 
 /// A cabinet off the origin with a door above, a drawer below and a flap on the door that hinges level.

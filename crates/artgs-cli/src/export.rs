@@ -254,7 +254,7 @@ impl Told {
                 photographed: (seen > 0).then(|| seen as f64 / texels as f64),
                 closed_state: decisions.closed_state[i].map(|s| artgs_core::STATE_NAMES[s]),
                 limits: link.joint.map(|j| j.limits),
-                observed: link.joint.map(|j| j.observed),
+                observed: link.joint.map(|j| j.observed.into()),
                 stops: decisions.ranges[i].as_ref().map(|r| [0, 1].map(|e| reason(&r.stops[e]))),
             }
         };

@@ -2,7 +2,7 @@
 //!
 //! The object's frame has +Z up. Link frames are parallel to it at the zero pose; link 0 is fixed to the world.
 
-use crate::{Joint, JointKind, Mesh, Rigid, Splats};
+use crate::{Joint, JointKind, Mesh, PerState, Rigid, Splats, State};
 use glam::DVec3;
 
 /// An articulated object as simulators want it.
@@ -46,8 +46,8 @@ pub struct AssetJoint {
     pub pitch: f64,
     /// Lower and upper limit, radians or metres, lower below upper; 0 lies between them.
     pub limits: [f64; 2],
-    /// Values in the two observed states, within the limits.
-    pub observed: [f64; 2],
+    /// Values in the observed states, within the limits.
+    pub observed: PerState<f64>,
     /// Largest force (N) or torque (N m).
     pub effort: f64,
     /// Largest speed, radians or metres per second.
@@ -126,8 +126,8 @@ impl Asset {
         poses
     }
 
-    /// Joint values of all links in an observed state, 0 or 1; 0 for the base.
-    pub fn observed(&self, state: usize) -> Vec<f64> {
+    /// Joint values of all links in an observed state; 0 for the base.
+    pub fn observed(&self, state: State) -> Vec<f64> {
         self.links.iter().map(|l| l.joint.map_or(0.0, |j| j.observed[state])).collect()
     }
 
@@ -147,7 +147,7 @@ mod tests {
             axis,
             pitch: 0.0,
             limits: [0.0, 1.0],
-            observed: [0.0, 0.5],
+            observed: PerState::new(0.0, 0.5),
             effort: 1.0,
             velocity: 1.0,
             damping: 0.0,
@@ -167,7 +167,7 @@ mod tests {
         let quarter = asset.poses(&[0.0, std::f64::consts::FRAC_PI_2, 0.25]);
         // The door turns about (1, 0, 0); the drawer lies a metre from its axis and slides along what is +Y by now.
         assert!((quarter[2].translation - DVec3::new(1.0, 1.25, 0.5)).length() < 1e-12);
-        assert_eq!(asset.observed(1), [0.0, 0.5, 0.5]);
+        assert_eq!(asset.observed(State::END), [0.0, 0.5, 0.5]);
         assert_eq!(asset.movable().count(), 2);
     }
 }

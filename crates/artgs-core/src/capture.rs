@@ -1,10 +1,7 @@
 //! What the user photographed: posed RGBA images, with or without depth, of one object in two states.
 
-use crate::{Camera, DepthMap};
+use crate::{Camera, DepthMap, PerState};
 use glam::DVec3;
-
-/// Names of the two states, as files and replicas spell them.
-pub const STATE_NAMES: [&str; 2] = ["start", "end"];
 
 /// One posed image.
 #[derive(Clone, Debug)]
@@ -38,8 +35,8 @@ pub struct StateViews {
 /// Two states of one object in one world frame.
 #[derive(Clone, Debug, Default)]
 pub struct Capture {
-    /// Start and end.
-    pub states: [StateViews; 2],
+    /// Views of every state.
+    pub states: PerState<StateViews>,
     /// What was odd but usable, one sentence each.
     pub warnings: Vec<String>,
 }

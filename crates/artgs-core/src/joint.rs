@@ -1,6 +1,6 @@
 //! One-degree-of-freedom joints between a part and the static part, in the world frame.
 
-use crate::Rigid;
+use crate::{PerState, Rigid, State};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -27,8 +27,8 @@ pub struct Joint {
     pub origin: DVec3,
     /// Slide along the axis per radian, scene units; 0 unless `kind` is `Screw`.
     pub pitch: f64,
-    /// Values at the start and at the end state.
-    pub state_values: [f64; 2],
+    /// Values in the observed states.
+    pub state_values: PerState<f64>,
     /// Lower and upper limit.
     pub limits: [f64; 2],
 }
@@ -46,7 +46,7 @@ impl Joint {
             JointKind::Revolute => (screw.axis, screw.origin, screw.angle, 0.0),
             JointKind::Screw => (screw.axis, screw.origin, screw.angle, screw.slide / screw.angle.max(1e-12)),
         };
-        Self { kind, axis, origin, pitch, state_values: [0.0, value], limits: [0.0, value] }
+        Self { kind, axis, origin, pitch, state_values: PerState::new(0.0, value), limits: [0.0, value] }
     }
 
     /// Motion of the part when the joint goes by `amount` (radians or scene units).
@@ -63,7 +63,7 @@ impl Joint {
 
     /// Motion of the part from the start to the end state.
     pub fn start_to_end(&self) -> Rigid {
-        self.motion(self.state_values[1] - self.state_values[0])
+        self.motion(self.state_values[State::END] - self.state_values[State::START])
     }
 
     /// The same joint with its origin slid along the axis to the point closest to `point`.

@@ -11,13 +11,15 @@ pub mod mesh;
 pub mod replica;
 pub mod rigid;
 pub mod splats;
+pub mod state;
 
 pub use asset::{Asset, AssetJoint, AssetLink, Inertial, Texture, TexturedMesh};
 pub use camera::{Camera, Intrinsics};
-pub use capture::{Capture, STATE_NAMES, StateViews, View};
+pub use capture::{Capture, StateViews, View};
 pub use depth::DepthMap;
 pub use joint::{Joint, JointKind};
 pub use mesh::Mesh;
 pub use replica::{Replica, ReplicaError};
 pub use rigid::Rigid;
 pub use splats::Splats;
+pub use state::{PerState, STATE_NAMES, State};

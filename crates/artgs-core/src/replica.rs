@@ -1,6 +1,6 @@
 //! The result: parts, joints and where their meshes are. Serialises to `replica.json`, version 1.
 
-use crate::{Joint, JointKind, Rigid};
+use crate::{Joint, JointKind, PerState, Rigid, State};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -28,29 +28,6 @@ pub enum ReplicaError {
     },
 }
 
-/// A file per observed state, paths relative to the replica's folder.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct PerState {
-    /// At the start state.
-    pub start: String,
-    /// At the end state.
-    pub end: String,
-}
-
-impl PerState {
-    /// By state index, 0 or 1.
-    pub fn get(&self, state: usize) -> &str {
-        if state == 0 { &self.start } else { &self.end }
-    }
-}
-
-/// Two joint values.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct StateValues {
-    start: f64,
-    end: f64,
-}
-
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Limits {
     lower: f64,
@@ -66,7 +43,7 @@ pub struct JointRecord {
     origin: [f64; 3],
     #[serde(default, skip_serializing_if = "is_zero")]
     pitch: f64,
-    state_values: StateValues,
+    state_values: PerState<f64>,
     limits: Limits,
 }
 
@@ -81,7 +58,7 @@ impl From<Joint> for JointRecord {
             axis: j.axis.to_array(),
             origin: j.origin.to_array(),
             pitch: j.pitch,
-            state_values: StateValues { start: j.state_values[0], end: j.state_values[1] },
+            state_values: j.state_values,
             limits: Limits { lower: j.limits[0], upper: j.limits[1] },
         }
     }
@@ -94,7 +71,7 @@ impl From<JointRecord> for Joint {
             axis: DVec3::from_array(r.axis),
             origin: DVec3::from_array(r.origin),
             pitch: r.pitch,
-            state_values: [r.state_values.start, r.state_values.end],
+            state_values: r.state_values,
             limits: [r.limits.lower, r.limits.upper],
         }
     }
@@ -117,7 +94,7 @@ pub struct Part {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub confidence: Option<f64>,
     /// Meshes in world coordinates of each state.
-    pub meshes: PerState,
+    pub meshes: PerState<String>,
 }
 
 /// An articulated object.
@@ -130,7 +107,7 @@ pub struct Replica {
     /// Names of the states.
     pub states: [String; 2],
     /// Meshes of the whole object.
-    pub whole: PerState,
+    pub whole: PerState<String>,
     /// Parts, the static one first.
     pub parts: Vec<Part>,
 }
@@ -139,8 +116,7 @@ impl Replica {
     /// A replica whose meshes lie at the standard paths `meshes/STATE/{whole,part_I}.ply`.
     /// `joints[i]` belongs to part `i + 1`; every part hangs on the base.
     pub fn new(joints: &[Joint]) -> Self {
-        let file =
-            |name: &str| PerState { start: format!("meshes/start/{name}.ply"), end: format!("meshes/end/{name}.ply") };
+        let file = |name: &str| PerState::from_fn(|state| format!("meshes/{}/{name}.ply", state.name()));
         let part = |id: usize| Part {
             id,
             name: if id == 0 { "base".into() } else { format!("part_{id}") },
@@ -152,7 +128,7 @@ impl Replica {
         Self {
             format: REPLICA_FORMAT.into(),
             version: REPLICA_VERSION,
-            states: crate::STATE_NAMES.map(String::from),
+            states: State::ALL.map(|state| state.name().into()),
             whole: file("whole"),
             parts: (0..=joints.len()).map(part).collect(),
         }
@@ -197,11 +173,11 @@ impl Replica {
                 return fail("field `confidence` is not between 0 and 1");
             }
             let Some(joint) = self.joint(index) else { continue };
-            let values = [joint.state_values, joint.limits].concat();
+            let values = joint.state_values.iter().chain(&joint.limits);
             if !joint.axis.is_finite() || !joint.origin.is_finite() || !joint.pitch.is_finite() {
                 return fail("field `joint` has a number that is not finite");
             }
-            if values.iter().any(|v| !v.is_finite()) {
+            if values.copied().any(|v: f64| !v.is_finite()) {
                 return fail("fields `state_values` and `limits` must be finite");
             }
             if (joint.axis.length() - 1.0).abs() > 1e-3 {

@@ -1,5 +1,6 @@
 //! Rigid motions, their dual quaternions and their screws.
 
+use crate::State;
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use std::ops::Mul;
@@ -60,6 +61,16 @@ impl Rigid {
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.conjugate();
         Self { rotation, translation: -(rotation * self.translation) }
+    }
+
+    /// Of a motion from start to end (or from the canonical state to the end): the direction that leads to `state`.
+    pub fn towards(&self, state: State) -> Self {
+        if state == State::END { *self } else { self.inverse() }
+    }
+
+    /// Of a motion from start to end (or from the start to the canonical state): the direction that leaves `state`.
+    pub fn away_from(&self, state: State) -> Self {
+        self.towards(state.other())
     }
 
     /// Rotation as a matrix.

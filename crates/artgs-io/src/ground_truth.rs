@@ -125,7 +125,7 @@ fn joint(info: &Value) -> Result<Joint, String> {
         axis: direction / axis_length,
         origin: vector(axis, "o")?,
         pitch,
-        state_values: [0.0, moved],
+        state_values: artgs_core::PerState::new(0.0, moved),
         limits: [moved.min(0.0), moved.max(0.0)],
     })
 }

@@ -77,7 +77,9 @@ fn meshes(replica: &Replica) -> Vec<(String, &str)> {
     let parts = replica.parts.iter().enumerate().map(|(i, p)| (format!("parts[{i}].meshes"), &p.meshes));
     std::iter::once(("whole".to_string(), &replica.whole))
         .chain(parts)
-        .flat_map(|(field, m)| [(format!("{field}.start"), m.get(0)), (format!("{field}.end"), m.get(1))])
+        .flat_map(|(field, m)| {
+            m.enumerate().map(move |(state, mesh)| (format!("{field}.{}", state.name()), mesh.as_str()))
+        })
         .collect()
 }
 
@@ -158,7 +160,7 @@ mod tests {
     fn what_cannot_be_read_back_is_not_written() {
         let dir = tempfile::tempdir().unwrap();
         let mut replica = Replica::new(&[]);
-        replica.whole.end = "/abs.ply".into();
+        replica.whole[artgs_core::State::END] = "/abs.ply".into();
         assert!(write_replica(dir.path(), &replica).unwrap_err().to_string().contains("whole.end"));
         replica.parts.clear();
         assert!(write_replica(dir.path(), &replica).is_err());

@@ -113,11 +113,17 @@ fn collide(
 /// while the others are at zero or in either observed state.
 pub fn stances(asset: &Asset) -> Vec<Vec<Rigid>> {
     let zero = vec![0.0; asset.links.len()];
-    let mut out = vec![asset.poses(&asset.observed(0)), asset.poses(&asset.observed(1)), asset.poses(&zero)];
+    let mut out = vec![
+        asset.poses(&asset.observed(artgs_core::State::START)),
+        asset.poses(&asset.observed(artgs_core::State::END)),
+        asset.poses(&zero),
+    ];
     for (i, _, joint) in asset.movable() {
-        for (others, poses) in
-            [(&zero, POSES), (&asset.observed(0), POSES_WITH_OTHERS), (&asset.observed(1), POSES_WITH_OTHERS)]
-        {
+        for (others, poses) in [
+            (&zero, POSES),
+            (&asset.observed(artgs_core::State::START), POSES_WITH_OTHERS),
+            (&asset.observed(artgs_core::State::END), POSES_WITH_OTHERS),
+        ] {
             for step in 0..poses {
                 let mut values = others.clone();
                 let [lower, upper] = joint.limits;
@@ -157,7 +163,7 @@ fn frames(replica: &Replica, closed: &[Option<usize>], config: &PhysicalConfig) 
         // Adding zero turns -0 into 0.
         let observed = joint.state_values.map(|v| sign * (v - zero) + 0.0);
         let given = ordered(joint.limits.map(|v| sign * (v - zero)));
-        let seen = ordered(observed);
+        let seen = ordered(observed.into());
         /// Joints narrower than this (radians or metres) are widened: engines refuse `lower = upper`.
         const NARROWEST: f64 = 1e-4;
         let limits = [given[0].min(seen[0]).min(0.0), given[1].max(seen[1]).max(seen[0] + NARROWEST)];
@@ -183,7 +189,7 @@ fn metric(joint: Joint, scale: f64) -> Joint {
     Joint {
         origin: joint.origin * scale,
         pitch: joint.pitch * scale,
-        state_values: values(joint.state_values),
+        state_values: values(joint.state_values.into()).into(),
         limits: values(joint.limits),
         ..joint
     }

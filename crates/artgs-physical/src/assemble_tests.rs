@@ -66,7 +66,7 @@ fn observed_states_are_where_they_were_and_opening_is_positive() {
         assert_eq!(names, ["base", "drawer_lower", "world_2"]);
         let upright = |p: DVec3| scale * if up == Up::Z { p } else { DVec3::new(p.x, -p.z, p.y) };
         for state in 0..2 {
-            let values = asset.observed(state);
+            let values = asset.observed(artgs_core::State::ALL[state]);
             for link in 0..3 {
                 let point = DVec3::new(0.3, -0.1, 0.6);
                 let motion = if state == 0 { Rigid::IDENTITY } else { replica.world_motion(link) };

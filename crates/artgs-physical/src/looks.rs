@@ -159,7 +159,7 @@ impl Passage {
         let joint = replica.joint(part)?;
         let [low, high] = bounds(mesh)?;
         let shrink = SHRINK * (high - low);
-        let [start, end] = joint.state_values;
+        let [start, end] = joint.state_values.into();
         let stop = |i| joint.motion((end - start) * f64::from(i) / f64::from(STOPS)).inverse();
         Some(Self { low: low + shrink, high: high - shrink, back: (0..=STOPS).map(stop).collect() })
     }

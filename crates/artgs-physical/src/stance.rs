@@ -111,7 +111,7 @@ fn free_way(
     for step in 1..=STEPS {
         let way = most * step as f64 / STEPS as f64;
         for state in 0..2 {
-            let mut values = asset.observed(state);
+            let mut values = asset.observed(artgs_core::State::ALL[state]);
             values[link] = from + way;
             let (depth, [a, b]) = deepest(pieces, &asset.poses(&values), gap, |a, b| carried[a] != carried[b]);
             if depth > contact {
@@ -174,7 +174,7 @@ mod tests {
             axis,
             pitch: 0.0,
             limits: [0.0, open],
-            observed: [0.0, open],
+            observed: artgs_core::PerState::new(0.0, open),
             effort: 1.0,
             velocity: 1.0,
             damping: 0.0,

@@ -56,7 +56,7 @@ impl Part {
     pub fn moving(name: &str, kind: JointKind, axis: DVec3, origin: DVec3, values: [f64; 2]) -> Self {
         let values = if kind == JointKind::Prismatic { values } else { values.map(f64::to_radians) };
         let limits = [values[0].min(values[1]), values[0].max(values[1])];
-        let joint = Joint { kind, axis: axis.normalize(), origin, pitch: 0.0, state_values: values, limits };
+        let joint = Joint { kind, axis: axis.normalize(), origin, pitch: 0.0, state_values: values.into(), limits };
         Self { joint: Some(joint), ..Self::fixed(name) }
     }
 

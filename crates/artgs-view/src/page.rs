@@ -125,7 +125,7 @@ impl Page {
                 axis: (placement.rotation * joint.axis).to_array(),
                 pitch: placement.scale * joint.pitch,
                 limits: joint.limits.map(|v| length * v),
-                observed: joint.state_values.map(|v| length * v),
+                observed: joint.state_values.map(|v| length * v).into(),
                 effort: 0.0,
                 confidence: *confidence,
             };

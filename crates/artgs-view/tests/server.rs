@@ -264,7 +264,7 @@ fn found_parts_are_placed_like_their_points() {
         axis: DVec3::Y,
         origin: DVec3::new(1.0, 2.0, 3.0),
         pitch: 0.0,
-        state_values: [0.0, 4.0],
+        state_values: artgs_core::PerState::new(0.0, 4.0),
         limits: [0.0, 4.0],
     };
     let upright = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);

@@ -25,7 +25,7 @@ fn main() {
     for joint in &result.trained.joints {
         let kind = joint.joint_kind(10_f64.to_radians());
         let joint = joint.joint(kind);
-        let [_, value] = joint.state_values;
+        let [_, value] = joint.state_values.into();
         let value = if kind == JointKind::Revolute { value.to_degrees() } else { value };
         println!("{kind:?} {value:.3} about {:?} through {:?}", joint.axis, joint.origin);
     }

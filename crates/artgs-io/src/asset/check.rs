@@ -88,7 +88,7 @@ fn check_joint(joint: &AssetJoint) -> Result<(), String> {
     if lower >= upper {
         return Err(format!("joint.limits: lower {lower} must be below upper {upper}"));
     }
-    finite("joint.observed", &observed)?;
+    finite("joint.observed", observed.as_slice())?;
     for (field, value) in [("joint.observed", observed[0]), ("joint.observed", observed[1]), ("joint.limits", 0.0)] {
         if value < lower - TOLERANCE || value > upper + TOLERANCE {
             return Err(format!("{field}: {value} is not within the limits {lower} to {upper}"));

@@ -258,7 +258,7 @@ mod tests {
         let mut knob = asset.links[1].clone();
         (knob.name, knob.parent, knob.visual) = ("knob".into(), Some(1), Default::default());
         let joint = knob.joint.as_mut().unwrap();
-        (joint.kind, joint.pitch, joint.observed) = (JointKind::Screw, 0.5, [0.0, 1.0]);
+        (joint.kind, joint.pitch, joint.observed) = (JointKind::Screw, 0.5, [0.0, 1.0].into());
         asset.links.push(knob);
         asset.links[0].visual.mesh.vertices.truncate(3);
         asset.links[0].visual.mesh.triangles = vec![[0, 1, 2]];

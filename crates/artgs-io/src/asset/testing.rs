@@ -34,7 +34,17 @@ fn splats(mean: [f32; 3]) -> Splats {
 }
 
 fn joint(kind: JointKind, axis: DVec3, limits: [f64; 2], observed: [f64; 2]) -> AssetJoint {
-    AssetJoint { kind, axis, pitch: 0.0, limits, observed, effort: 50.0, velocity: 3.0, damping: 0.2, friction: 0.1 }
+    AssetJoint {
+        kind,
+        axis,
+        pitch: 0.0,
+        limits,
+        observed: observed.into(),
+        effort: 50.0,
+        velocity: 3.0,
+        damping: 0.2,
+        friction: 0.1,
+    }
 }
 
 fn link(name: &str, origin: DVec3, walls: &[Mesh], joint: Option<AssetJoint>) -> AssetLink {

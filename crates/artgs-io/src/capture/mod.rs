@@ -40,7 +40,7 @@ pub fn load_capture(dir: &Path) -> Result<Capture, CaptureError> {
     let states = [load(0)?, load(1)?];
     check::depth_is_everywhere(&states, &mut warnings);
     check::states_overlap(&states)?;
-    Ok(Capture { states, warnings })
+    Ok(Capture { states: states.into(), warnings })
 }
 
 /// How the folder is laid out.

@@ -91,7 +91,7 @@ impl Cabinet {
             axis: placement.turn(DVec3::NEG_Z),
             origin: placement.apply(DVec3::new(-0.398, LID, 0.0)),
             pitch: 0.0,
-            state_values: [8_f64.to_radians(), 70_f64.to_radians()],
+            state_values: artgs_core::PerState::new(8_f64.to_radians(), 70_f64.to_radians()),
             limits: [0.0, 110_f64.to_radians()],
         };
         let rail = Joint {
@@ -99,7 +99,7 @@ impl Cabinet {
             axis: placement.turn(DVec3::NEG_Y),
             origin: placement.apply(DVec3::new(0.0, LID, 0.28)),
             pitch: 0.0,
-            state_values: [0.03, 0.25],
+            state_values: artgs_core::PerState::new(0.03, 0.25),
             limits: [0.0, 0.35],
         };
         let parts = vec![

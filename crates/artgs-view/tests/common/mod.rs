@@ -74,7 +74,7 @@ fn joint(kind: JointKind, axis: DVec3, limits: [f64; 2], observed: [f64; 2]) -> 
         axis,
         pitch: if kind == JointKind::Screw { 0.01 } else { 0.0 },
         limits,
-        observed,
+        observed: observed.into(),
         effort: 50.0,
         velocity: 3.0,
         damping: 0.2,
@@ -187,7 +187,7 @@ pub(crate) fn found_page() -> Page {
 fn add_clouds(page: &mut Page) {
     let asset = cabinet();
     for state in [0, 1] {
-        let poses: Vec<Rigid> = asset.poses(&asset.observed(state));
+        let poses: Vec<Rigid> = asset.poses(&asset.observed(artgs_core::State::ALL[state]));
         let mut cloud = Cloud { state, ..Cloud::default() };
         for (i, (link, pose)) in asset.links.iter().zip(&poses).enumerate() {
             for mean in link.splats.iter().flat_map(|s| &s.means) {

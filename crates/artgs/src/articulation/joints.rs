@@ -182,7 +182,7 @@ impl MotionParameters {
         let turned = line.angle.abs().max(1e-12) * line.angle.signum();
         let pitch = if kind == JointKind::Screw { line.slide / turned } else { 0.0 };
         let origin = pivot - axis * axis.dot(pivot);
-        Joint { kind, axis, origin, pitch, state_values: [0.0, value], limits: [0.0, value] }
+        Joint { kind, axis, origin, pitch, state_values: artgs_core::PerState::new(0.0, value), limits: [0.0, value] }
     }
 
     /// The same motion after the world has been shifted by `by`.

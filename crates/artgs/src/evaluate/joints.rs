@@ -113,12 +113,19 @@ mod tests {
 
     fn revolute(axis: DVec3, origin: DVec3, angle_deg: f64) -> Joint {
         let v = angle_deg.to_radians();
-        Joint { kind: JointKind::Revolute, axis, origin, pitch: 0.0, state_values: [0.0, v], limits: [0.0, v] }
+        Joint {
+            kind: JointKind::Revolute,
+            axis,
+            origin,
+            pitch: 0.0,
+            state_values: artgs_core::PerState::new(0.0, v),
+            limits: [0.0, v],
+        }
     }
 
     fn prismatic(axis: DVec3, length: f64) -> Joint {
         let (kind, values) = (JointKind::Prismatic, [0.0, length]);
-        Joint { kind, axis, origin: DVec3::new(0.3, 0.1, 0.9), pitch: 0.0, state_values: values, limits: values }
+        Joint { kind, axis, origin: DVec3::new(0.3, 0.1, 0.9), pitch: 0.0, state_values: values.into(), limits: values }
     }
 
     #[test]

@@ -162,7 +162,7 @@ mod tests {
             axis,
             origin: DVec3::ZERO,
             pitch: 0.0,
-            state_values: [0.0, value],
+            state_values: artgs_core::PerState::new(0.0, value),
             limits: [0.0, value],
         };
         let slide = joint(JointKind::Prismatic, DVec3::X, 0.2);

@@ -242,7 +242,8 @@ mod tests {
             assert!(s.psnr > 58.0 && s.ssim > 0.999 && s.flip < 0.01 && s.lpips.is_none() && s.views == 2, "{s:?}");
         }
         let mut swapped = capture.clone();
-        swapped.states.swap(0, 1);
+        let [start, end] = swapped.states.into();
+        swapped.states = [end, start].into();
         swapped.states[1].test.clear();
         let [start, end] = score_replica(dir.path(), &swapped, None).unwrap();
         assert!(start.unwrap().psnr < 25.0 && start.unwrap().flip > 0.05 && end.is_none(), "{start:?}");

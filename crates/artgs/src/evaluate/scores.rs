@@ -284,7 +284,7 @@ mod tests {
 
     fn joint(kind: JointKind, axis: DVec3, value: f64) -> Joint {
         let values = [0.0, value];
-        Joint { kind, axis, origin: DVec3::new(0.5, 0.0, 0.0), pitch: 0.0, state_values: values, limits: values }
+        Joint { kind, axis, origin: DVec3::new(0.5, 0.0, 0.0), pitch: 0.0, state_values: values.into(), limits: values }
     }
 
     /// A static plate, two drawers that move alike, and a door.

@@ -109,7 +109,7 @@ fn passive(prim: Prim, joint: &AssetJoint, motion: &str, unit: f64) -> Prim {
 /// What USD has no place for.
 fn notes(prim: Prim, joint: &AssetJoint, unit: f64) -> Prim {
     let observed = joint.observed.map(|v| v * unit);
-    let prim = prim.custom("double2", "artgs:observed", Value::Vec2d(observed.into()));
+    let prim = prim.custom("double2", "artgs:observed", Value::Vec2d(<[f64; 2]>::from(observed).into()));
     match joint.kind {
         JointKind::Screw => prim.custom("double", "artgs:pitch", Value::Double(joint.pitch / unit)),
         _ => prim,
