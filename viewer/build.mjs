@@ -1,11 +1,13 @@
-// Builds dist/ from src/. `--check` builds into memory and fails where dist/ differs: run by CI so that the committed
-// bundle is always that of the committed sources.
+// Builds crates/artgs-view/dist/ from src/. `--check` builds into memory and fails if the committed bundle differs; CI runs
+// it so that the bundle always matches the committed sources.
 import { build } from "esbuild";
 import { createHash } from "node:crypto";
 import { readFileSync, readdirSync, writeFileSync, mkdirSync } from "node:fs";
 import { gzipSync } from "node:zlib";
 
 const MOST = 2 * 1024 * 1024;
+// Inside the crate that embeds it, so that the packaged crate is complete.
+const DIST = "../crates/artgs-view/dist";
 
 /** One hash over all that the bundle is made of, names included. */
 function sourcesHash() {
@@ -27,7 +29,7 @@ const { outputFiles } = await build({
     js: "/* artgs viewer, MIT OR Apache-2.0. Contains three.js (MIT, three.js authors) and Spark (MIT, World Labs). */",
   },
   loader: { ".css": "css" },
-  outdir: "dist",
+  outdir: DIST,
   write: false,
 });
 const built = new Map(outputFiles.map((f) => [f.path.split("/").pop(), Buffer.from(f.contents)]));
@@ -43,17 +45,17 @@ if (packed >= MOST) throw new Error(`the page is ${packed} bytes gzipped, above 
 if (process.argv.includes("--check")) {
   const stale = [...built].filter(([name, bytes]) => {
     try {
-      return !readFileSync(`dist/${name}`).equals(bytes);
+      return !readFileSync(`${DIST}/${name}`).equals(bytes);
     } catch {
       return true;
     }
   });
   if (stale.length > 0) {
-    console.error(`dist/ is not that of the sources: ${stale.map(([name]) => name).join(", ")}; run npm run build`);
+    console.error(`crates/artgs-view/dist differs from the sources: ${stale.map(([name]) => name).join(", ")}; run npm run build`);
     process.exit(1);
   }
 } else {
-  mkdirSync("dist", { recursive: true });
-  for (const [name, bytes] of built) writeFileSync(`dist/${name}`, bytes);
+  mkdirSync(DIST, { recursive: true });
+  for (const [name, bytes] of built) writeFileSync(`${DIST}/${name}`, bytes);
 }
 console.log(`${packed} bytes gzipped`);

@@ -1,11 +1,11 @@
 //! The built page, as `viewer/` has it committed.
 
 /// Page with places for title and script.
-pub(crate) const HTML: &str = include_str!("../../../viewer/dist/index.html");
+pub(crate) const HTML: &str = include_str!("../dist/index.html");
 /// Script of the page, one file with all it needs.
-pub(crate) const SCRIPT: &str = include_str!("../../../viewer/dist/viewer.js");
+pub(crate) const SCRIPT: &str = include_str!("../dist/viewer.js");
 /// Style of the page.
-pub(crate) const STYLE: &str = include_str!("../../../viewer/dist/viewer.css");
+pub(crate) const STYLE: &str = include_str!("../dist/viewer.css");
 
 /// What the page may load: itself. Workers of the splat sorter are blobs, its code is a data address, files of an
 /// exported page are blobs.

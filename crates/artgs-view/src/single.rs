@@ -10,7 +10,7 @@ use flate2::write::GzEncoder;
 use std::io::Write as _;
 use std::path::Path;
 
-/// Lines of `viewer/dist/index.html` that refer to other files.
+/// Lines of `dist/index.html` that refer to other files.
 const LINK: &str = "<link rel=\"stylesheet\" href=\"viewer.css\">";
 const CODE: &str = "<script type=\"module\" src=\"viewer.js\"></script>";
 
