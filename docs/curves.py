@@ -1,4 +1,7 @@
-"""Plots the curves of PERFORMANCE.md (needs matplotlib): cargo bench -p artgs --bench step | python3 docs/curves.py docs/curves.png"""
+"""Plots the curves of the chapter on performance (needs matplotlib):
+
+    cargo bench -p artgs --bench step | python3 docs/curves.py docs/src/images/curves.png
+"""
 import re
 import sys
 
