@@ -134,13 +134,14 @@ def wrong_commands(program, names):
     for command in re.findall(r"^  ([a-z]+) ", help_of().split("Commands:")[1], re.MULTILINE):
         known[command] = set(re.findall(r"--[a-z-]+", help_of(command) if command != "help" else ""))
     for name in names:
-        for line in re.findall(r"^(?:    )?artgs ([^#\n`]*)", (ROOT / name).read_text().replace("\\\n", " "), re.MULTILINE):
-            words = line.split(";")[0].split()
+        text = text_of(ROOT / name).replace("\\\n", " ")
+        fenced = "\n".join(FENCE.findall(text) + re.findall(r"^    .*$", text, re.MULTILINE))
+        for line in re.findall(r"^ *artgs ([^#;\n]*)", fenced, re.MULTILINE) + re.findall(r"`artgs ([^`]*)`", text):
+            words = line.split()
             command = next((w for w in words if not w.startswith("-")), "")
-            unknown = [w.split("=")[0] for w in words if w.startswith("--")]
-            if words and re.fullmatch("[a-z]+", words[0]) and command not in known:
+            if command and re.fullmatch("[a-z]+", command) and command not in known:
                 yield f"{name}: artgs {line.strip()}: no such command"
-            for option in unknown:
+            for option in [w.split("=")[0] for w in words if re.match("--[a-z]", w)]:
                 if command in known and option not in known[command]:
                     yield f"{name}: artgs {line.strip()}: no option {option}"
 
