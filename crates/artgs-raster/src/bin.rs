@@ -1,12 +1,11 @@
 //! Which Gaussians touch which tiles, front to back, and back from a Gaussian to its places in the tiles' lists.
 
-use crate::project::{Flat, LOG2_CUT, SLACK, SLACK_PIXELS};
+use crate::limits::{LOG2_CUT, SLACK, SLACK_PIXELS, TILE};
+use crate::project::Flat;
 use crate::sort::sort_pairs;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Side of a tile in pixels.
-pub(crate) const TILE: usize = 16;
 /// Side of a block in pixels; a tile is 2 x 2 blocks.
 pub(crate) const BLOCK: usize = 8;
 /// Low bits of an entry of a list: the Gaussian. The four high bits are the blocks of the tile it touches.

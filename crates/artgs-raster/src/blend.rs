@@ -3,18 +3,15 @@
 //! A tile is four blocks of 8 x 8 pixels; a block is four vectors of 8 x 2 pixels whose state stays in registers
 //! while the list of the tile streams by.
 
-use crate::bin::{BLOCK, Entry, INDEX, TILE, block_bit};
-use crate::project::{Flat, LOG2_CUT};
+use crate::bin::{BLOCK, Entry, INDEX, block_bit};
+use crate::limits::{ALPHA_MAX, LOG2_CUT, TILE, TRANSMITTANCE_MIN};
+use crate::project::Flat;
 use crate::simd::{
     Lanes, Mask, Select, Simd, SimdBase, SimdFloat, SimdMask, WIDTH, dispatch, exp2, level, sum_lane, sums,
 };
 use crate::{Frame, FrameGrad, project::Sums};
 use glam::{Vec2, Vec3};
 
-/// Largest alpha of one Gaussian in one pixel; held there, it has no gradient.
-const ALPHA_MAX: f32 = 0.99;
-/// A pixel is finished once its transmittance is below this; the Gaussian that takes it there still counts.
-const TRANSMITTANCE_MIN: f32 = 1e-4;
 /// Vectors of a block.
 const VECTORS: usize = BLOCK * BLOCK / WIDTH;
 /// Pixels of a block.

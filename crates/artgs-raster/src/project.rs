@@ -1,16 +1,12 @@
 //! One Gaussian from the world to the image and its gradients back.
 
+use crate::limits::{
+    LOG2_CUT, QUATERNION_MIN, RADIUS_DEVIATIONS, RADIUS_SPREAD_MIN, SLACK, SLACK_PIXELS, jacobian_limits,
+};
 use crate::{Colors, RenderOptions, SplatView, sh};
 use artgs_core::Camera;
 use glam::{Mat3, Vec2, Vec3};
 use std::f32::consts::{LN_2, LOG2_E};
-
-/// Gaussians are drawn where their alpha is at least 1/255: base-2 exponent of that cut.
-pub(crate) const LOG2_CUT: f32 = -7.994_353_4;
-
-/// What footprints are widened by, in log2(alpha) and in pixels, so that rounding loses no pixel.
-pub(crate) const SLACK: f32 = 1e-3;
-pub(crate) const SLACK_PIXELS: f32 = 0.01;
 
 /// A Gaussian on the image, one cache line:
 /// `log2(alpha) = log2_opacity + xx dx^2 + xy dx dy + yy dy^2` with `dx`, `dy` from the centre to the pixel.
@@ -95,11 +91,6 @@ impl View {
     pub(crate) fn new(camera: &Camera, options: &RenderOptions) -> Self {
         let k = &camera.intrinsics;
         let m = camera.world_to_camera.matrix().as_mat3();
-        // Centred: 1.3 tan(fov / 2). In general the image plus 30 % of its half width on each side.
-        let limits = |f: f64, c: f64, size: u32| {
-            let size = f64::from(size);
-            [(-c - 0.15 * size) / f, (size - c + 0.15 * size) / f].map(|x| x as f32)
-        };
         Self {
             rows: [m.row(0), m.row(1), m.row(2)],
             translation: camera.world_to_camera.translation.as_vec3(),
@@ -107,7 +98,7 @@ impl View {
             focal: Vec2::new(k.fx as f32, k.fy as f32),
             principal: Vec2::new(k.cx as f32, k.cy as f32),
             size: [k.width as usize, k.height as usize],
-            limits: [limits(k.fx, k.cx, k.width), limits(k.fy, k.cy, k.height)],
+            limits: jacobian_limits(k),
             near: options.near,
             blur: options.blur,
             sh_degree: options.sh_degree,
@@ -210,7 +201,7 @@ impl View {
         let mut d_mean = self.position_adjoint(&chain, d_center, d_to_image, sums.depth);
         d_mean += self.color_adjoint(splats, i, sums.rgb, flat, d_sh);
         let mean_variance = 0.5 * (xx + yy);
-        let spread = (mean_variance * mean_variance - chain.determinant).max(0.1).sqrt();
+        let spread = (mean_variance * mean_variance - chain.determinant).max(RADIUS_SPREAD_MIN).sqrt();
         let half_size = Vec2::new(self.size[0] as f32, self.size[1] as f32) / 2.0;
         Gradient {
             mean: d_mean.to_array(),
@@ -218,7 +209,7 @@ impl View {
             log_scale: log_scale.to_array(),
             logit_opacity: sums.g / (1.0 + splats.logit_opacities[i].exp()),
             mean2d: (d_center * half_size).length(),
-            radius: (3.0 * (mean_variance + spread).sqrt()).ceil(),
+            radius: (RADIUS_DEVIATIONS * (mean_variance + spread).sqrt()).ceil(),
         }
     }
 
@@ -295,7 +286,7 @@ fn frame(splats: &SplatView<'_>, i: usize) -> Option<Mat3> {
 /// Unit quaternion and length; the identity and 0 for the zero quaternion.
 fn normalize(q: [f32; 4]) -> ([f32; 4], f32) {
     let norm = q.iter().map(|x| x * x).sum::<f32>().sqrt();
-    if norm <= 1e-12 { ([1.0, 0.0, 0.0, 0.0], 0.0) } else { (q.map(|x| x / norm), norm) }
+    if norm <= QUATERNION_MIN { ([1.0, 0.0, 0.0, 0.0], 0.0) } else { (q.map(|x| x / norm), norm) }
 }
 
 fn matrix([w, x, y, z]: [f32; 4]) -> Mat3 {

@@ -1,8 +1,9 @@
 //! The rasteriser: its workspaces and the order of its passes.
 
-use crate::bin::{Bins, Grid, NOT_DRAWN, TILE};
+use crate::bin::{Bins, Grid, NOT_DRAWN};
 use crate::blend::{self, Cell, TilePixels};
 use crate::gather::gather;
+use crate::limits::TILE;
 use crate::project::{Flat, View};
 use crate::{Colors, Frame, FrameGrad, RenderOptions, SplatGrads, SplatView};
 use artgs_core::Camera;

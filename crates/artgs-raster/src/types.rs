@@ -1,5 +1,6 @@
 //! What goes into the rasteriser and what comes out.
 
+use crate::limits::{BLUR, NEAR};
 use artgs_core::Splats;
 
 /// Rotates viewing directions before the harmonics are evaluated, so that a part's colours turn with it.
@@ -69,7 +70,7 @@ pub struct RenderOptions {
 
 impl Default for RenderOptions {
     fn default() -> Self {
-        Self { sh_degree: 3, background: [0.0; 3], near: 1e-3, blur: 0.3 }
+        Self { sh_degree: 3, background: [0.0; 3], near: NEAR, blur: BLUR }
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod project;
 
+use crate::limits;
 use crate::{Colors, Frame, FrameGrad, RenderOptions, SplatGrads, SplatView};
 use artgs_core::Camera;
 use glam::{DVec2, DVec3};
@@ -10,9 +11,9 @@ use project::{Flat, Raw};
 #[cfg(test)]
 pub(crate) use project::harmonic;
 
-const ALPHA_MAX: f64 = 0.99;
+const ALPHA_MAX: f64 = limits::ALPHA_MAX as f64;
 const ALPHA_MIN: f64 = 1.0 / 255.0;
-const TRANSMITTANCE_MIN: f64 = 1e-4;
+const TRANSMITTANCE_MIN: f64 = limits::TRANSMITTANCE_MIN as f64;
 const STEP: f64 = 1e-5;
 
 /// A rendering that also says where it can be trusted.
@@ -120,7 +121,8 @@ impl Flat {
     fn radius(&self) -> f64 {
         let c = &self.covariance;
         let half_trace = 0.5 * (c.x_axis.x + c.y_axis.y);
-        (3.0 * (half_trace + (half_trace * half_trace - c.determinant()).max(0.1).sqrt()).sqrt()).ceil()
+        let spread = (half_trace * half_trace - c.determinant()).max(limits::RADIUS_SPREAD_MIN.into()).sqrt();
+        (f64::from(limits::RADIUS_DEVIATIONS) * (half_trace + spread).sqrt()).ceil()
     }
 }
 

@@ -1,5 +1,6 @@
 //! One Gaussian through the camera in f64, by full matrices.
 
+use crate::limits::JACOBIAN_MARGIN;
 use crate::{Colors, RenderOptions, SplatView};
 use artgs_core::Camera;
 use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
@@ -67,9 +68,8 @@ impl Raw {
         }
         let k = &camera.intrinsics;
         let (width, height) = (f64::from(k.width), f64::from(k.height));
-        // 1.3 tan(fov / 2) about a centred principal point: the image plus 30 % of its half width on each side.
         let limit = |x: f64, c: f64, f: f64, size: f64| {
-            let extra = 0.15 * size / f;
+            let extra = JACOBIAN_MARGIN * size / f;
             x.clamp(-c / f - extra, (size - c) / f + extra)
         };
         let u = limit(p.x / p.z, k.cx, k.fx, width);
