@@ -1,4 +1,5 @@
-//! Pixels and gradients: renders Gaussians into colour, depth and alpha, and carries image gradients back.
+//! A differentiable Gaussian rasteriser on the CPU: renders colour, depth and alpha, and computes the gradients of the
+//! Gaussians from those of the image.
 
 mod bin;
 mod blend;

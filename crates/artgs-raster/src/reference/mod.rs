@@ -1,4 +1,4 @@
-//! A slow, plain rasteriser in f64 without tiles, and its derivatives by finite differences: the oracle of the tests.
+//! A slow rasteriser in f64 without tiles, and its derivatives by finite differences: the reference of the tests.
 
 mod project;
 
@@ -16,7 +16,7 @@ const ALPHA_MIN: f64 = 1.0 / 255.0;
 const TRANSMITTANCE_MIN: f64 = limits::TRANSMITTANCE_MIN as f64;
 const STEP: f64 = 1e-5;
 
-/// A rendering that also says where it can be trusted.
+/// A rendering with the margins of its decisions.
 #[derive(Clone, Debug)]
 pub struct Checked {
     /// The rendering.
@@ -26,14 +26,14 @@ pub struct Checked {
     pub margin: Vec<f64>,
 }
 
-/// What a pixel was made of: the Gaussians that passed every test, front to back.
+/// The Gaussians that contribute to each pixel, front to back.
 struct Plan {
     flats: Vec<Option<Flat>>,
     members: Vec<Vec<u32>>,
     margin: Vec<f64>,
 }
 
-/// Renders every pixel by walking over all Gaussians in order of depth.
+/// Renders every pixel by blending all Gaussians in order of depth.
 pub fn render(splats: SplatView<'_>, camera: &Camera, options: &RenderOptions) -> Frame {
     render_checked(splats, camera, options).frame
 }
@@ -55,8 +55,8 @@ pub fn render_checked(splats: SplatView<'_>, camera: &Camera, options: &RenderOp
     Checked { frame, margin: plan.margin }
 }
 
-/// Derivatives of `sum(d_frame * frame)` by central differences of step 1e-5, the decisions (order of depth, alpha
-/// cut, stop, clamp of colours) held as they are. Every field of the result is filled.
+/// Derivatives of `sum(d_frame * frame)` by central differences of step 1e-5, with fixed decisions (order of
+/// depth, alpha cut, stop, clamp of colours). Every field of the result is filled.
 pub fn gradients(splats: SplatView<'_>, camera: &Camera, options: &RenderOptions, d_frame: &FrameGrad) -> SplatGrads {
     let mut raws = read(&splats, options);
     let plan = Plan::new(&raws, camera, options);
