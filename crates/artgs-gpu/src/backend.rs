@@ -3,11 +3,12 @@
 #[path = "profile.rs"]
 mod profile;
 
+use crate::constants::{CONTROL_WORDS, NEEDED, OVERFLOW};
 use crate::kernels::{Kernels, Walk};
 use crate::picture::Picture;
 use crate::resident::Resident;
 use crate::scene::Canvas;
-use crate::step::{self, Step};
+use crate::step::{self, Outcome, PartTerms, Step};
 use crate::{Gpu, GpuError, chamfer, joints, learnt};
 use artgs::articulation::Assignment;
 use artgs::fit::{
@@ -87,14 +88,10 @@ impl Devices for GpuDevices {
     }
 }
 
-/// What one step of a batch was like.
+/// What one step of a batch found.
 struct Seen {
-    sums: [f32; 4],
-    similarity: f32,
-    entropy: f32,
-    /// Terms that act on parts alone.
-    extra: f32,
-    made: bool,
+    outcome: Outcome,
+    parts: PartTerms,
 }
 
 fn device(error: GpuError) -> FitError {
@@ -187,20 +184,18 @@ impl<'a> GpuBackend<'a> {
     fn seen(&mut self, steps: usize) -> Result<Vec<Seen>, GpuError> {
         let Some(resident) = &self.resident else { return Ok(Vec::new()) };
         let desk = &resident.desk;
-        let read = self.gpu.read(&[(&desk.results, 8 * steps), (&desk.extras, 2 * steps), (&desk.control, 8)])?;
-        let found: &[f32] = bytemuck::cast_slice(&read[0]);
-        let extras: &[f32] = bytemuck::cast_slice(&read[1]);
-        let seen = found.as_chunks::<8>().0.iter().zip(extras.as_chunks::<2>().0).map(|(s, extra)| Seen {
-            sums: [s[0], s[1], s[2], s[3]],
-            similarity: s[4],
-            entropy: s[5],
-            extra: extra[0] + extra[1],
-            made: s[7] != 0.0,
-        });
-        let seen = seen.collect();
-        let [overflow, needed] = [read[2][1], read[2][2]];
+        let words = |bytes: usize| steps * bytes / 4;
+        let read = self.gpu.read(&[
+            (&desk.results, words(size_of::<Outcome>())),
+            (&desk.part_terms, words(size_of::<PartTerms>())),
+            (&desk.control, CONTROL_WORDS as usize),
+        ])?;
+        let outcomes: &[Outcome] = bytemuck::cast_slice(&read[0]);
+        let parts: &[PartTerms] = bytemuck::cast_slice(&read[1]);
+        let seen = outcomes.iter().zip(parts).map(|(&outcome, &parts)| Seen { outcome, parts }).collect();
+        let [overflow, needed] = [OVERFLOW, NEEDED].map(|word| read[2][word as usize]);
         if overflow != 0 {
-            self.gpu.write(&desk.control, 0, &[0_u32; 8]);
+            self.gpu.write(&desk.control, 0, &[0_u32; CONTROL_WORDS as usize]);
             self.make_room(needed as usize + needed as usize / 4)?;
         }
         Ok(seen)
@@ -241,7 +236,9 @@ impl<'a> GpuBackend<'a> {
         let terms = self.terms(seen, view, &self.config.loss);
         let n = self.state.splats.len();
         let weight = f64::from(self.config.loss.opacity_entropy);
-        let loss = terms.total + weight * f64::from(seen.entropy) / n as f64 + f64::from(seen.extra);
+        let loss = terms.total
+            + weight * f64::from(seen.outcome.entropy) / n as f64
+            + f64::from(seen.parts.chamfer + seen.parts.centre);
         let psnr = -10.0 * terms.mse.max(1e-12).log10();
         StepStats { step: self.state.step, total: self.config.total, loss, psnr, gaussians: n, terms }
     }
@@ -249,7 +246,7 @@ impl<'a> GpuBackend<'a> {
     fn terms(&self, seen: &Seen, view: usize, config: &LossConfig) -> LossTerms {
         let picture = &self.pictures[view];
         let area = (picture.size[0] * picture.size[1]) as f64;
-        let [l1, squared, depth, mask] = seen.sums.map(f64::from);
+        let [l1, squared, depth, mask] = seen.outcome.sums.map(f64::from);
         let mut terms = LossTerms {
             l1: l1 / (3.0 * area),
             mse: squared / (3.0 * area),
@@ -258,7 +255,7 @@ impl<'a> GpuBackend<'a> {
             ..LossTerms::default()
         };
         if config.ssim > 0.0 {
-            terms.ssim = (f64::from(seen.similarity) / 3.0 + area - picture.windows(config) as f64) / area;
+            terms.ssim = (f64::from(seen.outcome.similarity) / 3.0 + area - picture.windows(config) as f64) / area;
         }
         terms.weigh(config);
         terms
@@ -329,7 +326,7 @@ impl Backend for GpuBackend<'_> {
             let update = update_last || done + count < steps;
             let seen = self.batch(count, update).map_err(device)?;
             let took = begun.elapsed();
-            for seen in seen.iter().take_while(|seen| seen.made) {
+            for seen in seen.iter().take_while(|seen| seen.outcome.complete != 0.0) {
                 let (view, _) = self.drawn.pop_front().unwrap_or_default();
                 done += 1;
                 self.state.step += 1;
@@ -386,7 +383,7 @@ impl GpuBackend<'_> {
             }
             self.gpu.queue.submit([encoder.finish()]);
             if let Some(seen) = self.seen(1)?.pop()
-                && seen.made
+                && seen.outcome.complete != 0.0
             {
                 return Ok(seen);
             }

@@ -1,32 +1,36 @@
 //! Targets of the Chamfer term on the device, in uniform grids.
 
+use crate::constants::{CHAMFER, GROUP};
 use crate::kernels::Kernels;
 use crate::learnt::constant;
 use crate::scene::{Desk, Gaussians, Program, Size};
-use crate::step::{self, Step};
+use crate::shared::shared_struct;
+use crate::step::Step;
 use crate::{Gpu, GpuError};
 use artgs::fit::{Articulated, ChamferTargets};
-use bytemuck::{Pod, Zeroable};
 use std::sync::Arc;
 use wgpu::Buffer;
 
-/// Gaussians per workgroup.
-const GROUP: usize = 128;
 /// Cells for each target: most are empty where targets lie on surfaces.
 const CELLS_PER_POINT: f64 = 4.0;
 /// Cells along an axis at most.
 const MOST: f32 = 512.0;
 
-/// Twin of `Grid` in `chamfer.wgsl`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-struct Grid {
-    origin: [f32; 3],
-    side: f32,
-    size: [u32; 3],
-    begin: u32,
-    count: u32,
-    pad: [u32; 3],
+shared_struct! {
+    /// A uniform grid around the targets of a state.
+    pub(crate) struct Grid {
+        origin: [f32; 3],
+        /// Edge of a cell, scene units.
+        side: f32,
+        size: [u32; 3],
+        /// Where the cells of the state begin.
+        begin: u32,
+        /// Number of points.
+        count: u32,
+        pad_a: u32,
+        pad_b: u32,
+        pad_c: u32,
+    }
 }
 
 /// Targets of both states.
@@ -50,7 +54,7 @@ pub(crate) fn numbers(step: &mut Step, articulated: &Articulated, number: usize)
     let config = articulated.config();
     let [after, before] = config.chamfer_steps;
     if articulated.targets().is_some() && number > after && number < before {
-        step.flags |= step::CHAMFER;
+        step.flags |= CHAMFER;
         step.chamfer_share = (config.chamfer / config.length_unit.powi(2) / f64::from(step.n)) as f32;
     }
 }
@@ -89,7 +93,7 @@ fn sort_into_cells(points: &[[f32; 3]], cells: &mut Vec<u32>, sorted: &mut Vec<[
         *at += 1;
     }
     cells.extend(starts.iter().map(|&s| base as u32 + s));
-    Grid { origin, side, size, begin, count: points.len() as u32, pad: [0; 3] }
+    Grid { origin, side, size, begin, count: points.len() as u32, ..Grid::default() }
 }
 
 impl Targets {
@@ -110,7 +114,7 @@ impl Chamfer {
     pub(crate) fn new(gpu: &Gpu, n: usize, of: &Arc<ChamferTargets>, old: Option<&Self>) -> Result<Self, GpuError> {
         let same = old.filter(|old| old.is_for(of)).map(|old| old.targets.clone());
         let targets = same.map_or_else(|| Targets::new(gpu, of), Ok)?;
-        Ok(Self { targets, squares: gpu.array("squared distances from targets", n.div_ceil(GROUP), 4)? })
+        Ok(Self { targets, squares: gpu.array("squared distances from targets", n.div_ceil(GROUP as usize), 4)? })
     }
 
     /// Whether these are its targets.
@@ -130,10 +134,10 @@ impl Chamfer {
             &self.targets.points,
             &g.d_motions,
             &self.squares,
-            &desk.extras,
+            &desk.part_terms,
         ];
         vec![
-            (k.chamfer.on(gpu, &arrays), Size::Grid([g.n.div_ceil(GROUP) as u32, 1, 1])),
+            (k.chamfer.on(gpu, &arrays), Size::Grid([g.n.div_ceil(GROUP as usize) as u32, 1, 1])),
             (k.sum_chamfer.on(gpu, &arrays), Size::Count(1)),
         ]
     }

@@ -1,8 +1,10 @@
 //! Motions of parts on the device: their gradients, their updates.
 
+use crate::constants::{self, ARTICULATED, EXACT_WARP, LEARN_JOINTS, ROTATE_SH};
 use crate::kernels::Kernels;
 use crate::scene::{Desk, Gaussians, Program, Size};
-use crate::step::{self, Step};
+use crate::shared::shared_struct;
+use crate::step::Step;
 use crate::{Gpu, GpuError};
 use artgs::articulation::MotionModel;
 use artgs::fit::{Articulated, JointState};
@@ -10,15 +12,26 @@ use wgpu::Buffer;
 
 /// Stretches of Gaussians whose gradients are summed side by side.
 pub(crate) const CHUNKS: u32 = 64;
-/// Floats of a part in the array of the motions: values, first and second moments (8 each), middle, model, and four that
-/// round it up.
-const FLOATS: usize = 32;
+
+shared_struct! {
+    /// The motion of a part, its optimiser, and the point about which it is optimised.
+    pub(crate) struct Joint {
+        /// Parameters in the order of [`MotionModel`].
+        values: [[f32; 4]; 2],
+        /// Moments of the parameters.
+        first: [[f32; 4]; 2],
+        second: [[f32; 4]; 2],
+        middle: [f32; 3],
+        /// One of the constants `MODEL_*`.
+        model: u32,
+    }
+}
 
 /// Arrays for motions that are learnt.
 #[derive(Debug)]
 pub(crate) struct Joints {
     parts: usize,
-    /// `[K - 1][FLOATS]`.
+    /// [`Joint`] of each movable part.
     values: Buffer,
     /// Gradients by the motions of stretches of Gaussians, `[K][CHUNKS][2]` quaternions.
     partial: Buffer,
@@ -28,12 +41,9 @@ pub(crate) struct Joints {
 pub(crate) fn numbers(step: &mut Step, articulated: &Articulated, number: usize, done: usize) {
     let config = articulated.config();
     step.parts = articulated.parts() as u32;
-    step.flags |= step::ARTICULATED;
-    for (set, flag) in [
-        (config.exact, step::EXACT_WARP),
-        (config.rotate_sh, step::ROTATE_SH),
-        (config.learn_joints, step::LEARN_JOINTS),
-    ] {
+    step.flags |= ARTICULATED;
+    for (set, flag) in [(config.exact, EXACT_WARP), (config.rotate_sh, ROTATE_SH), (config.learn_joints, LEARN_JOINTS)]
+    {
         step.flags |= if set { flag } else { 0 };
     }
     step.chunks = CHUNKS;
@@ -46,38 +56,41 @@ impl Joints {
     pub(crate) fn new(gpu: &Gpu, parts: usize) -> Result<Self, GpuError> {
         Ok(Self {
             parts,
-            values: gpu.array("joints", FLOATS * parts, 4)?,
+            values: gpu.array("joints", parts, size_of::<Joint>())?,
             partial: gpu.array("gradients by motions, partial", 2 * parts * CHUNKS as usize, 16)?,
         })
     }
 
     /// Puts the motions and their moments on the device.
     pub(crate) fn fill(&self, gpu: &Gpu, articulated: &Articulated) {
-        let mut floats = Vec::with_capacity(FLOATS * self.parts);
-        for joint in articulated.joint_states() {
-            let at = floats.len();
-            floats.extend(joint.values.map(|v| v as f32));
-            floats.extend(joint.moments.map(|m| m[0] as f32));
-            floats.extend(joint.moments.map(|m| m[1] as f32));
-            floats.extend(joint.middle.as_vec3().to_array());
-            floats.push(model_number(joint.model));
-            floats.resize(at + FLOATS, 0.0);
-        }
-        gpu.write(&self.values, 0, &floats);
+        let halves = |v: [f32; 8]| [[v[0], v[1], v[2], v[3]], [v[4], v[5], v[6], v[7]]];
+        let joint = |joint: JointState| Joint {
+            values: halves(joint.values.map(|v| v as f32)),
+            first: halves(joint.moments.map(|m| m[0] as f32)),
+            second: halves(joint.moments.map(|m| m[1] as f32)),
+            middle: joint.middle.as_vec3().to_array(),
+            model: model_number(joint.model),
+        };
+        let joints: Vec<Joint> = articulated.joint_states().into_iter().map(joint).collect();
+        gpu.write(&self.values, 0, &joints);
     }
 
     /// Takes the motions and their moments back.
     pub(crate) fn fetch(&self, gpu: &Gpu, articulated: &mut Articulated) -> Result<(), GpuError> {
-        let read = gpu.read(&[(&self.values, FLOATS * (self.parts - 1))])?;
-        let floats: &[f32] = bytemuck::cast_slice(&read[0]);
+        let words = size_of::<Joint>() / 4 * (self.parts - 1);
+        let read = gpu.read(&[(&self.values, words)])?;
+        let found: &[Joint] = bytemuck::cast_slice(&read[0]);
         let states: Vec<JointState> = articulated
             .joint_states()
             .into_iter()
-            .zip(floats.chunks_exact(FLOATS))
-            .map(|(joint, f)| JointState {
-                values: std::array::from_fn(|i| f64::from(f[i])),
-                moments: std::array::from_fn(|i| [f64::from(f[8 + i]), f64::from(f[16 + i])]),
-                ..joint
+            .zip(found)
+            .map(|(joint, found)| {
+                let [values, first, second] = [&found.values, &found.first, &found.second].map(|v| v.as_flattened());
+                JointState {
+                    values: std::array::from_fn(|i| f64::from(values[i])),
+                    moments: std::array::from_fn(|i| [f64::from(first[i]), f64::from(second[i])]),
+                    ..joint
+                }
             })
             .collect();
         articulated.set_joint_states(&states);
@@ -97,12 +110,11 @@ impl Joints {
     }
 }
 
-/// How a kernel tells models apart.
-fn model_number(model: MotionModel) -> f32 {
+fn model_number(model: MotionModel) -> u32 {
     match model {
-        MotionModel::Free => 0.0,
-        MotionModel::Prismatic => 1.0,
-        MotionModel::Hinge => 2.0,
-        MotionModel::Screw => 3.0,
+        MotionModel::Free => constants::MODEL_FREE,
+        MotionModel::Prismatic => constants::MODEL_PRISMATIC,
+        MotionModel::Hinge => constants::MODEL_HINGE,
+        MotionModel::Screw => constants::MODEL_SCREW,
     }
 }

@@ -1,5 +1,6 @@
 //! Compiled kernels and how they are called.
 
+use crate::constants::ROW;
 use crate::{Gpu, GpuError};
 
 /// What a kernel does with an array it is given.
@@ -22,12 +23,9 @@ pub(crate) enum Groups {
     Count(u32),
     /// A grid.
     Grid([u32; 3]),
-    /// As many as the device wrote into the arguments at this place.
-    Indirect(u64),
+    /// As many as the device wrote into this entry of `arguments`.
+    Indirect(u32),
 }
-
-/// Workgroups in a row of a dispatch; `ROW` in the kernels.
-pub(crate) const ROW: u32 = 32768;
 
 /// A kernel ready to be called.
 #[derive(Debug)]
@@ -49,9 +47,8 @@ pub(crate) struct Call {
 }
 
 impl Kernel {
-    /// Compiles entry point `name` of the concatenated `sources`; `uses` says what becomes of binding 0, 1, ...
-    pub(crate) fn new(gpu: &Gpu, name: &'static str, sources: &[&str], uses: &[Use]) -> Self {
-        let source = sources.concat();
+    /// Compiles entry point `name` of the source; `uses` says what becomes of binding 0, 1, ...
+    pub(crate) fn new(gpu: &Gpu, name: &'static str, source: String, uses: &[Use]) -> Self {
         let descriptor =
             wgpu::ShaderModuleDescriptor { label: Some(name), source: wgpu::ShaderSource::Wgsl(source.into()) };
         // SAFETY: all kernels keep their indices within the arrays they are given: they compare with the lengths in `Step`
@@ -140,7 +137,7 @@ impl Call {
             Groups::Count(0) => {}
             Groups::Count(n) => pass.dispatch_workgroups(n.min(ROW), n.div_ceil(ROW), 1),
             Groups::Grid([x, y, z]) => pass.dispatch_workgroups(x, y, z),
-            Groups::Indirect(at) => pass.dispatch_workgroups_indirect(arguments, at),
+            Groups::Indirect(entry) => pass.dispatch_workgroups_indirect(arguments, 16 * u64::from(entry)),
         }
     }
 }

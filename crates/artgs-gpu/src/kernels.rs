@@ -1,9 +1,10 @@
 //! All kernels, compiled once per device.
 
 use crate::kernel::{Kernel, Use, compiled};
-use crate::{Gpu, GpuError};
+use crate::{Gpu, GpuError, shared};
 use Use::{Constant, Read, Step, Write};
 
+const ARGUMENTS: &str = include_str!("shaders/arguments.wgsl");
 const COMMON: &str = include_str!("shaders/common.wgsl");
 const QUATERNION: &str = include_str!("shaders/quaternion.wgsl");
 const WARP: &str = include_str!("shaders/warp.wgsl");
@@ -73,52 +74,58 @@ impl Walk {
     }
 }
 
-/// Every kernel of a step.
+/// Every kernel of a step: compiled, or whatever [`Kernels::each`] makes of them.
 #[derive(Debug)]
-pub(crate) struct Kernels {
+pub(crate) struct Kernels<K = Kernel> {
     pub(crate) walk: Walk,
-    pub(crate) project: Kernel,
-    pub(crate) reduce_blocks: Kernel,
-    pub(crate) scan_sums: Kernel,
-    pub(crate) apply: Kernel,
-    pub(crate) count: Kernel,
-    pub(crate) scan_digits: Kernel,
-    pub(crate) scatter: Kernel,
-    pub(crate) emit: Kernel,
-    pub(crate) delimit: Kernel,
-    pub(crate) count_buckets: Kernel,
-    pub(crate) name_buckets: Kernel,
-    pub(crate) blend: Kernel,
-    pub(crate) slope: Kernel,
-    pub(crate) compare: Kernel,
-    pub(crate) collect: Kernel,
-    pub(crate) blend_back: Kernel,
-    pub(crate) gather: Kernel,
-    pub(crate) adam: Kernel,
-    pub(crate) sum_motions: Kernel,
-    pub(crate) update_joints: Kernel,
-    pub(crate) make_frames: Kernel,
-    pub(crate) encode: Kernel,
-    pub(crate) linear: Kernel,
-    pub(crate) softmax: Kernel,
-    pub(crate) chamfer: Kernel,
-    pub(crate) sum_chamfer: Kernel,
-    pub(crate) sum_masses: Kernel,
-    pub(crate) pull_centres: Kernel,
-    pub(crate) softmax_back: Kernel,
-    pub(crate) products: Kernel,
-    pub(crate) sum_frames: Kernel,
-    pub(crate) find_largest: Kernel,
-    pub(crate) scatter_gradients: Kernel,
-    pub(crate) update_assignment: Kernel,
-    pub(crate) update_grid: Kernel,
+    pub(crate) project: K,
+    pub(crate) reduce_blocks: K,
+    pub(crate) scan_sums: K,
+    pub(crate) apply: K,
+    pub(crate) count: K,
+    pub(crate) scan_digits: K,
+    pub(crate) scatter: K,
+    pub(crate) emit: K,
+    pub(crate) delimit: K,
+    pub(crate) count_buckets: K,
+    pub(crate) name_buckets: K,
+    pub(crate) blend: K,
+    pub(crate) slope: K,
+    pub(crate) compare: K,
+    pub(crate) collect: K,
+    pub(crate) blend_back: K,
+    pub(crate) gather: K,
+    pub(crate) adam: K,
+    pub(crate) sum_motions: K,
+    pub(crate) update_joints: K,
+    pub(crate) make_frames: K,
+    pub(crate) encode: K,
+    pub(crate) linear: K,
+    pub(crate) softmax: K,
+    pub(crate) chamfer: K,
+    pub(crate) sum_chamfer: K,
+    pub(crate) sum_masses: K,
+    pub(crate) pull_centres: K,
+    pub(crate) softmax_back: K,
+    pub(crate) products: K,
+    pub(crate) sum_frames: K,
+    pub(crate) find_largest: K,
+    pub(crate) scatter_gradients: K,
+    pub(crate) update_assignment: K,
+    pub(crate) update_grid: K,
 }
 
 impl Kernels {
     /// Compiles all of them.
     pub(crate) fn new(gpu: &Gpu, walk: Walk) -> Result<Self, GpuError> {
-        let bucket = format!("const BUCKET: u32 = {}u;\n", walk.bucket());
-        let common = [&bucket, COMMON].concat();
+        compiled(gpu, || Self::each(walk, |name, source, uses| Kernel::new(gpu, name, source, uses)))
+    }
+}
+
+impl<K> Kernels<K> {
+    /// Makes something of every kernel: its entry point, its source, and what becomes of binding 0, 1, ...
+    pub(crate) fn each(walk: Walk, mut make: impl FnMut(&'static str, String, &[Use]) -> K) -> Self {
+        let common = [&shared::wgsl(walk.bucket() as u32), COMMON].concat();
         let (hand_on, lane) = match walk {
             Walk::Memory => (BY_MEMORY, "local_invocation_index"),
             Walk::Subgroup(_) => (BY_SUBGROUP, "subgroup_invocation_id"),
@@ -133,74 +140,60 @@ impl Kernels {
         let chamfer = [Step, Read, Read, Read, Constant, Read, Read, Write, Write, Write];
         let softmax_back = [Step, Read, Read, Read, Read, Read, Read, Read, Write, Write, Write];
         let gather = [Step, Read, Read, Read, Read, Read, Read, Read, Read, Write, Write, Write];
-        compiled(gpu, || {
-            let new = |name: &'static str, sources: &[&str], uses: &[Use]| Kernel::new(gpu, name, sources, uses);
-            Self {
-                walk,
-                project: new(
-                    "project",
-                    &[&common, QUATERNION, PROJECT, WARP, SH, CHAIN, FOOTPRINT],
-                    &[Step, Read, Read, Read, Write, Write, Write, Write],
-                ),
-                reduce_blocks: new("reduce_blocks", &[&common, PREFIX, SCAN], &scan),
-                scan_sums: new("scan_sums", &[&common, PREFIX, SCAN], &scan),
-                apply: new("apply", &[&common, PREFIX, SCAN], &scan),
-                count: new("count", &[&common, PREFIX, SORT], &sort),
-                scan_digits: new("scan_digits", &[&common, PREFIX, SORT], &sort),
-                scatter: new("scatter", &[&common, PREFIX, SORT], &sort),
-                emit: new(
-                    "emit",
-                    &[&common, BIN, FOOTPRINT],
-                    &[Step, Read, Write, Read, Read, Write, Write, Write, Write],
-                ),
-                delimit: new("delimit", &[&common, PREFIX, LIST], &list[..7]),
-                count_buckets: new("count_buckets", &[&common, PREFIX, LIST], &list),
-                name_buckets: new("name_buckets", &[&common, PREFIX, LIST], &list),
-                blend: new(
-                    "blend",
-                    &[&common, BLEND],
-                    &[Step, Read, Read, Read, Read, Write, Write, Write, Write, Write],
-                ),
-                slope: new("slope", &[&common, WINDOW, PHOTO, SSIM], &[Step, Read, Read, Write, Write]),
-                compare: new(
-                    "compare",
-                    &[&common, WINDOW, PHOTO, LOSS],
-                    &[Step, Read, Read, Read, Read, Read, Write, Write, Write],
-                ),
-                collect: new("collect", &[&common, RESULTS], &[Step, Read, Read, Read, Read, Write]),
-                blend_back: new("blend_back", &[&common, &walk_back, hand_on], &blend_back),
-                gather: new("gather", &[&common, QUATERNION, GATHER, WARP, SH, SH_ADJOINT, CHAIN], &gather),
-                sum_motions: new("sum_motions", &[&common, SUM_MOTIONS], &[Step, Read, Read, Read, Write]),
-                update_joints: new("update_joints", &[&common, QUATERNION, JOINTS], &[Step, Read, Read, Write, Write]),
-                make_frames: new(
-                    "make_frames",
-                    &[&common, QUATERNION, ASSIGN, ASSIGN_FRAMES],
-                    &[Step, Read, Write, Write],
-                ),
-                encode: new("encode", &[&common, ENCODE, HASH_GRID], &[Step, Read, Read, Read, Read, Write]),
-                linear: new("linear", &[&common, MLP, MLP_LAYER], &[Step, Constant, Read, Read, Read, Write]),
-                softmax: new("softmax", &[&common, SOFTMAX], &[Step, Read, Read, Read, Write, Write, Write, Write]),
-                chamfer: new("chamfer", &[&common, QUATERNION, CHAMFER, WARP], &chamfer),
-                sum_chamfer: new("sum_chamfer", &[&common, QUATERNION, CHAMFER, WARP], &chamfer),
-                sum_masses: new("sum_masses", &[&common, CENTRE], &centre),
-                pull_centres: new("pull_centres", &[&common, CENTRE], &centre),
-                softmax_back: new("softmax_back", &[&common, SOFTMAX_BACK], &softmax_back),
-                products: new("products", &[&common, MLP, MLP_BACK], &[Step, Constant, Read, Read, Write]),
-                sum_frames: new("sum_frames", &[&common, SUM_FRAMES], &[Step, Read, Read, Read, Read, Read, Write]),
-                find_largest: new("find_largest", &[&common, HASH_GRID, HASH_GRID_BACK], &scatter),
-                scatter_gradients: new("scatter_gradients", &[&common, HASH_GRID, HASH_GRID_BACK], &scatter),
-                update_assignment: new(
-                    "update_assignment",
-                    &[&common, QUATERNION, ASSIGN, ASSIGN_STEP],
-                    &[Step, Read, Read, Read, Read, Write, Write, Write],
-                ),
-                update_grid: new(
-                    "update_grid",
-                    &[&common, HASH_GRID, HASH_GRID_STEP],
-                    &[Step, Read, Read, Read, Write, Write, Write],
-                ),
-                adam: new("adam", &[&common, ADAM], &[Step, Read, Read, Write, Write, Write]),
-            }
-        })
+        let mut new = |name: &'static str, sources: &[&str], uses: &[Use]| make(name, sources.concat(), uses);
+        Self {
+            walk,
+            project: new(
+                "project",
+                &[&common, QUATERNION, PROJECT, WARP, SH, CHAIN, FOOTPRINT],
+                &[Step, Read, Read, Read, Write, Write, Write, Write],
+            ),
+            reduce_blocks: new("reduce_blocks", &[&common, PREFIX, ARGUMENTS, SCAN], &scan),
+            scan_sums: new("scan_sums", &[&common, PREFIX, ARGUMENTS, SCAN], &scan),
+            apply: new("apply", &[&common, PREFIX, ARGUMENTS, SCAN], &scan),
+            count: new("count", &[&common, PREFIX, SORT], &sort),
+            scan_digits: new("scan_digits", &[&common, PREFIX, SORT], &sort),
+            scatter: new("scatter", &[&common, PREFIX, SORT], &sort),
+            emit: new("emit", &[&common, BIN, FOOTPRINT], &[Step, Read, Write, Read, Read, Write, Write, Write, Write]),
+            delimit: new("delimit", &[&common, PREFIX, ARGUMENTS, LIST], &list[..7]),
+            count_buckets: new("count_buckets", &[&common, PREFIX, ARGUMENTS, LIST], &list),
+            name_buckets: new("name_buckets", &[&common, PREFIX, ARGUMENTS, LIST], &list),
+            blend: new("blend", &[&common, BLEND], &[Step, Read, Read, Read, Read, Write, Write, Write, Write, Write]),
+            slope: new("slope", &[&common, WINDOW, PHOTO, SSIM], &[Step, Read, Read, Write, Write]),
+            compare: new(
+                "compare",
+                &[&common, WINDOW, PHOTO, LOSS],
+                &[Step, Read, Read, Read, Read, Read, Write, Write, Write],
+            ),
+            collect: new("collect", &[&common, RESULTS], &[Step, Read, Read, Read, Read, Write]),
+            blend_back: new("blend_back", &[&common, &walk_back, hand_on], &blend_back),
+            gather: new("gather", &[&common, QUATERNION, GATHER, WARP, SH, SH_ADJOINT, CHAIN], &gather),
+            sum_motions: new("sum_motions", &[&common, SUM_MOTIONS], &[Step, Read, Read, Read, Write]),
+            update_joints: new("update_joints", &[&common, QUATERNION, JOINTS], &[Step, Read, Read, Write, Write]),
+            make_frames: new("make_frames", &[&common, QUATERNION, ASSIGN, ASSIGN_FRAMES], &[Step, Read, Write, Write]),
+            encode: new("encode", &[&common, ENCODE, HASH_GRID], &[Step, Read, Read, Read, Read, Write]),
+            linear: new("linear", &[&common, MLP, MLP_LAYER], &[Step, Constant, Read, Read, Read, Write]),
+            softmax: new("softmax", &[&common, SOFTMAX], &[Step, Read, Read, Read, Write, Write, Write, Write]),
+            chamfer: new("chamfer", &[&common, QUATERNION, CHAMFER, WARP], &chamfer),
+            sum_chamfer: new("sum_chamfer", &[&common, QUATERNION, CHAMFER, WARP], &chamfer),
+            sum_masses: new("sum_masses", &[&common, CENTRE], &centre),
+            pull_centres: new("pull_centres", &[&common, CENTRE], &centre),
+            softmax_back: new("softmax_back", &[&common, SOFTMAX_BACK], &softmax_back),
+            products: new("products", &[&common, MLP, MLP_BACK], &[Step, Constant, Read, Read, Write]),
+            sum_frames: new("sum_frames", &[&common, SUM_FRAMES], &[Step, Read, Read, Read, Read, Read, Write]),
+            find_largest: new("find_largest", &[&common, HASH_GRID, HASH_GRID_BACK], &scatter),
+            scatter_gradients: new("scatter_gradients", &[&common, HASH_GRID, HASH_GRID_BACK], &scatter),
+            update_assignment: new(
+                "update_assignment",
+                &[&common, QUATERNION, ASSIGN, ASSIGN_STEP],
+                &[Step, Read, Read, Read, Read, Write, Write, Write],
+            ),
+            update_grid: new(
+                "update_grid",
+                &[&common, HASH_GRID, HASH_GRID_STEP],
+                &[Step, Read, Read, Read, Write, Write, Write],
+            ),
+            adam: new("adam", &[&common, ADAM], &[Step, Read, Read, Write, Write, Write]),
+        }
     }
 }

@@ -1,25 +1,23 @@
 //! Parts that are learnt while training, on the device: the centre-based assignment and its optimiser.
 
+use crate::constants::{
+    self, CENTRE, GROUP, GUMBEL, HARD, LAYER_BIAS, LAYER_GATE, LAYER_RELU, LAYER_ROWS, PART_GROUP, PRODUCT_SIDE,
+    WEIGHTED, WIDE_GROUP,
+};
 use crate::joints::CHUNKS;
 use crate::kernels::Kernels;
 use crate::scene::{Desk, Gaussians, Program, Size};
-use crate::step::{self, Step};
+use crate::shared::shared_struct;
+use crate::step::Step;
 use crate::{Gpu, GpuError};
 use artgs::articulation::hash_grid::FEATURES;
 use artgs::articulation::{AssignState, Assignment, GridTable, PartAssignment};
 use artgs::fit::{Articulated, Membership};
-use bytemuck::{Pod, Zeroable};
+use bytemuck::Pod;
 use wgpu::Buffer;
 
-/// Numbers per part; `FRAME` in the kernels.
-const FRAME: usize = 10;
-/// Vectors that `sum_frames` leaves of a stretch of Gaussians.
-const FRAME_SUMS: usize = 5;
-/// Gaussians per workgroup.
-const GROUP: usize = 128;
-const BIAS: u32 = 1;
-const RELU: u32 = 2;
-const MASK: u32 = 4;
+const FRAME: usize = constants::FRAME as usize;
+const FRAME_SUMS: usize = constants::FRAME_SUMS as usize;
 
 /// What decides the sizes of all arrays but the number of Gaussians.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -73,30 +71,38 @@ struct Layers {
     first_back: Buffer,
 }
 
-/// Twin of `Layer` in `mlp.wgsl`.
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C)]
-struct Layer {
-    inputs: u32,
-    rows: u32,
-    weights: u32,
-    biases: u32,
-    row_stride: u32,
-    input_stride: u32,
-    what: u32,
-    total: u32,
+shared_struct! {
+    /// A layer of the perceptron, or its transpose.
+    pub(crate) struct Layer {
+        inputs: u32,
+        rows: u32,
+        /// Where weights and biases begin among the parameters.
+        weights: u32,
+        biases: u32,
+        /// Distances between weights of neighbouring rows and inputs.
+        row_stride: u32,
+        input_stride: u32,
+        flags: u32,
+        /// Number of parameters of all layers.
+        total: u32,
+    }
 }
 
-/// Twin of `Level` in `hash_grid.wgsl`.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-struct Level {
-    scale: f32,
-    stride: [u32; 2],
-    hashed: u32,
-    size: u32,
-    begin: u32,
-    pad: [u32; 2],
+shared_struct! {
+    /// A level of the hash grid.
+    pub(crate) struct Level {
+        /// Grid points per unit length.
+        scale: f32,
+        stride_y: u32,
+        stride_z: u32,
+        /// Not 0 if entries are found by a hash.
+        hashed: u32,
+        /// Number of entries, and where they begin among those of all levels.
+        size: u32,
+        begin: u32,
+        pad_a: u32,
+        pad_b: u32,
+    }
 }
 
 /// The module that learns the parts, if it is of the kind that this backend trains.
@@ -124,9 +130,9 @@ fn module_mut(articulated: &mut Articulated) -> Option<&mut PartAssignment> {
 pub(crate) fn numbers(step: &mut Step, articulated: &Articulated, number: usize, done: usize) {
     let Some(module) = module(articulated) else { return };
     let (config, parts) = (module.config(), module.parts());
-    step.flags |= step::WEIGHTED;
+    step.flags |= WEIGHTED;
     let pulled = number > articulated.config().centre_after && config.centre_weight > 0.0;
-    for (set, flag) in [(config.is_hard(number), step::HARD), (config.gumbel, step::GUMBEL), (pulled, step::CENTRE)] {
+    for (set, flag) in [(config.is_hard(number), HARD), (config.gumbel, GUMBEL), (pulled, CENTRE)] {
         step.flags |= if set { flag } else { 0 };
     }
     (step.origin, step.coordinate_scale) = module.normalisation();
@@ -189,7 +195,7 @@ impl Layers {
             biases: at + b1,
             row_stride: inputs,
             input_stride: 1,
-            what: BIAS | RELU,
+            flags: LAYER_BIAS | LAYER_RELU,
             total,
         };
         let second = Layer {
@@ -199,13 +205,13 @@ impl Layers {
             biases: at + b2,
             row_stride: hidden,
             input_stride: 1,
-            what: BIAS,
+            flags: LAYER_BIAS,
             total,
         };
         // On the way back inputs and rows change places.
         let second_back =
-            Layer { inputs: outputs, rows: hidden, row_stride: 1, input_stride: hidden, what: MASK, ..second };
-        let first_back = Layer { inputs: hidden, rows: kept, row_stride: 1, input_stride: inputs, what: 0, ..first };
+            Layer { inputs: outputs, rows: hidden, row_stride: 1, input_stride: hidden, flags: LAYER_GATE, ..second };
+        let first_back = Layer { inputs: hidden, rows: kept, row_stride: 1, input_stride: inputs, flags: 0, ..first };
         Self {
             first: of("first layer", first),
             second: of("second layer", second),
@@ -280,7 +286,17 @@ impl Learnt {
             gpu.write(&self.moments, begin, &grid.means.iter().zip(&grid.squares).map(moments).collect::<Vec<_>>());
             let (hashed, at) = (u32::from(grid.hashed), begin as u32);
             let GridTable { scale, stride, .. } = *grid;
-            levels.push(Level { scale, stride, hashed, size: size as u32, begin: at, pad: [0; 2] });
+            let [stride_y, stride_z] = stride;
+            let size_of_level = size as u32;
+            levels.push(Level {
+                scale,
+                stride_y,
+                stride_z,
+                hashed,
+                size: size_of_level,
+                begin: at,
+                ..Level::default()
+            });
             begin += size;
         }
         gpu.write(&self.levels, 0, &levels);
@@ -357,14 +373,14 @@ impl Learnt {
         rows: usize,
     ) -> (crate::kernel::Call, Size) {
         let arrays = [&desk.steps, shape, &self.values, x, gate, out];
-        (k.linear.on(gpu, &arrays), per_gaussian(n, rows.div_ceil(4)))
+        (k.linear.on(gpu, &arrays), per_gaussian(n, rows.div_ceil(LAYER_ROWS as usize)))
     }
 
     /// From the gradients by the motions of all Gaussians to those by the parameters.
     pub(crate) fn backward(&self, gpu: &Gpu, k: &Kernels, g: &Gaussians, desk: &Desk) -> Program {
         let Shape { parts, hidden, .. } = self.shape;
         let ([inputs, kept], levels) = (self.shape.inputs(), self.shape.levels() as u32);
-        let centre = [&desk.steps, &g.params, &self.weights, &self.values, &self.masses, &self.pulls, &desk.extras];
+        let centre = [&desk.steps, &g.params, &self.weights, &self.values, &self.masses, &self.pulls, &desk.part_terms];
         let softmax = [
             &desk.steps,
             &g.params,
@@ -379,7 +395,7 @@ impl Learnt {
             &self.d_distances,
         ];
         let products = |shape: &Buffer, d: &Buffer, x: &Buffer, inputs: usize, rows: usize| {
-            let groups = [CHUNKS, (inputs + 1).div_ceil(16) as u32, rows.div_ceil(16) as u32];
+            let groups = [CHUNKS, (inputs as u32 + 1).div_ceil(PRODUCT_SIDE), (rows as u32).div_ceil(PRODUCT_SIDE)];
             (k.products.on(gpu, &[&desk.steps, shape, d, x, &self.of_layers]), Size::Grid(groups))
         };
         let frames =
@@ -417,9 +433,12 @@ impl Learnt {
             &self.second,
         ];
         let grid = [&desk.steps, &desk.control, &self.levels, &self.largest, &self.sums, &self.table, &self.moments];
-        let groups = [most.div_ceil(256).min(4096) as u32, self.shape.levels() as u32, 1];
+        let groups = [most.div_ceil(WIDE_GROUP as usize).min(4096) as u32, self.shape.levels() as u32, 1];
         vec![
-            (k.update_assignment.on(gpu, &assignment), Size::Grid([threads.div_ceil(64) as u32, 1, 1])),
+            (
+                k.update_assignment.on(gpu, &assignment),
+                Size::Grid([threads.div_ceil(PART_GROUP as usize) as u32, 1, 1]),
+            ),
             (k.update_grid.on(gpu, &grid), Size::Grid(groups)),
         ]
     }
@@ -427,5 +446,5 @@ impl Learnt {
 
 /// One thread for each Gaussian, so many times.
 fn per_gaussian(n: usize, times: usize) -> Size {
-    Size::Grid([n.div_ceil(GROUP) as u32, times as u32, 1])
+    Size::Grid([n.div_ceil(GROUP as usize) as u32, times as u32, 1])
 }

@@ -3,14 +3,18 @@
 
 mod backend;
 mod chamfer;
+mod constants;
 mod device;
 mod joints;
 mod kernel;
 mod kernels;
+#[cfg(test)]
+mod layout_tests;
 mod learnt;
 mod picture;
 mod resident;
 mod scene;
+mod shared;
 mod step;
 #[cfg(test)]
 mod testing;

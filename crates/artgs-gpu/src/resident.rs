@@ -1,6 +1,7 @@
 //! What is on the device while it trains, and the calls of a step on it.
 
 use crate::chamfer::Chamfer;
+use crate::constants::{CONTROL_WORDS, WIDE_GROUP};
 use crate::joints::Joints;
 use crate::kernel::Call;
 use crate::kernels::Kernels;
@@ -95,7 +96,7 @@ impl Resident {
         let Self { gaussians, desk, joints, learnt, .. } = self;
         let TrainState { splats, adam, stats, .. } = state;
         gaussians.fill(gpu, splats, adam, stats);
-        gpu.write(&desk.control, 0, &[0_u32; 8]);
+        gpu.write(&desk.control, 0, &[0_u32; CONTROL_WORDS as usize]);
         if let Some(articulated) = articulated(state) {
             if let Membership::Labels(labels) = &articulated.membership {
                 gpu.write(&gaussians.labels, 0, &labels.iter().map(|&l| u32::from(l)).collect::<Vec<u32>>());
@@ -157,7 +158,7 @@ impl Resident {
             forward: assign.chain(drawn).collect(),
             compare: pictures.iter().map(compare).collect(),
             backward: back,
-            adam: vec![(kernels.adam.on(gpu, &adam), Size::Count(floats.div_ceil(256)))],
+            adam: vec![(kernels.adam.on(gpu, &adam), Size::Count(floats.div_ceil(WIDE_GROUP as usize)))],
             joints: moved.chain(assigned).collect(),
         };
         Ok(kept.insert(room).capacity)
@@ -169,7 +170,8 @@ fn motions_of(half_motions: &[DualQuaternion]) -> Vec<[f32; 4]> {
     let towards = |state: usize| {
         half_motions.iter().flat_map(move |m| {
             let sign = if state == 0 { -1.0 } else { 1.0 };
-            let length = m.real.iter().map(|c| c * c).sum::<f64>().sqrt().max(1e-12);
+            let length =
+                m.real.iter().map(|c| c * c).sum::<f64>().sqrt().max(artgs::kernel_constants::MOTION_LENGTH_MIN);
             let unit = |q: [f64; 4]| std::array::from_fn(|i| (if i > 0 { sign * q[i] } else { q[i] } / length) as f32);
             [unit(m.real), unit(m.dual)]
         })

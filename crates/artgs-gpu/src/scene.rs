@@ -1,26 +1,57 @@
 //! The Gaussians on the device, and the arrays that rendering them needs.
 
+use crate::constants::{
+    self, BY_BLOCK, BY_BUCKET, BY_INTERSECTION, CONTROL_WORDS, DIGIT_BITS, GROUP, TILE, WIDE_GROUP,
+};
 use crate::kernel::{Call, Groups};
 use crate::kernels::Kernels;
-use crate::step::Step;
+use crate::shared::shared_struct;
+use crate::step::{Outcome, PartTerms, Step};
 use crate::{Gpu, GpuError};
 use artgs::fit::{DensifyStats, Moments, SplatAdam};
 use artgs_core::Splats;
 use wgpu::Buffer;
 
-/// Pairs that a workgroup of the sort or the prefix sum handles.
-const BLOCK: usize = 2048;
 /// Bits of a depth that are sorted by.
 const DEPTH_BITS: u32 = 32;
-/// Bits per pass of the sort.
-const DIGIT: u32 = 4;
-/// Floats of a Gaussian without its harmonics.
-pub(crate) const PLAIN: usize = 11;
-const TILE_PIXELS: usize = 256;
-/// Where indirect arguments begin, bytes: for the sort, for each intersection, for each bucket.
-const BY_BLOCK: u64 = 0;
-const BY_INTERSECTION: u64 = 16;
-const BY_BUCKET: u64 = 32;
+/// Elements of arrays, from the constants of the kernels.
+const BLOCK: usize = constants::BLOCK as usize;
+const DIGITS: usize = constants::DIGITS as usize;
+const TILE_PIXELS: usize = constants::TILE_PIXELS as usize;
+pub(crate) const PLAIN: usize = constants::PLAIN as usize;
+
+shared_struct! {
+    /// A Gaussian on the image:
+    /// `log2(alpha) = log2_opacity + xx dx^2 + xy dx dy + yy dy^2` with `dx`, `dy` from the centre to the pixel.
+    pub(crate) struct Flat {
+        center: [f32; 2],
+        xx: f32,
+        xy: f32,
+        yy: f32,
+        log2_opacity: f32,
+        depth: f32,
+        /// `4 xx yy - xy^2`, without the cancellation.
+        discriminant: f32,
+        rgb: [f32; 3],
+        /// Half extents in pixels of the region where alpha reaches 1/255.
+        half_x: f32,
+        half_y: f32,
+        pad_a: f32,
+        pad_b: f32,
+        pad_c: f32,
+    }
+}
+
+shared_struct! {
+    /// What a pass of the sort looks at.
+    pub(crate) struct Digit {
+        /// Lowest of the `DIGIT_BITS` bits.
+        shift: u32,
+        pad_a: u32,
+        pad_b: u32,
+        pad_c: u32,
+    }
+}
 
 /// Arrays with an element per Gaussian.
 #[derive(Debug)]
@@ -89,12 +120,12 @@ pub(crate) struct Desk {
     /// Words named in `common.wgsl`.
     pub(crate) control: Buffer,
     pub(crate) arguments: Buffer,
-    /// What the steps of a batch were like, two vectors each.
+    /// [`Outcome`] of the steps of a batch.
     pub(crate) results: Buffer,
     /// Half motions at both states, `[2][K][2]` quaternions.
     pub(crate) motions: Buffer,
-    /// Chamfer term and pull of the centres of the steps of a batch.
-    pub(crate) extras: Buffer,
+    /// [`PartTerms`] of the steps of a batch.
+    pub(crate) part_terms: Buffer,
     digits: Vec<Buffer>,
 }
 
@@ -113,13 +144,13 @@ impl Gaussians {
             seen: gpu.array("densification statistics", n, 16)?,
             labels: words("labels")?,
             d_motions: gpu.array("gradients by motions", if motions { 2 * n } else { 1 }, 16)?,
-            flats: gpu.array("projected Gaussians", n, 64)?,
+            flats: gpu.array("projected Gaussians", n, size_of::<Flat>())?,
             keys: [words("depths")?, words("depths, sorted")?],
             order: [words("order")?, words("order, sorted")?],
             counts: words("tiles per Gaussian")?,
             starts: words("starts")?,
             sums: gpu.array("block sums", n.div_ceil(BLOCK), 4)?,
-            histogram: gpu.array("histogram of depths", 16 * n.div_ceil(BLOCK), 4)?,
+            histogram: gpu.array("histogram of depths", DIGITS * n.div_ceil(BLOCK), 4)?,
             length: gpu.array_of("number of Gaussians", &[n as u32])?,
         })
     }
@@ -192,7 +223,7 @@ impl Room {
             places: [words("places")?, words("places, sorted")?],
             owners: words("owners")?,
             list: words("lists")?,
-            histogram: gpu.array("histogram of tiles", 16 * capacity.div_ceil(BLOCK), 4)?,
+            histogram: gpu.array("histogram of tiles", DIGITS * capacity.div_ceil(BLOCK), 4)?,
             bucket_tiles: gpu.array("tiles of buckets", buckets, 4)?,
             gathered: gpu.array("colours at buckets", buckets * TILE_PIXELS, 16)?,
             gathered_depth: gpu.array("depths at buckets", buckets * TILE_PIXELS, 4)?,
@@ -204,7 +235,7 @@ impl Room {
 impl Canvas {
     pub(crate) fn new(gpu: &Gpu, sizes: impl Iterator<Item = [usize; 2]> + Clone) -> Result<Self, GpuError> {
         let area = sizes.clone().map(|[w, h]| w * h).max().unwrap_or(1);
-        let tiles = sizes.map(|[w, h]| w.div_ceil(16) * h.div_ceil(16)).max().unwrap_or(1);
+        let tiles = sizes.map(|[w, h]| w.div_ceil(TILE as usize) * h.div_ceil(TILE as usize)).max().unwrap_or(1);
         Ok(Self {
             tiles,
             frame: gpu.array("frame", area, 16)?,
@@ -235,19 +266,19 @@ impl Desk {
             })
         };
         let digit = |k: u32| {
-            let buffer = uniform("digit", 16);
-            gpu.write(&buffer, 0, &[DIGIT * k, 0, 0, 0]);
+            let buffer = uniform("digit", size_of::<Digit>() as u64);
+            gpu.write(&buffer, 0, &[Digit { shift: DIGIT_BITS * k, ..Digit::default() }]);
             buffer
         };
         Ok(Self {
             parts,
             steps: uniform("steps", (steps * crate::step::STRIDE) as u64),
-            control: gpu.array("control", 8, 4)?,
+            control: gpu.array("control", CONTROL_WORDS as usize, 4)?,
             arguments: gpu.array("arguments", 12, 4)?,
-            results: gpu.array("results", 2 * steps, 16)?,
+            results: gpu.array("results", steps, size_of::<Outcome>())?,
             motions: gpu.array("motions", 4 * parts.max(1), 16)?,
-            extras: gpu.array("terms of parts", 2 * steps, 4)?,
-            digits: (0..DEPTH_BITS / DIGIT).map(digit).collect(),
+            part_terms: gpu.array("terms of parts", steps, size_of::<PartTerms>())?,
+            digits: (0..DEPTH_BITS / DIGIT_BITS).map(digit).collect(),
         })
     }
 }
@@ -262,14 +293,14 @@ pub(crate) enum Size {
     Count(usize),
     /// One for each tile.
     Tiles,
-    /// One for every 256 tiles.
+    /// One for every `WIDE_GROUP` tiles.
     TileChunks,
     /// One for each tile of windows, and channel.
     Windows,
     /// So many in a grid.
     Grid([u32; 3]),
-    /// As the device says.
-    Indirect(u64),
+    /// As the device wrote into this entry of `arguments`.
+    Indirect(u32),
 }
 
 impl Size {
@@ -279,8 +310,8 @@ impl Size {
         match self {
             Self::Count(n) => Groups::Count(n as u32),
             Self::Tiles => Groups::Grid([x, y, 1]),
-            Self::TileChunks => Groups::Count((x * y).div_ceil(256)),
-            Self::Windows => Groups::Grid([(x1 - x0).div_ceil(16), (y1 - y0).div_ceil(16), 3]),
+            Self::TileChunks => Groups::Count((x * y).div_ceil(WIDE_GROUP)),
+            Self::Windows => Groups::Grid([(x1 - x0).div_ceil(TILE), (y1 - y0).div_ceil(TILE), 3]),
             Self::Grid(grid) => Groups::Grid(grid),
             Self::Indirect(at) => Groups::Indirect(at),
         }
@@ -297,13 +328,14 @@ pub(crate) fn forward(
     canvas: &Canvas,
     desk: &Desk,
 ) -> Program {
-    let (n, per_thread, per_block) = (g.n, Size::Count(g.n.div_ceil(256)), Size::Count(g.n.div_ceil(BLOCK)));
+    let (n, per_thread, per_block) =
+        (g.n, Size::Count(g.n.div_ceil(WIDE_GROUP as usize)), Size::Count(g.n.div_ceil(BLOCK)));
     let mut out: Program = Vec::new();
     let arrays = [&desk.steps, &g.params, &g.labels, motions, &g.flats, &g.keys[0], &g.order[0], &g.counts];
     out.push((k.project.on(gpu, &arrays), per_thread));
     let depth = Sort { keys: &g.keys, values: &g.order, histogram: &g.histogram, length: &g.length };
-    debug_assert_eq!(DEPTH_BITS / DIGIT % 2, 0, "the sorted order ends where it began");
-    depth.passes(gpu, k, desk, DEPTH_BITS / DIGIT, Size::Count(n.div_ceil(BLOCK)), &mut out);
+    debug_assert_eq!(DEPTH_BITS / DIGIT_BITS % 2, 0, "the sorted order ends where it began");
+    depth.passes(gpu, k, desk, DEPTH_BITS / DIGIT_BITS, Size::Count(n.div_ceil(BLOCK)), &mut out);
     let arrays = [&desk.steps, &g.order[0], &g.counts, &g.sums, &g.starts, &desk.control, &desk.arguments];
     out.push((k.reduce_blocks.on(gpu, &arrays), per_block));
     out.push((k.scan_sums.on(gpu, &arrays), Size::Count(1)));
@@ -397,12 +429,12 @@ pub(crate) fn backward(
         &g.seen,
         &g.d_motions,
     ];
-    vec![walk, (k.gather.on(gpu, &arrays), Size::Count(g.n.div_ceil(128)))]
+    vec![walk, (k.gather.on(gpu, &arrays), Size::Count(g.n.div_ceil(GROUP as usize)))]
 }
 
 /// Passes of the sort by tile, of which there is one more than on the image.
 fn tile_passes(tiles: usize) -> u32 {
-    (usize::BITS - tiles.leading_zeros()).div_ceil(DIGIT).max(1)
+    (usize::BITS - tiles.leading_zeros()).div_ceil(DIGIT_BITS).max(1)
 }
 
 /// What is sorted, and where to; passes go back and forth between the two arrays of each pair.

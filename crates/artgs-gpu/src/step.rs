@@ -1,78 +1,113 @@
 //! The numbers of a step, as the kernels read them.
 
+use crate::constants::{DEPTH, DEPTH_ACCUMULATED, DOUBLE_ALPHA, SSIM};
+use crate::shared::shared_struct;
 use artgs::fit::{DepthMode, LossConfig, SplatRates};
 use artgs_core::Camera;
-use bytemuck::{Pod, Zeroable};
+use artgs_raster::low_level::{TILE, jacobian_limits};
 
 /// Bytes between the numbers of two steps; devices want multiples of 256.
 pub(crate) const STRIDE: usize = 512;
 
-pub(crate) const DOUBLE_ALPHA: u32 = 1;
-pub(crate) const DEPTH: u32 = 2;
-pub(crate) const DEPTH_ACCUMULATED: u32 = 4;
-pub(crate) const SSIM: u32 = 16;
-pub(crate) const EXACT_WARP: u32 = 32;
-pub(crate) const ROTATE_SH: u32 = 64;
-pub(crate) const ARTICULATED: u32 = 128;
-pub(crate) const LEARN_JOINTS: u32 = 256;
-pub(crate) const WEIGHTED: u32 = 512;
-pub(crate) const HARD: u32 = 1024;
-pub(crate) const GUMBEL: u32 = 2048;
-pub(crate) const CENTRE: u32 = 4096;
-pub(crate) const CHAMFER: u32 = 8192;
+shared_struct! {
+    /// The numbers of a step: one uniform for all kernels.
+    pub(crate) struct Step {
+        /// Rows of the world-to-camera rotation; the translation in w.
+        row_x: [f32; 4],
+        row_y: [f32; 4],
+        row_z: [f32; 4],
+        eye: [f32; 3],
+        near: f32,
+        focal: [f32; 2],
+        principal: [f32; 2],
+        /// Range of x / z and y / z in which the Jacobian follows the point: least x, most x, least y, most y.
+        limits: [f32; 4],
+        pub(crate) background: [f32; 3],
+        blur: f32,
+        pub(crate) size: [u32; 2],
+        pub(crate) tiles: [u32; 2],
+        /// Windows of structural similarity are centred in here: first column and row, one past the last ones.
+        pub(crate) rect: [u32; 4],
+        /// Number of Gaussians.
+        pub(crate) n: u32,
+        /// Floats of harmonics of one Gaussian, and the degree in use.
+        pub(crate) sh_stride: u32,
+        pub(crate) sh_degree: u32,
+        pub(crate) parts: u32,
+        /// Index of the state of the image.
+        pub(crate) pose: u32,
+        /// Place of this step in the results of its batch.
+        pub(crate) slot: u32,
+        /// Number of intersections there is room for.
+        pub(crate) capacity: u32,
+        pub(crate) flags: u32,
+        /// Gradients per unit of what is summed over pixels.
+        l1_step: f32,
+        ssim_step: f32,
+        depth_step: f32,
+        mask_step: f32,
+        depth_unit: f32,
+        /// Scene units of one count of depth.
+        depth_count: f32,
+        pub(crate) entropy_step: f32,
+        /// Stretches of Gaussians whose sums are computed side by side.
+        pub(crate) chunks: u32,
+        /// Of means, rotations, log scales, logit opacities.
+        rates: [f32; 4],
+        /// Of the constant harmonic and of the others.
+        sh_rates: [f32; 2],
+        /// Of both moments.
+        corrections: [f32; 2],
+        betas: [f32; 2],
+        eps: f32,
+        pub(crate) joint_rate: f32,
+        /// Bias corrections `1 - beta^t` of the motions.
+        pub(crate) joint_corrections: [f32; 2],
+        pub(crate) length_unit: f32,
+        /// Factor on the scales of parts.
+        pub(crate) scale_factor: f32,
+        /// Coordinates that hash grid and perceptron see: `(x - origin) coordinate_scale`.
+        pub(crate) origin: [f32; 3],
+        pub(crate) coordinate_scale: f32,
+        /// Seed of the noise of this step.
+        pub(crate) noise: [u32; 2],
+        /// Bias corrections `1 - beta^t` of a learned membership.
+        pub(crate) assign_corrections: [f32; 2],
+        pub(crate) assign_rate: f32,
+        pub(crate) inverse_temperature: f32,
+        pub(crate) shift_weight: f32,
+        /// Pull of the centres over the number of their coordinates.
+        pub(crate) centre_scale: f32,
+        /// Levels of the hash grid that learn, and all of them.
+        pub(crate) learning_levels: u32,
+        pub(crate) levels: u32,
+        pub(crate) hidden: u32,
+        /// Weight of the Chamfer term over the number of Gaussians.
+        pub(crate) chamfer_share: f32,
+    }
+}
 
-/// Twin of `Step` in `common.wgsl`; see there for what the fields mean.
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C)]
-pub(crate) struct Step {
-    rows: [[f32; 4]; 3],
-    eye: [f32; 3],
-    near: f32,
-    focal: [f32; 2],
-    principal: [f32; 2],
-    limits: [f32; 4],
-    pub(crate) background: [f32; 3],
-    blur: f32,
-    pub(crate) size: [u32; 2],
-    pub(crate) tiles: [u32; 2],
-    pub(crate) rect: [u32; 4],
-    pub(crate) n: u32,
-    pub(crate) sh_stride: u32,
-    pub(crate) sh_degree: u32,
-    pub(crate) parts: u32,
-    pub(crate) pose: u32,
-    pub(crate) slot: u32,
-    pub(crate) capacity: u32,
-    pub(crate) flags: u32,
-    l1_step: f32,
-    ssim_step: f32,
-    depth_step: f32,
-    mask_step: f32,
-    depth_unit: f32,
-    depth_count: f32,
-    pub(crate) entropy_step: f32,
-    pub(crate) chunks: u32,
-    rates: [f32; 4],
-    sh_rates: [f32; 2],
-    corrections: [f32; 2],
-    betas: [f32; 2],
-    eps: f32,
-    pub(crate) joint_rate: f32,
-    pub(crate) joint_corrections: [f32; 2],
-    pub(crate) length_unit: f32,
-    pub(crate) scale_factor: f32,
-    pub(crate) origin: [f32; 3],
-    pub(crate) coordinate_scale: f32,
-    pub(crate) noise: [u32; 2],
-    pub(crate) assign_corrections: [f32; 2],
-    pub(crate) assign_rate: f32,
-    pub(crate) inverse_temperature: f32,
-    pub(crate) shift_weight: f32,
-    pub(crate) centre_scale: f32,
-    pub(crate) learning_levels: u32,
-    pub(crate) levels: u32,
-    pub(crate) hidden: u32,
-    pub(crate) chamfer_share: f32,
+const _: () = assert!(size_of::<Step>() <= STRIDE, "the numbers of a step fit between two steps");
+
+shared_struct! {
+    /// What a step found: sums over pixels, windows and Gaussians.
+    pub(crate) struct Outcome {
+        /// Absolute and squared colour difference, depth term, difference of alpha.
+        pub(crate) sums: [f32; 4],
+        pub(crate) similarity: f32,
+        pub(crate) entropy: f32,
+        pub(crate) intersections: f32,
+        /// 1 if there was room for all intersections, else 0.
+        pub(crate) complete: f32,
+    }
+}
+
+shared_struct! {
+    /// Loss terms of a step that act on parts alone.
+    pub(crate) struct PartTerms {
+        pub(crate) chamfer: f32,
+        pub(crate) centre: f32,
+    }
 }
 
 impl Step {
@@ -82,14 +117,11 @@ impl Step {
         let m = camera.world_to_camera.matrix().as_mat3();
         let t = camera.world_to_camera.translation.as_vec3();
         let row = |i: usize| m.row(i).extend(t[i]).to_array();
-        // Centred: 1.3 tan(fov / 2). In general the image plus 30 % of its half width on each side.
-        let limits = |f: f64, c: f64, size: u32| {
-            let size = f64::from(size);
-            [(-c - 0.15 * size) / f, (size - c + 0.15 * size) / f].map(|x| x as f32)
-        };
-        let ([x0, x1], [y0, y1]) = (limits(k.fx, k.cx, k.width), limits(k.fy, k.cy, k.height));
+        let [[x0, x1], [y0, y1]] = jacobian_limits(k);
         Self {
-            rows: [row(0), row(1), row(2)],
+            row_x: row(0),
+            row_y: row(1),
+            row_z: row(2),
             eye: camera.position().as_vec3().to_array(),
             near,
             focal: [k.fx as f32, k.fy as f32],
@@ -97,7 +129,7 @@ impl Step {
             limits: [x0, x1, y0, y1],
             blur,
             size: [k.width, k.height],
-            tiles: [k.width, k.height].map(|n| n.div_ceil(16)),
+            tiles: [k.width, k.height].map(|n| n.div_ceil(TILE as u32)),
             ..Self::default()
         }
     }

@@ -1,12 +1,11 @@
-//! Which Gaussians touch which tiles, front to back, and back from a Gaussian to its places in the tiles' lists.
+//! Lists of the Gaussians that touch each tile, front to back, and the inverse: the list entries of each Gaussian.
 
-use crate::project::{Flat, LOG2_CUT, SLACK, SLACK_PIXELS};
+use crate::limits::{LOG2_CUT, SLACK, SLACK_PIXELS, TILE};
+use crate::project::Flat;
 use crate::sort::sort_pairs;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Side of a tile in pixels.
-pub(crate) const TILE: usize = 16;
 /// Side of a block in pixels; a tile is 2 x 2 blocks.
 pub(crate) const BLOCK: usize = 8;
 /// Low bits of an entry of a list: the Gaussian. The four high bits are the blocks of the tile it touches.
@@ -16,10 +15,10 @@ pub(crate) const NOT_DRAWN: u32 = u32::MAX;
 /// Gaussians are distributed in at most this many independent runs.
 const RUNS: usize = 16;
 const RUN_MIN: usize = 1024;
-/// Gaussians fetched together: in order of depth they lie anywhere, and one wait for memory then serves many.
+/// Gaussians fetched together: in order of depth they are scattered in memory, and loads in one batch overlap.
 const BATCH: usize = 32;
 
-/// One Gaussian in the list of a tile; atomic only so that runs can be written side by side without locks.
+/// One Gaussian in the list of a tile; atomic so that runs can be written in parallel without locks.
 #[derive(Debug, Default)]
 pub(crate) struct Entry(AtomicU32);
 
@@ -47,7 +46,7 @@ struct Run {
     cursors: Vec<u32>,
 }
 
-/// Lists of all tiles, and their transposition.
+/// Lists of all tiles, and the list entries of each Gaussian.
 #[derive(Debug, Default)]
 pub(crate) struct Bins {
     /// (key of depth, Gaussian) of the drawn ones, sorted; and scratch for sorting.
@@ -104,7 +103,7 @@ impl Grid {
             if row < top || row > bottom {
                 None
             } else if top == bottom || left == right {
-                // The box of the ellipse says it all.
+                // One row or column of blocks: the bounding box gives the range.
                 Some([left, right])
             } else {
                 let [from, to] = ellipse.span((row * BLOCK) as f32 + 0.5)?;
@@ -179,7 +178,7 @@ impl Ellipse {
 }
 
 impl Bins {
-    /// Rebuilds the lists. `keys` orders the Gaussians by depth; ties go by index.
+    /// Rebuilds the lists. `keys` orders the Gaussians by depth; equal depths are ordered by index.
     pub(crate) fn fill(&mut self, grid: &Grid, flats: &[Flat], keys: &[u32]) {
         assert!(flats.len() <= INDEX as usize, "at most 2^28 Gaussians");
         self.sort(keys);

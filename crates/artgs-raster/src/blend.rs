@@ -1,27 +1,24 @@
 //! The two inner loops: blending the Gaussians of a tile front to back, and its adjoint.
 //!
-//! A tile is four blocks of 8 x 8 pixels; a block is four vectors of 8 x 2 pixels whose state stays in registers
-//! while the list of the tile streams by.
+//! A tile is four blocks of 8 x 8 pixels; a block is four vectors of 8 x 2 pixels. The state of a block stays in registers
+//! while the kernel reads the list of the tile.
 
-use crate::bin::{BLOCK, Entry, INDEX, TILE, block_bit};
-use crate::project::{Flat, LOG2_CUT};
+use crate::bin::{BLOCK, Entry, INDEX, block_bit};
+use crate::limits::{ALPHA_MAX, LOG2_CUT, TILE, TRANSMITTANCE_MIN};
+use crate::project::Flat;
 use crate::simd::{
     Lanes, Mask, Select, Simd, SimdBase, SimdFloat, SimdMask, WIDTH, dispatch, exp2, level, sum_lane, sums,
 };
 use crate::{Frame, FrameGrad, project::Sums};
 use glam::{Vec2, Vec3};
 
-/// Largest alpha of one Gaussian in one pixel; held there, it has no gradient.
-const ALPHA_MAX: f32 = 0.99;
-/// A pixel is finished once its transmittance is below this; the Gaussian that takes it there still counts.
-const TRANSMITTANCE_MIN: f32 = 1e-4;
 /// Vectors of a block.
 const VECTORS: usize = BLOCK * BLOCK / WIDTH;
 /// Pixels of a block.
 pub(crate) const BLOCK_PIXELS: usize = BLOCK * BLOCK;
 /// Pixels of a tile.
 pub(crate) const TILE_PIXELS: usize = TILE * TILE;
-/// Entries of a list looked at between two tests whether the block is finished.
+/// Entries of a list processed between two tests whether the block is finished.
 const BATCH: usize = 16;
 
 /// The pixels of a tile, block after block, rows of a block one after the other: red, green, blue, depth, alpha.
@@ -89,9 +86,9 @@ pub(crate) fn backward(
 ) {
     cells.fill(Cell::default());
     dispatch!(level(), s => {
-        let pulls = TilePixels::pulls(origin, frame, d_frame);
+        let gradients = TilePixels::gradients(origin, frame, d_frame);
         for block in 0..4 {
-            backward_block(s, flats, list, origin, block, &pulls, cells);
+            backward_block(s, flats, list, origin, block, &gradients, cells);
         }
     });
 }
@@ -235,7 +232,7 @@ fn forward_block<S: Simd>(
 
 /// With `v_i` the gradient of the pixel dotted with the colour and depth of Gaussian `i`, `w_i` its weight, `T` the
 /// final transmittance and `v_T` its gradient, `dL/dalpha_i = T_i v_i - (sum_{j > i} w_j v_j + v_T T) / (1 - alpha_i)`.
-/// The bracket starts as the whole sum, which the rendering itself gives, and loses `w_i v_i` on the way back.
+/// The bracket starts as the whole sum, which follows from the rendering. `w_i v_i` is subtracted at each Gaussian.
 #[inline(always)]
 fn backward_block<S: Simd>(
     s: S,
@@ -243,7 +240,7 @@ fn backward_block<S: Simd>(
     list: &[Entry],
     origin: [usize; 2],
     block: usize,
-    pulls: &TilePixels,
+    gradients: &TilePixels,
     cells: &mut [Cell],
 ) {
     let (x, y) = centers(s, origin, block);
@@ -256,9 +253,9 @@ fn backward_block<S: Simd>(
     for k in 0..VECTORS {
         let at = (block * VECTORS + k) * WIDTH;
         for c in 0..4 {
-            v[k][c] = Lanes::from_slice(s, &pulls.0[c][at..at + WIDTH]);
+            v[k][c] = Lanes::from_slice(s, &gradients.0[c][at..at + WIDTH]);
         }
-        rest[k] = Lanes::from_slice(s, &pulls.0[4][at..at + WIDTH]);
+        rest[k] = Lanes::from_slice(s, &gradients.0[4][at..at + WIDTH]);
     }
     let mut chosen = Selection::new();
     for (batch, cells) in list.chunks(BATCH).zip(cells.chunks_mut(BATCH)) {
@@ -291,16 +288,16 @@ fn backward_block<S: Simd>(
                 let value = v[k][0].mul_add(r, v[k][1].mul_add(gr, v[k][2].mul_add(b, v[k][3] * z)));
                 rest[k] -= weight * value;
                 let d_alpha = t[k] * value - rest[k] / (one - alpha);
-                let pull = (drawn & raw.simd_le(alpha_max)).select(alpha * d_alpha, zero);
+                let d_power = (drawn & raw.simd_le(alpha_max)).select(alpha * d_alpha, zero);
                 t[k] -= weight;
                 red = weight.mul_add(v[k][0], red);
                 green = weight.mul_add(v[k][1], green);
                 blue = weight.mul_add(v[k][2], blue);
                 depth = weight.mul_add(v[k][3], depth);
-                let pull_y = pull * y;
-                sum += pull;
-                sum_y += pull_y;
-                sum_yy = pull_y.mul_add(y, sum_yy);
+                let d_power_y = d_power * y;
+                sum += d_power;
+                sum_y += d_power_y;
+                sum_yy = d_power_y.mul_add(y, sum_yy);
             }
             if touched {
                 let sum_x = sum * exponent.dx;
@@ -318,9 +315,9 @@ fn backward_block<S: Simd>(
 
 impl TilePixels {
     /// Gradients of colour and depth, and the sum of all `w_i v_i` plus `v_T T`, of the pixels of a tile; zero outside
-    /// the image. The background drops out: the rendered colour already holds its share of `v_T T`.
+    /// the image. The background is not needed: the rendered colour already contains its share of `v_T T`.
     #[inline(always)]
-    fn pulls(origin: [usize; 2], frame: &Frame, d: &FrameGrad) -> Self {
+    fn gradients(origin: [usize; 2], frame: &Frame, d: &FrameGrad) -> Self {
         let mut out = Self::default();
         let size = frame.width * frame.height;
         for row in 0..TILE.min(frame.height - origin[1]) {

@@ -1,4 +1,4 @@
-//! Sums the gradients of the intersections per Gaussian and carries them to its parameters.
+//! Sums the gradients of the intersections per Gaussian and computes the gradients of its parameters.
 
 use crate::bin::Bins;
 use crate::blend::Cell;
@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 /// Gaussians handled by one task at least.
 const GRAIN: usize = 256;
-/// Gaussians whose intersections are fetched together, so that one wait for memory serves many.
+/// Gaussians whose intersections are fetched together, so that their loads overlap.
 const BATCH: usize = 32;
 
 /// The gradients of consecutive Gaussians.
@@ -24,7 +24,7 @@ struct Part<'a> {
     radii: &'a mut [f32],
 }
 
-/// Overwrites `grads`. Every sum runs in the order of the tiles, whichever thread does it.
+/// Overwrites `grads`. Every sum is in the order of the tiles on any number of threads.
 pub(crate) fn gather(
     view: &View,
     splats: &SplatView<'_>,
@@ -70,27 +70,27 @@ impl<'a> Part<'a> {
             return (self, None);
         }
         let at = n / 2;
-        let (means, means_far) = self.means.split_at_mut(at);
-        let (rotations, rotations_far) = self.rotations.split_at_mut(at);
-        let (log_scales, log_scales_far) = self.log_scales.split_at_mut(at);
-        let (logit_opacities, logit_opacities_far) = self.logit_opacities.split_at_mut(at);
-        let (sh, sh_far) = self.sh.split_at_mut(at * self.sh_stride);
-        let (mean2d, mean2d_far) = self.mean2d.split_at_mut(at);
-        let (radii, radii_far) = self.radii.split_at_mut(at);
+        let (means, means_rest) = self.means.split_at_mut(at);
+        let (rotations, rotations_rest) = self.rotations.split_at_mut(at);
+        let (log_scales, log_scales_rest) = self.log_scales.split_at_mut(at);
+        let (logit_opacities, logit_opacities_rest) = self.logit_opacities.split_at_mut(at);
+        let (sh, sh_rest) = self.sh.split_at_mut(at * self.sh_stride);
+        let (mean2d, mean2d_rest) = self.mean2d.split_at_mut(at);
+        let (radii, radii_rest) = self.radii.split_at_mut(at);
         let (first, sh_stride) = (self.first, self.sh_stride);
-        let near = Self { first, sh_stride, means, rotations, log_scales, logit_opacities, sh, mean2d, radii };
-        let far = Self {
+        let left = Self { first, sh_stride, means, rotations, log_scales, logit_opacities, sh, mean2d, radii };
+        let right = Self {
             first: first + at,
             sh_stride,
-            means: means_far,
-            rotations: rotations_far,
-            log_scales: log_scales_far,
-            logit_opacities: logit_opacities_far,
-            sh: sh_far,
-            mean2d: mean2d_far,
-            radii: radii_far,
+            means: means_rest,
+            rotations: rotations_rest,
+            log_scales: log_scales_rest,
+            logit_opacities: logit_opacities_rest,
+            sh: sh_rest,
+            mean2d: mean2d_rest,
+            radii: radii_rest,
         };
-        (near, Some(far))
+        (left, Some(right))
     }
 
     fn fill(mut self, view: &View, splats: &SplatView<'_>, flats: &[Flat], bins: &Bins, cells: &[Cell]) {

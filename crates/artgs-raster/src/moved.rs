@@ -1,14 +1,11 @@
-//! Gaussians taken elsewhere as a whole: places, orientations, sizes and the harmonics of their colours.
+//! Scaling and rigid motion of Gaussians: positions, orientations, sizes and the harmonics of their colours.
 
-use crate::sh::basis;
+use crate::sh::{COEFFICIENTS, basis};
 use artgs_core::{Rigid, Splats};
 use glam::{DVec3, Quat, Vec3};
 
-/// Coefficients of degree 3.
-const MOST: usize = 16;
-
-/// Gaussians scaled by `scale`, above 0, then moved. They look from everywhere as the old ones did from the matching
-/// place; colours turn along, which is exact for real harmonics.
+/// Gaussians scaled by `scale`, above 0, then moved. A camera that is scaled and moved in the same way renders the same
+/// image: colours turn with the Gaussians, which is exact for real harmonics.
 pub fn moved(splats: &Splats, motion: &Rigid, scale: f64) -> Splats {
     let mut out = splats.clone();
     let turn = motion.rotation.as_quat();
@@ -33,26 +30,26 @@ pub fn moved(splats: &Splats, motion: &Rigid, scale: f64) -> Splats {
     out
 }
 
-/// `m[i][j]`: how much of basis function `j`, turned, is function `i`. The integral of their product over the sphere, by a
-/// rule exact up to degree 7: Gauss-Legendre in z, even steps around.
-fn turned_harmonics(degree: usize, turn: Quat) -> [[f32; MOST]; MOST] {
+/// `m[i][j]`: the coefficient of function `i` in the turned function `j`, which is the integral of their product over the
+/// sphere. The quadrature is exact up to degree 7: Gauss-Legendre in z, equal steps of the azimuth.
+fn turned_harmonics(degree: usize, turn: Quat) -> [[f32; COEFFICIENTS]; COEFFICIENTS] {
     const NODES: [(f32, f32); 4] = [
         (-0.861_136_3, 0.347_854_85),
         (-0.339_981_05, 0.652_145_15),
         (0.339_981_05, 0.652_145_15),
         (0.861_136_3, 0.347_854_85),
     ];
-    const AROUND: usize = 8;
-    let mut m = [[0.0; MOST]; MOST];
+    const AZIMUTHS: usize = 8;
+    let mut m = [[0.0; COEFFICIENTS]; COEFFICIENTS];
     for (z, weight) in NODES {
-        for step in 0..AROUND {
-            let (sin, cos) = (std::f32::consts::TAU * step as f32 / AROUND as f32).sin_cos();
+        for step in 0..AZIMUTHS {
+            let (sin, cos) = (std::f32::consts::TAU * step as f32 / AZIMUTHS as f32).sin_cos();
             let r = (1.0 - z * z).sqrt();
             let d = Vec3::new(r * cos, r * sin, z);
             let (new, old) = (basis(degree, d), basis(degree, turn.inverse() * d));
-            let area = weight * std::f32::consts::TAU / AROUND as f32;
-            for i in 0..MOST {
-                for j in 0..MOST {
+            let area = weight * std::f32::consts::TAU / AZIMUTHS as f32;
+            for i in 0..COEFFICIENTS {
+                for j in 0..COEFFICIENTS {
                     m[i][j] += new[i] * old[j] * area;
                 }
             }
@@ -80,18 +77,18 @@ mod tests {
                 sh_degree: degree,
                 sh: (0..3 * count).map(|i| ((i * 37 % 17) as f32 - 8.0) * 0.02).collect(),
             };
-            let there = moved(&splats, &motion, 2.0);
-            assert!((there.log_scales[0][2] - (2f32.ln() - 1.0)).abs() < 1e-6);
+            let result = moved(&splats, &motion, 2.0);
+            assert!((result.log_scales[0][2] - (2f32.ln() - 1.0)).abs() < 1e-6);
             let want = motion.apply(DVec3::new(0.2, 0.4, 0.6)).as_vec3();
-            assert!((Vec3::from_array(there.means[0]) - want).length() < 1e-5);
+            assert!((Vec3::from_array(result.means[0]) - want).length() < 1e-5);
             for d in [Vec3::X, Vec3::new(0.6, -0.64, 0.48), Vec3::NEG_Z] {
                 let turned = motion.rotation.as_quat() * d;
-                let gap = color(degree, d, &splats.sh) - color(degree, turned, &there.sh);
+                let gap = color(degree, d, &splats.sh) - color(degree, turned, &result.sh);
                 assert!(gap.length() < 1e-5, "degree {degree}: {gap}");
             }
             let local = |q: [f32; 4], d: Vec3| Quat::from_xyzw(q[1], q[2], q[3], q[0]).normalize() * d;
             let gap =
-                motion.rotation.as_quat() * local(splats.rotations[0], Vec3::X) - local(there.rotations[0], Vec3::X);
+                motion.rotation.as_quat() * local(splats.rotations[0], Vec3::X) - local(result.rotations[0], Vec3::X);
             assert!(gap.length() < 1e-5);
         }
     }

@@ -1,16 +1,12 @@
-//! One Gaussian from the world to the image and its gradients back.
+//! Projection of one Gaussian from the world to the image, and its adjoint.
 
+use crate::limits::{
+    LOG2_CUT, QUATERNION_MIN, RADIUS_DEVIATIONS, RADIUS_SPREAD_MIN, SLACK, SLACK_PIXELS, jacobian_limits,
+};
 use crate::{Colors, RenderOptions, SplatView, sh};
 use artgs_core::Camera;
 use glam::{Mat3, Vec2, Vec3};
 use std::f32::consts::{LN_2, LOG2_E};
-
-/// Gaussians are drawn where their alpha is at least 1/255: base-2 exponent of that cut.
-pub(crate) const LOG2_CUT: f32 = -7.994_353_4;
-
-/// What footprints are widened by, in log2(alpha) and in pixels, so that rounding loses no pixel.
-pub(crate) const SLACK: f32 = 1e-3;
-pub(crate) const SLACK_PIXELS: f32 = 0.01;
 
 /// A Gaussian on the image, one cache line:
 /// `log2(alpha) = log2_opacity + xx dx^2 + xy dx dy + yy dy^2` with `dx`, `dy` from the centre to the pixel.
@@ -31,7 +27,7 @@ pub(crate) struct Flat {
     pub(crate) discriminant: f32,
 }
 
-/// A camera and its options in the form the projection needs.
+/// The camera and the options of a rendering, in the form that the projection needs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct View {
     /// Rows of the world-to-camera rotation.
@@ -72,12 +68,12 @@ pub(crate) struct Gradient {
     pub(crate) radius: f32,
 }
 
-/// What the projection passes through on its way.
+/// Intermediate values of the projection.
 struct Chain {
     p: Vec3,
-    /// x / z and y / z, and the same held within the limits.
+    /// x / z and y / z, and the same clamped to the limits.
     ratio: Vec2,
-    held: Vec2,
+    clamped: Vec2,
     /// Unit quaternion and the length of the raw one (0 if it was not usable).
     unit: [f32; 4],
     norm: f32,
@@ -95,11 +91,6 @@ impl View {
     pub(crate) fn new(camera: &Camera, options: &RenderOptions) -> Self {
         let k = &camera.intrinsics;
         let m = camera.world_to_camera.matrix().as_mat3();
-        // Centred: 1.3 tan(fov / 2). In general the image plus 30 % of its half width on each side.
-        let limits = |f: f64, c: f64, size: u32| {
-            let size = f64::from(size);
-            [(-c - 0.15 * size) / f, (size - c + 0.15 * size) / f].map(|x| x as f32)
-        };
         Self {
             rows: [m.row(0), m.row(1), m.row(2)],
             translation: camera.world_to_camera.translation.as_vec3(),
@@ -107,14 +98,14 @@ impl View {
             focal: Vec2::new(k.fx as f32, k.fy as f32),
             principal: Vec2::new(k.cx as f32, k.cy as f32),
             size: [k.width as usize, k.height as usize],
-            limits: [limits(k.fx, k.cx, k.width), limits(k.fy, k.cy, k.height)],
+            limits: jacobian_limits(k),
             near: options.near,
             blur: options.blur,
             sh_degree: options.sh_degree,
         }
     }
 
-    /// The Gaussian on the image; `None` if it is too near, too faint, degenerate or beside the image.
+    /// The Gaussian on the image; `None` if it is too near, too faint, degenerate or outside the image.
     pub(crate) fn project(&self, splats: &SplatView<'_>, i: usize) -> Option<Flat> {
         let depth = self.rows[2].dot(Vec3::from(splats.means[i])) + self.translation.z;
         let opacity = 1.0 / (1.0 + (-splats.logit_opacities[i]).exp());
@@ -132,8 +123,8 @@ impl View {
         // alpha >= 1/255 within the Mahalanobis distance sqrt(2 ln(255 opacity)); the slack covers rounding.
         let distance_squared = 2.0 * LN_2 * (reach + SLACK);
         let half = [xx, yy].map(|v| (distance_squared * v).sqrt() + SLACK_PIXELS);
-        let beside = (0..2).any(|k| center[k] + half[k] < 0.5 || center[k] - half[k] > self.size[k] as f32 - 0.5);
-        if beside {
+        let outside = (0..2).any(|k| center[k] + half[k] < 0.5 || center[k] - half[k] > self.size[k] as f32 - 0.5);
+        if outside {
             return None;
         }
         let inverse = LOG2_E / chain.determinant;
@@ -151,7 +142,7 @@ impl View {
         })
     }
 
-    /// Colour towards the eye; fixed colours are not clamped.
+    /// Colour as seen from the camera; fixed colours are not clamped.
     fn shade(&self, splats: &SplatView<'_>, i: usize) -> Vec3 {
         match splats.colors {
             Colors::Fixed(c) => Vec3::from(c[i]),
@@ -177,22 +168,23 @@ impl View {
         let p = Vec3::new(r0.dot(mean), r1.dot(mean), r2.dot(mean)) + self.translation;
         let ratio = Vec2::new(p.x, p.y) / p.z;
         let [lx, ly] = self.limits;
-        let held = Vec2::new(ratio.x.max(lx[0]).min(lx[1]), ratio.y.max(ly[0]).min(ly[1]));
+        let clamped = Vec2::new(ratio.x.max(lx[0]).min(lx[1]), ratio.y.max(ly[0]).min(ly[1]));
         let (unit, norm) = normalize(splats.rotations[i]);
         let rotation = matrix(unit);
         let scale = Vec3::from(splats.log_scales[i].map(f32::exp));
         let f = self.focal / p.z;
-        let to_image = [f.x * (r0 - held.x * r2), f.y * (r1 - held.y * r2)];
+        let to_image = [f.x * (r0 - clamped.x * r2), f.y * (r1 - clamped.y * r2)];
         let scaled = to_image.map(|row| rotation.transpose() * row * scale);
         let [a, b] = scaled;
         let (aa, bb) = (a.length_squared(), b.length_squared());
         // Lagrange's identity: no cancellation for thin Gaussians.
         let determinant = a.cross(b).length_squared() + self.blur * (aa + bb) + self.blur * self.blur;
         let covariance = [aa + self.blur, a.dot(b), bb + self.blur];
-        Chain { p, ratio, held, unit, norm, rotation, scale, to_image, scaled, covariance, determinant }
+        Chain { p, ratio, clamped, unit, norm, rotation, scale, to_image, scaled, covariance, determinant }
     }
 
-    /// Carries the sums of a drawn Gaussian to its parameters; `d_sh` is overwritten (empty for fixed colours).
+    /// Gradients of the parameters of a drawn Gaussian from its sums over pixels; `d_sh` is overwritten (empty for fixed
+    /// colours).
     pub(crate) fn adjoint(
         &self,
         splats: &SplatView<'_>,
@@ -210,7 +202,7 @@ impl View {
         let mut d_mean = self.position_adjoint(&chain, d_center, d_to_image, sums.depth);
         d_mean += self.color_adjoint(splats, i, sums.rgb, flat, d_sh);
         let mean_variance = 0.5 * (xx + yy);
-        let spread = (mean_variance * mean_variance - chain.determinant).max(0.1).sqrt();
+        let spread = (mean_variance * mean_variance - chain.determinant).max(RADIUS_SPREAD_MIN).sqrt();
         let half_size = Vec2::new(self.size[0] as f32, self.size[1] as f32) / 2.0;
         Gradient {
             mean: d_mean.to_array(),
@@ -218,7 +210,7 @@ impl View {
             log_scale: log_scale.to_array(),
             logit_opacity: sums.g / (1.0 + splats.logit_opacities[i].exp()),
             mean2d: (d_center * half_size).length(),
-            radius: (3.0 * (mean_variance + spread).sqrt()).ceil(),
+            radius: (RADIUS_DEVIATIONS * (mean_variance + spread).sqrt()).ceil(),
         }
     }
 
@@ -230,9 +222,9 @@ impl View {
         let mut d_p = Vec3::new(0.0, 0.0, d_depth);
         for k in 0..2 {
             let f = self.focal[k] * inverse;
-            let d_f = d_to_image[k].dot(rows[k] - chain.held[k] * r2);
+            let d_f = d_to_image[k].dot(rows[k] - chain.clamped[k] * r2);
             let mut d_ratio = self.focal[k] * d_center[k];
-            if chain.held[k] == chain.ratio[k] {
+            if chain.clamped[k] == chain.ratio[k] {
                 d_ratio -= f * d_to_image[k].dot(r2);
             }
             d_p[k] = d_ratio * inverse;
@@ -295,7 +287,7 @@ fn frame(splats: &SplatView<'_>, i: usize) -> Option<Mat3> {
 /// Unit quaternion and length; the identity and 0 for the zero quaternion.
 fn normalize(q: [f32; 4]) -> ([f32; 4], f32) {
     let norm = q.iter().map(|x| x * x).sum::<f32>().sqrt();
-    if norm <= 1e-12 { ([1.0, 0.0, 0.0, 0.0], 0.0) } else { (q.map(|x| x / norm), norm) }
+    if norm <= QUATERNION_MIN { ([1.0, 0.0, 0.0, 0.0], 0.0) } else { (q.map(|x| x / norm), norm) }
 }
 
 fn matrix([w, x, y, z]: [f32; 4]) -> Mat3 {

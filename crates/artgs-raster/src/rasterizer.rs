@@ -1,8 +1,9 @@
 //! The rasteriser: its workspaces and the order of its passes.
 
-use crate::bin::{Bins, Grid, NOT_DRAWN, TILE};
+use crate::bin::{Bins, Grid, NOT_DRAWN};
 use crate::blend::{self, Cell, TilePixels};
 use crate::gather::gather;
+use crate::limits::TILE;
 use crate::project::{Flat, View};
 use crate::{Colors, Frame, FrameGrad, RenderOptions, SplatGrads, SplatView};
 use artgs_core::Camera;
@@ -12,10 +13,10 @@ use std::time::Instant;
 /// Gaussians projected by one task at least.
 const GRAIN: usize = 256;
 
-/// Wall time of each pass of the last rendering and of the last way back, seconds.
+/// Wall time of each pass of the last rendering and of the last backward pass, seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PassSeconds {
-    /// Gaussians to the image, colours included.
+    /// Projection of Gaussians, colours included.
     pub project: f64,
     /// Sorting and listing per tile.
     pub bin: f64,
@@ -29,7 +30,7 @@ pub struct PassSeconds {
     pub gather: f64,
 }
 
-/// Renders Gaussians and carries gradients back. Owns every workspace: once they have grown, a step allocates nothing.
+/// Renders Gaussians and computes their gradients. Owns every workspace: once they have grown, a step allocates nothing.
 /// Runs on the current rayon pool; results do not depend on the number of threads.
 #[derive(Debug, Default)]
 pub struct Rasterizer {
@@ -46,8 +47,8 @@ pub struct Rasterizer {
     evaluations: usize,
 }
 
-/// Cells of consecutive active tiles, for splitting among threads.
-struct Stretch<'a> {
+/// Cells of consecutive active tiles, to be split among threads.
+struct TileRun<'a> {
     bins: &'a Bins,
     active: &'a [u32],
     cells: &'a mut [Cell],
@@ -69,18 +70,18 @@ impl Rasterizer {
         self.bins.total()
     }
 
-    /// How long each pass took last.
+    /// Times of the passes of the last rendering and of the last backward pass.
     pub fn seconds(&self) -> PassSeconds {
         self.seconds
     }
 
-    /// How often the last rendering evaluated a Gaussian in a pixel, whether it reached that pixel or not. The way back
-    /// does it as often.
+    /// How often the last rendering evaluated a Gaussian in a pixel, whether it reached that pixel or not. The backward
+    /// pass makes as many evaluations.
     pub fn evaluations(&self) -> usize {
         self.evaluations
     }
 
-    /// Renders the Gaussians as the camera sees them. Gaussians with parameters that are not finite are left out.
+    /// Renders the Gaussians as the camera sees them. Gaussians with parameters that are not finite are ignored.
     ///
     /// # Panics
     /// If the arrays of `splats` differ in length.
@@ -115,7 +116,7 @@ impl Rasterizer {
         targets.for_each(|(i, (flat, key))| {
             *key = NOT_DRAWN;
             if let Some(projected) = view.project(splats, i) {
-                // Positive floats order like their bits.
+                // Positive floats are ordered as their bits are.
                 (*flat, *key) = (projected, projected.depth.to_bits());
             }
         });
@@ -152,7 +153,8 @@ impl Rasterizer {
         });
     }
 
-    /// Carries the gradient of a loss with respect to the last rendering to every parameter, overwriting `grads`.
+    /// Computes the gradients of every parameter from the gradient of a loss with respect to the last rendering, overwriting
+    /// `grads`.
     /// Must follow a [`forward`](Self::forward) with the same arguments.
     ///
     /// # Panics
@@ -177,9 +179,9 @@ impl Rasterizer {
         if cells.len() < bins.total() {
             cells.resize(bins.total(), Cell::default());
         }
-        let all = Stretch { bins, active: &bins.active, cells: &mut cells[..bins.total()] };
-        rayon::iter::split(all, Stretch::split).for_each(|stretch| {
-            stretch.for_each(|tile, cells| {
+        let all = TileRun { bins, active: &bins.active, cells: &mut cells[..bins.total()] };
+        rayon::iter::split(all, TileRun::split).for_each(|run| {
+            run.for_each(|tile, cells| {
                 blend::backward(flats, bins.list(tile), grid.origin(tile as usize), frame, d_frame, cells);
             });
         });
@@ -189,7 +191,7 @@ impl Rasterizer {
     }
 }
 
-impl Stretch<'_> {
+impl TileRun<'_> {
     /// In two parts of about the same number of intersections.
     fn split(self) -> (Self, Option<Self>) {
         let Some((&first, _)) = self.active.split_first() else { return (self, None) };
@@ -200,16 +202,16 @@ impl Stretch<'_> {
         let middle = start + self.cells.len() / 2;
         let at = self.active.partition_point(|&t| self.bins.start(t) < middle).clamp(1, self.active.len() - 1);
         let (left, right) = self.active.split_at(at);
-        let (near, far) = self.cells.split_at_mut(self.bins.start(right[0]) - start);
+        let (first_cells, other_cells) = self.cells.split_at_mut(self.bins.start(right[0]) - start);
         let part = |active, cells| Self { bins: self.bins, active, cells };
-        (part(left, near), Some(part(right, far)))
+        (part(left, first_cells), Some(part(right, other_cells)))
     }
 
     fn for_each(self, mut visit: impl FnMut(u32, &mut [Cell])) {
         let mut cells = self.cells;
         for &tile in self.active {
-            let (mine, rest) = cells.split_at_mut(self.bins.list(tile).len());
-            visit(tile, mine);
+            let (own, rest) = cells.split_at_mut(self.bins.list(tile).len());
+            visit(tile, own);
             cells = rest;
         }
     }

@@ -9,7 +9,7 @@ pub(crate) use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, disp
 
 /// 16 floats.
 pub(crate) type Lanes<S> = f32x16<S>;
-/// 16 truths.
+/// 16 booleans.
 pub(crate) type Mask<S> = mask32x16<S>;
 
 /// Lanes of a vector.
@@ -27,7 +27,7 @@ pub enum Instructions {
     Avx2,
     /// 128-bit vectors of x86-64.
     Sse42,
-    /// Plain code, a twin to test the others against; only with the feature `scalar`.
+    /// Scalar code, to test the others against; only with the feature `scalar`.
     Scalar,
 }
 
@@ -35,7 +35,7 @@ impl Instructions {
     /// All of them.
     pub const ALL: [Self; 5] = [Self::Best, Self::Avx512, Self::Avx2, Self::Sse42, Self::Scalar];
 
-    /// The proof that this machine has them.
+    /// The token that proves that this machine has them.
     fn level(self) -> Option<Level> {
         let best = Level::new();
         match self {
@@ -56,7 +56,7 @@ impl Instructions {
     }
 }
 
-/// What [`use_instructions`] was given last, as its place in [`Instructions::ALL`].
+/// The last argument of [`use_instructions`], as its position in [`Instructions::ALL`].
 static CHOSEN: AtomicU8 = AtomicU8::new(0);
 
 /// Makes every kernel of the process use these instructions from now on: to compare them in tests and benchmarks.
@@ -69,7 +69,7 @@ pub fn use_instructions(instructions: Instructions) -> bool {
     available
 }
 
-/// The instruction set in use: the best of this machine (detected once) unless [`use_instructions`] says otherwise.
+/// The instruction set in use: the best of this machine (detected once) unless [`use_instructions`] chose another.
 #[inline]
 pub fn level() -> Level {
     let chosen = Instructions::ALL[usize::from(CHOSEN.load(Ordering::Relaxed))];
@@ -88,11 +88,11 @@ pub fn instructions() -> &'static str {
     #[cfg(target_arch = "aarch64")]
     let names = [(level.as_neon().is_some(), "NEON")];
     #[cfg(not(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64")))]
-    let names = [(level.is_fallback(), "plain code")];
-    names.iter().find(|(has, _)| *has).map_or("plain code", |(_, name)| name)
+    let names = [(level.is_fallback(), "scalar code")];
+    names.iter().find(|(has, _)| *has).map_or("scalar code", |(_, name)| name)
 }
 
-/// `2^x` for x in [-126, 126], relative error 2.1e-7; garbage below.
+/// `2^x` for x in [-126, 126], relative error 2.1e-7; undefined outside.
 /// Adding 1.5 * 2^23 rounds to an integer, whose bits then move into the exponent.
 #[inline(always)]
 pub(crate) fn exp2<S: Simd>(s: S, x: Lanes<S>) -> Lanes<S> {
@@ -112,7 +112,7 @@ pub(crate) const fn sum_lane(k: usize) -> usize {
     ((k as u8).reverse_bits() >> 4) as usize
 }
 
-/// Sums over the lanes of ten vectors at once; see [`sum_lane`] for where each lands.
+/// Sums over the lanes of ten vectors at once; see [`sum_lane`] for the lane of each sum.
 #[inline(always)]
 pub(crate) fn sums<S: Simd>(v: &[Lanes<S>; 10]) -> Lanes<S> {
     // Each fold halves the number of partial sums per vector and interleaves two vectors.

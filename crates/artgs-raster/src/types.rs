@@ -1,8 +1,9 @@
-//! What goes into the rasteriser and what comes out.
+//! Inputs and outputs of the rasteriser.
 
+use crate::limits::{BLUR, NEAR};
 use artgs_core::Splats;
 
-/// Rotates viewing directions before the harmonics are evaluated, so that a part's colours turn with it.
+/// Rotates viewing directions before the harmonics are evaluated, so that the colours of a part turn with the part.
 #[derive(Clone, Copy, Debug)]
 pub struct ShFrames<'a> {
     /// Frame of each Gaussian, `[n]`, index into `world_to_frame`.
@@ -11,7 +12,7 @@ pub struct ShFrames<'a> {
     pub world_to_frame: &'a [[[f32; 3]; 3]],
 }
 
-/// Where colours come from.
+/// Colours of Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub enum Colors<'a> {
     /// Spherical harmonics.
@@ -32,7 +33,7 @@ pub enum Colors<'a> {
 pub struct SplatView<'a> {
     /// Centres, `[n][3]`.
     pub means: &'a [[f32; 3]],
-    /// Quaternions (w, x, y, z), normalised inside.
+    /// Quaternions (w, x, y, z), normalised by the rasteriser.
     pub rotations: &'a [[f32; 4]],
     /// Log standard deviations.
     pub log_scales: &'a [[f32; 3]],
@@ -69,7 +70,7 @@ pub struct RenderOptions {
 
 impl Default for RenderOptions {
     fn default() -> Self {
-        Self { sh_degree: 3, background: [0.0; 3], near: 1e-3, blur: 0.3 }
+        Self { sh_degree: 3, background: [0.0; 3], near: NEAR, blur: BLUR }
     }
 }
 

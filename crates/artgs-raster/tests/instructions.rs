@@ -1,4 +1,4 @@
-//! Every instruction set of this machine gives the same pictures and gradients. One test, as the choice is process-wide.
+//! Every instruction set of this machine gives the same images and gradients. One test, as the choice is process-wide.
 
 mod common;
 
@@ -6,11 +6,11 @@ use artgs_raster::simd::{Instructions, use_instructions};
 use artgs_raster::{Rasterizer, SplatGrads};
 use common::{assert_frames_agree, assert_gradients_agree, camera, d_frame, fields, options, rng, splats};
 
-/// Largest difference of a pixel, and of a gradient relative to the largest of its kind, from the plain code.
+/// Largest difference of a pixel, and of a gradient relative to the largest of its kind, from the scalar code.
 const TOLERANCE: f32 = 2e-5;
 
 #[test]
-fn instruction_sets_agree_with_plain_code_and_with_the_oracle() {
+fn instruction_sets_agree_with_scalar_code_and_with_the_reference() {
     let (camera, options) = (camera(), options([0.3, 0.6, 0.1]));
     let scene = splats(&mut rng(41), 150, 3);
     let d = d_frame(&mut rng(42), 45 * 37, |_| true);
@@ -30,9 +30,9 @@ fn instruction_sets_agree_with_plain_code_and_with_the_oracle() {
             assert_gradients_agree((&s).into(), &camera, &options, seed, &format!("{instructions:?}"));
         }
     }
-    let (plain, frame, grads) = results.pop().expect("plain code is always there");
-    assert_eq!(plain, Instructions::Scalar);
-    assert!(results.len() >= 2 || !cfg!(target_arch = "x86_64"), "every x86-64 of today has SSE 4.2");
+    let (scalar, frame, grads) = results.pop().expect("scalar code is always available");
+    assert_eq!(scalar, Instructions::Scalar);
+    assert!(results.len() >= 2 || !cfg!(target_arch = "x86_64"), "every current x86-64 has SSE 4.2");
     for (instructions, other, other_grads) in &results {
         for (a, b) in [(&frame.rgb, &other.rgb), (&frame.depth, &other.depth), (&frame.alpha, &other.alpha)] {
             let worst = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);

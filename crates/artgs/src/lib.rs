@@ -8,6 +8,7 @@ pub mod config;
 pub mod discover;
 pub mod evaluate;
 pub mod fit;
+pub mod kernel_constants;
 pub mod neighbours;
 pub mod observer;
 pub mod registration;

@@ -19,20 +19,20 @@ fn rate_of(i: u32) -> f32 {
     if i < 10u * n {
         return step.rates.z;
     }
-    if i < 11u * n {
+    if i < PLAIN * n {
         return step.rates.w;
     }
-    let column = (i - 11u * n) % step.sh_stride;
+    let column = (i - PLAIN * n) % step.sh_stride;
     if column < 3u {
         return step.sh_rates.x;
     }
     return select(-1.0, step.sh_rates.y, column < 3u * (step.sh_degree + 1u) * (step.sh_degree + 1u));
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(WIDE_GROUP)
 fn adam(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let i = group_index(group) * 256u + lane;
-    if i >= (11u + step.sh_stride) * step.n || control[OVERFLOW] != 0u {
+    let i = group_index(group) * WIDE_GROUP + lane;
+    if i >= (PLAIN + step.sh_stride) * step.n || control[OVERFLOW] != 0u {
         return;
     }
     let rate = rate_of(i);
@@ -40,8 +40,8 @@ fn adam(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) la
         return;
     }
     let g = grads[i];
-    let m = step.beta1 * first[i] + (1.0 - step.beta1) * g;
-    let v = step.beta2 * second[i] + (1.0 - step.beta2) * g * g;
+    let m = step.betas.x * first[i] + (1.0 - step.betas.x) * g;
+    let v = step.betas.y * second[i] + (1.0 - step.betas.y) * g * g;
     first[i] = m;
     second[i] = v;
     params[i] -= rate * step.corrections.x * m / (sqrt(v) * step.corrections.y + step.eps);

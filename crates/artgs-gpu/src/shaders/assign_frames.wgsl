@@ -5,12 +5,12 @@
 @group(0) @binding(2) var<storage, read_write> frames: array<vec4f>;
 @group(0) @binding(3) var<storage, read_write> largest: array<u32>;
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(PART_GROUP)
 fn make_frames(@builtin(local_invocation_index) lane: u32) {
-    for (var l = lane; l < step.levels; l += 64u) {
+    for (var l = lane; l < step.levels; l += PART_GROUP) {
         largest[l] = 0u;
     }
-    for (var k = lane; k < step.parts; k += 64u) {
+    for (var k = lane; k < step.parts; k += PART_GROUP) {
         let f = FRAME * k;
         let turn = turn_of(vec4f(values[f + 6u], values[f + 7u], values[f + 8u], values[f + 9u]));
         var rows = matrix(conjugate(turn.unit));

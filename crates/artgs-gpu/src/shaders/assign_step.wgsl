@@ -10,12 +10,12 @@
 @group(0) @binding(7) var<storage, read_write> second: array<f32>;
 
 fn update(i: u32, g: f32) {
-    let m = first[i] + 0.1 * (g - first[i]);
-    let v = second[i] + 0.001 * (g * g - second[i]);
+    let m = first[i] + ADAM_GAIN_1 * (g - first[i]);
+    let v = second[i] + ADAM_GAIN_2 * (g * g - second[i]);
     first[i] = m;
     second[i] = v;
     let corrections = step.assign_corrections;
-    values[i] -= step.assign_rate * (m / corrections.x) / (sqrt(v / corrections.y) + 1e-15);
+    values[i] -= step.assign_rate * (m / corrections.x) / (sqrt(v / corrections.y) + ADAM_EPSILON);
 }
 
 // Gradient by a unit quaternion, given that by the rows of its matrix.
@@ -33,10 +33,10 @@ fn rows_adjoint(q: vec4f, x: vec3f, y: vec3f, z: vec3f) -> vec4f {
 }
 
 fn update_frame(k: u32) {
-    var sums: array<vec3f, 5>;
+    var sums: array<vec3f, FRAME_SUMS>;
     for (var c = 0u; c < step.chunks; c++) {
-        for (var q = 0u; q < 5u; q++) {
-            sums[q] += of_frames[5u * (k * step.chunks + c) + q].xyz;
+        for (var q = 0u; q < FRAME_SUMS; q++) {
+            sums[q] += of_frames[FRAME_SUMS * (k * step.chunks + c) + q].xyz;
         }
     }
     let f = FRAME * k;
@@ -57,12 +57,12 @@ fn update_frame(k: u32) {
     }
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(PART_GROUP)
 fn update_assignment(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
     if control[OVERFLOW] != 0u {
         return;
     }
-    let i = group.x * 64u + lane;
+    let i = group.x * PART_GROUP + lane;
     if i < step.parts {
         update_frame(i);
         return;

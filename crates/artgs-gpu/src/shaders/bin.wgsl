@@ -17,14 +17,14 @@ fn write(at: u32, tile: u32, owner: u32) {
 }
 
 // Writes the intersections of every Gaussian where the prefix sum says; forgets the lists of the last rendering.
-@compute @workgroup_size(256)
+@compute @workgroup_size(WIDE_GROUP)
 fn emit(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let i = group_index(group) * 256u + lane;
-    let threads = groups.x * groups.y * 256u;
+    let i = group_index(group) * WIDE_GROUP + lane;
+    let threads = groups.x * groups.y * WIDE_GROUP;
     for (var tile = i; tile <= step.tiles.x * step.tiles.y; tile += threads) {
         ranges[tile] = vec2u(0u);
     }

@@ -24,12 +24,12 @@ struct Drawn {
     color: vec4f,
 }
 
-var<workgroup> batch: array<Drawn, 64>;
+var<workgroup> batch: array<Drawn, BATCH>;
 var<workgroup> unfinished: atomic<u32>;
 var<workgroup> any_unfinished: u32;
 var<workgroup> end: atomic<u32>;
 
-@compute @workgroup_size(16, 16)
+@compute @workgroup_size(TILE, TILE)
 fn blend(
     @builtin(workgroup_id) group: vec3u,
     @builtin(local_invocation_id) local: vec3u,

@@ -19,9 +19,9 @@
 @group(0) @binding(13) var<storage, read_write> cells: array<vec4f>;
 
 // Gradients of colour and depth, transmittance, and the sum of `w_j v_j + v_T T` still to come, of every pixel.
-var<workgroup> pixel_pulls: array<vec4f, 256>;
-var<workgroup> transmittances: array<f32, 256>;
-var<workgroup> remains: array<f32, 256>;
+var<workgroup> pixel_pulls: array<vec4f, TILE_PIXELS>;
+var<workgroup> transmittances: array<f32, TILE_PIXELS>;
+var<workgroup> remains: array<f32, TILE_PIXELS>;
 
 // A pixel on its way: transmittance, and what is still to come.
 struct Passing {

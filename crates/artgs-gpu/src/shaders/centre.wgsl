@@ -8,14 +8,11 @@
 // `[K][chunks]`: weighted sums of positions, and the weight.
 @group(0) @binding(4) var<storage, read_write> masses: array<vec4f>;
 @group(0) @binding(5) var<storage, read_write> pulls: array<vec4f>;
-// What the terms that act on parts alone were like, two numbers for each step.
-@group(0) @binding(6) var<storage, read_write> extras: array<f32>;
+@group(0) @binding(6) var<storage, read_write> part_terms: array<PartTerms>;
 
-const OPACITY_FLOOR: f32 = 1e-5;
+var<workgroup> own: array<vec4f, GROUP>;
 
-var<workgroup> own: array<vec4f, 128>;
-
-@compute @workgroup_size(128)
+@compute @workgroup_size(GROUP)
 fn sum_masses(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
     let n = step.n;
     let each = (n + step.chunks - 1u) / step.chunks;
@@ -24,13 +21,13 @@ fn sum_masses(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
         end = 0u;
     }
     var sum = vec4f(0.0);
-    for (var i = group.x * each + lane; i < end; i += 128u) {
+    for (var i = group.x * each + lane; i < end; i += GROUP) {
         let mass = weights[group.y * n + i] / (1.0 + exp(-params[at_logit(n, i)]));
         sum += mass * vec4f(params[3u * i], params[3u * i + 1u], params[3u * i + 2u], 1.0);
     }
     own[lane] = sum;
     workgroupBarrier();
-    for (var reach = 64u; reach > 0u; reach /= 2u) {
+    for (var reach = GROUP / 2u; reach > 0u; reach /= 2u) {
         if lane < reach {
             own[lane] += own[lane + reach];
         }
@@ -42,10 +39,10 @@ fn sum_masses(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
 }
 
 // One workgroup, few parts.
-@compute @workgroup_size(128)
+@compute @workgroup_size(GROUP)
 fn pull_centres(@builtin(local_invocation_index) lane: u32) {
     var loss = 0.0;
-    for (var k = lane; k < step.parts && has(step.flags, CENTRE); k += 128u) {
+    for (var k = lane; k < step.parts && has(step.flags, CENTRE); k += GROUP) {
         var total = vec4f(0.0);
         for (var c = 0u; c < step.chunks; c++) {
             total += masses[k * step.chunks + c];
@@ -60,13 +57,13 @@ fn pull_centres(@builtin(local_invocation_index) lane: u32) {
     }
     own[lane] = vec4f(loss);
     workgroupBarrier();
-    for (var reach = 64u; reach > 0u; reach /= 2u) {
+    for (var reach = GROUP / 2u; reach > 0u; reach /= 2u) {
         if lane < reach {
             own[lane] += own[lane + reach];
         }
         workgroupBarrier();
     }
     if lane == 0u {
-        extras[2u * step.slot + 1u] = own[0].x;
+        part_terms[step.slot].centre = own[0].x;
     }
 }

@@ -30,7 +30,7 @@ fn chain_of(i: u32, at: Placed) -> Chain {
     c.ratio = c.p.xy / c.p.z;
     c.held = clamp(c.ratio, step.limits.xz, step.limits.yw);
     let norm = length(at.rotation);
-    if norm <= 1e-12 {
+    if norm <= QUATERNION_MIN {
         c.unit = vec4f(1.0, 0.0, 0.0, 0.0);
         c.norm = 0.0;
     } else {

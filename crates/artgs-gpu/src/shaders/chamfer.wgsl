@@ -12,20 +12,7 @@
 @group(0) @binding(7) var<storage, read_write> d_motions: array<vec4f>;
 // Sums of squared distances over workgroups.
 @group(0) @binding(8) var<storage, read_write> squares: array<f32>;
-@group(0) @binding(9) var<storage, read_write> extras: array<f32>;
-
-struct Grid {
-    origin: vec3f,
-    side: f32,
-    size: vec3u,
-    // Where the cells of a state begin.
-    begin: u32,
-    // Number of points.
-    count: u32,
-    pad_a: u32,
-    pad_b: u32,
-    pad_c: u32,
-}
+@group(0) @binding(9) var<storage, read_write> part_terms: array<PartTerms>;
 
 // Nearest point so far, squared distance in w.
 fn look(best: vec4f, x: vec3f, begin: u32, end: u32) -> vec4f {
@@ -90,13 +77,13 @@ fn pulled(i: u32) -> f32 {
     return nearest.w;
 }
 
-var<workgroup> own: array<f32, 128>;
+var<workgroup> own: array<f32, GROUP>;
 
 // Sum over the threads of a workgroup, in `own[0]`.
 fn sum_up(lane: u32, value: f32) {
     own[lane] = value;
     workgroupBarrier();
-    for (var reach = 64u; reach > 0u; reach /= 2u) {
+    for (var reach = GROUP / 2u; reach > 0u; reach /= 2u) {
         if lane < reach {
             own[lane] += own[lane + reach];
         }
@@ -104,9 +91,9 @@ fn sum_up(lane: u32, value: f32) {
     }
 }
 
-@compute @workgroup_size(128)
+@compute @workgroup_size(GROUP)
 fn chamfer(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let i = group.x * 128u + lane;
+    let i = group.x * GROUP + lane;
     var square = 0.0;
     if i < step.n && has(step.flags, CHAMFER) && grids[step.pose].count > 0u {
         square = pulled(i);
@@ -118,14 +105,14 @@ fn chamfer(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
 }
 
 // One workgroup.
-@compute @workgroup_size(128)
+@compute @workgroup_size(GROUP)
 fn sum_chamfer(@builtin(local_invocation_index) lane: u32) {
     var sum = 0.0;
-    for (var k = lane; k < (step.n + 127u) / 128u; k += 128u) {
+    for (var k = lane; k < (step.n + GROUP - 1u) / GROUP; k += GROUP) {
         sum += squares[k];
     }
     sum_up(lane, sum);
     if lane == 0u {
-        extras[2u * step.slot] = step.chamfer_share * own[0];
+        part_terms[step.slot].chamfer = step.chamfer_share * own[0];
     }
 }

@@ -9,9 +9,9 @@
 @group(0) @binding(4) var<storage, read> table: array<vec2f>;
 @group(0) @binding(5) var<storage, read_write> inputs: array<f32>;
 
-@compute @workgroup_size(128)
+@compute @workgroup_size(GROUP)
 fn encode(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let i = group.x * 128u + lane;
+    let i = group.x * GROUP + lane;
     let n = step.n;
     if i >= n {
         return;

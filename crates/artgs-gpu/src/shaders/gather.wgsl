@@ -150,9 +150,9 @@ fn place_back(i: u32, d_mean: vec3f, d_rotation: vec4f) {
     }
 }
 
-@compute @workgroup_size(128)
+@compute @workgroup_size(GROUP)
 fn gather(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let i = group_index(group) * 128u + lane;
+    let i = group_index(group) * GROUP + lane;
     if i >= step.n {
         return;
     }
@@ -195,10 +195,9 @@ fn gather(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     grads[at_logit(step.n, i)] = first.x / (1.0 + exp(logit)) + entropy_adjoint(logit);
     place_back(i, d_mean, quaternion_adjoint(c, spread.rotation));
 
-    // Three standard deviations in pixels, rounded up.
     let mean_variance = 0.5 * (c.covariance.x + c.covariance.z);
-    let wide = sqrt(max(mean_variance * mean_variance - c.determinant, 0.1));
-    let radius = ceil(3.0 * sqrt(mean_variance + wide));
+    let wide = sqrt(max(mean_variance * mean_variance - c.determinant, RADIUS_SPREAD_MIN));
+    let radius = ceil(RADIUS_DEVIATIONS * sqrt(mean_variance + wide));
     let s = seen[i];
     seen[i] = vec4f(s.x + length(d_center * 0.5 * vec2f(step.size)), s.y + 1.0, max(s.z, radius), 0.0);
 }

@@ -1,18 +1,5 @@
 // Multi-resolution hash encoding of positions. Twin of `artgs::articulation::hash_grid`. Needs `step`.
 
-struct Level {
-    // Grid points per unit length.
-    scale: f32,
-    stride_y: u32,
-    stride_z: u32,
-    hashed: u32,
-    // Number of entries, and where they begin among those of all levels.
-    size: u32,
-    begin: u32,
-    pad_a: u32,
-    pad_b: u32,
-}
-
 struct Cell {
     low: vec3u,
     fraction: vec3f,
@@ -31,7 +18,7 @@ fn offset_of(corner: u32) -> vec3u {
 fn entry_of(level: Level, p: vec3u) -> u32 {
     var key = p.x + p.y * level.stride_y + p.z * level.stride_z;
     if level.hashed != 0u {
-        key = p.x ^ (p.y * 2654435761u) ^ (p.z * 805459861u);
+        key = p.x ^ (p.y * HASH_PRIME_Y) ^ (p.z * HASH_PRIME_Z);
     }
     if (level.size & (level.size - 1u)) == 0u {
         return level.begin + (key & (level.size - 1u));
@@ -51,7 +38,7 @@ fn units_per_gradient(largest: f32) -> f32 {
     return 1073741824.0 / (f32(step.n) * largest);
 }
 
-// Adam adds 1e-15 to the size of gradients: below this all of them count as zero, and those that are no numbers cannot count.
+// Whether the gradients of a level are large enough to count and finite.
 fn usable(largest: f32) -> bool {
-    return largest > 1e-18 && largest * f32(step.n) < LARGEST;
+    return largest > NEGLIGIBLE && largest * f32(step.n) < LARGEST;
 }

@@ -9,7 +9,7 @@
 // Lower and upper word for each feature of each entry.
 @group(0) @binding(5) var<storage, read_write> sums: array<atomic<u32>>;
 
-var<workgroup> maxima: array<f32, 128>;
+var<workgroup> maxima: array<f32, GROUP>;
 
 fn gradient_of(level: u32, i: u32) -> vec2f {
     let row = 4u * step.parts + FEATURES * level;
@@ -18,7 +18,7 @@ fn gradient_of(level: u32, i: u32) -> vec2f {
     return select(vec2f(0.0), g, vec2<bool>(finite(g.x), finite(g.y)));
 }
 
-@compute @workgroup_size(128)
+@compute @workgroup_size(GROUP)
 fn find_largest(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
@@ -26,14 +26,14 @@ fn find_largest(
 ) {
     var most = 0.0;
     if group.y < step.learning_levels {
-        for (var i = group.x * 128u + lane; i < step.n; i += groups.x * 128u) {
+        for (var i = group.x * GROUP + lane; i < step.n; i += groups.x * GROUP) {
             let g = abs(gradient_of(group.y, i));
             most = max(most, max(g.x, g.y));
         }
     }
     maxima[lane] = most;
     workgroupBarrier();
-    for (var reach = 64u; reach > 0u; reach /= 2u) {
+    for (var reach = GROUP / 2u; reach > 0u; reach /= 2u) {
         if lane < reach {
             maxima[lane] = max(maxima[lane], maxima[lane + reach]);
         }
@@ -65,9 +65,9 @@ fn add(at: u32, value: f32) {
     }
 }
 
-@compute @workgroup_size(128)
+@compute @workgroup_size(GROUP)
 fn scatter_gradients(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let i = group.x * 128u + lane;
+    let i = group.x * GROUP + lane;
     if i >= step.n || group.y >= step.learning_levels {
         return;
     }

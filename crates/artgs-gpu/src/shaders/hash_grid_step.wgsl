@@ -10,9 +10,6 @@
 // First moments, second moments.
 @group(0) @binding(6) var<storage, read_write> moments: array<vec4f>;
 
-// Moments below this are set to zero, as on the processor.
-const FLUSH: f32 = 1e-30;
-
 // Of a sum in two words, in units of the upper one.
 fn number_of(words: vec2u) -> f32 {
     var low = words.x;
@@ -27,7 +24,7 @@ fn number_of(words: vec2u) -> f32 {
     return select(size, -size, negative);
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(WIDE_GROUP)
 fn update_grid(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
@@ -39,7 +36,7 @@ fn update_grid(
     let level = levels[group.y];
     let most = bitcast<f32>(largest[group.y]);
     let corrections = step.assign_corrections;
-    for (var e = group.x * 256u + lane; e < level.size; e += groups.x * 256u) {
+    for (var e = group.x * WIDE_GROUP + lane; e < level.size; e += groups.x * WIDE_GROUP) {
         let i = level.begin + e;
         let words = sums[i];
         if any(words != vec4u(0u)) {
@@ -53,11 +50,11 @@ fn update_grid(
         if usable(most) {
             g = vec2f(number_of(words.xy), number_of(words.zw)) / units_per_gradient(most);
         }
-        var m = 0.9 * before.xy + 0.1 * g;
-        var v = 0.999 * before.zw + 0.001 * g * g;
+        var m = ADAM_BETA_1 * before.xy + ADAM_GAIN_1 * g;
+        var v = ADAM_BETA_2 * before.zw + ADAM_GAIN_2 * g * g;
         m = select(m, vec2f(0.0), abs(m) < vec2f(FLUSH));
         v = select(v, vec2f(0.0), v < vec2f(FLUSH));
         moments[i] = vec4f(m, v);
-        table[i] -= step.assign_rate * (m / corrections.x) / (sqrt(v) * inverseSqrt(corrections.y) + 1e-15);
+        table[i] -= step.assign_rate * (m / corrections.x) / (sqrt(v) * inverseSqrt(corrections.y) + ADAM_EPSILON);
     }
 }

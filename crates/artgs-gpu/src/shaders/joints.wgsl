@@ -4,12 +4,8 @@
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> partial: array<vec4f>;
 @group(0) @binding(2) var<storage, read> control: array<u32>;
-@group(0) @binding(3) var<storage, read_write> joints: array<vec4f>;
+@group(0) @binding(3) var<storage, read_write> joints: array<Joint>;
 @group(0) @binding(4) var<storage, read_write> motions: array<vec4f>;
-
-const FREE: f32 = 0.0;
-const PRISMATIC: f32 = 1.0;
-const SCREW: f32 = 3.0;
 
 struct Dual {
     real: vec4f,
@@ -30,17 +26,17 @@ struct Line {
     slide: f32,
 }
 
-fn line_of(v: Values, model: f32) -> Line {
+fn line_of(v: Values, model: u32) -> Line {
     let raw = v.a.xyz;
     let size = max(length(raw), 1e-30);
-    return Line(raw / size, size, vec3f(v.a.w, v.b.xy), v.b.z, select(0.0, v.b.w, model == SCREW));
+    return Line(raw / size, size, vec3f(v.a.w, v.b.xy), v.b.z, select(0.0, v.b.w, model == MODEL_SCREW));
 }
 
-fn motion(v: Values, model: f32) -> Dual {
-    if model == PRISMATIC {
+fn motion(v: Values, model: u32) -> Dual {
+    if model == MODEL_PRISMATIC {
         return Dual(vec4f(1.0, 0.0, 0.0, 0.0), vec4f(0.0, 0.5 * v.a.xyz));
     }
-    if model == FREE {
+    if model == MODEL_FREE {
         let real = v.a / max(length(v.a), 1e-30);
         return Dual(real, multiply(vec4f(0.0, 0.5 * v.b.xyz), real));
     }
@@ -53,11 +49,11 @@ fn motion(v: Values, model: f32) -> Dual {
 }
 
 // Gradient by the parameters from that by the motion.
-fn motion_adjoint(v: Values, model: f32, d: Dual) -> Values {
-    if model == PRISMATIC {
+fn motion_adjoint(v: Values, model: u32, d: Dual) -> Values {
+    if model == MODEL_PRISMATIC {
         return Values(vec4f(0.5 * d.dual.yzw, 0.0), vec4f(0.0));
     }
-    if model == FREE {
+    if model == MODEL_FREE {
         let size = max(length(v.a), 1e-30);
         let real = v.a / size;
         let d_real = d.real + multiply(conjugate(vec4f(0.0, 0.5 * v.b.xyz)), d.dual);
@@ -78,7 +74,7 @@ fn motion_adjoint(v: Values, model: f32, d: Dual) -> Values {
     let d_unit = s * g_r + slide * c * g_d + s * cross(g_d, l.pivot);
     let d_axis = (d_unit - l.axis * dot(l.axis, d_unit)) / l.length;
     let d_pivot = s * cross(l.axis, g_d);
-    return Values(vec4f(d_axis, d_pivot.x), vec4f(d_pivot.yz, 0.5 * d_half, select(0.0, d_slide, model == SCREW)));
+    return Values(vec4f(d_axis, d_pivot.x), vec4f(d_pivot.yz, 0.5 * d_half, select(0.0, d_slide, model == MODEL_SCREW)));
 }
 
 // Sum over all stretches of Gaussians, as a gradient of the half motion towards the second state.
@@ -97,12 +93,12 @@ fn gradient_of(part: u32) -> Dual {
 }
 
 // Scene units of the parameters that are lengths, 1 for the others.
-fn units_of(model: f32) -> Values {
+fn units_of(model: u32) -> Values {
     let u = step.length_unit;
-    if model == PRISMATIC {
+    if model == MODEL_PRISMATIC {
         return Values(vec4f(u), vec4f(u));
     }
-    if model == FREE {
+    if model == MODEL_FREE {
         return Values(vec4f(1.0), vec4f(u));
     }
     return Values(vec4f(1.0, 1.0, 1.0, u), vec4f(u, u, 1.0, u));
@@ -129,16 +125,16 @@ fn sine_cosine(angle: f32) -> vec2f {
     return vec2f(2.0 * s * c, 1.0 - 2.0 * s * s);
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(PART_GROUP)
 fn update_joints(@builtin(local_invocation_index) lane: u32) {
     if control[OVERFLOW] != 0u {
         return;
     }
-    for (var part = lane + 1u; part < step.parts; part += 64u) {
-        let at = 8u * (part - 1u);
-        var v = Values(joints[at], joints[at + 1u]);
-        let middle = joints[at + 6u].xyz;
-        let model = joints[at + 6u].w;
+    for (var part = lane + 1u; part < step.parts; part += PART_GROUP) {
+        let joint = joints[part - 1u];
+        var v = Values(joint.values[0], joint.values[1]);
+        let middle = joint.middle;
+        let model = joint.model;
         var d = gradient_of(part);
         d.real += vec4f(0.0, cross(d.dual.yzw, middle));
         let g = motion_adjoint(v, model, d);
@@ -147,18 +143,15 @@ fn update_joints(@builtin(local_invocation_index) lane: u32) {
             let units = units_of(model);
             let rate = step.joint_rate;
             let corrections = step.joint_corrections;
-            var m = Values(joints[at + 2u], joints[at + 3u]);
-            var s = Values(joints[at + 4u], joints[at + 5u]);
-            m = Values(m.a + 0.1 * (g.a - m.a), m.b + 0.1 * (g.b - m.b));
-            s = Values(s.a + 0.001 * (g.a * g.a - s.a), s.b + 0.001 * (g.b * g.b - s.b));
-            v.a -= rate * units.a * (m.a / corrections.x) / (sqrt(s.a / corrections.y) + 1e-15);
-            v.b -= rate * units.b * (m.b / corrections.x) / (sqrt(s.b / corrections.y) + 1e-15);
-            joints[at] = v.a;
-            joints[at + 1u] = v.b;
-            joints[at + 2u] = m.a;
-            joints[at + 3u] = m.b;
-            joints[at + 4u] = s.a;
-            joints[at + 5u] = s.b;
+            var m = Values(joint.first[0], joint.first[1]);
+            var s = Values(joint.second[0], joint.second[1]);
+            m = Values(m.a + ADAM_GAIN_1 * (g.a - m.a), m.b + ADAM_GAIN_1 * (g.b - m.b));
+            s = Values(s.a + ADAM_GAIN_2 * (g.a * g.a - s.a), s.b + ADAM_GAIN_2 * (g.b * g.b - s.b));
+            v.a -= rate * units.a * (m.a / corrections.x) / (sqrt(s.a / corrections.y) + ADAM_EPSILON);
+            v.b -= rate * units.b * (m.b / corrections.x) / (sqrt(s.b / corrections.y) + ADAM_EPSILON);
+            joints[part - 1u].values = array(v.a, v.b);
+            joints[part - 1u].first = array(m.a, m.b);
+            joints[part - 1u].second = array(s.a, s.b);
         }
         var moved = motion(v, model);
         moved.dual += vec4f(0.0, cross(middle, moved.real.yzw));

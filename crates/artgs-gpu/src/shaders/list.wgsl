@@ -12,11 +12,11 @@
 @group(0) @binding(8) var<storage, read_write> bucket_tiles: array<u32>;
 @group(0) @binding(9) var<storage, read_write> arguments: array<u32>;
 
-const THREADS: u32 = 256u;
+const THREADS: u32 = WIDE_GROUP;
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(THREADS)
 fn delimit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let i = group_index(group) * 256u + lane;
+    let i = group_index(group) * THREADS + lane;
     let total = control[TOTAL];
     if i >= total {
         return;
@@ -37,7 +37,7 @@ fn buckets_of(tile: u32) -> u32 {
 }
 
 // One workgroup: an exclusive prefix sum over tiles.
-@compute @workgroup_size(256)
+@compute @workgroup_size(THREADS)
 fn count_buckets(@builtin(local_invocation_index) lane: u32) {
     let tiles = step.tiles.x * step.tiles.y;
     var before = 0u;
@@ -56,15 +56,13 @@ fn count_buckets(@builtin(local_invocation_index) lane: u32) {
     }
     if lane == 0u {
         control[BUCKETS] = before;
-        arguments[8] = min(before, ROW);
-        arguments[9] = (before + ROW - 1u) / ROW;
-        arguments[10] = 1u;
+        set_arguments(BY_BUCKET, before);
     }
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(THREADS)
 fn name_buckets(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let tile = group_index(group) * 256u + lane;
+    let tile = group_index(group) * THREADS + lane;
     if tile >= step.tiles.x * step.tiles.y {
         return;
     }

@@ -11,15 +11,11 @@
 @group(0) @binding(7) var<storage, read_write> rests: array<f32>;
 @group(0) @binding(8) var<storage, read_write> sums: array<vec4f>;
 
-// Depth is divided by alpha only above this alpha.
-const MIN_ALPHA: f32 = 0.5;
-const COVERED: u32 = 128u;
-
 // Slopes of one channel around a tile, and their blur along rows.
-var<workgroup> around: array<vec3f, 676>;
-var<workgroup> rows: array<vec3f, 416>;
+var<workgroup> around: array<vec3f, REACH * REACH>;
+var<workgroup> rows: array<vec3f, REACH * TILE>;
 // Absolute and squared colour difference, depth term, difference of alpha.
-var<workgroup> terms: array<vec4f, 256>;
+var<workgroup> terms: array<vec4f, TILE_PIXELS>;
 
 // Blur of the three slopes of a channel at a pixel: by mean, by square, by product. Only windows in `rect` have slopes.
 fn blurred(channel: u32, corner: vec2i, local: vec2u, lane: u32) -> vec3f {
@@ -83,7 +79,7 @@ fn depth_term(p: u32, alpha: f32, by_depth: ptr<function, f32>, by_alpha: ptr<fu
     return log(1.0 + abs(r));
 }
 
-@compute @workgroup_size(16, 16)
+@compute @workgroup_size(TILE, TILE)
 fn compare(
     @builtin(workgroup_id) group: vec3u,
     @builtin(local_invocation_id) local: vec3u,
@@ -121,7 +117,7 @@ fn compare(
     }
     terms[lane] = found;
     workgroupBarrier();
-    for (var reach = 128u; reach > 0u; reach /= 2u) {
+    for (var reach = TILE_PIXELS / 2u; reach > 0u; reach /= 2u) {
         if lane < reach {
             terms[lane] += terms[lane + reach];
         }

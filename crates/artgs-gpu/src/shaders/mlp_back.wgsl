@@ -5,15 +5,15 @@
 // `[chunks][total]`.
 @group(0) @binding(4) var<storage, read_write> partial: array<f32>;
 
-const SIDE: u32 = 16u;
+const SIDE: u32 = PRODUCT_SIDE;
 const DEPTH_OF_TILE: u32 = 64u;
 // One more than the depth: neighbouring rows lie in different banks.
-const PITCH: u32 = 65u;
+const PITCH: u32 = DEPTH_OF_TILE + 1u;
 
-var<workgroup> left: array<f32, 1040>;
-var<workgroup> right: array<f32, 1040>;
+var<workgroup> left: array<f32, SIDE * PITCH>;
+var<workgroup> right: array<f32, SIDE * PITCH>;
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(WIDE_GROUP)
 fn products(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
     let each = (step.n + step.chunks - 1u) / step.chunks;
     let begin = group.x * each;

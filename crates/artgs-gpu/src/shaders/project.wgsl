@@ -47,9 +47,9 @@ fn flatten(i: u32, out: ptr<function, Flat>) -> bool {
     return true;
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(WIDE_GROUP)
 fn project(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let i = group_index(group) * 256u + lane;
+    let i = group_index(group) * WIDE_GROUP + lane;
     if i >= step.n {
         return;
     }

@@ -8,9 +8,9 @@
 @group(0) @binding(5) var<storage, read_write> control: array<u32>;
 @group(0) @binding(6) var<storage, read_write> arguments: array<u32>;
 
-const THREADS: u32 = 256u;
-const EACH: u32 = 8u;
-const BLOCK: u32 = 2048u;
+const THREADS: u32 = WIDE_GROUP;
+// Elements of a thread.
+const EACH: u32 = BLOCK / THREADS;
 
 // Intersections of the Gaussian at a rank of the order of depth.
 fn count_at(rank: u32) -> u32 {
@@ -20,7 +20,7 @@ fn count_at(rank: u32) -> u32 {
     return counts[order[rank]];
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(THREADS)
 fn reduce_blocks(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
     let begin = group.x * BLOCK + lane * EACH;
     var sum = 0u;
@@ -33,13 +33,7 @@ fn reduce_blocks(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_
     }
 }
 
-fn set_arguments(which: u32, groups: u32) {
-    arguments[4u * which] = min(groups, ROW);
-    arguments[4u * which + 1u] = (groups + ROW - 1u) / ROW;
-    arguments[4u * which + 2u] = 1u;
-}
-
-@compute @workgroup_size(256)
+@compute @workgroup_size(THREADS)
 fn scan_sums(@builtin(local_invocation_index) lane: u32) {
     let blocks = (step.n + BLOCK - 1u) / BLOCK;
     var before = 0u;
@@ -64,12 +58,12 @@ fn scan_sums(@builtin(local_invocation_index) lane: u32) {
         // Once there was no room nothing is drawn and nothing changes until the host has made room.
         let total = select(before, 0u, control[OVERFLOW] != 0u);
         control[TOTAL] = total;
-        set_arguments(0u, (total + BLOCK - 1u) / BLOCK);
-        set_arguments(1u, (total + 255u) / 256u);
+        set_arguments(BY_BLOCK, (total + BLOCK - 1u) / BLOCK);
+        set_arguments(BY_INTERSECTION, (total + WIDE_GROUP - 1u) / WIDE_GROUP);
     }
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(THREADS)
 fn apply(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
     let begin = group.x * BLOCK + lane * EACH;
     var sum = 0u;

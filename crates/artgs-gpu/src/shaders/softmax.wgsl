@@ -36,9 +36,9 @@ fn gumbel(bits: u32) -> f32 {
     return -log(select(-log(uniform_number), series, rest < 0.02));
 }
 
-@compute @workgroup_size(128)
+@compute @workgroup_size(GROUP)
 fn softmax(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let i = group.x * 128u + lane;
+    let i = group.x * GROUP + lane;
     let n = step.n;
     if i >= n {
         return;
@@ -82,7 +82,7 @@ fn softmax(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         real += w * motions[towards + 2u * k];
         dual += w * motions[towards + 2u * k + 1u];
     }
-    let size = max(length(real), 1e-12);
+    let size = max(length(real), MOTION_LENGTH_MIN);
     blended[3u * i] = real / size;
     blended[3u * i + 1u] = dual / size;
     blended[3u * i + 2u] = motions[towards + 2u * heaviest];

@@ -16,9 +16,9 @@
 // By squared distances, `[K][n]`.
 @group(0) @binding(10) var<storage, read_write> d_distances: array<f32>;
 
-@compute @workgroup_size(128)
+@compute @workgroup_size(GROUP)
 fn softmax_back(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let i = group.x * 128u + lane;
+    let i = group.x * GROUP + lane;
     let n = step.n;
     if i >= n {
         return;

@@ -1,9 +1,5 @@
-// Stable radix sort of pairs by four bits of their keys. Twin of `artgs_raster::sort`. Every thread owns consecutive pairs
+// Stable radix sort of pairs by `DIGIT_BITS` bits of their keys. Twin of `artgs_raster::sort`. Every thread owns consecutive pairs
 // and a column of counters, so nothing is atomic and the order is that of the input.
-
-struct Digit {
-    shift: u32,
-}
 
 @group(0) @binding(0) var<uniform> digit: Digit;
 @group(0) @binding(1) var<storage, read> lengths: array<u32>;
@@ -13,22 +9,23 @@ struct Digit {
 @group(0) @binding(5) var<storage, read_write> values_out: array<u32>;
 @group(0) @binding(6) var<storage, read_write> histogram: array<u32>;
 
-const THREADS: u32 = 128u;
-const EACH: u32 = 16u;
-const BLOCK: u32 = 2048u;
-const DIGITS: u32 = 16u;
+const THREADS: u32 = GROUP;
+// Pairs of a thread.
+const EACH: u32 = BLOCK / THREADS;
+// Threads that sum the counters of one digit.
+const THREADS_PER_DIGIT: u32 = THREADS / DIGITS;
 
 // Pairs with each digit that each thread owns, digit by digit.
-var<workgroup> counters: array<u32, 2048>;
-var<workgroup> partial: array<u32, 128>;
-var<workgroup> digit_starts: array<u32, 16>;
+var<workgroup> counters: array<u32, DIGITS * THREADS>;
+var<workgroup> partial: array<u32, THREADS>;
+var<workgroup> digit_starts: array<u32, DIGITS>;
 
 fn block_count() -> u32 {
     return (lengths[0] + BLOCK - 1u) / BLOCK;
 }
 
 fn digit_of(key: u32) -> u32 {
-    return (key >> digit.shift) & 15u;
+    return (key >> digit.shift) & (DIGITS - 1u);
 }
 
 fn count_own(block: u32, lane: u32) {
@@ -42,29 +39,29 @@ fn count_own(block: u32, lane: u32) {
     }
     workgroupBarrier();
     var sum = 0u;
-    for (var k = 0u; k < EACH; k++) {
-        sum += counters[lane * EACH + k];
+    for (var k = 0u; k < DIGITS; k++) {
+        sum += counters[lane * DIGITS + k];
     }
     partial[lane] = sum;
     workgroupBarrier();
 }
 
-@compute @workgroup_size(128)
+@compute @workgroup_size(THREADS)
 fn count(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
     let block = group_index(group);
     let blocks = block_count();
     count_own(block, lane);
     if lane < DIGITS && block < blocks {
         var sum = 0u;
-        for (var k = 0u; k < 8u; k++) {
-            sum += partial[lane * 8u + k];
+        for (var k = 0u; k < THREADS_PER_DIGIT; k++) {
+            sum += partial[lane * THREADS_PER_DIGIT + k];
         }
         histogram[lane * blocks + block] = sum;
     }
 }
 
 // One workgroup: exclusive prefix sum of the histogram.
-@compute @workgroup_size(128)
+@compute @workgroup_size(THREADS)
 fn scan_digits(@builtin(local_invocation_index) lane: u32) {
     let length = DIGITS * block_count();
     var before = 0u;
@@ -90,14 +87,14 @@ fn scan_digits(@builtin(local_invocation_index) lane: u32) {
     }
 }
 
-@compute @workgroup_size(128)
+@compute @workgroup_size(THREADS)
 fn scatter(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
     let block = group_index(group);
     let blocks = block_count();
     count_own(block, lane);
     var at = exclusive(lane, partial[lane]);
-    for (var k = 0u; k < EACH; k++) {
-        let i = lane * EACH + k;
+    for (var k = 0u; k < DIGITS; k++) {
+        let i = lane * DIGITS + k;
         let own = counters[i];
         counters[i] = at;
         at += own;

@@ -7,16 +7,13 @@
 @group(0) @binding(3) var<storage, read_write> slopes: array<f32>;
 @group(0) @binding(4) var<storage, read_write> sums: array<vec4f>;
 
-const C1: f32 = 0.0001;
-const C2: f32 = 0.0009;
-
 // Pixels of a tile and half a window around it: rendering and photograph.
-var<workgroup> pixels: array<vec2f, 676>;
+var<workgroup> pixels: array<vec2f, REACH * REACH>;
 // Blurred along rows: x, y, x^2 + y^2, x y.
-var<workgroup> rows: array<vec4f, 416>;
-var<workgroup> similarities: array<f32, 256>;
+var<workgroup> rows: array<vec4f, REACH * TILE>;
+var<workgroup> similarities: array<f32, TILE_PIXELS>;
 
-@compute @workgroup_size(16, 16)
+@compute @workgroup_size(TILE, TILE)
 fn slope(
     @builtin(workgroup_id) group: vec3u,
     @builtin(local_invocation_id) local: vec3u,
@@ -51,10 +48,10 @@ fn slope(
     }
     let product = m.x * m.y;
     let squares = m.x * m.x + m.y * m.y;
-    let a1 = 2.0 * product + C1;
-    let a2 = 2.0 * (m.w - product) + C2;
-    let r1 = 1.0 / (squares + C1);
-    let r2 = 1.0 / (m.z - squares + C2);
+    let a1 = 2.0 * product + SSIM_C1;
+    let a2 = 2.0 * (m.w - product) + SSIM_C2;
+    let r1 = 1.0 / (squares + SSIM_C1);
+    let r2 = 1.0 / (m.z - squares + SSIM_C2);
     let value = a1 * a2 * r1 * r2;
     let window = step.rect.xy + group.xy * TILE + local.xy;
     let inside = all(window < step.rect.zw);
@@ -67,7 +64,7 @@ fn slope(
     }
     similarities[lane] = select(0.0, value, inside);
     workgroupBarrier();
-    for (var reach = 128u; reach > 0u; reach /= 2u) {
+    for (var reach = TILE_PIXELS / 2u; reach > 0u; reach /= 2u) {
         if lane < reach {
             similarities[lane] += similarities[lane + reach];
         }

@@ -10,17 +10,17 @@
 // `[K][chunks][5]`: by the vector before scaling, by log scales, and the products of the former with `x - centre`, row by row.
 @group(0) @binding(6) var<storage, read_write> partial: array<vec4f>;
 
-var<workgroup> sums: array<array<vec3f, 5>, 128>;
+var<workgroup> sums: array<array<vec3f, FRAME_SUMS>, GROUP>;
 
-@compute @workgroup_size(128)
+@compute @workgroup_size(GROUP)
 fn sum_frames(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
     let n = step.n;
     let each = (n + step.chunks - 1u) / step.chunks;
     let end = min((group.x + 1u) * each, n);
     let f = 4u * group.y;
     let inverse_scale = vec3f(frames[f + 1u].w, frames[f + 2u].w, frames[f + 3u].w);
-    var own: array<vec3f, 5>;
-    for (var i = group.x * each + lane; i < end; i += 128u) {
+    var own: array<vec3f, FRAME_SUMS>;
+    for (var i = group.x * each + lane; i < end; i += GROUP) {
         let at = f * n + i;
         let here = vec3f(inputs[at], inputs[at + n], inputs[at + 2u * n]);
         let norm = inputs[at + 3u * n];
@@ -39,15 +39,15 @@ fn sum_frames(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
     }
     sums[lane] = own;
     workgroupBarrier();
-    for (var reach = 64u; reach > 0u; reach /= 2u) {
+    for (var reach = GROUP / 2u; reach > 0u; reach /= 2u) {
         if lane < reach {
-            for (var q = 0u; q < 5u; q++) {
+            for (var q = 0u; q < FRAME_SUMS; q++) {
                 sums[lane][q] += sums[lane + reach][q];
             }
         }
         workgroupBarrier();
     }
-    if lane < 5u {
-        partial[5u * (group.y * step.chunks + group.x) + lane] = vec4f(sums[0][lane], 0.0);
+    if lane < FRAME_SUMS {
+        partial[FRAME_SUMS * (group.y * step.chunks + group.x) + lane] = vec4f(sums[0][lane], 0.0);
     }
 }

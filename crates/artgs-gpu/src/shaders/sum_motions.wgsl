@@ -7,17 +7,17 @@
 @group(0) @binding(3) var<storage, read> weights: array<f32>;
 @group(0) @binding(4) var<storage, read_write> partial: array<vec4f>;
 
-var<workgroup> reals: array<vec4f, 256>;
-var<workgroup> duals: array<vec4f, 256>;
+var<workgroup> reals: array<vec4f, WIDE_GROUP>;
+var<workgroup> duals: array<vec4f, WIDE_GROUP>;
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(WIDE_GROUP)
 fn sum_motions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
     let each = (step.n + step.chunks - 1u) / step.chunks;
     let end = min((group.x + 1u) * each, step.n);
     var real = vec4f(0.0);
     var dual = vec4f(0.0);
     let weighted = has(step.flags, WEIGHTED);
-    for (var i = group.x * each + lane; i < end; i += 256u) {
+    for (var i = group.x * each + lane; i < end; i += WIDE_GROUP) {
         if weighted {
             let w = weights[group.y * step.n + i];
             real += w * d_motions[2u * i];
@@ -30,7 +30,7 @@ fn sum_motions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
     reals[lane] = real;
     duals[lane] = dual;
     workgroupBarrier();
-    for (var reach = 128u; reach > 0u; reach /= 2u) {
+    for (var reach = WIDE_GROUP / 2u; reach > 0u; reach /= 2u) {
         if lane < reach {
             reals[lane] += reals[lane + reach];
             duals[lane] += duals[lane + reach];

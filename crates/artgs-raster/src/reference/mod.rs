@@ -1,7 +1,8 @@
-//! A slow, plain rasteriser in f64 without tiles, and its derivatives by finite differences: the oracle of the tests.
+//! A slow rasteriser in f64 without tiles, and its derivatives by finite differences: the reference of the tests.
 
 mod project;
 
+use crate::limits;
 use crate::{Colors, Frame, FrameGrad, RenderOptions, SplatGrads, SplatView};
 use artgs_core::Camera;
 use glam::{DVec2, DVec3};
@@ -10,12 +11,12 @@ use project::{Flat, Raw};
 #[cfg(test)]
 pub(crate) use project::harmonic;
 
-const ALPHA_MAX: f64 = 0.99;
+const ALPHA_MAX: f64 = limits::ALPHA_MAX as f64;
 const ALPHA_MIN: f64 = 1.0 / 255.0;
-const TRANSMITTANCE_MIN: f64 = 1e-4;
+const TRANSMITTANCE_MIN: f64 = limits::TRANSMITTANCE_MIN as f64;
 const STEP: f64 = 1e-5;
 
-/// A rendering that also says where it can be trusted.
+/// A rendering with the margins of its decisions.
 #[derive(Clone, Debug)]
 pub struct Checked {
     /// The rendering.
@@ -25,14 +26,14 @@ pub struct Checked {
     pub margin: Vec<f64>,
 }
 
-/// What a pixel was made of: the Gaussians that passed every test, front to back.
+/// The Gaussians that contribute to each pixel, front to back.
 struct Plan {
     flats: Vec<Option<Flat>>,
     members: Vec<Vec<u32>>,
     margin: Vec<f64>,
 }
 
-/// Renders every pixel by walking over all Gaussians in order of depth.
+/// Renders every pixel by blending all Gaussians in order of depth.
 pub fn render(splats: SplatView<'_>, camera: &Camera, options: &RenderOptions) -> Frame {
     render_checked(splats, camera, options).frame
 }
@@ -54,8 +55,8 @@ pub fn render_checked(splats: SplatView<'_>, camera: &Camera, options: &RenderOp
     Checked { frame, margin: plan.margin }
 }
 
-/// Derivatives of `sum(d_frame * frame)` by central differences of step 1e-5, the decisions (order of depth, alpha
-/// cut, stop, clamp of colours) held as they are. Every field of the result is filled.
+/// Derivatives of `sum(d_frame * frame)` by central differences of step 1e-5, with fixed decisions (order of
+/// depth, alpha cut, stop, clamp of colours). Every field of the result is filled.
 pub fn gradients(splats: SplatView<'_>, camera: &Camera, options: &RenderOptions, d_frame: &FrameGrad) -> SplatGrads {
     let mut raws = read(&splats, options);
     let plan = Plan::new(&raws, camera, options);
@@ -120,7 +121,8 @@ impl Flat {
     fn radius(&self) -> f64 {
         let c = &self.covariance;
         let half_trace = 0.5 * (c.x_axis.x + c.y_axis.y);
-        (3.0 * (half_trace + (half_trace * half_trace - c.determinant()).max(0.1).sqrt()).sqrt()).ceil()
+        let spread = (half_trace * half_trace - c.determinant()).max(limits::RADIUS_SPREAD_MIN.into()).sqrt();
+        (f64::from(limits::RADIUS_DEVIATIONS) * (half_trace + spread).sqrt()).ceil()
     }
 }
 

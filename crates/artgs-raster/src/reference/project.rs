@@ -1,5 +1,6 @@
-//! One Gaussian through the camera in f64, by full matrices.
+//! Projection of one Gaussian in f64, with full matrices.
 
+use crate::limits::JACOBIAN_MARGIN;
 use crate::{Colors, RenderOptions, SplatView};
 use artgs_core::Camera;
 use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
@@ -29,7 +30,7 @@ pub(super) struct Flat {
     pub(super) depth: f64,
     /// Before the clamp at zero.
     pub(super) color: DVec3,
-    /// 1 where the clamp lets a channel through, 0 where it does not.
+    /// 1 where the clamp passes a channel unchanged, 0 where it does not.
     pub(super) shown: DVec3,
 }
 
@@ -58,7 +59,7 @@ impl Raw {
         }
     }
 
-    /// Perspective projection with the local affine approximation of EWA; `None` in front of the near plane.
+    /// Perspective projection with the local affine approximation of EWA; `None` nearer than the near plane.
     pub(super) fn project(&self, camera: &Camera, options: &RenderOptions) -> Option<Flat> {
         let mean = DVec3::from(self.mean);
         let p = camera.world_to_camera.apply(mean);
@@ -67,9 +68,8 @@ impl Raw {
         }
         let k = &camera.intrinsics;
         let (width, height) = (f64::from(k.width), f64::from(k.height));
-        // 1.3 tan(fov / 2) about a centred principal point: the image plus 30 % of its half width on each side.
         let limit = |x: f64, c: f64, f: f64, size: f64| {
-            let extra = 0.15 * size / f;
+            let extra = JACOBIAN_MARGIN * size / f;
             x.clamp(-c / f - extra, (size - c) / f + extra)
         };
         let u = limit(p.x / p.z, k.cx, k.fx, width);
@@ -91,7 +91,7 @@ impl Raw {
             DVec2::new(full.y_axis.x, full.y_axis.y + blur),
         );
         let color = self.shade((mean - camera.position()).normalize());
-        let open = |c: f64| if c > 0.0 || self.degree.is_none() { 1.0 } else { 0.0 };
+        let passes = |c: f64| if c > 0.0 || self.degree.is_none() { 1.0 } else { 0.0 };
         Some(Flat {
             center: DVec2::new(k.fx * p.x / p.z + k.cx, k.fy * p.y / p.z + k.cy),
             conic: covariance.inverse(),
@@ -99,7 +99,7 @@ impl Raw {
             opacity: 1.0 / (1.0 + (-self.logit_opacity).exp()),
             depth: p.z,
             color,
-            shown: DVec3::new(open(color.x), open(color.y), open(color.z)),
+            shown: DVec3::new(passes(color.x), passes(color.y), passes(color.z)),
         })
     }
 

@@ -1,4 +1,4 @@
-//! Random scenes for the tests, and comparisons with the oracle.
+//! Random scenes for the tests, and comparisons with the reference.
 #![allow(dead_code, unreachable_pub, missing_docs)]
 
 use artgs_core::{Camera, Intrinsics, Splats};
@@ -35,7 +35,7 @@ pub fn options(background: [f32; 3]) -> RenderOptions {
     RenderOptions { background, near: 0.2, ..RenderOptions::default() }
 }
 
-/// Random gradient of every plane; zero where `keep` says no.
+/// Random gradient of every plane; zero where `keep` is false.
 pub fn d_frame(rng: &mut Pcg64Mcg, size: usize, keep: impl Fn(usize) -> bool) -> FrameGrad {
     let mut plane = |n: usize| -> Vec<f32> {
         (0..n).map(|i| rng.random_range(-1.0..1.0f32) * f32::from(u8::from(keep(i % size)))).collect()
@@ -91,7 +91,7 @@ pub fn assert_gradients_agree(view: SplatView<'_>, camera: &Camera, options: &Re
         let scale = want.iter().map(|x| x.abs()).sum::<f32>() / want.len().max(1) as f32;
         for (i, (a, b)) in got.iter().zip(want).enumerate() {
             if name == "radii" && *a == 0.0 {
-                // The oracle asks whether a pixel was reached, the rasteriser whether a tile was.
+                // The reference counts Gaussians that reach a pixel, the rasteriser those that reach a tile.
                 assert_eq!(*b, 0.0, "{what}: radius {i}");
             } else if name != "radii" || *b > 0.0 {
                 assert!(

@@ -5,6 +5,7 @@ use crate::fit::{
     AdamConfig, DensifyConfig, DepthMode, DepthPick, LogLinear, LossConfig, PlateauConfig, RateConfig, SingleConfig,
     TrainConfig,
 };
+use artgs_raster::low_level::TRAINING_NEAR;
 use serde::{Deserialize, Serialize};
 
 /// Settings of the joint optimisation. The default is a short run from a good start: fixed labels and joints.
@@ -117,7 +118,7 @@ impl ArticulateConfig {
             with_replacement: self.with_replacement,
             extent,
             depth_unit: self.length_unit(half_side) as f32,
-            near: (0.05 * half_side) as f32,
+            near: (TRAINING_NEAR * half_side) as f32,
             plateau: self.plateau,
         }
     }

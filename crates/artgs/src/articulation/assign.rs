@@ -19,8 +19,8 @@ use serde::{Deserialize, Serialize};
 const BLOCKS: usize = 8;
 const CHUNK: usize = BLOCKS * LANES;
 /// Numbers per part: centre, log-scales, quaternion (w, x, y, z).
-const FRAME: usize = 10;
-const OPACITY_FLOOR: f64 = 1e-5;
+pub(crate) const FRAME: usize = 10;
+pub(crate) const OPACITY_FLOOR: f64 = 1e-5;
 
 /// What decides which part a Gaussian belongs to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

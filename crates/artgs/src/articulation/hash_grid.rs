@@ -31,11 +31,13 @@ impl Default for HashGridConfig {
     }
 }
 
+/// Factors of the second and third coordinate in the hash of a grid point.
+pub(crate) const PRIMES: [u32; 2] = [2_654_435_761, 805_459_861];
 const UNTOUCHED: u32 = u32::MAX;
 /// Moments below this are set to zero: they would decay into slow denormal numbers.
-const FLUSH: f32 = 1e-30;
+pub(crate) const FLUSH: f32 = 1e-30;
 /// Gradients below this are taken for zero: Adam adds 1e-15 to their size before it divides by it.
-const NEGLIGIBLE: f32 = 1e-18;
+pub(crate) const NEGLIGIBLE: f32 = 1e-18;
 /// Steps after which an entry without gradients has come to rest: 0.9 to this power is 5e-8.
 const REST: usize = 160;
 /// Points that are looked up together: a table is larger than the caches, and reading many entries before using any
@@ -178,7 +180,7 @@ impl Level {
         let entries = std::array::from_fn(|corner| {
             let [x, y, z] = std::array::from_fn(|a| low[a].wrapping_add(bit(corner, a)));
             let key = if self.hashed {
-                x ^ y.wrapping_mul(2_654_435_761) ^ z.wrapping_mul(805_459_861)
+                x ^ y.wrapping_mul(PRIMES[0]) ^ z.wrapping_mul(PRIMES[1])
             } else {
                 x.wrapping_add(y.wrapping_mul(self.stride[0])).wrapping_add(z.wrapping_mul(self.stride[1]))
             };

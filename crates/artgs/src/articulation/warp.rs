@@ -10,6 +10,8 @@ use rayon::prelude::*;
 
 /// Gaussians per task. Fixed, so that sums do not depend on the number of threads.
 const CHUNK: usize = 1024;
+/// Least length of a sum of weighted motions that is divided by it.
+pub(crate) const LENGTH_MIN: f64 = 1e-12;
 
 /// A rigid motion as two quaternions (w, x, y, z), or the gradient with respect to one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -116,7 +118,7 @@ struct Blend {
 
 impl Blend {
     fn new(sum: DualQuaternion) -> Self {
-        let length = dot(sum.real, sum.real).sqrt().max(1e-12);
+        let length = dot(sum.real, sum.real).sqrt().max(LENGTH_MIN);
         Self { r: sum.real.map(|c| c / length), s: sum.dual.map(|c| c / length), length }
     }
 

@@ -4,6 +4,7 @@ use super::densify::logit;
 use super::images::TrainImage;
 use super::{FitError, region::Region};
 use artgs_core::Splats;
+use artgs_raster::low_level::SH_C0;
 use glam::{DVec2, DVec3, Quat, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::{Matrix3, SymmetricEigen};
@@ -12,9 +13,6 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::num::NonZero;
-
-/// The constant harmonic.
-const SH_DC: f32 = 0.282_094_79;
 
 /// Random start.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -79,7 +77,7 @@ pub fn random_box(
     let mut point = || std::array::from_fn(|i| (centre[i] + half[i] * (2.0 * rng.random::<f64>() - 1.0)) as f32);
     let means: Vec<[f32; 3]> = (0..config.count).map(|_| point()).collect();
     let colors: Vec<[f32; 3]> =
-        (0..config.count).map(|_| std::array::from_fn(|_| 0.5 + SH_DC * rng.random::<f32>() / 255.0)).collect();
+        (0..config.count).map(|_| std::array::from_fn(|_| 0.5 + SH_C0 * rng.random::<f32>() / 255.0)).collect();
     let scales = neighbour_distances(&means, (half.max_element() * 1e-4) as f32)?;
     Ok(isotropic(means, &colors, &scales, config.opacity, sh_degree))
 }
@@ -221,7 +219,7 @@ fn isotropic(means: Vec<[f32; 3]>, colors: &[[f32; 3]], scales: &[f32], opacity:
     splats.sh = vec![0.0; n * stride];
     for (sh, color) in splats.sh.chunks_exact_mut(stride).zip(colors) {
         for c in 0..3 {
-            sh[c] = (color[c] - 0.5) / SH_DC;
+            sh[c] = (color[c] - 0.5) / SH_C0;
         }
     }
     splats
@@ -304,7 +302,7 @@ mod tests {
             let normal = Quat::from_xyzw(x, y, z, w) * Vec3::Z;
             upright += usize::from(normal.z.abs() > 0.999);
             assert!((splats.log_scales[i][2] - splats.log_scales[i][0] - 0.2_f32.ln()).abs() < 1e-5);
-            let color = |c: usize| 0.5 + SH_DC * splats.sh[i * 12 + c];
+            let color = |c: usize| 0.5 + SH_C0 * splats.sh[i * 12 + c];
             assert!((color(0) - 1.0).abs() < 1e-5 && color(1).abs() < 1e-5 && (color(2) - 0.2).abs() < 1e-5);
         }
         assert_eq!(upright, splats.len());

@@ -86,7 +86,7 @@ impl LossTerms {
 /// Fewer valid depths than this and the published depth loss is skipped.
 pub const MIN_VALID_DEPTHS: usize = 100;
 /// Depth is divided by alpha only above this alpha.
-const MIN_ALPHA: f32 = 0.5;
+pub(crate) const MIN_ALPHA: f32 = 0.5;
 
 /// Workspace that turns a rendering and a photograph into a loss and the gradient of the loss.
 #[derive(Clone, Debug, Default)]

@@ -12,6 +12,7 @@ use super::loss::{DepthMode, LossConfig};
 use super::region::Region;
 use super::train::{RunPlan, train};
 use artgs_core::{Splats, View};
+use artgs_raster::low_level::TRAINING_NEAR;
 use glam::DVec3;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -171,7 +172,7 @@ pub fn fit_single(
         with_replacement: config.with_replacement,
         extent,
         depth_unit: region.half_side() as f32,
-        near: (0.05 * region.half_side()) as f32,
+        near: (TRAINING_NEAR * region.half_side()) as f32,
         plateau: config.plateau,
     };
     let mut backend = devices.backend(images, train, seed.wrapping_add(1))?;

@@ -9,17 +9,17 @@ use artgs_raster::simd::level;
 use fearless_simd::{dispatch, prelude::*};
 use rayon::prelude::*;
 
-const TAPS: usize = 11;
+pub(crate) const TAPS: usize = 11;
 const HALF: usize = TAPS / 2;
-const C1: f32 = 0.01 * 0.01;
-const C2: f32 = 0.03 * 0.03;
+pub(crate) const C1: f32 = 0.01 * 0.01;
+pub(crate) const C2: f32 = 0.03 * 0.03;
 /// Rows of gradient per task; fixed, so that results do not depend on the number of threads.
 const BAND: usize = 128;
 /// Row buffers are padded to a multiple of this many floats, two of the widest vectors.
 const PAD: usize = 32;
 
 /// Weights of the window along one axis, sum 1.
-fn window() -> [f32; TAPS] {
+pub(crate) fn window() -> [f32; TAPS] {
     let w: [f64; TAPS] = std::array::from_fn(|i| (-((i as f64 - HALF as f64) / 1.5).powi(2) / 2.0).exp());
     let sum: f64 = w.iter().sum();
     w.map(|v| (v / sum) as f32)

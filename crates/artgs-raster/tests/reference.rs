@@ -1,4 +1,4 @@
-//! The fast rasteriser against the f64 oracle.
+//! The fast rasteriser against the f64 reference.
 
 mod common;
 
@@ -7,7 +7,7 @@ use common::{assert_frames_agree, assert_gradients_agree, camera, options, rng, 
 use rand::RngExt;
 
 #[test]
-fn frames_agree_with_the_oracle() {
+fn frames_agree_with_the_reference() {
     for seed in 0..24 {
         let s = splats(&mut rng(seed), 12 + 6 * seed as usize, seed as usize % 4);
         let background = if seed % 2 == 0 { [0.0; 3] } else { [0.9, 0.2, 0.5] };
@@ -16,7 +16,7 @@ fn frames_agree_with_the_oracle() {
 }
 
 #[test]
-fn gradients_agree_with_the_oracle_for_every_degree() {
+fn gradients_agree_with_the_reference_for_every_degree() {
     for seed in 0..8 {
         let s = splats(&mut rng(100 + seed), 18, seed as usize % 4);
         assert_gradients_agree((&s).into(), &camera(), &options([0.3, 0.6, 0.1]), seed, &format!("seed {seed}"));
@@ -24,7 +24,7 @@ fn gradients_agree_with_the_oracle_for_every_degree() {
 }
 
 #[test]
-fn gradients_agree_with_the_oracle_below_the_stored_degree() {
+fn gradients_agree_with_the_reference_below_the_stored_degree() {
     let s = splats(&mut rng(7), 14, 3);
     for sh_degree in 0..3 {
         let options = RenderOptions { sh_degree, ..options([0.0; 3]) };
