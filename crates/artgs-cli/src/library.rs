@@ -4,12 +4,11 @@ use crate::args::Preset;
 use crate::failure::Failure;
 use crate::output::Report;
 use artgs::ablation;
-use artgs::discover::FoundPart;
 use artgs::evaluate::pictures::has_splats;
 use artgs::evaluate::{Lpips, PictureReport, Scores, score_replica};
 use artgs::fit::{Devices, FitError};
 use artgs::observer::Observer;
-use artgs_core::Capture;
+use artgs_core::{Capture, JointEstimate};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -91,12 +90,13 @@ pub(crate) fn find_parts(
     observer: &mut dyn Observer,
 ) -> Result<Report, Failure> {
     let found = artgs::run::find_parts(capture, out, config, resume, devices, observer).map_err(failure)?;
-    let kind = |p: &FoundPart| serde_json::to_value(p.kind).unwrap_or_default();
-    let sure = |p: &FoundPart| {
+    let kind = |p: &JointEstimate| serde_json::to_value(p.kind).unwrap_or_default();
+    let sure = |p: &JointEstimate| {
         p.confidence.map_or(String::new(), |c| format!(", {:.0} % of its points fit", (100.0 * c).floor()))
     };
-    let line =
-        |(k, p): (usize, &FoundPart)| format!("part {}: {}{}\n", k + 1, kind(p).as_str().unwrap_or_default(), sure(p));
+    let line = |(k, p): (usize, &JointEstimate)| {
+        format!("part {}: {}{}\n", k + 1, kind(p).as_str().unwrap_or_default(), sure(p))
+    };
     let text = found.parts.iter().enumerate().map(line).collect();
     let told = found.parts.iter().map(|p| json!({ "type": kind(p), "confidence": p.confidence }));
     Ok(Report { text, json: json!({ "parts": told.collect::<Value>(), "warnings": found.warnings }) })

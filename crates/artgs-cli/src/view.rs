@@ -9,8 +9,8 @@ use crate::library;
 use crate::output::{note, say};
 use crate::rerun;
 use anyhow::Context;
-use artgs::discover::{DiscoverConfig, FoundPart, glimpse};
-use artgs_core::{Capture, Joint, STATE_NAMES};
+use artgs::discover::{DiscoverConfig, glimpse};
+use artgs_core::{Capture, Joint, JointEstimate, STATE_NAMES};
 use artgs_physical::Up;
 use artgs_view::{CameraView, Cloud, Page, Placement, Server, ViewError, export_page};
 use glam::DVec3;
@@ -96,12 +96,12 @@ fn found(out: &Path, photos: Option<&Path>, style: Style) -> Result<Page, Failur
     let unreadable = || Failure::bad(format!("{}: stages cannot be read; start afresh with --force", out.display()));
     let found = artgs::run::found(out).ok_or_else(unreadable)?;
     let name = out.file_name().map_or("run".into(), |n| n.to_string_lossy().into_owned());
-    let joint = |(k, part): (usize, &FoundPart)| {
+    let joint = |(k, part): (usize, &JointEstimate)| {
         let own =
             found.clouds[0].points.iter().zip(&found.labels[0]).filter(|(_, label)| usize::from(**label) == k + 1);
         let own: Vec<DVec3> = own.map(|(p, _)| p.as_dvec3()).collect();
         let middle = own.iter().sum::<DVec3>() / own.len().max(1) as f64;
-        (Joint::from_motion(part.kind, &part.motion).with_origin_near(middle), part.confidence)
+        (part.joint_near(middle), part.confidence)
     };
     let joints: Vec<(Joint, Option<f64>)> = found.parts.iter().enumerate().map(joint).collect();
     let placement = Placement::default();

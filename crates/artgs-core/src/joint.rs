@@ -76,6 +76,33 @@ impl Joint {
     }
 }
 
+/// What is known of the joint of one movable part, from discovery to export.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JointEstimate {
+    /// Type of the joint.
+    pub kind: JointKind,
+    /// Motion from start to end, world frame.
+    pub motion: Rigid,
+    /// Root mean square distance between the registered surfaces, scene units; none where too little of the part was
+    /// seen to register it.
+    pub rms: Option<f64>,
+    /// How certain the joint is, 0 to 1; none where nothing tells.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub confidence: Option<f64>,
+}
+
+impl JointEstimate {
+    /// An estimate without measures of its quality.
+    pub fn new(kind: JointKind, motion: Rigid) -> Self {
+        Self { kind, motion, rms: None, confidence: None }
+    }
+
+    /// The joint, with value 0 at the start and its origin near `point` (world frame).
+    pub fn joint_near(&self, point: DVec3) -> Joint {
+        Joint::from_motion(self.kind, &self.motion).with_origin_near(point)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -17,7 +17,7 @@ pub use asset::{Asset, AssetJoint, AssetLink, Inertial, Texture, TexturedMesh};
 pub use camera::{Camera, Intrinsics};
 pub use capture::{Capture, StateViews, View};
 pub use depth::DepthMap;
-pub use joint::{Joint, JointKind};
+pub use joint::{Joint, JointEstimate, JointKind};
 pub use mesh::Mesh;
 pub use replica::{Replica, ReplicaError};
 pub use rigid::Rigid;

@@ -14,7 +14,7 @@ pub mod register;
 mod scene;
 pub mod select;
 
-use artgs_core::{Joint, JointKind, Rigid};
+use artgs_core::{Joint, JointEstimate, JointKind, Rigid};
 pub use correct::{CorrectError, correct};
 use field::Field;
 use glam::Vec3;
@@ -58,28 +58,6 @@ impl Default for DiscoverConfig {
     }
 }
 
-/// A movable part as discovery sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FoundPart {
-    /// Type of the joint.
-    pub kind: JointKind,
-    /// Motion from start to end, on the joint.
-    pub motion: Rigid,
-    /// Root mean square distance between the registered surfaces, scene units; not a number where too little of the part
-    /// was seen to register it.
-    #[serde(deserialize_with = "number_or_none")]
-    pub rms: f64,
-    /// Share of the part's points that the motion takes onto a surface of the other state, of those that it takes where
-    /// that state is seen; none where that was not looked at, or too few points are in view there.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub confidence: Option<f64>,
-}
-
-/// JSON has no number that is none: it is written as null.
-fn number_or_none<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
-    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
-}
-
 /// Labelled surface points of both states and the motions of the parts.
 #[derive(Clone, Debug, Default)]
 pub struct Discovery {
@@ -88,7 +66,7 @@ pub struct Discovery {
     /// Part of every point; 0 is static.
     pub labels: [Vec<u16>; 2],
     /// Parts 1.., largest first.
-    pub parts: Vec<FoundPart>,
+    pub parts: Vec<JointEstimate>,
     /// Diagonal of the object's bounding box, scene units.
     pub diagonal: f64,
     /// Distance between neighbouring points, scene units.
@@ -173,7 +151,7 @@ impl Seen {
     fn told(
         &self,
         scene: &Scene,
-        mut parts: Vec<FoundPart>,
+        mut parts: Vec<JointEstimate>,
         labels: [Vec<u16>; 2],
         mut warnings: Vec<String>,
     ) -> Discovery {
@@ -195,12 +173,9 @@ fn settle(
     motions: &[Rigid],
     kinds: &[Option<JointKind>],
     config: &DiscoverConfig,
-) -> (Vec<FoundPart>, [Vec<u16>; 2]) {
+) -> (Vec<JointEstimate>, [Vec<u16>; 2]) {
     let clouds = [search[0].cloud, search[1].cloud];
-    let mut parts: Vec<FoundPart> = motions
-        .iter()
-        .map(|m| FoundPart { kind: JointKind::Screw, motion: *m, rms: f64::NAN, confidence: None })
-        .collect();
+    let mut parts: Vec<JointEstimate> = motions.iter().map(|m| JointEstimate::new(JointKind::Screw, *m)).collect();
     let graphs = clouds.map(|c| label::neighbour_graph(&c.points, &c.normals, &c.colors, 10, scene.scales.spacing));
     let mut labels = [Vec::new(), Vec::new()];
     for round in 0..config.rounds.max(1) {
@@ -219,7 +194,7 @@ fn doubts(
     clouds: [&Cloud; 2],
     labels: &[Vec<u16>; 2],
     moved: &[Vec<usize>; 2],
-    parts: &[FoundPart],
+    parts: &[JointEstimate],
     tolerance: f32,
 ) -> Vec<String> {
     /// On clean captures with the right number of parts it is less than 0.002; with one part too few 0.013 and more.
@@ -247,7 +222,8 @@ fn doubts(
     said
 }
 
-/// See [`FoundPart::confidence`]; `motion` leads from start to end.
+/// Share of a part's points that `motion` (start to end) takes onto a surface of the other state, of those that it takes
+/// where that state is seen; none where too few points are in view there.
 pub(crate) fn borne_out(scene: &Scene, labels: &[Vec<u16>; 2], part: u16, motion: &Rigid) -> Option<f64> {
     /// With fewer points in view the share says nothing.
     const FEW: usize = 24;
@@ -309,7 +285,7 @@ pub fn undiscovered(scene: &Scene) -> Discovery {
 
 /// Registers the points of one part; in the last round decides its joint, if asked to, and stays on it.
 fn refine(
-    part: &mut FoundPart,
+    part: &mut JointEstimate,
     clouds: [&Cloud; 2],
     labels: &[Vec<u16>; 2],
     label: u16,
@@ -336,13 +312,13 @@ fn refine(
     let (iterations, max_points) = if last { (20, 20_000) } else { (12, 4000) };
     let options = RegisterOptions { first_reach: 3.0 * spacing, last_reach: spacing, iterations, max_points };
     let free = register::register(Match::mutual(&points[0], &points[1]), part.motion, None, &options);
-    *part = FoundPart { kind: JointKind::Screw, motion: free.motion, rms: free.rms, confidence: None };
+    *part = JointEstimate { kind: JointKind::Screw, motion: free.motion, rms: free.rms, confidence: None };
     if last && config.decide_joints {
         let (kind, fit) = match known {
             Some(kind) => (kind, on_joint(&points, &free, kind, &options)),
             None => choose_joint(&points, &free, &options, config.revolute_deg),
         };
-        *part = FoundPart { kind, motion: fit.motion, rms: fit.rms, confidence: None };
+        *part = JointEstimate { kind, motion: fit.motion, rms: fit.rms, confidence: None };
     }
 }
 
@@ -383,7 +359,8 @@ fn choose_joint(
         return (JointKind::Revolute, hinge);
     }
     let slide = fit(JointKind::Prismatic);
+    let rms = |r: &register::Registration| r.rms.unwrap_or(f64::INFINITY);
     let hinge_wins = free.motion.angle().to_degrees() > revolute_deg
-        || (hinge.rms < 0.7 * slide.rms && hinge.pairs as f64 > 0.95 * slide.pairs as f64);
+        || (rms(&hinge) < 0.7 * rms(&slide) && hinge.pairs as f64 > 0.95 * slide.pairs as f64);
     if hinge_wins { (JointKind::Revolute, hinge) } else { (JointKind::Prismatic, slide) }
 }

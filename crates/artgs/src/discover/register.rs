@@ -50,8 +50,8 @@ pub struct RegisterOptions {
 pub struct Registration {
     /// Motion from start to end.
     pub motion: Rigid,
-    /// Root mean square distance to the planes over the pairs, scene units.
-    pub rms: f64,
+    /// Root mean square distance to the planes over the pairs, scene units; none without enough pairs.
+    pub rms: Option<f64>,
     /// Pairs in the last iteration.
     pub pairs: usize,
 }
@@ -94,7 +94,7 @@ impl<'a> Match<'a> {
 /// prismatic, five for revolute, six otherwise.
 pub fn register(points: Match<'_>, guess: Rigid, kind: Option<JointKind>, options: &RegisterOptions) -> Registration {
     let mut motion = guess;
-    let mut outcome = Registration { motion, rms: f64::INFINITY, pairs: 0 };
+    let mut outcome = Registration { motion, rms: None, pairs: 0 };
     let shrink = (options.last_reach / options.first_reach).powf(1.0 / (options.iterations.max(2) - 1) as f64);
     let mut reach = options.first_reach;
     for iteration in 0..options.iterations {
@@ -107,7 +107,7 @@ pub fn register(points: Match<'_>, guess: Rigid, kind: Option<JointKind>, option
         let pairs = reweighted(pairs, if closing { 0.0 } else { 0.3 * reach });
         let total: f64 = pairs.iter().map(|p| p.weight).sum();
         let square: f64 = pairs.iter().map(|p| p.weight * p.residual * p.residual).sum();
-        outcome = Registration { motion, rms: (square / total.max(1e-300)).sqrt(), pairs: pairs.len() };
+        outcome = Registration { motion, rms: Some((square / total.max(1e-300)).sqrt()), pairs: pairs.len() };
         let centre = pairs.iter().map(|p| p.moved).sum::<DVec3>() / pairs.len() as f64;
         motion = advance(&motion, kind, &pairs, centre);
         outcome.motion = motion;

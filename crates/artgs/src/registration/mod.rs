@@ -8,10 +8,10 @@ use crate::canonical::CanonicalError;
 use crate::canonical::cluster::{ClusterConfig, spectral_clusters};
 use crate::discover::label::AtRest;
 use crate::discover::observe::Cloud;
-use crate::discover::{DiscoverError, Discovery, FoundPart, Scene, borne_out};
+use crate::discover::{DiscoverError, Discovery, Scene, borne_out};
 use crate::evaluate::matching::hungarian;
 use align::Fit;
-use artgs_core::{Joint, JointKind, Rigid};
+use artgs_core::{Joint, JointEstimate, JointKind, Rigid};
 use glam::Vec3;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -120,7 +120,7 @@ fn matched(groups: &[Vec<Cloud>; 2], scene: &Scene, config: &RegistrationConfig)
 }
 
 /// Type by the turn, then the motion on that joint. Without a fit: the shift between the middles.
-fn part(start: &Cloud, end: &Cloud, fit: Option<Fit>, scene: &Scene, config: &RegistrationConfig) -> FoundPart {
+fn part(start: &Cloud, end: &Cloud, fit: Option<Fit>, scene: &Scene, config: &RegistrationConfig) -> JointEstimate {
     let middle = |c: &Cloud| (c.points.iter().sum::<Vec3>() / c.len().max(1) as f32).as_dvec3();
     let Some(fit) = fit else {
         let motion = if start.is_empty() || end.is_empty() {
@@ -128,7 +128,7 @@ fn part(start: &Cloud, end: &Cloud, fit: Option<Fit>, scene: &Scene, config: &Re
         } else {
             Rigid::shift(middle(end) - middle(start))
         };
-        return FoundPart { kind: JointKind::Prismatic, motion, rms: f64::NAN, confidence: None };
+        return JointEstimate::new(JointKind::Prismatic, motion);
     };
     let turns = fit.motion.angle().to_degrees() > config.revolute_deg;
     let (kind, guess) = if turns {
@@ -137,5 +137,5 @@ fn part(start: &Cloud, end: &Cloud, fit: Option<Fit>, scene: &Scene, config: &Re
         (JointKind::Prismatic, Rigid::shift(fit.motion.apply(middle(start)) - middle(start)))
     };
     let bound = align::on_joint(start, end, guess, kind, &scene.scales);
-    FoundPart { kind, motion: bound.motion, rms: bound.rms, confidence: None }
+    JointEstimate { kind, motion: bound.motion, rms: bound.rms, confidence: None }
 }

@@ -4,7 +4,7 @@ use super::{Built, Error, ViewMeans};
 use crate::articulate::{Trained, score_state};
 use crate::fit::score::mean_score;
 use crate::surface::PartMeshes;
-use artgs_core::{Capture, Joint, Mesh, Replica, Rigid, View};
+use artgs_core::{Capture, Joint, JointEstimate, Mesh, Replica, Rigid, View};
 use artgs_io::{write_mesh_ply, write_replica, write_splat_ply};
 use glam::DVec3;
 use std::path::Path;
@@ -18,9 +18,7 @@ impl Built {
 
 /// Joints of the movable parts, their origins near the parts at the start state.
 fn joints(built: &Built, meshes: &PartMeshes) -> Vec<Joint> {
-    let joint = |(k, part): (usize, &crate::discover::FoundPart)| {
-        Joint::from_motion(part.kind, &part.motion).with_origin_near(centre(&meshes.parts[k + 1][0]))
-    };
+    let joint = |(k, part): (usize, &JointEstimate)| part.joint_near(centre(&meshes.parts[k + 1][0]));
     built.parts.iter().enumerate().map(joint).collect()
 }
 

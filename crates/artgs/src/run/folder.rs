@@ -4,8 +4,8 @@ use super::Error;
 use super::points::{points_as_splats, splats_as_points};
 use crate::articulate::Trained;
 use crate::articulation::{MotionModel, MotionParameters};
-use crate::discover::{Discovery, FoundPart};
-use artgs_core::{JointKind, STATE_NAMES, Splats};
+use crate::discover::Discovery;
+use artgs_core::{JointEstimate, JointKind, STATE_NAMES, Splats};
 use artgs_io::{FileError, read_splat_ply, write_atomic, write_splat_ply};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ pub(super) struct Folder {
 
 #[derive(Serialize, Deserialize)]
 struct FoundFile {
-    parts: Vec<FoundPart>,
+    parts: Vec<JointEstimate>,
     diagonal: f64,
     spacing: f64,
     tolerance: f64,
@@ -30,7 +30,7 @@ struct FoundFile {
 
 #[derive(Serialize, Deserialize)]
 struct TrainedFile {
-    parts: Vec<FoundPart>,
+    parts: Vec<JointEstimate>,
     /// Half motions as trained: a general one is more than the joint it is taken for.
     joints: Vec<MotionParameters>,
 }
@@ -86,7 +86,7 @@ impl Folder {
         Some(Discovery { clouds, labels, parts, diagonal, spacing, tolerance, warnings })
     }
 
-    pub(super) fn save_trained(&self, trained: &Trained, parts: &[FoundPart]) -> Result<(), Error> {
+    pub(super) fn save_trained(&self, trained: &Trained, parts: &[JointEstimate]) -> Result<(), Error> {
         write_splat_ply(&self.stage("articulated.ply"), &trained.splats, Some(&trained.labels), CANONICAL)?;
         let file = TrainedFile { parts: parts.to_vec(), joints: trained.joints.clone() };
         self.write_json(&self.stage("joints.json"), &file)
@@ -101,7 +101,7 @@ impl Folder {
         }
     }
 
-    pub(super) fn load_trained(&self) -> Option<(Trained, Vec<FoundPart>)> {
+    pub(super) fn load_trained(&self) -> Option<(Trained, Vec<JointEstimate>)> {
         let TrainedFile { parts, joints } = self.read_json("joints.json")?;
         let (splats, labels) = read_splat_ply(&self.stage("articulated.ply")).ok()?;
         Some((Trained { splats, labels: labels?, joints }, parts))
@@ -109,7 +109,7 @@ impl Folder {
 }
 
 /// Optimiser's form of found motions.
-pub(super) fn motion_parameters(parts: &[FoundPart]) -> Vec<MotionParameters> {
+pub(super) fn motion_parameters(parts: &[JointEstimate]) -> Vec<MotionParameters> {
     let model = |kind| match kind {
         JointKind::Prismatic => MotionModel::Prismatic,
         JointKind::Revolute => MotionModel::Hinge,
@@ -126,17 +126,16 @@ mod tests {
     fn parts_that_could_not_be_registered_come_back() {
         let root = tempfile::tempdir().unwrap();
         let folder = Folder::new(root.path());
-        let part = |rms, confidence| FoundPart {
+        let part = |rms, confidence| JointEstimate {
             kind: JointKind::Prismatic,
             motion: artgs_core::Rigid::IDENTITY,
             rms,
             confidence,
         };
-        let parts = vec![part(f64::NAN, None), part(0.5, Some(0.25))];
-        folder.save_discovery(&Discovery { parts, ..Discovery::default() }).unwrap();
+        let parts = vec![part(None, None), part(Some(0.5), Some(0.25))];
+        folder.save_discovery(&Discovery { parts: parts.clone(), ..Discovery::default() }).unwrap();
         let read = folder.load_discovery().unwrap().parts;
-        assert!(read[0].rms.is_nan() && read[0].confidence.is_none());
-        assert_eq!((read[1].rms, read[1].confidence), (0.5, Some(0.25)));
+        assert_eq!(read, parts);
     }
 
     #[test]

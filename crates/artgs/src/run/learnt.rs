@@ -6,9 +6,9 @@ use crate::articulate::{Start, Trained};
 use crate::articulation::MotionModel;
 use crate::canonical::{Canonical, CanonicalError, canonical_init};
 use crate::config::Config;
-use crate::discover::{Discovery, FoundPart};
+use crate::discover::Discovery;
 use crate::neighbours::PointTree;
-use artgs_core::{JointKind, Rigid};
+use artgs_core::{JointEstimate, JointKind, Rigid};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -30,7 +30,7 @@ pub(super) fn uninformed_start(
 
 /// Kinds and motions of trained parts. A motion of any kind is revolute where its half turns by more than `half_angle`
 /// radians, else the shift of the part's middle.
-pub(super) fn told_parts(trained: &Trained, half_angle: f64) -> Vec<FoundPart> {
+pub(super) fn told_parts(trained: &Trained, half_angle: f64) -> Vec<JointEstimate> {
     let told = |(k, joint): (usize, &crate::articulation::MotionParameters)| {
         let motion = joint.full_motion();
         let general = matches!(joint.model(), MotionModel::Free | MotionModel::Screw);
@@ -42,7 +42,7 @@ pub(super) fn told_parts(trained: &Trained, half_angle: f64) -> Vec<FoundPart> {
         };
         let shift = general && kind == JointKind::Prismatic;
         let motion = if shift { Rigid::shift(shift_of_middle(trained, k + 1, &motion)) } else { motion };
-        FoundPart { kind, motion, rms: 0.0, confidence: None }
+        JointEstimate { rms: Some(0.0), ..JointEstimate::new(kind, motion) }
     };
     trained.joints.iter().enumerate().map(told).collect()
 }

@@ -12,13 +12,13 @@ mod stages;
 
 use crate::articulate::Trained;
 use crate::config::{Config, ConfigError, Method};
-use crate::discover::{DiscoverError, Discovery, FoundPart};
+use crate::discover::{DiscoverError, Discovery};
 use crate::evaluate::{EvaluateConfig, Scores, Truth};
 use crate::fit::{Devices, FitError};
 use crate::observer::Observer;
 use crate::registration::RegistrationError;
 use crate::surface::{PartMeshes, SurfaceError};
-use artgs_core::{Capture, STATE_NAMES};
+use artgs_core::{Capture, JointEstimate, STATE_NAMES};
 use artgs_io::{Corrections, FileError};
 use serde::Serialize;
 use stages::Run;
@@ -150,7 +150,7 @@ pub(crate) struct Built {
     /// Canonical Gaussians, labels and motions; none from the baseline.
     pub(crate) trained: Option<Trained>,
     /// Movable parts: kinds and motions from start to end.
-    pub(crate) parts: Vec<FoundPart>,
+    pub(crate) parts: Vec<JointEstimate>,
 }
 
 /// Makes a replica of a capture in the folder `out`. With `resume` stages that an earlier run saved there are taken

@@ -3,8 +3,7 @@
 use super::Error;
 use super::lettering::lettered;
 use crate::articulate::{Posed, Trained};
-use crate::discover::FoundPart;
-use artgs_core::{Camera, Capture, Joint, JointKind, STATE_NAMES, View};
+use artgs_core::{Camera, Capture, Joint, JointEstimate, JointKind, STATE_NAMES, View};
 use artgs_raster::Rasterizer;
 use glam::{DVec2, DVec3};
 use std::path::Path;
@@ -66,7 +65,7 @@ pub(super) fn write_preview(
     root: &Path,
     capture: &Capture,
     trained: &Trained,
-    found: &[FoundPart],
+    found: &[JointEstimate],
     rotate_sh: bool,
 ) -> Result<(), Error> {
     let views = |s: usize| &capture.states[s].train;
@@ -168,7 +167,13 @@ fn label(canvas: &mut Canvas, tile: (usize, usize), text: &str, width: usize) {
 }
 
 /// Axes of the joints: through the hinge, or from the part's centre along the slide.
-fn axes(canvas: &mut Canvas, tile: (usize, usize), camera: &Camera, object: (&Trained, &[FoundPart]), state: usize) {
+fn axes(
+    canvas: &mut Canvas,
+    tile: (usize, usize),
+    camera: &Camera,
+    object: (&Trained, &[JointEstimate]),
+    state: usize,
+) {
     let (trained, found) = object;
     let posed = trained.at_state(state);
     for (k, part) in found.iter().enumerate() {

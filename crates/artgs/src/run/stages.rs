@@ -8,12 +8,12 @@ use super::rendered::{part_meshes_from_renderings, rendered_depths};
 use super::{Built, Error, Summary, assemble};
 use crate::articulate::{PaperConfig, SkinStart, Start, articulate, paper_pipeline};
 use crate::config::Config;
-use crate::discover::{self, DepthPicture, Discovery, FoundPart, Scene};
+use crate::discover::{self, DepthPicture, Discovery, Scene};
 use crate::fit::{Devices, FitError, single::fit_single};
 use crate::observer::{Event, Observer};
 use crate::registration::{RegistrationError, register_parts};
 use crate::surface::{LabelledDepth, PartMeshes, SurfaceConfig, part_meshes};
-use artgs_core::{Camera, Capture, DepthMap, STATE_NAMES, Splats, View};
+use artgs_core::{Camera, Capture, DepthMap, JointEstimate, STATE_NAMES, Splats, View};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
@@ -273,7 +273,7 @@ impl<'a> Run<'a> {
             } else {
                 let pairs = found.parts.iter().zip(&trained.joints);
                 let learn = config.learn_joints;
-                pairs.map(|(p, j)| if learn { FoundPart { motion: j.full_motion(), ..*p } } else { *p }).collect()
+                pairs.map(|(p, j)| if learn { JointEstimate { motion: j.full_motion(), ..*p } } else { *p }).collect()
             };
             run.folder.save_trained(&trained, &told)?;
             Ok((trained, told))
