@@ -12,7 +12,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SUFFIXES = {".rs", ".wgsl", ".md", ".ts", ".mjs", ".html", ".css", ".py", ".toml", ".sh", ".yml", ".txt"}
-SKIPPED = (".ci/words", "viewer/dist/", "viewer/package-lock.json", "Cargo.lock", "LICENSE", "docs/book/theme")
+SKIPPED = (".ci/words", "crates/artgs-view/dist/", "viewer/package-lock.json", "Cargo.lock", "LICENSE")
 
 
 def load_rules():
