@@ -1,6 +1,6 @@
 //! All settings of a reconstruction in one place; reads and writes TOML.
 
-use crate::articulate::{ArticulateConfig, TypeConfig};
+use crate::articulation::{ArticulateConfig, TypeConfig};
 use crate::canonical::init::CanonicalConfig;
 use crate::discover::DiscoverConfig;
 use crate::fit::single::SingleConfig;
@@ -213,7 +213,7 @@ mod tests {
         assert!((a.joint_rate.from / b.joint_rate.from - 5.0).abs() < 1e-9);
         assert!((short.single.rates.sh_dc / paper.single.rates.sh_dc - 5.0).abs() < 1e-9);
         // One that is hard by its end stays so: the share of steps after the temperature has fallen is the same.
-        let hard = |c: &crate::articulate::ArticulateConfig| {
+        let hard = |c: &crate::articulation::ArticulateConfig| {
             let first = (0..c.steps).find(|s| c.assign.is_hard(*s)).unwrap();
             first as f64 / c.steps as f64
         };
