@@ -223,6 +223,26 @@ mod tests {
         }
     }
 
+    /// Paths of a table and of all tables in it.
+    fn table_paths(table: &toml::Table, path: &str) -> Vec<String> {
+        let inner = table.iter().filter_map(|(key, value)| Some((key, value.as_table()?)));
+        let paths = inner.flat_map(|(key, table)| table_paths(table, &format!("{path}{key}.")));
+        std::iter::once(path.to_owned()).chain(paths).collect()
+    }
+
+    #[test]
+    fn unknown_keys_are_refused_at_every_depth() {
+        for config in [Config::default(), Config::paper()] {
+            let paths = table_paths(&config.to_toml().parse().unwrap(), "");
+            assert!(paths.len() > 20 && paths.iter().any(|p| p == "articulate.assign.grid."), "{paths:?}");
+            for path in paths {
+                let error =
+                    config.overridden_by(&format!("{path}misspelt = 1")).map(|_| &path).unwrap_err().to_string();
+                assert!(error.contains("misspelt"), "{path}: {error}");
+            }
+        }
+    }
+
     #[test]
     fn unknown_fields_and_bad_values_are_named() {
         let message = |text: &str| Config::default().overridden_by(text).unwrap_err().to_string();
