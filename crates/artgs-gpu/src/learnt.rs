@@ -10,7 +10,7 @@ use crate::scene::{Desk, Gaussians, Program, Size};
 use crate::shared::shared_struct;
 use crate::step::Step;
 use crate::{Gpu, GpuError};
-use artgs::articulation::hash_grid::FEATURES;
+use artgs::articulation::assignment::hash_grid::FEATURES;
 use artgs::articulation::{AssignState, Assignment, GridTable, PartAssignment};
 use artgs::fit::{Articulated, Membership};
 use bytemuck::Pod;

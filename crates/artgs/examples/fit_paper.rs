@@ -2,7 +2,7 @@
 //! `fit_paper CAPTURE PARTS [SINGLE TYPES JOINT]`.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-use artgs::articulate::{PaperConfig, paper_pipeline, score_state};
+use artgs::articulation::{PaperConfig, paper_pipeline, score_state};
 use artgs::fit::{Cpu, Follow, SingleConfig, StepStats, fit_single, score};
 use artgs_core::JointKind;
 use std::time::Instant;

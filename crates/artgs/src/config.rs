@@ -1,6 +1,6 @@
 //! All settings of a reconstruction in one place; reads and writes TOML.
 
-use crate::articulate::{ArticulateConfig, TypeConfig};
+use crate::articulation::{ArticulateConfig, TypeConfig};
 use crate::canonical::init::CanonicalConfig;
 use crate::discover::DiscoverConfig;
 use crate::fit::single::SingleConfig;
@@ -213,13 +213,33 @@ mod tests {
         assert!((a.joint_rate.from / b.joint_rate.from - 5.0).abs() < 1e-9);
         assert!((short.single.rates.sh_dc / paper.single.rates.sh_dc - 5.0).abs() < 1e-9);
         // One that is hard by its end stays so: the share of steps after the temperature has fallen is the same.
-        let hard = |c: &crate::articulate::ArticulateConfig| {
+        let hard = |c: &crate::articulation::ArticulateConfig| {
             let first = (0..c.steps).find(|s| c.assign.is_hard(*s)).unwrap();
             first as f64 / c.steps as f64
         };
         assert!((hard(a) - hard(b)).abs() < 2e-3);
         for factor in [0.0, -1.0, 1.5, f64::NAN] {
             assert!(Config::paper_scaled(factor).unwrap_err().to_string().contains("schedule"));
+        }
+    }
+
+    /// Paths of a table and of all tables in it.
+    fn table_paths(table: &toml::Table, path: &str) -> Vec<String> {
+        let inner = table.iter().filter_map(|(key, value)| Some((key, value.as_table()?)));
+        let paths = inner.flat_map(|(key, table)| table_paths(table, &format!("{path}{key}.")));
+        std::iter::once(path.to_owned()).chain(paths).collect()
+    }
+
+    #[test]
+    fn unknown_keys_are_refused_at_every_depth() {
+        for config in [Config::default(), Config::paper()] {
+            let paths = table_paths(&config.to_toml().parse().unwrap(), "");
+            assert!(paths.len() > 20 && paths.iter().any(|p| p == "articulate.assign.grid."), "{paths:?}");
+            for path in paths {
+                let error =
+                    config.overridden_by(&format!("{path}misspelt = 1")).map(|_| &path).unwrap_err().to_string();
+                assert!(error.contains("misspelt"), "{path}: {error}");
+            }
         }
     }
 

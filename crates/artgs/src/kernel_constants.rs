@@ -1,6 +1,8 @@
 //! Numbers of training that the kernels of other devices need; they may change with every version.
 
-use crate::articulation::{adam, assign, hash_grid, warp};
+use crate::articulation::adam;
+use crate::articulation::assignment::{centres, hash_grid};
+use crate::articulation::model::warp;
 use crate::fit::{images, loss, ssim};
 
 /// Decay of the first and second moment of motions and membership.
@@ -8,9 +10,9 @@ pub const ADAM_BETA: [f64; 2] = adam::BETA;
 /// Added to the root of the second moment of motions and membership.
 pub const ADAM_EPSILON: f64 = adam::EPSILON;
 /// Numbers per part of a learned assignment: centre, log scales, quaternion.
-pub const ASSIGN_FRAME: usize = assign::FRAME;
+pub const ASSIGN_FRAME: usize = centres::FRAME;
 /// Added to the total opacity of a part before it is divided by.
-pub const OPACITY_FLOOR: f64 = assign::OPACITY_FLOOR;
+pub const OPACITY_FLOOR: f64 = centres::OPACITY_FLOOR;
 /// Features per level of the hash grid.
 pub const HASH_FEATURES: usize = hash_grid::FEATURES;
 /// Factors of the second and third coordinate in the hash of a grid point.

@@ -1,7 +1,6 @@
 //! The method: two captures of an articulated object to an interactable replica.
 
 pub mod ablation;
-pub mod articulate;
 pub mod articulation;
 pub mod canonical;
 pub mod config;

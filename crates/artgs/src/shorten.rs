@@ -5,7 +5,7 @@
 //! with the batch (Malladi et al. 2022): the published joint optimisation can turn a part by 5 radians, a tenth of it by
 //! 1.6.
 
-use crate::articulate::ArticulateConfig;
+use crate::articulation::ArticulateConfig;
 use crate::config::Config;
 use crate::fit::{DensifyConfig, LogLinear, RateConfig};
 

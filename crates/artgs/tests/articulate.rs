@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use artgs::articulate::{ArticulateConfig, SkinStart, Start, Trained, articulate, score_state};
+use artgs::articulation::{ArticulateConfig, SkinStart, Start, Trained, articulate, score_state};
 use artgs::articulation::{MotionModel, MotionParameters};
 use artgs::fit::{Cpu, DensifyConfig, FitError, LogLinear, PlateauConfig, RateConfig, StepStats, score};
 use artgs_core::{Camera, DepthMap, Intrinsics, Rigid, Splats, View};

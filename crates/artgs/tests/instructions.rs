@@ -1,7 +1,7 @@
 //! Every instruction set of this machine computes alike: similarity, Adam, perceptron, matching and whole training steps.
 //! One test, as the choice is process-wide.
 
-use artgs::articulation::mlp::{LANES, Mlp};
+use artgs::articulation::assignment::mlp::{LANES, Mlp};
 use artgs::canonical::matching::match_points;
 use artgs::fit::adam::adam;
 use artgs::fit::ssim::Ssim;

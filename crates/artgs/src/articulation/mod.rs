@@ -1,28 +1,27 @@
-//! Which Gaussian belongs to which part, and how the parts move.
+//! The articulated Gaussians: how parts move, which part each Gaussian belongs to, and the training of both.
+//!
+//! - [`model`]: motions of parts and their parameters, and the warp of Gaussians by the motions, with gradients.
+//! - [`assignment`]: learnt part weights of Gaussians, in three variants, with gradients.
+//! - [`training`]: the stages of the joint optimisation: settings, start, joint types, result. The learning rate of the
+//!   joints is [`ArticulateConfig::joint_rate`].
+//!
+//! The training loop and the optimiser of Gaussians are in [`crate::fit`]; [`crate::fit::deform`] connects them to
+//! [`model`] and [`assignment`].
 
 pub(crate) mod adam;
-pub mod assign;
 pub mod assignment;
-mod block;
-mod encoder;
-#[cfg(test)]
-mod encoder_testing;
-pub mod hash_grid;
-pub mod joints;
-pub mod mlp;
-pub mod mlp_assign;
-mod quaternion;
-pub mod slot_assign;
-mod slot_cell;
-pub mod warp;
+pub mod model;
+pub mod training;
 
-pub use assign::{AssignConfig, AssignKind, AssignState, PartAssignment, SlotConfig};
-pub use assignment::Assignment;
-pub use hash_grid::{GridTable, HashGrid, HashGridConfig};
-pub use joints::{MotionModel, MotionParameters};
-pub use mlp_assign::MlpAssignment;
-pub use slot_assign::SlotAssignment;
-pub use warp::{DualQuaternion, Skin, Warp, WarpGradients, WarpInput};
+pub use assignment::{
+    AssignConfig, AssignKind, AssignState, Assignment, GridTable, HashGrid, HashGridConfig, MlpAssignment,
+    PartAssignment, SlotAssignment, SlotConfig,
+};
+pub use model::{DualQuaternion, MotionModel, MotionParameters, Skin, Warp, WarpGradients, WarpInput};
+pub use training::{
+    ArticulateConfig, PaperConfig, PaperResult, Posed, SkinStart, Start, Trained, TypeConfig, articulate,
+    paper_pipeline, predict_types, render_state, render_state_fixed, score_state,
+};
 
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;

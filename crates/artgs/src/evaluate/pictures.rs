@@ -3,7 +3,7 @@
 
 use super::flip::{PIXELS_PER_DEGREE, flip};
 use super::lpips::Lpips;
-use crate::articulate::Trained;
+use crate::articulation::Trained;
 use crate::articulation::{MotionModel, MotionParameters};
 use crate::config::{Config, ConfigError};
 use crate::fit::images::Rect;

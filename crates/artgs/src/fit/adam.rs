@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// Constants of Adam that do not change during training.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct AdamConfig {
     /// Decay of the first moment.
     pub beta1: f32,

@@ -56,7 +56,7 @@ impl TrainState {
 
 /// Learning rates as published, with a schedule for short runs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct RateConfig {
     /// Rate of centres at the first step, per spatial scale; see [`RateConfig::extent_factor`].
     pub position_from: f64,

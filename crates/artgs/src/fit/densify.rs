@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 /// When and how the set of Gaussians changes. Steps are counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct DensifyConfig {
     /// Acts at steps after this one.
     pub after: usize,

@@ -16,7 +16,7 @@ use std::num::NonZero;
 
 /// Random start.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct RandomInit {
     /// Number of Gaussians.
     pub count: usize,
@@ -35,7 +35,7 @@ impl Default for RandomInit {
 
 /// Start on back-projected depth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct DepthInit {
     /// Number of Gaussians aimed at (met within a tenth or so); sets the voxel size.
     pub count: usize,

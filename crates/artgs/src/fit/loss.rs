@@ -23,7 +23,7 @@ pub enum DepthMode {
 
 /// Weights of the terms.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct LossConfig {
     /// Share of `1 - SSIM` in the colour loss; the rest is L1.
     pub ssim: f32,

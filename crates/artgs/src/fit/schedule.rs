@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// A rate that falls from `from` to `to` linearly in its logarithm over `steps` steps and then stays.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct LogLinear {
     /// Rate at step 0.
     pub from: f64,

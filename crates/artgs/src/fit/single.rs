@@ -33,7 +33,7 @@ pub enum InitKind {
 
 /// Settings of the first stage.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct SingleConfig {
     /// Largest number of steps, one view each.
     pub steps: usize,

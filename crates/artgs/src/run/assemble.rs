@@ -1,7 +1,7 @@
 //! The files a user opens: replica, meshes, splats, scores of pictures.
 
 use super::{Built, Error, ViewMeans};
-use crate::articulate::{Trained, score_state};
+use crate::articulation::{Trained, score_state};
 use crate::fit::score::mean_score;
 use crate::surface::PartMeshes;
 use artgs_core::{Capture, Joint, JointEstimate, Mesh, Replica, Rigid, View};

@@ -2,7 +2,7 @@
 
 use super::Error;
 use super::points::{points_as_splats, splats_as_points};
-use crate::articulate::Trained;
+use crate::articulation::Trained;
 use crate::articulation::{MotionModel, MotionParameters};
 use crate::discover::Discovery;
 use artgs_core::{JointEstimate, JointKind, STATE_NAMES, Splats};

@@ -1,9 +1,9 @@
 //! Parts and motions that training learnt, told as found ones; and the start of such a training from depth.
 
 use super::points::discs;
-use crate::articulate::types::still_start;
-use crate::articulate::{Start, Trained};
 use crate::articulation::MotionModel;
+use crate::articulation::training::types::still_start;
+use crate::articulation::{Start, Trained};
 use crate::canonical::{Canonical, CanonicalError, canonical_init};
 use crate::config::Config;
 use crate::discover::Discovery;

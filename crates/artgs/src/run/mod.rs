@@ -10,7 +10,7 @@ pub mod preview;
 pub mod rendered;
 mod stages;
 
-use crate::articulate::Trained;
+use crate::articulation::Trained;
 use crate::config::{Config, ConfigError, Method};
 use crate::discover::{DiscoverError, Discovery};
 use crate::evaluate::{EvaluateConfig, Scores, Truth};

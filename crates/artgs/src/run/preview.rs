@@ -2,7 +2,7 @@
 
 use super::Error;
 use super::lettering::lettered;
-use crate::articulate::{Posed, Trained};
+use crate::articulation::{Posed, Trained};
 use artgs_core::{Camera, Capture, Joint, JointEstimate, JointKind, STATE_NAMES, View};
 use artgs_raster::Rasterizer;
 use glam::{DVec2, DVec3};

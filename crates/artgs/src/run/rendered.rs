@@ -1,6 +1,6 @@
 //! Depth seen through Gaussians, where photographs have none or the published method does not use it.
 
-use crate::articulate::Trained;
+use crate::articulation::Trained;
 use crate::fit::score::render_view;
 use crate::surface::part_meshes::{PartMeshes, fuse};
 use crate::surface::{DepthView, PixelUse, SurfaceConfig, TsdfParams};

@@ -6,7 +6,7 @@ use super::learnt::{relabelled, told_parts, uninformed_start};
 use super::points::{PartSource, StartSource, canonical_start, label_pixels, scattered};
 use super::rendered::{part_meshes_from_renderings, rendered_depths};
 use super::{Built, Error, Summary, assemble};
-use crate::articulate::{PaperConfig, SkinStart, Start, articulate, paper_pipeline};
+use crate::articulation::{PaperConfig, SkinStart, Start, articulate, paper_pipeline};
 use crate::config::Config;
 use crate::discover::{self, DepthPicture, Discovery, Scene};
 use crate::fit::{Devices, FitError, single::fit_single};

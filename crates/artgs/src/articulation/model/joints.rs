@@ -1,8 +1,8 @@
 //! Parameters of a movable part: a flat vector for the optimiser, a half motion for the warp.
 
-use super::normal;
 use super::quaternion::{Quat, Vec3, conjugate, cross, dot, multiply, normalise, normalise_vjp, vector};
 use super::warp::DualQuaternion;
+use crate::articulation::normal;
 use artgs_core::{Joint, JointKind, Rigid};
 use glam::DVec3;
 use rand_pcg::Pcg64Mcg;

@@ -1,6 +1,24 @@
-//! A learnt assignment of Gaussians to parts, whichever way it decides.
+//! A learnt assignment of Gaussians to parts: by distances from centres ([`centres`]), by a perceptron of the position
+//! ([`perceptron`]) or by slot attention ([`slots`]). Settings are in [`config`].
 
-use super::{AssignConfig, AssignKind, MlpAssignment, PartAssignment, SlotAssignment};
+mod block;
+pub mod centres;
+pub mod config;
+mod encoder;
+#[cfg(test)]
+mod encoder_testing;
+pub mod hash_grid;
+pub mod mlp;
+pub mod perceptron;
+mod slot_cell;
+pub mod slots;
+
+pub use centres::{AssignState, PartAssignment};
+pub use config::{AssignConfig, AssignKind, SlotConfig};
+pub use hash_grid::{GridTable, HashGrid, HashGridConfig};
+pub use perceptron::MlpAssignment;
+pub use slots::SlotAssignment;
+
 use artgs_core::Splats;
 use rand_pcg::Pcg64Mcg;
 

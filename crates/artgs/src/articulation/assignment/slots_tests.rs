@@ -1,5 +1,5 @@
 use super::*;
-use crate::articulation::encoder_testing::{config, hash_input, perceptron, points, seed, softmax_rows};
+use crate::articulation::assignment::encoder_testing::{config, hash_input, perceptron, points, seed, softmax_rows};
 
 const PARTS: usize = 3;
 const WIDTH: usize = 6;

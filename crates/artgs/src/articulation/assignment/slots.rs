@@ -6,10 +6,10 @@
 //! (see `slot_cell`). The last attention gives `weights = softmax((n_i . u_k + gumbel) / T)`. Positions get no gradient.
 
 use super::AssignConfig;
-use super::adam::{Adam, corrections};
 use super::encoder::{Encoder, Features, Sampler, best, softmax, softmax_backward};
 use super::mlp::LANES;
 use super::slot_cell::{Layout, Query, Update};
+use crate::articulation::adam::{Adam, corrections};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
@@ -322,5 +322,5 @@ fn gathered_backward(block: &mut Features, u: &[f32], round: &Round, d_means: &[
 }
 
 #[cfg(test)]
-#[path = "slot_assign_tests.rs"]
+#[path = "slots_tests.rs"]
 mod tests;

@@ -1,6 +1,6 @@
 //! Multi-resolution hash encoding of positions (Müller et al. 2022), with an Adam that visits only what was ever used.
 
-use super::adam::{BETA, EPSILON, corrections};
+use crate::articulation::adam::{BETA, EPSILON, corrections};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;

@@ -1,6 +1,6 @@
 //! Settings of the joint optimisation.
 
-use crate::articulation::AssignConfig;
+use crate::articulation::assignment::AssignConfig;
 use crate::fit::{
     AdamConfig, DensifyConfig, DepthMode, DepthPick, LogLinear, LossConfig, PlateauConfig, RateConfig, SingleConfig,
     TrainConfig,

@@ -2,9 +2,9 @@
 //! Positions get no gradient. Which output means which part is settled by the motions trained with it.
 
 use super::AssignConfig;
-use super::adam::{Adam, corrections};
 use super::encoder::{Encoder, Sampler, best, softmax_backward};
 use super::mlp::LANES;
+use crate::articulation::adam::{Adam, corrections};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
@@ -82,5 +82,5 @@ impl MlpAssignment {
 }
 
 #[cfg(test)]
-#[path = "mlp_assign_tests.rs"]
+#[path = "perceptron_tests.rs"]
 mod tests;

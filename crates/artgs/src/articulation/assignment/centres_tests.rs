@@ -1,5 +1,6 @@
+use super::super::HashGridConfig;
 use super::*;
-use crate::articulation::quaternion::dot;
+use crate::articulation::model::quaternion::dot;
 
 const PARTS: usize = 3;
 

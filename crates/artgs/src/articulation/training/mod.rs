@@ -1,8 +1,9 @@
-//! The joint optimisation: canonical Gaussians, the parts they belong to and the motions of these, from the
-//! photographs of both states.
+//! The joint optimisation: canonical Gaussians, the parts they belong to and the motions of the parts, from the images of
+//! both states.
 //!
 //! Data flow: a [`Start`] from registration or from [`crate::canonical`] goes through [`run`] to a [`Trained`] object;
-//! [`types`] finds the kinds of joints beforehand and [`pipeline`] strings the published stages together.
+//! [`types`] finds the kinds of joints beforehand and [`pipeline`] runs the published stages one after the other.
+//! Settings and learning rates are in [`config`].
 
 pub mod config;
 pub mod pipeline;
