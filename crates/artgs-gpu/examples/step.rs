@@ -1,4 +1,4 @@
-//! Time of a training step on a graphics processor, and where it goes.
+//! Time of a training step on a graphics processor, and the share of each kernel.
 //!
 //! `cargo run --release -p artgs-gpu --example step -- [DEVICE] [PIXELS,... GAUSSIANS,...]`; without a device the most capable
 //! one. Prints, for every size of images and number of Gaussians (four parts, motions learned), the mean time of a step, the
@@ -13,11 +13,11 @@ use artgs_gpu::{Gpu, GpuDevices};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-/// Steps before the clock starts: room is made, batches grow long.
-const WARM: usize = 200;
+/// Steps before the measurement, in which buffers and batches grow.
+const WARM_UP: usize = 200;
 const STEPS: usize = 400;
-/// Longest that a size may take, seconds; slow devices make fewer steps.
-const PATIENCE: f64 = 20.0;
+/// Most seconds for one size; slow devices run fewer steps.
+const MAX_SECONDS: f64 = 20.0;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -41,9 +41,10 @@ fn main() {
             run(1);
             let slow = clock.elapsed().as_secs_f64() > 0.2;
             if !slow {
-                run(WARM);
+                run(WARM_UP);
             }
-            let steps = if slow { (PATIENCE / clock.elapsed().as_secs_f64()) as usize } else { STEPS }.clamp(1, STEPS);
+            let steps =
+                if slow { (MAX_SECONDS / clock.elapsed().as_secs_f64()) as usize } else { STEPS }.clamp(1, STEPS);
             let clock = Instant::now();
             run(steps);
             let each = 1e3 * clock.elapsed().as_secs_f64() / steps as f64;

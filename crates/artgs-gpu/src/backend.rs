@@ -4,12 +4,12 @@
 mod profile;
 
 use crate::constants::{CONTROL_WORDS, NEEDED, OVERFLOW};
-use crate::kernels::{Kernels, Walk};
-use crate::picture::Picture;
+use crate::device_image::DeviceImage;
+use crate::kernels::{Kernels, PixelTransfer};
 use crate::resident::Resident;
-use crate::scene::Canvas;
+use crate::scene::ImageBuffers;
 use crate::step::{self, Outcome, PartTerms, Step};
-use crate::{Gpu, GpuError, chamfer, joints, learnt};
+use crate::{Gpu, GpuError, chamfer, joints, membership};
 use artgs::articulation::Assignment;
 use artgs::fit::{
     Backend, Deformation, Devices, FitError, LossConfig, LossTerms, Membership, StepStats, TrainConfig, TrainImage,
@@ -20,17 +20,17 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Steps whose numbers are uploaded together at most.
-const BATCH: usize = 64;
-/// Steps handed to the device at a time: it begins while the host still writes down the next ones.
-const SUBMIT: usize = 8;
-/// Batches become longer while they take less than this and shorter when they take more than four times as long.
-const PATIENCE: Duration = Duration::from_millis(200);
-/// Intersections there is room for at first, for each Gaussian.
+/// Most steps that are uploaded together.
+const MAX_BATCH: usize = 64;
+/// Steps submitted to the device at a time: it starts while the host still encodes the next ones.
+const STEPS_PER_SUBMIT: usize = 8;
+/// Batches become longer while they take less than this, and shorter when they take more than four times as long.
+const BATCH_TIME: Duration = Duration::from_millis(200);
+/// Initial capacity for intersections, per Gaussian.
 const TILES_PER_GAUSSIAN: usize = 8;
 
-/// A [`Backend`] on a graphics processor. Everything of a step stays there; the host says which view is next and hears at the
-/// end of a batch what its steps were like. The same seed gives the same bytes on the same device.
+/// A [`Backend`] on a graphics processor. All data of a step stays on the device; the host chooses the views of a batch of
+/// steps and reads the losses when the batch is done. The same seed gives the same bytes on the same device.
 #[derive(Debug)]
 pub struct GpuBackend<'a> {
     gpu: Gpu,
@@ -38,17 +38,17 @@ pub struct GpuBackend<'a> {
     config: TrainConfig,
     state: TrainState,
     views: ViewPlan<'a>,
-    pictures: Vec<Picture>,
-    canvas: Canvas,
+    device_images: Vec<DeviceImage>,
+    image_buffers: ImageBuffers,
     resident: Option<Resident>,
-    /// Room for so many intersections.
+    /// Number of intersections that the buffers hold.
     capacity: usize,
     batch: usize,
-    /// Views and backgrounds that were drawn but not trained on yet.
-    drawn: VecDeque<(usize, [f32; 3])>,
+    /// Views and backgrounds that were sampled but not trained on yet.
+    sampled: VecDeque<(usize, [f32; 3])>,
 }
 
-/// An open graphics processor that makes backends.
+/// An open graphics processor, as a [`Devices`] that creates backends.
 #[derive(Clone, Debug)]
 pub struct GpuDevices {
     gpu: Gpu,
@@ -58,7 +58,7 @@ pub struct GpuDevices {
 impl GpuDevices {
     /// Compiles the kernels for the device.
     pub fn new(gpu: Gpu) -> Result<Self, GpuError> {
-        let kernels = Arc::new(Kernels::new(&gpu, Walk::of(&gpu))?);
+        let kernels = Arc::new(Kernels::new(&gpu, PixelTransfer::of(&gpu))?);
         Ok(Self { gpu, kernels })
     }
 
@@ -88,8 +88,8 @@ impl Devices for GpuDevices {
     }
 }
 
-/// What one step of a batch found.
-struct Seen {
+/// Losses of one step of a batch.
+struct StepResult {
     outcome: Outcome,
     parts: PartTerms,
 }
@@ -99,7 +99,7 @@ fn device(error: GpuError) -> FitError {
 }
 
 impl<'a> GpuBackend<'a> {
-    /// Holds the images as [`artgs::fit::CpuBackend`] does, and draws the same views for the same `seed`.
+    /// Holds the images as [`artgs::fit::CpuBackend`] does, and samples the same views for the same `seed`.
     pub(crate) fn new(
         gpu: Gpu,
         kernels: Arc<Kernels>,
@@ -108,7 +108,7 @@ impl<'a> GpuBackend<'a> {
         seed: u64,
     ) -> Result<Self, FitError> {
         let (views, images) = ViewPlan::new(images, &config, seed)?;
-        let (pictures, canvas) = show(&gpu, &images).map_err(device)?;
+        let (device_images, image_buffers) = upload_images(&gpu, &images).map_err(device)?;
         let state = TrainState::default();
         Ok(Self {
             gpu,
@@ -116,20 +116,20 @@ impl<'a> GpuBackend<'a> {
             config,
             state,
             views,
-            pictures,
-            canvas,
+            device_images,
+            image_buffers,
             resident: None,
             capacity: 0,
             batch: 1,
-            drawn: VecDeque::new(),
+            sampled: VecDeque::new(),
         })
     }
 
-    /// The numbers of the step after `done` further ones, on a view.
-    fn numbers(&self, done: usize, (view, background): (usize, [f32; 3]), loss: &LossConfig) -> Step {
+    /// The uniform of the step after `done` further ones, on a view.
+    fn step_uniform(&self, done: usize, (view, background): (usize, [f32; 3]), loss: &LossConfig) -> Step {
         let Self { config, state, .. } = self;
         let number = state.step + done + 1;
-        let mut step = self.pictures[view].step(config, loss, background);
+        let mut step = self.device_images[view].step(config, loss, background);
         let n = state.splats.len();
         step.n = n as u32;
         step.sh_stride = state.splats.sh_stride() as u32;
@@ -138,101 +138,101 @@ impl<'a> GpuBackend<'a> {
         step.entropy_step = loss.opacity_entropy / n as f32;
         step.update(&config.rates_at(number, state.settling), &config.adam, state.adam.count + done + 1);
         if let Deformation::Articulated(articulated) = &state.deformation {
-            joints::numbers(&mut step, articulated, number, done);
-            learnt::numbers(&mut step, articulated, number, done);
-            chamfer::numbers(&mut step, articulated, number);
+            joints::set_fields(&mut step, articulated, number, done);
+            membership::set_fields(&mut step, articulated, number, done);
+            chamfer::set_fields(&mut step, articulated, number);
         }
         step
     }
 
-    /// Makes the next `steps` steps, of which the last only updates Gaussians if `update_last`; says what they were like. None
-    /// after one for which there was no room has been made.
-    fn batch(&mut self, steps: usize, update_last: bool) -> Result<Vec<Seen>, GpuError> {
-        while self.drawn.len() < steps {
+    /// Runs the next `steps` steps and returns their losses. The last one updates Gaussians only if `update_last`. Once a step
+    /// overflows the buffers, it and all later ones change nothing.
+    fn batch(&mut self, steps: usize, update_last: bool) -> Result<Vec<StepResult>, GpuError> {
+        while self.sampled.len() < steps {
             let view = self.views.sampler.view();
             let background = if self.config.random_background { self.views.sampler.color() } else { [0.0; 3] };
-            self.drawn.push_back((view, background));
+            self.sampled.push_back((view, background));
         }
         let numbers: Vec<Step> = (0..steps)
             .map(|i| {
-                let mut step = self.numbers(i, self.drawn[i], &self.config.loss);
+                let mut step = self.step_uniform(i, self.sampled[i], &self.config.loss);
                 step.slot = i as u32;
                 step
             })
             .collect();
         let Some(resident) = &self.resident else { return Ok(Vec::new()) };
-        let Resident { desk, programs, .. } = resident;
-        self.gpu.write(&desk.steps, 0, &step::bytes(&numbers));
-        for (chunk, numbers) in numbers.chunks(SUBMIT).enumerate() {
+        let Resident { step_buffers, programs, .. } = resident;
+        self.gpu.write(&step_buffers.steps, 0, &step::bytes(&numbers));
+        for (chunk, numbers) in numbers.chunks(STEPS_PER_SUBMIT).enumerate() {
             let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
                 for (k, step) in numbers.iter().enumerate() {
-                    let i = chunk * SUBMIT + k;
+                    let i = chunk * STEPS_PER_SUBMIT + k;
                     let update = update_last || i + 1 < steps;
-                    for (call, size) in programs.of_step(self.drawn[i].0, update) {
-                        call.encode(&mut pass, i, size.groups(step), &desk.arguments);
+                    for (call, size) in programs.of_step(self.sampled[i].0, update) {
+                        call.encode(&mut pass, i, size.groups(step), &step_buffers.arguments);
                     }
                 }
             }
             self.gpu.queue.submit([encoder.finish()]);
         }
-        self.seen(steps)
+        self.results(steps)
     }
 
-    /// Reads what the steps of a batch were like; makes room if there was not enough.
-    fn seen(&mut self, steps: usize) -> Result<Vec<Seen>, GpuError> {
+    /// Reads the losses of a batch; enlarges the buffers if they overflowed.
+    fn results(&mut self, steps: usize) -> Result<Vec<StepResult>, GpuError> {
         let Some(resident) = &self.resident else { return Ok(Vec::new()) };
-        let desk = &resident.desk;
+        let step_buffers = &resident.step_buffers;
         let words = |bytes: usize| steps * bytes / 4;
         let read = self.gpu.read(&[
-            (&desk.results, words(size_of::<Outcome>())),
-            (&desk.part_terms, words(size_of::<PartTerms>())),
-            (&desk.control, CONTROL_WORDS as usize),
+            (&step_buffers.results, words(size_of::<Outcome>())),
+            (&step_buffers.part_terms, words(size_of::<PartTerms>())),
+            (&step_buffers.control, CONTROL_WORDS as usize),
         ])?;
         let outcomes: &[Outcome] = bytemuck::cast_slice(&read[0]);
         let parts: &[PartTerms] = bytemuck::cast_slice(&read[1]);
-        let seen = outcomes.iter().zip(parts).map(|(&outcome, &parts)| Seen { outcome, parts }).collect();
+        let seen = outcomes.iter().zip(parts).map(|(&outcome, &parts)| StepResult { outcome, parts }).collect();
         let [overflow, needed] = [OVERFLOW, NEEDED].map(|word| read[2][word as usize]);
         if overflow != 0 {
-            self.gpu.write(&desk.control, 0, &[0_u32; CONTROL_WORDS as usize]);
-            self.make_room(needed as usize + needed as usize / 4)?;
+            self.gpu.write(&step_buffers.control, 0, &[0_u32; CONTROL_WORDS as usize]);
+            self.reserve(needed as usize + needed as usize / 4)?;
         }
         Ok(seen)
     }
 
-    /// Room for `capacity` intersections, and the calls that use it.
-    fn make_room(&mut self, capacity: usize) -> Result<(), GpuError> {
-        let Self { gpu, kernels, canvas, pictures, resident, .. } = self;
+    /// Allocates buffers for `capacity` intersections, and prepares the calls that use them.
+    fn reserve(&mut self, capacity: usize) -> Result<(), GpuError> {
+        let Self { gpu, kernels, image_buffers, device_images, resident, .. } = self;
         let Some(resident) = resident else { return Ok(()) };
-        self.capacity = resident.make_room(gpu, kernels, capacity, canvas, pictures)?;
+        self.capacity = resident.reserve(gpu, kernels, capacity, image_buffers, device_images)?;
         gpu.check()
     }
 
-    /// Puts the state on the device.
-    fn place(&mut self) -> Result<(), GpuError> {
+    /// Copies the state to the device.
+    fn upload_state(&mut self) -> Result<(), GpuError> {
         let Self { gpu, state, .. } = self;
         let n = state.splats.len();
         let resident = match self.resident.take() {
             Some(resident) if resident.fits(state) => resident,
-            old => Resident::new(gpu, state, BATCH, old)?,
+            old => Resident::new(gpu, state, MAX_BATCH, old)?,
         };
         resident.fill(gpu, state);
         let ready = !resident.programs.forward.is_empty();
         self.resident = Some(resident);
         if !ready {
-            self.make_room(self.capacity.max(TILES_PER_GAUSSIAN * n))?;
+            self.reserve(self.capacity.max(TILES_PER_GAUSSIAN * n))?;
         }
         self.gpu.check()
     }
 
-    /// What the last upload and the steps since have made of the state.
-    fn fetch(&mut self) -> Result<(), GpuError> {
+    /// Copies the trained state back.
+    fn download_state(&mut self) -> Result<(), GpuError> {
         let Some(resident) = &self.resident else { return Ok(()) };
         resident.fetch(&self.gpu, &mut self.state)
     }
 
-    fn stats(&self, seen: &Seen, view: usize) -> StepStats {
+    fn stats(&self, seen: &StepResult, view: usize) -> StepStats {
         let terms = self.terms(seen, view, &self.config.loss);
         let n = self.state.splats.len();
         let weight = f64::from(self.config.loss.opacity_entropy);
@@ -243,42 +243,42 @@ impl<'a> GpuBackend<'a> {
         StepStats { step: self.state.step, total: self.config.total, loss, psnr, gaussians: n, terms }
     }
 
-    fn terms(&self, seen: &Seen, view: usize, config: &LossConfig) -> LossTerms {
-        let picture = &self.pictures[view];
-        let area = (picture.size[0] * picture.size[1]) as f64;
+    fn terms(&self, seen: &StepResult, view: usize, config: &LossConfig) -> LossTerms {
+        let device_image = &self.device_images[view];
+        let area = (device_image.size[0] * device_image.size[1]) as f64;
         let [l1, squared, depth, mask] = seen.outcome.sums.map(f64::from);
         let mut terms = LossTerms {
             l1: l1 / (3.0 * area),
             mse: squared / (3.0 * area),
-            depth: depth / picture.depth_pixels(config) as f64,
+            depth: depth / device_image.depth_pixels(config) as f64,
             mask: mask / area,
             ..LossTerms::default()
         };
         if config.ssim > 0.0 {
-            terms.ssim = (f64::from(seen.outcome.similarity) / 3.0 + area - picture.windows(config) as f64) / area;
+            terms.ssim = (f64::from(seen.outcome.similarity) / 3.0 + area - device_image.windows(config) as f64) / area;
         }
         terms.weigh(config);
         terms
     }
 }
 
-/// Photographs on the device, and what is drawn to compare with them.
-fn show(gpu: &Gpu, images: &[TrainImage<'_>]) -> Result<(Vec<Picture>, Canvas), GpuError> {
-    /// Photographs whose pixels wait in memory of the host at a time.
-    const TOGETHER: usize = 16;
-    let mut pictures = Vec::with_capacity(images.len());
-    for images in images.chunks(TOGETHER) {
+/// Uploads the images, and allocates buffers for renderings of their size.
+fn upload_images(gpu: &Gpu, images: &[TrainImage<'_>]) -> Result<(Vec<DeviceImage>, ImageBuffers), GpuError> {
+    /// Images whose pixels are in staging memory at a time.
+    const PER_UPLOAD: usize = 16;
+    let mut device_images = Vec::with_capacity(images.len());
+    for images in images.chunks(PER_UPLOAD) {
         for image in images {
-            pictures.push(Picture::new(gpu, image)?);
+            device_images.push(DeviceImage::new(gpu, image)?);
         }
         gpu.read(&[])?;
     }
-    let canvas = Canvas::new(gpu, images.iter().map(|image| [image.width, image.height]))?;
-    Ok((pictures, canvas))
+    let image_buffers = ImageBuffers::new(gpu, images.iter().map(|image| [image.width, image.height]))?;
+    Ok((device_images, image_buffers))
 }
 
-/// What this backend cannot train.
-fn refuse(state: &TrainState) -> Result<(), FitError> {
+/// An error for states that this backend cannot train.
+fn check_supported(state: &TrainState) -> Result<(), FitError> {
     let Deformation::Articulated(articulated) = &state.deformation else { return Ok(()) };
     let Membership::Learned(assignment) = &articulated.membership else { return Ok(()) };
     let kind = match **assignment {
@@ -295,19 +295,19 @@ impl Backend for GpuBackend<'_> {
         if state.splats.is_empty() {
             return Err(FitError::Empty);
         }
-        refuse(&state)?;
+        check_supported(&state)?;
         self.state = state;
         if self.state.settling.is_some() {
             if !self.views.held.is_empty() {
-                self.drawn.clear();
+                self.sampled.clear();
             }
             if let Some(fine) = self.views.settle() {
                 self.resident = None;
-                self.pictures.clear();
-                (self.pictures, self.canvas) = show(&self.gpu, &fine).map_err(device)?;
+                self.device_images.clear();
+                (self.device_images, self.image_buffers) = upload_images(&self.gpu, &fine).map_err(device)?;
             }
         }
-        self.place().map_err(device)
+        self.upload_state().map_err(device)
     }
 
     fn run(
@@ -319,15 +319,15 @@ impl Backend for GpuBackend<'_> {
         if self.state.splats.is_empty() {
             return Err(FitError::Empty);
         }
-        let (mut done, mut go_on) = (0, true);
-        while done < steps && go_on {
+        let (mut done, mut keep_running) = (0, true);
+        while done < steps && keep_running {
             let count = self.batch.min(steps - done);
             let begun = Instant::now();
             let update = update_last || done + count < steps;
             let seen = self.batch(count, update).map_err(device)?;
             let took = begun.elapsed();
             for seen in seen.iter().take_while(|seen| seen.outcome.complete != 0.0) {
-                let (view, _) = self.drawn.pop_front().unwrap_or_default();
+                let (view, _) = self.sampled.pop_front().unwrap_or_default();
                 done += 1;
                 self.state.step += 1;
                 self.state.adam.count += usize::from(update_last || done < steps);
@@ -335,11 +335,11 @@ impl Backend for GpuBackend<'_> {
                     articulated.count_update();
                 }
                 let stats = self.stats(seen, view);
-                go_on &= on_step(stats).is_continue();
+                keep_running &= on_step(stats).is_continue();
             }
-            if took < PATIENCE {
-                self.batch = (2 * self.batch).min(BATCH);
-            } else if took > 4 * PATIENCE {
+            if took < BATCH_TIME {
+                self.batch = (2 * self.batch).min(MAX_BATCH);
+            } else if took > 4 * BATCH_TIME {
                 self.batch = (self.batch / 2).max(1);
             }
         }
@@ -353,36 +353,36 @@ impl Backend for GpuBackend<'_> {
         let colors = LossConfig { ssim: 0.0, depth: 0.0, mask: 0.0, opacity_entropy: 0.0, ..self.config.loss };
         let mut sum = 0.0;
         for view in self.views.held.clone() {
-            let seen = self.look(view, &colors).map_err(device)?;
+            let seen = self.evaluate(view, &colors).map_err(device)?;
             sum -= 10.0 * self.terms(&seen, view, &colors).mse.max(1e-12).log10();
         }
         Ok((!self.views.held.is_empty()).then(|| sum / self.views.held.len() as f64))
     }
 
     fn download(&mut self) -> Result<TrainState, FitError> {
-        self.fetch().map_err(device)?;
+        self.download_state().map_err(device)?;
         Ok(std::mem::take(&mut self.state))
     }
 }
 
 impl GpuBackend<'_> {
-    /// Draws a view over black and compares, but learns nothing.
-    fn look(&mut self, view: usize, loss: &LossConfig) -> Result<Seen, GpuError> {
+    /// Renders a view over black and computes its loss, without training.
+    fn evaluate(&mut self, view: usize, loss: &LossConfig) -> Result<StepResult, GpuError> {
         loop {
-            let step = self.numbers(0, (view, [0.0; 3]), loss);
-            let Some(Resident { desk, programs, .. }) = &self.resident else {
-                return Err(GpuError::Failed("there is nothing to look at".into()));
+            let step = self.step_uniform(0, (view, [0.0; 3]), loss);
+            let Some(Resident { step_buffers, programs, .. }) = &self.resident else {
+                return Err(GpuError::Failed("no state was uploaded".into()));
             };
-            self.gpu.write(&desk.steps, 0, &step::bytes(&[step]));
+            self.gpu.write(&step_buffers.steps, 0, &step::bytes(&[step]));
             let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
                 for (call, size) in programs.forward.iter().chain(&programs.compare[view]) {
-                    call.encode(&mut pass, 0, size.groups(&step), &desk.arguments);
+                    call.encode(&mut pass, 0, size.groups(&step), &step_buffers.arguments);
                 }
             }
             self.gpu.queue.submit([encoder.finish()]);
-            if let Some(seen) = self.seen(1)?.pop()
+            if let Some(seen) = self.results(1)?.pop()
                 && seen.outcome.complete != 0.0
             {
                 return Ok(seen);
@@ -396,5 +396,5 @@ impl GpuBackend<'_> {
 mod tests;
 
 #[cfg(test)]
-#[path = "learnt_tests.rs"]
-mod learnt_tests;
+#[path = "membership_tests.rs"]
+mod membership_tests;

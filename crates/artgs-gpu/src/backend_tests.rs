@@ -1,4 +1,4 @@
-//! Every kernel against its twin on the processor, on small random scenes.
+//! Every kernel against the same computation on the CPU, on small random scenes.
 
 use super::*;
 use crate::scene::PLAIN;
@@ -25,15 +25,15 @@ pub(super) fn config(loss: LossConfig) -> TrainConfig {
     }
 }
 
-/// Frame, loss and gradients of one step on the processor.
-struct Wanted {
+/// Frame, loss and gradients of one step on the CPU.
+struct Expected {
     frame: Frame,
     terms: LossTerms,
     total: f64,
     grads: SplatGrads,
 }
 
-fn wanted(state: &mut TrainState, image: &TrainImage<'_>, background: [f32; 3], config: &TrainConfig) -> Wanted {
+fn expected(state: &mut TrainState, image: &TrainImage<'_>, background: [f32; 3], config: &TrainConfig) -> Expected {
     let (mut raster, mut loss, mut grads) = (Rasterizer::new(), ImageLoss::new(), SplatGrads::default());
     let (mut warp, mut work) = (Warp::new(true), DeformWorkspace::default());
     let TrainState { splats, deformation, step, .. } = state;
@@ -57,7 +57,7 @@ fn wanted(state: &mut TrainState, image: &TrainImage<'_>, background: [f32; 3], 
         let weight = config.loss.opacity_entropy;
         total += f64::from(weight) * opacity_entropy(&splats.logit_opacities, weight, &mut grads.logit_opacities);
     }
-    Wanted { frame, terms, total, grads }
+    Expected { frame, terms, total, grads }
 }
 
 /// Largest difference relative to the largest value.
@@ -75,11 +75,16 @@ pub(super) fn distance(got: &[f32], want: &[f32]) -> f64 {
 }
 
 pub(super) fn backend<'a>(gpu: &Gpu, images: Vec<TrainImage<'a>>, config: TrainConfig) -> GpuBackend<'a> {
-    walking(gpu, images, config, Walk::Memory)
+    backend_with(gpu, images, config, PixelTransfer::Memory)
 }
 
-fn walking<'a>(gpu: &Gpu, images: Vec<TrainImage<'a>>, config: TrainConfig, walk: Walk) -> GpuBackend<'a> {
-    let kernels = Arc::new(Kernels::new(gpu, walk).unwrap());
+fn backend_with<'a>(
+    gpu: &Gpu,
+    images: Vec<TrainImage<'a>>,
+    config: TrainConfig,
+    transfer: PixelTransfer,
+) -> GpuBackend<'a> {
+    let kernels = Arc::new(Kernels::new(gpu, transfer).unwrap());
     GpuBackend::new(gpu.clone(), kernels, images, config, 3).unwrap()
 }
 
@@ -89,12 +94,12 @@ pub(super) fn floats(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Vec<f32>
 
 /// One step without an update on both devices, compared.
 pub(super) fn compare(gpu: &Gpu, state: TrainState, seed: u64, config: TrainConfig, what: &str) {
-    compare_walking(gpu, state, seed, config, Walk::Memory, what);
+    compare_with(gpu, state, seed, config, PixelTransfer::Memory, what);
 }
 
-fn compare_walking(gpu: &Gpu, mut state: TrainState, seed: u64, config: TrainConfig, walk: Walk, what: &str) {
+fn compare_with(gpu: &Gpu, mut state: TrainState, seed: u64, config: TrainConfig, transfer: PixelTransfer, what: &str) {
     let images = images(seed);
-    let mut backend = walking(gpu, images.clone(), config, walk);
+    let mut backend = backend_with(gpu, images.clone(), config, transfer);
     backend.upload(state.clone()).unwrap();
     let mut stats = Vec::new();
     backend
@@ -103,19 +108,19 @@ fn compare_walking(gpu: &Gpu, mut state: TrainState, seed: u64, config: TrainCon
             ControlFlow::Continue(())
         })
         .unwrap();
-    // The same sampler on the processor says which view it was.
+    // The same sampler on the CPU gives the view.
     let states: Vec<usize> = images.iter().map(|i| i.state).collect();
     let mut sampler = ViewSampler::new(&states, config.with_replacement, 3);
     let (view, background) = (sampler.view(), sampler.color());
-    let want = wanted(&mut state, &images[view], background, &config);
+    let want = expected(&mut state, &images[view], background, &config);
     let area = images[view].area();
-    let canvas = &backend.canvas;
-    let frame = floats(gpu, &canvas.frame, 4 * area);
+    let image_buffers = &backend.image_buffers;
+    let frame = floats(gpu, &image_buffers.frame, 4 * area);
     let planar: Vec<f32> = (0..3 * area).map(|i| frame[4 * (i % area) + i / area]).collect();
     let alpha: Vec<f32> = (0..area).map(|p| frame[4 * p + 3]).collect();
     assert!(apart(&planar, &want.frame.rgb) < 1e-4, "{what}: colour {}", apart(&planar, &want.frame.rgb));
     assert!(apart(&alpha, &want.frame.alpha) < 1e-4, "{what}: alpha");
-    let depth = floats(gpu, &canvas.frame_depth, area);
+    let depth = floats(gpu, &image_buffers.frame_depth, area);
     assert!(apart(&depth, &want.frame.depth) < 1e-4, "{what}: depth {}", apart(&depth, &want.frame.depth));
 
     let close = |a: f64, b: f64, of: &str| assert!((a - b).abs() <= 1e-4 * b.abs() + 1e-7, "{what}: {of} {a} not {b}");
@@ -142,7 +147,7 @@ fn compare_walking(gpu: &Gpu, mut state: TrainState, seed: u64, config: TrainCon
         let off = distance(got, want);
         assert!(off < 1e-4, "{what}: gradient of {kind} {off}");
     }
-    let seen = floats(gpu, &g.seen, 4 * g.n);
+    let seen = floats(gpu, &g.densify_stats, 4 * g.n);
     let column = |c: usize| -> Vec<f32> { seen.iter().skip(c).step_by(4).copied().collect() };
     assert!(distance(&column(0), &want.grads.mean2d) < 1e-4, "{what}: screen gradients");
     let drawn: Vec<f32> = want.grads.radii.iter().map(|&r| f32::from(u8::from(r > 0.0))).collect();
@@ -151,7 +156,7 @@ fn compare_walking(gpu: &Gpu, mut state: TrainState, seed: u64, config: TrainCon
 }
 
 #[test]
-fn a_step_on_plain_gaussians_agrees_with_the_processor() {
+fn a_step_on_static_gaussians_agrees_with_the_cpu() {
     let Some(gpu) = gpu() else { return };
     for (seed, n, degree) in [(1, 300, 3), (2, 700, 1), (3, 40, 0), (4, 2500, 2)] {
         let state = TrainState::new(splats(&mut rng(seed), n, degree));
@@ -160,7 +165,7 @@ fn a_step_on_plain_gaussians_agrees_with_the_processor() {
 }
 
 #[test]
-fn every_form_of_the_loss_agrees_with_the_processor() {
+fn every_form_of_the_loss_agrees_with_the_cpu() {
     let Some(gpu) = gpu() else { return };
     let published = LossConfig {
         crop_ssim: false,
@@ -179,17 +184,17 @@ fn every_form_of_the_loss_agrees_with_the_processor() {
 }
 
 #[test]
-fn pixels_handed_on_in_registers_agree_with_the_processor() {
+fn pixels_moved_in_registers_agree_with_the_cpu() {
     let Some(gpu) = gpu() else { return };
     let Some([least, most]) = gpu.subgroup else { return };
     if least == most {
         let state = TrainState::new(splats(&mut rng(13), 900, 1));
-        compare_walking(&gpu, state, 13, config(LossConfig::default()), Walk::Subgroup(most), "registers");
+        compare_with(&gpu, state, 13, config(LossConfig::default()), PixelTransfer::Subgroup(most), "registers");
     }
 }
 
 #[test]
-fn moved_parts_agree_with_the_processor() {
+fn moved_parts_agree_with_the_cpu() {
     let Some(gpu) = gpu() else { return };
     for (seed, exact) in [(6, true), (7, false), (8, true)] {
         let splats = splats(&mut rng(seed), 500, 2);
@@ -199,7 +204,7 @@ fn moved_parts_agree_with_the_processor() {
     }
 }
 
-/// Runs both devices for some steps from the same state; returns what they made of it.
+/// Runs both devices for some steps from the same state and returns the results.
 pub(super) fn both(gpu: &Gpu, state: &TrainState, config: TrainConfig, steps: usize) -> [TrainState; 2] {
     let mut cpu = CpuBackend::new(images(9), config, 3).unwrap();
     let mut other = backend(gpu, images(9), config);
@@ -236,7 +241,7 @@ fn some_steps_lead_to_the_same_gaussians_and_joints() {
     let (Deformation::Articulated(a), Deformation::Articulated(b)) = (&cpu.deformation, &gpu.deformation) else {
         panic!("both are articulated");
     };
-    let Deformation::Articulated(start) = &state.deformation else { panic!("it began articulated") };
+    let Deformation::Articulated(start) = &state.deformation else { panic!("the start is articulated") };
     for ((a, b), start) in a.joint_states().iter().zip(b.joint_states()).zip(start.joint_states()) {
         let shift = |x: &[f64; 8], y: &[f64; 8]| (0..8).map(|i| (x[i] - y[i]).abs()).fold(0.0, f64::max);
         assert!(shift(&a.values, &start.values) > 1e-3, "joints learn: {a:?}");
@@ -245,7 +250,7 @@ fn some_steps_lead_to_the_same_gaussians_and_joints() {
 }
 
 #[test]
-fn a_step_without_room_is_made_again_once_there_is() {
+fn a_step_that_overflows_is_repeated_with_larger_buffers() {
     let Some(gpu) = gpu() else { return };
     let state = TrainState::new(splats(&mut rng(11), 300, 1));
     let run = |capacity: usize| {
@@ -253,8 +258,8 @@ fn a_step_without_room_is_made_again_once_there_is() {
         backend.capacity = capacity;
         backend.upload(state.clone()).unwrap();
         if capacity > 0 {
-            backend.resident.as_mut().unwrap().room = None;
-            backend.make_room(capacity).unwrap();
+            backend.resident.as_mut().unwrap().intersections = None;
+            backend.reserve(capacity).unwrap();
         }
         let mut steps = Vec::new();
         backend
@@ -265,14 +270,14 @@ fn a_step_without_room_is_made_again_once_there_is() {
             .unwrap();
         (steps, backend.download().unwrap())
     };
-    let (plenty, scarce) = (run(0), run(50));
-    assert_eq!(plenty.0, scarce.0);
-    assert_eq!(plenty.1.splats, scarce.1.splats);
-    assert_eq!(plenty.1.stats, scarce.1.stats);
+    let (large, small) = (run(0), run(50));
+    assert_eq!(large.0, small.0);
+    assert_eq!(large.1.splats, small.1.splats);
+    assert_eq!(large.1.stats, small.1.stats);
 }
 
 #[test]
-fn the_same_seed_gives_the_same_bytes_and_breaking_off_loses_nothing() {
+fn the_same_seed_gives_the_same_bytes_also_if_training_stops_between() {
     let Some(gpu) = gpu() else { return };
     let state = TrainState::new(splats(&mut rng(12), 200, 1));
     let train = |stops: &[usize]| {
@@ -285,14 +290,14 @@ fn the_same_seed_gives_the_same_bytes_and_breaking_off_loses_nothing() {
         }
         state
     };
-    // Breaks off after batches of 1 and 2 steps.
+    // Stops after batches of 1 and 2 steps.
     let (a, b) = (train(&[3, 2]), train(&[3, 2]));
     assert_eq!((a.step, &a.splats), (b.step, &b.splats));
     assert_eq!(a.step, 3);
 }
 
 #[test]
-fn a_device_that_is_lost_is_an_error_and_the_processor_can_go_on() {
+fn a_lost_device_is_an_error_and_the_cpu_can_continue() {
     let Some(gpu) = gpu() else { return };
     let state = TrainState::new(splats(&mut rng(14), 200, 1));
     let mut lost = backend(&gpu, images(9), config(LossConfig::default()));
@@ -314,9 +319,9 @@ fn a_device_that_is_lost_is_an_error_and_the_processor_can_go_on() {
             config: TrainConfig,
             seed: u64,
         ) -> Result<Box<dyn Backend + 'a>, FitError> {
-            let made = self.0.backend(images, config, seed)?;
+            let backend = self.0.backend(images, config, seed)?;
             self.0.gpu.device.destroy();
-            Ok(made)
+            Ok(backend)
         }
     }
     let fresh = crate::testing::gpu().unwrap();
@@ -335,7 +340,7 @@ fn a_device_that_is_lost_is_an_error_and_the_processor_can_go_on() {
 }
 
 #[test]
-fn what_cannot_be_trained_is_refused_with_a_reason() {
+fn unsupported_states_are_errors_with_a_reason() {
     let Some(gpu) = gpu() else { return };
     let mut backend = backend(&gpu, images(9), config(LossConfig::default()));
     assert!(matches!(backend.upload(TrainState::default()), Err(FitError::Empty)));
@@ -343,7 +348,7 @@ fn what_cannot_be_trained_is_refused_with_a_reason() {
     assert!(matches!(
         GpuBackend::new(
             gpu.clone(),
-            Arc::new(Kernels::new(&gpu, Walk::Memory).unwrap()),
+            Arc::new(Kernels::new(&gpu, PixelTransfer::Memory).unwrap()),
             vec![],
             config(LossConfig::default()),
             1

@@ -2,19 +2,20 @@
 
 use crate::constants::{CHAMFER, GROUP};
 use crate::kernels::Kernels;
-use crate::learnt::constant;
-use crate::scene::{Desk, Gaussians, Program, Size};
+use crate::membership::constant;
+use crate::scene::{Gaussians, Program, Size, StepBuffers};
 use crate::shared::shared_struct;
 use crate::step::Step;
 use crate::{Gpu, GpuError};
 use artgs::fit::{Articulated, ChamferTargets};
+use artgs_core::State;
 use std::sync::Arc;
 use wgpu::Buffer;
 
-/// Cells for each target: most are empty where targets lie on surfaces.
+/// Cells per target: most are empty because targets lie on surfaces.
 const CELLS_PER_POINT: f64 = 4.0;
-/// Cells along an axis at most.
-const MOST: f32 = 512.0;
+/// Most cells along an axis.
+const MAX_CELLS: f32 = 512.0;
 
 shared_struct! {
     /// A uniform grid around the targets of a state.
@@ -42,15 +43,15 @@ pub(crate) struct Targets {
     points: Buffer,
 }
 
-/// Targets and what the term needs for each Gaussian.
+/// Targets, and sums of the term over workgroups.
 #[derive(Debug)]
 pub(crate) struct Chamfer {
     targets: Targets,
     squares: Buffer,
 }
 
-/// Sets what step `number` needs to know of the term.
-pub(crate) fn numbers(step: &mut Step, articulated: &Articulated, number: usize) {
+/// Sets the fields of step `number` that the term needs.
+pub(crate) fn set_fields(step: &mut Step, articulated: &Articulated, number: usize) {
     let config = articulated.config();
     let [after, before] = config.chamfer_steps;
     if articulated.targets().is_some() && number > after && number < before {
@@ -59,8 +60,8 @@ pub(crate) fn numbers(step: &mut Step, articulated: &Articulated, number: usize)
     }
 }
 
-/// A grid about the points; appends where those of each cell begin to `cells`, counted from `sorted`, and the points cell by
-/// cell to that.
+/// A grid around the points. Appends the points, sorted by cell, to `sorted`, and the index in `sorted` of the first point
+/// of each cell to `cells`.
 fn sort_into_cells(points: &[[f32; 3]], cells: &mut Vec<u32>, sorted: &mut Vec<[f32; 4]>) -> Grid {
     let begin = cells.len() as u32;
     if points.is_empty() {
@@ -70,10 +71,10 @@ fn sort_into_cells(points: &[[f32; 3]], cells: &mut Vec<u32>, sorted: &mut Vec<[
     let origin: [f32; 3] = std::array::from_fn(|a| bound(a, f32::min));
     let extent: [f32; 3] = std::array::from_fn(|a| bound(a, f32::max) - origin[a]);
     let longest = extent.iter().fold(1e-12_f32, |m, &e| m.max(e));
-    // Flat and thin clouds count as somewhat thick, so that cells do not become too small.
+    // A minimum thickness of flat and thin clouds, so that cells do not become too small.
     let volume: f64 = extent.iter().map(|&e| f64::from(e.max(0.01 * longest))).product();
     let side = (volume / (CELLS_PER_POINT * points.len() as f64)).cbrt() as f32;
-    let side = side.max(longest / MOST);
+    let side = side.max(longest / MAX_CELLS);
     let size = extent.map(|e| (e / side) as u32 + 1);
     let cell_of = |p: &[f32; 3]| {
         let [x, y, z]: [u32; 3] = std::array::from_fn(|a| (((p[a] - origin[a]) / side) as u32).min(size[a] - 1));
@@ -99,7 +100,7 @@ fn sort_into_cells(points: &[[f32; 3]], cells: &mut Vec<u32>, sorted: &mut Vec<[
 impl Targets {
     fn new(gpu: &Gpu, of: &Arc<ChamferTargets>) -> Result<Self, GpuError> {
         let (mut cells, mut points) = (Vec::new(), Vec::new());
-        let grids = [0, 1].map(|state: usize| sort_into_cells(of.points(state), &mut cells, &mut points));
+        let grids = State::ALL.map(|state| sort_into_cells(of.points(state.index()), &mut cells, &mut points));
         Ok(Self {
             of: of.clone(),
             grids: constant(gpu, "grids of targets", &grids),
@@ -110,7 +111,7 @@ impl Targets {
 }
 
 impl Chamfer {
-    /// For `n` Gaussians; takes over the targets of `old` if they are the same.
+    /// For `n` Gaussians; reuses the targets of `old` if they are the same.
     pub(crate) fn new(gpu: &Gpu, n: usize, of: &Arc<ChamferTargets>, old: Option<&Self>) -> Result<Self, GpuError> {
         let same = old.filter(|old| old.is_for(of)).map(|old| old.targets.clone());
         let targets = same.map_or_else(|| Targets::new(gpu, of), Ok)?;
@@ -122,10 +123,17 @@ impl Chamfer {
         Arc::ptr_eq(&self.targets.of, of)
     }
 
-    /// Adds to the gradients by the motions of all Gaussians, `motions` being those that they are drawn with.
-    pub(crate) fn program(&self, gpu: &Gpu, k: &Kernels, g: &Gaussians, motions: &Buffer, desk: &Desk) -> Program {
+    /// Adds to the gradients with respect to the motions of all Gaussians; `motions` are those that they are rendered with.
+    pub(crate) fn program(
+        &self,
+        gpu: &Gpu,
+        k: &Kernels,
+        g: &Gaussians,
+        motions: &Buffer,
+        step_buffers: &StepBuffers,
+    ) -> Program {
         let arrays = [
-            &desk.steps,
+            &step_buffers.steps,
             &g.params,
             &g.labels,
             motions,
@@ -134,7 +142,7 @@ impl Chamfer {
             &self.targets.points,
             &g.d_motions,
             &self.squares,
-            &desk.part_terms,
+            &step_buffers.part_terms,
         ];
         vec![
             (k.chamfer.on(gpu, &arrays), Size::Grid([g.n.div_ceil(GROUP as usize) as u32, 1, 1])),

@@ -51,7 +51,7 @@ shared_constants! {
     // Words of `control`.
     /// Number of intersections to draw.
     TOTAL: u32 = 0;
-    /// Not 0 once there was no room for the intersections; then no step changes anything.
+    /// Not 0 after the intersections exceeded the buffers; then no step changes anything.
     OVERFLOW: u32 = 1;
     /// Largest number of intersections so far.
     NEEDED: u32 = 2;
@@ -93,7 +93,7 @@ shared_constants! {
     PLAIN: u32 = 11;
     /// Floats per part of a learned assignment: centre, log scales, quaternion.
     FRAME: u32 = training::ASSIGN_FRAME as u32;
-    /// Vectors per part that `sum_frames` writes for a stretch of Gaussians.
+    /// Vectors per part that `sum_frames` writes for a range of Gaussians.
     FRAME_SUMS: u32 = 5;
     /// Features of a level of the hash grid.
     FEATURES: u32 = training::HASH_FEATURES as u32;

@@ -1,16 +1,17 @@
-//! Which graphics processors there are, and an open one.
+//! List of graphics processors, and an open one.
 
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A reason why a graphics processor cannot be used, or can be used no longer.
+/// Why a graphics processor cannot be used.
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum GpuError {
     /// No driver (Vulkan, Metal or Direct3D 12) offers a device.
     #[error("no graphics processor was found: install its Vulkan driver, or train with --device cpu")]
     None,
-    /// There are devices, but not this one.
-    #[error("there is no graphics processor {0}: `artgs devices` lists those there are")]
+    /// No device has this index.
+    #[error("there is no graphics processor {0}: `artgs devices` lists the available ones")]
     Unknown(usize),
     /// The device lacks something that the kernels need.
     #[error("{name} cannot be used: {lacks}")]
@@ -20,27 +21,27 @@ pub enum GpuError {
         /// What is missing.
         lacks: String,
     },
-    /// The driver refused to open it.
+    /// The driver did not open it.
     #[error("{name} does not open: {reason}")]
     Refused {
         /// Name of the device.
         name: String,
-        /// In the words of the driver.
+        /// Message of the driver.
         reason: String,
     },
-    /// It failed while it worked: lost, out of memory, or a mistake in a kernel.
+    /// It failed in use: lost, out of memory, or an error in a kernel.
     #[error("{0}")]
     Failed(String),
 }
 
-/// What sort of device an adapter is.
+/// Type of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
-    /// A driver that computes on the processor: for tests, far slower than training on the processor itself.
+    /// A driver that computes on the CPU: for tests, much slower than training on the CPU itself.
     Software,
-    /// Behind a virtual machine, or of an unknown sort.
+    /// In a virtual machine, or of unknown type.
     Virtual,
-    /// Shares its memory with the processor.
+    /// Shares its memory with the CPU.
     Integrated,
     /// Has memory of its own.
     Discrete,
@@ -51,21 +52,21 @@ pub enum Kind {
 pub struct Adapter {
     /// Place in the list, for `--device gpu:N`.
     pub index: usize,
-    /// As its driver calls it.
+    /// Name in its driver.
     pub name: String,
-    /// What sort of device it is.
+    /// Type of the device.
     pub kind: Kind,
-    /// Interface it is reached through: Vulkan, Metal or Dx12.
+    /// Interface: Vulkan, Metal or Dx12.
     pub interface: String,
     /// Name and version of the driver.
     pub driver: String,
-    /// Largest array a kernel can see, bytes.
+    /// Largest array that a kernel can use, bytes.
     pub largest_buffer: u64,
-    /// Fewest and most threads that step together, if kernels may exchange values among them.
+    /// Least and largest subgroup size, if kernels may exchange values within subgroups.
     pub subgroup: Option<[u32; 2]>,
-    /// True if kernels can be timed one by one.
+    /// True if single kernels can be timed.
     pub timestamps: bool,
-    /// What it lacks, if it cannot train.
+    /// The missing limit, if it cannot train.
     pub lacks: Option<String>,
     handle: wgpu::Adapter,
 }
@@ -81,10 +82,10 @@ impl fmt::Display for Kind {
     }
 }
 
-/// What it takes to time kernels one by one.
+/// Features needed to time single kernels.
 const TIMING: wgpu::Features = wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES);
 
-/// What the kernels need of a device.
+/// Limits that the kernels need.
 fn needs() -> wgpu::Limits {
     wgpu::Limits {
         max_storage_buffers_per_shader_stage: 13,
@@ -120,7 +121,7 @@ fn lacks(limits: &wgpu::Limits) -> Option<String> {
 fn instance() -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
-    // Counts of indirect dispatches come from our own kernels; checking them would cost a dispatch each.
+    // Sizes of indirect dispatches are written by the kernels; validating them would add a dispatch to each.
     descriptor.flags = wgpu::InstanceFlags::empty();
     wgpu::Instance::new(descriptor)
 }
@@ -165,18 +166,18 @@ pub struct Gpu {
     pub(crate) queue: wgpu::Queue,
     /// Name and interface.
     pub name: String,
-    /// What sort of device it is.
+    /// Type of the device.
     pub kind: Kind,
     pub(crate) largest_buffer: u64,
     pub(crate) timestamps: bool,
-    /// Fewest and most threads that step together.
+    /// Least and largest subgroup size.
     pub(crate) subgroup: Option<[u32; 2]>,
     failure: Arc<Mutex<Option<String>>>,
 }
 
 impl Gpu {
-    /// Opens the device `index` of [`adapters`], or without one the first of the most capable sort. Without
-    /// `software`, devices that compute on the processor are only opened by their index.
+    /// Opens the device `index` of [`adapters`], or without an index the first one of the most capable type. Devices that
+    /// compute on the CPU are opened only by their index or if `software`.
     pub fn open(index: Option<usize>, software: bool) -> Result<Self, GpuError> {
         let mut all = adapters();
         if let Some(index) = index {
@@ -228,13 +229,13 @@ impl Gpu {
         })
     }
 
-    /// The first thing that went wrong on the device since it was opened.
+    /// The first error on the device since it was opened.
     pub(crate) fn check(&self) -> Result<(), GpuError> {
         let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
         failure.as_ref().map_or(Ok(()), |what| Err(GpuError::Failed(format!("{}: {what}", self.name))))
     }
 
-    /// An array of `count` elements of `bytes` bytes each that kernels read and write; its content is 0.
+    /// An array of `count` elements of `bytes` bytes each that kernels read and write; initially 0.
     pub(crate) fn array(&self, label: &str, count: usize, bytes: usize) -> Result<wgpu::Buffer, GpuError> {
         let size = (count.max(1) * bytes).next_multiple_of(16) as u64;
         if size > self.largest_buffer {
@@ -254,14 +255,14 @@ impl Gpu {
         }))
     }
 
-    /// An array that begins as `data`.
+    /// An array with the content `data`.
     pub(crate) fn array_of<T: bytemuck::Pod>(&self, label: &str, data: &[T]) -> Result<wgpu::Buffer, GpuError> {
         let buffer = self.array(label, data.len(), size_of::<T>())?;
         self.write(&buffer, 0, data);
         Ok(buffer)
     }
 
-    /// Overwrites elements of an array from element `at` on; the length in bytes is brought up to a multiple of four.
+    /// Overwrites elements of an array from element `at` on; the length in bytes is rounded up to a multiple of four.
     pub(crate) fn write<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer, at: usize, data: &[T]) {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let offset = (at * size_of::<T>()) as u64;
@@ -274,7 +275,7 @@ impl Gpu {
         }
     }
 
-    /// Waits for everything asked of the device so far and returns the first `counts[i]` words of each array.
+    /// Waits for all submitted work and returns the first words of each array, as many as its count.
     pub(crate) fn read(&self, arrays: &[(&wgpu::Buffer, usize)]) -> Result<Vec<Vec<u32>>, GpuError> {
         let total: usize = arrays.iter().map(|(_, count)| 4 * count).sum();
         use wgpu::BufferUsages as U;
@@ -297,7 +298,7 @@ impl Gpu {
         staging.slice(..).map_async(wgpu::MapMode::Read, |_| {});
         let failed = |what: String| GpuError::Failed(format!("{}: {what}", self.name));
         self.check()?;
-        // A device that is lost while it is waited for makes wgpu panic.
+        // wgpu panics if the device is lost during this wait.
         let wait = || self.device.poll(wgpu::PollType::wait_indefinitely());
         match std::panic::catch_unwind(std::panic::AssertUnwindSafe(wait)) {
             Ok(polled) => polled.map(|_| ()).map_err(|e| failed(e.to_string()))?,
@@ -322,14 +323,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_device_that_is_not_there_is_an_error_that_helps() {
+    fn an_unknown_device_is_an_error_with_advice() {
         let error = Gpu::open(Some(1000), true).unwrap_err();
         assert_eq!(error, GpuError::Unknown(1000));
         assert!(error.to_string().contains("artgs devices"));
     }
 
     #[test]
-    fn small_devices_are_told_apart() {
+    fn missing_limits_are_reported() {
         assert!(lacks(&wgpu::Limits::default()).is_some_and(|l| l.contains("storage buffers")));
         assert!(lacks(&needs()).is_none());
     }

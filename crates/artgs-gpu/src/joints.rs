@@ -1,8 +1,8 @@
-//! Motions of parts on the device: their gradients, their updates.
+//! Motions of parts on the device: gradients and updates.
 
 use crate::constants::{self, ARTICULATED, EXACT_WARP, LEARN_JOINTS, ROTATE_SH};
 use crate::kernels::Kernels;
-use crate::scene::{Desk, Gaussians, Program, Size};
+use crate::scene::{Gaussians, Program, Size, StepBuffers};
 use crate::shared::shared_struct;
 use crate::step::Step;
 use crate::{Gpu, GpuError};
@@ -10,7 +10,7 @@ use artgs::articulation::MotionModel;
 use artgs::fit::{Articulated, JointState};
 use wgpu::Buffer;
 
-/// Stretches of Gaussians whose gradients are summed side by side.
+/// Number of ranges of Gaussians whose gradients are summed in parallel.
 pub(crate) const CHUNKS: u32 = 64;
 
 shared_struct! {
@@ -27,18 +27,18 @@ shared_struct! {
     }
 }
 
-/// Arrays for motions that are learnt.
+/// Arrays of optimised motions.
 #[derive(Debug)]
 pub(crate) struct Joints {
     parts: usize,
     /// [`Joint`] of each movable part.
     values: Buffer,
-    /// Gradients by the motions of stretches of Gaussians, `[K][CHUNKS][2]` quaternions.
+    /// Gradients with respect to the motions, partial sums, `[K][CHUNKS][2]` quaternions.
     partial: Buffer,
 }
 
-/// Sets what a step needs to know of the parts. `done` updates have not been counted yet.
-pub(crate) fn numbers(step: &mut Step, articulated: &Articulated, number: usize, done: usize) {
+/// Sets the fields of a step that the parts need. `done` updates have not been counted yet.
+pub(crate) fn set_fields(step: &mut Step, articulated: &Articulated, number: usize, done: usize) {
     let config = articulated.config();
     step.parts = articulated.parts() as u32;
     step.flags |= ARTICULATED;
@@ -61,7 +61,7 @@ impl Joints {
         })
     }
 
-    /// Puts the motions and their moments on the device.
+    /// Copies the motions and their moments to the device.
     pub(crate) fn fill(&self, gpu: &Gpu, articulated: &Articulated) {
         let halves = |v: [f32; 8]| [[v[0], v[1], v[2], v[3]], [v[4], v[5], v[6], v[7]]];
         let joint = |joint: JointState| Joint {
@@ -75,7 +75,7 @@ impl Joints {
         gpu.write(&self.values, 0, &joints);
     }
 
-    /// Takes the motions and their moments back.
+    /// Copies the motions and their moments back.
     pub(crate) fn fetch(&self, gpu: &Gpu, articulated: &mut Articulated) -> Result<(), GpuError> {
         let words = size_of::<Joint>() / 4 * (self.parts - 1);
         let read = gpu.read(&[(&self.values, words)])?;
@@ -97,12 +97,19 @@ impl Joints {
         Ok(())
     }
 
-    /// From the gradients by the motion of every Gaussian to the motions of the next step; `weights` of the parts, anything
-    /// where there are none.
-    pub(crate) fn program(&self, gpu: &Gpu, k: &Kernels, g: &Gaussians, weights: &Buffer, desk: &Desk) -> Program {
+    /// Updates the motions from the gradients with respect to the motion of every Gaussian. `weights` are those of the parts,
+    /// or any array if parts have labels.
+    pub(crate) fn program(
+        &self,
+        gpu: &Gpu,
+        k: &Kernels,
+        g: &Gaussians,
+        weights: &Buffer,
+        step_buffers: &StepBuffers,
+    ) -> Program {
         let parts = self.parts as u32;
-        let sums = [&desk.steps, &g.labels, &g.d_motions, weights, &self.partial];
-        let update = [&desk.steps, &self.partial, &desk.control, &self.values, &desk.motions];
+        let sums = [&step_buffers.steps, &g.labels, &g.d_motions, weights, &self.partial];
+        let update = [&step_buffers.steps, &self.partial, &step_buffers.control, &self.values, &step_buffers.motions];
         vec![
             (k.sum_motions.on(gpu, &sums), Size::Grid([CHUNKS, parts, 1])),
             (k.update_joints.on(gpu, &update), Size::Count(1)),

@@ -3,10 +3,10 @@
 use crate::constants::ROW;
 use crate::{Gpu, GpuError};
 
-/// What a kernel does with an array it is given.
+/// How a kernel uses a binding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Use {
-    /// The numbers of a step; which step is said at each call.
+    /// The uniform of a step; each call chooses the step.
     Step,
     /// Small constants.
     Constant,
@@ -19,7 +19,7 @@ pub(crate) enum Use {
 /// How many workgroups are started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Groups {
-    /// So many, in rows of at most [`ROW`].
+    /// This many, in rows of at most [`ROW`].
     Count(u32),
     /// A grid.
     Grid([u32; 3]),
@@ -27,7 +27,7 @@ pub(crate) enum Groups {
     Indirect(u32),
 }
 
-/// A kernel ready to be called.
+/// A compiled kernel.
 #[derive(Debug)]
 pub(crate) struct Kernel {
     name: &'static str,
@@ -42,17 +42,17 @@ pub(crate) struct Call {
     pub(crate) name: &'static str,
     pipeline: wgpu::ComputePipeline,
     arrays: wgpu::BindGroup,
-    /// True if it reads the numbers of a step.
+    /// True if it reads the uniform of a step.
     stepwise: bool,
 }
 
 impl Kernel {
-    /// Compiles entry point `name` of the source; `uses` says what becomes of binding 0, 1, ...
+    /// Compiles entry point `name` of the source; `uses` are those of binding 0, 1, ...
     pub(crate) fn new(gpu: &Gpu, name: &'static str, source: String, uses: &[Use]) -> Self {
         let descriptor =
             wgpu::ShaderModuleDescriptor { label: Some(name), source: wgpu::ShaderSource::Wgsl(source.into()) };
-        // SAFETY: all kernels keep their indices within the arrays they are given: they compare with the lengths in `Step`
-        // and `control`, which the host sizes the arrays by; and all their loops end.
+        // SAFETY: all kernels keep their indices within their arrays: they compare with the lengths in `Step` and `control`,
+        // by which the host sizes the arrays; and all their loops end.
         let module = unsafe { gpu.device.create_shader_module_trusted(descriptor, checks()) };
         let entry = |(binding, what): (usize, &Use)| wgpu::BindGroupLayoutEntry {
             binding: binding as u32,
@@ -105,7 +105,7 @@ impl Kernel {
     }
 }
 
-/// What a binding refers to: of the numbers of steps, those of one.
+/// The buffer of a binding; of the uniforms of steps, the size of one.
 fn entry(binding: usize, array: &wgpu::Buffer, what: Use) -> wgpu::BindGroupEntry<'_> {
     let one = wgpu::BufferSize::new(size_of::<crate::step::Step>() as u64);
     let resource = match what {
@@ -115,14 +115,14 @@ fn entry(binding: usize, array: &wgpu::Buffer, what: Use) -> wgpu::BindGroupEntr
     wgpu::BindGroupEntry { binding: binding as u32, resource }
 }
 
-/// Without the checks that keep kernels from other people's memory; tests keep them.
+/// Run-time bounds checks of kernels, in tests only.
 fn checks() -> wgpu::ShaderRuntimeChecks {
     if cfg!(test) { wgpu::ShaderRuntimeChecks::checked() } else { wgpu::ShaderRuntimeChecks::unchecked() }
 }
 
 impl Call {
-    /// Appends the call to a pass. `step` is the place of the step among those uploaded, `arguments` what indirect numbers of
-    /// workgroups are read from.
+    /// Appends the call to a pass. `step` is the index of the step among those uploaded; `arguments` holds the sizes of
+    /// indirect dispatches.
     pub(crate) fn encode(
         &self,
         pass: &mut wgpu::ComputePass<'_>,
@@ -142,7 +142,7 @@ impl Call {
     }
 }
 
-/// Compiles a kernel and turns what the compiler has against it into an error.
+/// Compiles kernels; errors of the compiler are returned.
 pub(crate) fn compiled<T>(gpu: &Gpu, make: impl FnOnce() -> T) -> Result<T, GpuError> {
     let made = make();
     gpu.check()?;

@@ -20,11 +20,11 @@ const BIN: &str = include_str!("shaders/bin.wgsl");
 const LIST: &str = include_str!("shaders/list.wgsl");
 const BLEND: &str = include_str!("shaders/blend.wgsl");
 const BLEND_BACK: &str = include_str!("shaders/blend_back.wgsl");
-const BY_MEMORY: &str = include_str!("shaders/hand_on_by_memory.wgsl");
-const BY_SUBGROUP: &str = include_str!("shaders/hand_on_by_subgroup.wgsl");
+const BY_MEMORY: &str = include_str!("shaders/transfer_by_memory.wgsl");
+const BY_SUBGROUP: &str = include_str!("shaders/transfer_by_subgroup.wgsl");
 const GATHER: &str = include_str!("shaders/gather.wgsl");
 const WINDOW: &str = include_str!("shaders/window.wgsl");
-const PHOTO: &str = include_str!("shaders/photo.wgsl");
+const IMAGE: &str = include_str!("shaders/image.wgsl");
 const SSIM: &str = include_str!("shaders/ssim.wgsl");
 const LOSS: &str = include_str!("shaders/loss.wgsl");
 const RESULTS: &str = include_str!("shaders/results.wgsl");
@@ -47,17 +47,17 @@ const ASSIGN_STEP: &str = include_str!("shaders/assign_step.wgsl");
 const CHAMFER: &str = include_str!("shaders/chamfer.wgsl");
 const ADAM: &str = include_str!("shaders/adam.wgsl");
 
-/// How pixels pass from thread to thread on the way back through blending.
+/// How pixels move from thread to thread in the backward pass of blending.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Walk {
+pub(crate) enum PixelTransfer {
     /// Through memory of the workgroup.
     Memory,
-    /// In registers, among so many threads that always step together.
+    /// In registers, within subgroups of this size.
     Subgroup(u32),
 }
 
-impl Walk {
-    /// What the device is likely to be best at: registers, if its subgroups have one size of 32 or 64.
+impl PixelTransfer {
+    /// The one that is likely to be fastest: registers, if all subgroups have a size of 32 or all of 64.
     pub(crate) fn of(gpu: &Gpu) -> Self {
         match gpu.subgroup {
             Some([least, most]) if least == most && matches!(most, 32 | 64) => Self::Subgroup(most),
@@ -65,7 +65,7 @@ impl Walk {
         }
     }
 
-    /// Gaussians of a tile whose way back is walked together.
+    /// Gaussians of a tile that one workgroup of the backward pass handles.
     pub(crate) fn bucket(self) -> usize {
         match self {
             Self::Memory => 32,
@@ -74,10 +74,10 @@ impl Walk {
     }
 }
 
-/// Every kernel of a step: compiled, or whatever [`Kernels::each`] makes of them.
+/// Every kernel of a step: compiled, or what [`Kernels::each`] made of it.
 #[derive(Debug)]
 pub(crate) struct Kernels<K = Kernel> {
-    pub(crate) walk: Walk,
+    pub(crate) transfer: PixelTransfer,
     pub(crate) project: K,
     pub(crate) reduce_blocks: K,
     pub(crate) scan_sums: K,
@@ -117,20 +117,20 @@ pub(crate) struct Kernels<K = Kernel> {
 
 impl Kernels {
     /// Compiles all of them.
-    pub(crate) fn new(gpu: &Gpu, walk: Walk) -> Result<Self, GpuError> {
-        compiled(gpu, || Self::each(walk, |name, source, uses| Kernel::new(gpu, name, source, uses)))
+    pub(crate) fn new(gpu: &Gpu, transfer: PixelTransfer) -> Result<Self, GpuError> {
+        compiled(gpu, || Self::each(transfer, |name, source, uses| Kernel::new(gpu, name, source, uses)))
     }
 }
 
 impl<K> Kernels<K> {
-    /// Makes something of every kernel: its entry point, its source, and what becomes of binding 0, 1, ...
-    pub(crate) fn each(walk: Walk, mut make: impl FnMut(&'static str, String, &[Use]) -> K) -> Self {
-        let common = [&shared::wgsl(walk.bucket() as u32), COMMON].concat();
-        let (hand_on, lane) = match walk {
-            Walk::Memory => (BY_MEMORY, "local_invocation_index"),
-            Walk::Subgroup(_) => (BY_SUBGROUP, "subgroup_invocation_id"),
+    /// Calls `make` for every kernel with its entry point, its source, and the uses of binding 0, 1, ...
+    pub(crate) fn each(transfer: PixelTransfer, mut make: impl FnMut(&'static str, String, &[Use]) -> K) -> Self {
+        let common = [&shared::wgsl(transfer.bucket() as u32), COMMON].concat();
+        let (transfer_file, lane) = match transfer {
+            PixelTransfer::Memory => (BY_MEMORY, "local_invocation_index"),
+            PixelTransfer::Subgroup(_) => (BY_SUBGROUP, "subgroup_invocation_id"),
         };
-        let walk_back = BLEND_BACK.replace("LANE", lane);
+        let blend_back_source = BLEND_BACK.replace("LANE", lane);
         let scan = [Step, Read, Read, Write, Write, Write, Write];
         let sort = [Constant, Read, Read, Read, Write, Write, Write];
         let list = [Step, Read, Read, Read, Write, Write, Write, Write, Write, Write];
@@ -142,7 +142,7 @@ impl<K> Kernels<K> {
         let gather = [Step, Read, Read, Read, Read, Read, Read, Read, Read, Write, Write, Write];
         let mut new = |name: &'static str, sources: &[&str], uses: &[Use]| make(name, sources.concat(), uses);
         Self {
-            walk,
+            transfer,
             project: new(
                 "project",
                 &[&common, QUATERNION, PROJECT, WARP, SH, CHAIN, FOOTPRINT],
@@ -159,14 +159,14 @@ impl<K> Kernels<K> {
             count_buckets: new("count_buckets", &[&common, PREFIX, ARGUMENTS, LIST], &list),
             name_buckets: new("name_buckets", &[&common, PREFIX, ARGUMENTS, LIST], &list),
             blend: new("blend", &[&common, BLEND], &[Step, Read, Read, Read, Read, Write, Write, Write, Write, Write]),
-            slope: new("slope", &[&common, WINDOW, PHOTO, SSIM], &[Step, Read, Read, Write, Write]),
+            slope: new("slope", &[&common, WINDOW, IMAGE, SSIM], &[Step, Read, Read, Write, Write]),
             compare: new(
                 "compare",
-                &[&common, WINDOW, PHOTO, LOSS],
+                &[&common, WINDOW, IMAGE, LOSS],
                 &[Step, Read, Read, Read, Read, Read, Write, Write, Write],
             ),
             collect: new("collect", &[&common, RESULTS], &[Step, Read, Read, Read, Read, Write]),
-            blend_back: new("blend_back", &[&common, &walk_back, hand_on], &blend_back),
+            blend_back: new("blend_back", &[&common, &blend_back_source, transfer_file], &blend_back),
             gather: new("gather", &[&common, QUATERNION, GATHER, WARP, SH, SH_ADJOINT, CHAIN], &gather),
             sum_motions: new("sum_motions", &[&common, SUM_MOTIONS], &[Step, Read, Read, Read, Write]),
             update_joints: new("update_joints", &[&common, QUATERNION, JOINTS], &[Step, Read, Read, Write, Write]),

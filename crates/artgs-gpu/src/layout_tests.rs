@@ -3,8 +3,8 @@
 use crate::chamfer::Grid;
 use crate::joints::Joint;
 use crate::kernel::Use;
-use crate::kernels::{Kernels, Walk};
-use crate::learnt::{Layer, Level};
+use crate::kernels::{Kernels, PixelTransfer};
+use crate::membership::{Layer, Level};
 use crate::scene::{Digit, Flat};
 use crate::shared::{Shared, wgsl};
 use crate::step::{Outcome, PartTerms, Step};
@@ -57,8 +57,8 @@ fn use_of(space: AddressSpace, type_name: Option<&str>) -> Option<Use> {
 
 #[test]
 fn every_kernel_is_valid_and_has_the_bindings_it_declares() {
-    for walk in [Walk::Memory, Walk::Subgroup(32), Walk::Subgroup(64)] {
-        Kernels::each(walk, |name, source, uses| {
+    for transfer in [PixelTransfer::Memory, PixelTransfer::Subgroup(32), PixelTransfer::Subgroup(64)] {
+        Kernels::each(transfer, |name, source, uses| {
             let module = parse(name, &source);
             let mut validator =
                 naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::all());

@@ -1,17 +1,17 @@
-//! Training on any graphics processor through wgpu: the kernels of `artgs-raster` and `artgs::fit` in WGSL, file by file
-//! under the same names.
+//! Training on any graphics processor through wgpu. The kernels in WGSL compute the same as `artgs-raster` and `artgs::fit`
+//! on the CPU; each file says which module.
 
 mod backend;
 mod chamfer;
 mod constants;
 mod device;
+mod device_image;
 mod joints;
 mod kernel;
 mod kernels;
 #[cfg(test)]
 mod layout_tests;
-mod learnt;
-mod picture;
+mod membership;
 mod resident;
 mod scene;
 mod shared;

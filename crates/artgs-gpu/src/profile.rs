@@ -1,4 +1,4 @@
-//! Where the time of a step goes on the device.
+//! Times of the kernels of a step.
 
 use super::{GpuBackend, device};
 use crate::GpuError;
@@ -7,13 +7,13 @@ use artgs::fit::FitError;
 use std::collections::BTreeMap;
 
 impl GpuBackend<'_> {
-    /// Milliseconds that each kernel takes within one step, summed by name, and how often it is called; parameters stay as
-    /// they are. An error on devices that cannot time kernels, and before there is a state.
+    /// Milliseconds that each kernel takes within one step, summed by name, and how often it is called. Parameters do not
+    /// change. An error on devices that cannot time kernels, and before the first upload.
     pub fn profile(&mut self) -> Result<BTreeMap<&'static str, (f64, usize)>, FitError> {
         self.timed().map_err(device)
     }
 
-    /// Bytes of device memory in use, where the driver says.
+    /// Bytes of device memory in use, if the driver reports them.
     pub fn allocated(&self) -> Option<u64> {
         self.gpu.device.generate_allocator_report().map(|report| report.total_allocated_bytes)
     }
@@ -23,11 +23,11 @@ impl GpuBackend<'_> {
             return Err(GpuError::Failed(format!("{} does not time kernels", self.gpu.name)));
         }
         let view = self.views.sampler.view();
-        let numbers = self.numbers(0, (view, [0.0; 3]), &self.config.loss);
+        let numbers = self.step_uniform(0, (view, [0.0; 3]), &self.config.loss);
         let Some(resident) = &self.resident else {
-            return Err(GpuError::Failed("there is no state to make a step from".into()));
+            return Err(GpuError::Failed("no state was uploaded".into()));
         };
-        let (desk, programs) = (&resident.desk, &resident.programs);
+        let (step_buffers, programs) = (&resident.step_buffers, &resident.programs);
         let calls: Vec<_> = programs.of_step(view, true).collect();
         let marks = calls.len() + 1;
         let queries = self.gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
@@ -42,14 +42,14 @@ impl GpuBackend<'_> {
             usage: U::QUERY_RESOLVE | U::COPY_SRC,
             mapped_at_creation: false,
         });
-        // Rates of 0: nothing moves, moments aside.
-        self.gpu.write(&desk.steps, 0, &step::bytes(&[numbers.without_rates()]));
+        // Rates of 0: only moments change.
+        self.gpu.write(&step_buffers.steps, 0, &step::bytes(&[numbers.without_rates()]));
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             pass.write_timestamp(&queries, 0);
             for (i, (call, size)) in calls.iter().enumerate() {
-                call.encode(&mut pass, 0, size.groups(&numbers), &desk.arguments);
+                call.encode(&mut pass, 0, size.groups(&numbers), &step_buffers.arguments);
                 pass.write_timestamp(&queries, i as u32 + 1);
             }
         }

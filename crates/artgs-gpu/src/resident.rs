@@ -1,35 +1,36 @@
-//! What is on the device while it trains, and the calls of a step on it.
+//! Buffers on the device during training, and the calls of a step.
 
 use crate::chamfer::Chamfer;
 use crate::constants::{CONTROL_WORDS, WIDE_GROUP};
+use crate::device_image::DeviceImage;
 use crate::joints::Joints;
 use crate::kernel::Call;
 use crate::kernels::Kernels;
-use crate::learnt::{self, Learnt, Shape};
-use crate::picture::Picture;
-use crate::scene::{Canvas, Desk, Gaussians, PLAIN, Program, Room, Size, backward, forward};
+use crate::membership::{self, LearnedMembership, Shape};
+use crate::scene::{Gaussians, ImageBuffers, Intersections, PLAIN, Program, Size, StepBuffers, backward, forward};
 use crate::{Gpu, GpuError};
 use artgs::articulation::DualQuaternion;
 use artgs::fit::{Articulated, Deformation, Membership, TrainState};
+use artgs_core::State;
 
-/// What is on the device while it trains.
+/// Buffers on the device during training.
 #[derive(Debug)]
 pub(crate) struct Resident {
-    pub(crate) desk: Desk,
+    pub(crate) step_buffers: StepBuffers,
     pub(crate) gaussians: Gaussians,
     pub(crate) joints: Option<Joints>,
-    pub(crate) learnt: Option<Learnt>,
+    pub(crate) membership: Option<LearnedMembership>,
     pub(crate) chamfer: Option<Chamfer>,
-    /// For intersections; kept while it is large enough.
-    pub(crate) room: Option<Room>,
+    /// Buffers of intersections; kept while they are large enough.
+    pub(crate) intersections: Option<Intersections>,
     pub(crate) programs: Programs,
 }
 
-/// The calls of a step, in order; empty until there is room for intersections.
+/// The calls of a step, in order; empty until the buffers of intersections are allocated.
 #[derive(Debug, Default)]
 pub(crate) struct Programs {
     pub(crate) forward: Program,
-    /// For each photograph.
+    /// For each image.
     pub(crate) compare: Vec<Program>,
     pub(crate) backward: Program,
     pub(crate) adam: Program,
@@ -38,7 +39,7 @@ pub(crate) struct Programs {
 }
 
 impl Programs {
-    /// The calls of a step on a photograph, with or without an update of the Gaussians.
+    /// The calls of a step on an image, with or without an update of the Gaussians.
     pub(crate) fn of_step(&self, view: usize, update: bool) -> impl Iterator<Item = &(Call, Size)> {
         let adam = if update { &self.adam[..] } else { &[] };
         let learn = self.backward.iter().chain(adam).chain(&self.joints);
@@ -46,7 +47,7 @@ impl Programs {
     }
 }
 
-/// How the Gaussians of a state move, if they do.
+/// The articulation of a state, if it has one.
 fn articulated(state: &TrainState) -> Option<&Articulated> {
     match &state.deformation {
         Deformation::Articulated(articulated) => Some(articulated),
@@ -55,28 +56,28 @@ fn articulated(state: &TrainState) -> Option<&Articulated> {
 }
 
 impl Resident {
-    /// Arrays for a state, for `steps` steps uploaded together; takes over from `old` what does not depend on the Gaussians.
+    /// Arrays for a state, for `steps` steps uploaded together; reuses the buffers of `old` that do not depend on the Gaussians.
     pub(crate) fn new(gpu: &Gpu, state: &TrainState, steps: usize, old: Option<Self>) -> Result<Self, GpuError> {
         let (n, stride) = (state.splats.len(), state.splats.sh_stride());
         let articulated = articulated(state);
         let learn = articulated.is_some_and(|a| a.config().learn_joints);
         let parts = articulated.map_or(1, Articulated::parts);
-        let shape = articulated.and_then(learnt::module).map(Shape::new);
+        let shape = articulated.and_then(membership::module).map(Shape::new);
         let targets = articulated.and_then(Articulated::targets);
-        let (chamfer, room) = old.map_or((None, None), |r| (r.chamfer, r.room));
+        let (chamfer, intersections) = old.map_or((None, None), |r| (r.chamfer, r.intersections));
         let motions = learn || shape.is_some() || targets.is_some();
         Ok(Self {
-            desk: Desk::new(gpu, steps, parts)?,
+            step_buffers: StepBuffers::new(gpu, steps, parts)?,
             gaussians: Gaussians::new(gpu, n, stride, motions)?,
             joints: if learn { Some(Joints::new(gpu, parts)?) } else { None },
-            learnt: shape.map(|shape| Learnt::new(gpu, n, shape)).transpose()?,
+            membership: shape.map(|shape| LearnedMembership::new(gpu, n, shape)).transpose()?,
             chamfer: targets.map(|t| Chamfer::new(gpu, n, t, chamfer.as_ref())).transpose()?,
-            room,
+            intersections,
             programs: Programs::default(),
         })
     }
 
-    /// Whether its arrays are those that a state needs.
+    /// Whether the buffers have the sizes that a state needs.
     pub(crate) fn fits(&self, state: &TrainState) -> bool {
         let articulated = articulated(state);
         let targets = match (&self.chamfer, articulated.and_then(Articulated::targets)) {
@@ -86,32 +87,33 @@ impl Resident {
         self.gaussians.n == state.splats.len()
             && self.gaussians.sh_stride == state.splats.sh_stride()
             && self.joints.is_some() == articulated.is_some_and(|a| a.config().learn_joints)
-            && self.desk.parts == articulated.map_or(1, Articulated::parts)
-            && self.learnt.as_ref().map(|l| &l.shape) == articulated.and_then(learnt::module).map(Shape::new).as_ref()
+            && self.step_buffers.parts == articulated.map_or(1, Articulated::parts)
+            && self.membership.as_ref().map(|l| &l.shape)
+                == articulated.and_then(membership::module).map(Shape::new).as_ref()
             && targets
     }
 
-    /// Puts a state that it [`fits`](Self::fits) on the device.
+    /// Copies a state that it [`fits`](Self::fits) to the device.
     pub(crate) fn fill(&self, gpu: &Gpu, state: &TrainState) {
-        let Self { gaussians, desk, joints, learnt, .. } = self;
+        let Self { gaussians, step_buffers, joints, membership, .. } = self;
         let TrainState { splats, adam, stats, .. } = state;
         gaussians.fill(gpu, splats, adam, stats);
-        gpu.write(&desk.control, 0, &[0_u32; CONTROL_WORDS as usize]);
+        gpu.write(&step_buffers.control, 0, &[0_u32; CONTROL_WORDS as usize]);
         if let Some(articulated) = articulated(state) {
             if let Membership::Labels(labels) = &articulated.membership {
                 gpu.write(&gaussians.labels, 0, &labels.iter().map(|&l| u32::from(l)).collect::<Vec<u32>>());
             }
-            gpu.write(&desk.motions, 0, &motions_of(&articulated.half_motions()));
+            gpu.write(&step_buffers.motions, 0, &motions_of(&articulated.half_motions()));
             if let Some(joints) = joints {
                 joints.fill(gpu, articulated);
             }
-            if let (Some(learnt), Some(module)) = (learnt, learnt::module(articulated)) {
-                learnt.fill(gpu, module);
+            if let (Some(membership), Some(module)) = (membership, membership::module(articulated)) {
+                membership.fill(gpu, module);
             }
         }
     }
 
-    /// Takes back what has become of it.
+    /// Copies the trained state back.
     pub(crate) fn fetch(&self, gpu: &Gpu, state: &mut TrainState) -> Result<(), GpuError> {
         let TrainState { step, splats, adam, stats, deformation, .. } = state;
         self.gaussians.fetch(gpu, splats, adam, stats)?;
@@ -119,62 +121,71 @@ impl Resident {
             if let Some(joints) = &self.joints {
                 joints.fetch(gpu, articulated)?;
             }
-            if let Some(learnt) = &self.learnt {
-                learnt.fetch(gpu, articulated, *step)?;
+            if let Some(membership) = &self.membership {
+                membership.fetch(gpu, articulated, *step)?;
             }
         }
         Ok(())
     }
 
-    /// Room for at least `capacity` intersections, and the calls that use it; returns how many there is room for.
-    pub(crate) fn make_room(
+    /// Buffers for at least `capacity` intersections, and the calls that use them; returns their capacity.
+    pub(crate) fn reserve(
         &mut self,
         gpu: &Gpu,
         kernels: &Kernels,
         capacity: usize,
-        canvas: &Canvas,
-        pictures: &[Picture],
+        image_buffers: &ImageBuffers,
+        device_images: &[DeviceImage],
     ) -> Result<usize, GpuError> {
-        let Self { desk, gaussians, joints, learnt, chamfer, room: kept, programs } = self;
+        let Self { step_buffers, gaussians, joints, membership, chamfer, intersections: kept, programs } = self;
         *programs = Programs::default();
-        let room = match kept.take() {
-            Some(room) if room.capacity >= capacity && room.tiles >= canvas.tiles => room,
-            _ => Room::new(gpu, capacity, canvas.tiles, kernels.walk.bucket())?,
+        let intersections = match kept.take() {
+            Some(intersections) if intersections.capacity >= capacity && intersections.tiles >= image_buffers.tiles => {
+                intersections
+            }
+            _ => Intersections::new(gpu, capacity, image_buffers.tiles, kernels.transfer.bucket())?,
         };
-        let adam =
-            [&desk.steps, &gaussians.grads, &desk.control, &gaussians.params, &gaussians.first, &gaussians.second];
+        let adam = [
+            &step_buffers.steps,
+            &gaussians.grads,
+            &step_buffers.control,
+            &gaussians.params,
+            &gaussians.first,
+            &gaussians.second,
+        ];
         let floats = gaussians.n * (PLAIN + gaussians.sh_stride);
-        let compare = |picture: &Picture| picture.compare(gpu, kernels, gaussians, canvas, desk);
-        let motions = learnt.as_ref().map_or(&desk.motions, |l| &l.blended);
-        let drawn = forward(gpu, kernels, gaussians, motions, &room, canvas, desk);
-        let mut back = backward(gpu, kernels, gaussians, motions, &room, canvas, desk);
-        back.extend(chamfer.iter().flat_map(|c| c.program(gpu, kernels, gaussians, motions, desk)));
-        back.extend(learnt.iter().flat_map(|l| l.backward(gpu, kernels, gaussians, desk)));
-        let assign = learnt.iter().flat_map(|l| l.forward(gpu, kernels, gaussians, desk));
-        let weights = learnt.as_ref().map_or(&gaussians.labels, |l| &l.weights);
-        let moved = joints.iter().flat_map(|j| j.program(gpu, kernels, gaussians, weights, desk));
-        let assigned = learnt.iter().flat_map(|l| l.update(gpu, kernels, desk));
+        let compare =
+            |device_image: &DeviceImage| device_image.compare(gpu, kernels, gaussians, image_buffers, step_buffers);
+        let motions = membership.as_ref().map_or(&step_buffers.motions, |l| &l.blended);
+        let drawn = forward(gpu, kernels, gaussians, motions, &intersections, image_buffers, step_buffers);
+        let mut back = backward(gpu, kernels, gaussians, motions, &intersections, image_buffers, step_buffers);
+        back.extend(chamfer.iter().flat_map(|c| c.program(gpu, kernels, gaussians, motions, step_buffers)));
+        back.extend(membership.iter().flat_map(|l| l.backward(gpu, kernels, gaussians, step_buffers)));
+        let assign = membership.iter().flat_map(|l| l.forward(gpu, kernels, gaussians, step_buffers));
+        let weights = membership.as_ref().map_or(&gaussians.labels, |l| &l.weights);
+        let moved = joints.iter().flat_map(|j| j.program(gpu, kernels, gaussians, weights, step_buffers));
+        let assigned = membership.iter().flat_map(|l| l.update(gpu, kernels, step_buffers));
         *programs = Programs {
             forward: assign.chain(drawn).collect(),
-            compare: pictures.iter().map(compare).collect(),
+            compare: device_images.iter().map(compare).collect(),
             backward: back,
             adam: vec![(kernels.adam.on(gpu, &adam), Size::Count(floats.div_ceil(WIDE_GROUP as usize)))],
             joints: moved.chain(assigned).collect(),
         };
-        Ok(kept.insert(room).capacity)
+        Ok(kept.insert(intersections).capacity)
     }
 }
 
 /// Unit real parts and dual parts of half motions towards both states.
 fn motions_of(half_motions: &[DualQuaternion]) -> Vec<[f32; 4]> {
-    let towards = |state: usize| {
+    let towards = |state: State| {
         half_motions.iter().flat_map(move |m| {
-            let sign = if state == 0 { -1.0 } else { 1.0 };
+            let sign = if state == State::START { -1.0 } else { 1.0 };
             let length =
                 m.real.iter().map(|c| c * c).sum::<f64>().sqrt().max(artgs::kernel_constants::MOTION_LENGTH_MIN);
             let unit = |q: [f64; 4]| std::array::from_fn(|i| (if i > 0 { sign * q[i] } else { q[i] } / length) as f32);
             [unit(m.real), unit(m.dual)]
         })
     };
-    towards(0).chain(towards(1)).collect()
+    State::ALL.into_iter().flat_map(towards).collect()
 }

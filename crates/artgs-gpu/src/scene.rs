@@ -1,4 +1,4 @@
-//! The Gaussians on the device, and the arrays that rendering them needs.
+//! The Gaussians on the device, and the arrays that rendering needs.
 
 use crate::constants::{
     self, BY_BLOCK, BY_BUCKET, BY_INTERSECTION, CONTROL_WORDS, DIGIT_BITS, GROUP, TILE, WIDE_GROUP,
@@ -12,9 +12,9 @@ use artgs::fit::{DensifyStats, Moments, SplatAdam};
 use artgs_core::Splats;
 use wgpu::Buffer;
 
-/// Bits of a depth that are sorted by.
+/// Bits of a depth, which is the key of the sort.
 const DEPTH_BITS: u32 = 32;
-/// Elements of arrays, from the constants of the kernels.
+// Constants of the kernels as numbers of elements.
 const BLOCK: usize = constants::BLOCK as usize;
 const DIGITS: usize = constants::DIGITS as usize;
 const TILE_PIXELS: usize = constants::TILE_PIXELS as usize;
@@ -43,7 +43,7 @@ shared_struct! {
 }
 
 shared_struct! {
-    /// What a pass of the sort looks at.
+    /// The bits of the keys that a pass of the sort uses.
     pub(crate) struct Digit {
         /// Lowest of the `DIGIT_BITS` bits.
         shift: u32,
@@ -63,8 +63,8 @@ pub(crate) struct Gaussians {
     pub(crate) grads: Buffer,
     pub(crate) first: Buffer,
     pub(crate) second: Buffer,
-    /// Sum of screen gradients, number of renderings, largest radius, nothing.
-    pub(crate) seen: Buffer,
+    /// Densification statistics: sum of screen gradients, number of renderings, largest radius, unused.
+    pub(crate) densify_stats: Buffer,
     pub(crate) labels: Buffer,
     pub(crate) d_motions: Buffer,
     flats: Buffer,
@@ -79,9 +79,9 @@ pub(crate) struct Gaussians {
 
 /// Arrays with an element per intersection of a Gaussian with a tile.
 #[derive(Debug)]
-pub(crate) struct Room {
+pub(crate) struct Intersections {
     pub(crate) capacity: usize,
-    /// Tiles of the images it is for.
+    /// Number of tiles of the largest image.
     pub(crate) tiles: usize,
     tiles_of: [Buffer; 2],
     places: [Buffer; 2],
@@ -96,13 +96,13 @@ pub(crate) struct Room {
 
 /// Arrays with an element per pixel or tile, for images of at most `area` pixels and `tiles` tiles.
 #[derive(Debug)]
-pub(crate) struct Canvas {
+pub(crate) struct ImageBuffers {
     pub(crate) tiles: usize,
     pub(crate) frame: Buffer,
     pub(crate) frame_depth: Buffer,
     pub(crate) slopes: Buffer,
-    pub(crate) pulls: Buffer,
-    pub(crate) rests: Buffer,
+    pub(crate) d_frame: Buffer,
+    pub(crate) remainders: Buffer,
     pub(crate) pixel_sums: Buffer,
     pub(crate) window_sums: Buffer,
     ranges: Buffer,
@@ -110,14 +110,14 @@ pub(crate) struct Canvas {
     tile_ends: Buffer,
 }
 
-/// What the host and the kernels tell each other.
+/// Inputs and results of steps.
 #[derive(Debug)]
-pub(crate) struct Desk {
+pub(crate) struct StepBuffers {
     /// Number of parts, the static one included.
     pub(crate) parts: usize,
-    /// Numbers of the steps of a batch.
+    /// [`Step`] of each step of a batch.
     pub(crate) steps: Buffer,
-    /// Words named in `common.wgsl`.
+    /// Words named in `constants.rs`.
     pub(crate) control: Buffer,
     pub(crate) arguments: Buffer,
     /// [`Outcome`] of the steps of a batch.
@@ -141,7 +141,7 @@ impl Gaussians {
             grads: flat("gradients")?,
             first: flat("first moments")?,
             second: flat("second moments")?,
-            seen: gpu.array("densification statistics", n, 16)?,
+            densify_stats: gpu.array("densification statistics", n, 16)?,
             labels: words("labels")?,
             d_motions: gpu.array("gradients by motions", if motions { 2 * n } else { 1 }, 16)?,
             flats: gpu.array("projected Gaussians", n, size_of::<Flat>())?,
@@ -157,7 +157,7 @@ impl Gaussians {
 }
 
 impl Gaussians {
-    /// Puts parameters, moments and statistics on the device.
+    /// Copies parameters, moments and statistics to the device.
     pub(crate) fn fill(&self, gpu: &Gpu, splats: &Splats, adam: &SplatAdam, stats: &DensifyStats) {
         let kinds: [(&[f32], &Moments); 5] = [
             (splats.means.as_flattened(), &adam.means),
@@ -175,10 +175,10 @@ impl Gaussians {
         }
         let seen: Vec<[f32; 4]> =
             (0..self.n).map(|i| [stats.grad[i], stats.count[i] as f32, stats.radius[i], 0.0]).collect();
-        gpu.write(&self.seen, 0, &seen);
+        gpu.write(&self.densify_stats, 0, &seen);
     }
 
-    /// Takes parameters, moments and statistics back.
+    /// Copies parameters, moments and statistics back.
     pub(crate) fn fetch(
         &self,
         gpu: &Gpu,
@@ -187,7 +187,8 @@ impl Gaussians {
         stats: &mut DensifyStats,
     ) -> Result<(), GpuError> {
         let floats = self.n * (PLAIN + self.sh_stride);
-        let arrays = [(&self.params, floats), (&self.first, floats), (&self.second, floats), (&self.seen, 4 * self.n)];
+        let arrays =
+            [(&self.params, floats), (&self.first, floats), (&self.second, floats), (&self.densify_stats, 4 * self.n)];
         let read = gpu.read(&arrays)?;
         let [params, first, second, seen]: [&[f32]; 4] = std::array::from_fn(|i| bytemuck::cast_slice(&read[i]));
         let kinds: [(&mut [f32], &mut Moments); 5] = [
@@ -199,11 +200,11 @@ impl Gaussians {
         ];
         let mut at = 0;
         for (values, moments) in kinds {
-            let here = at..at + values.len();
-            at = here.end;
-            values.copy_from_slice(&params[here.clone()]);
-            moments.first.copy_from_slice(&first[here.clone()]);
-            moments.second.copy_from_slice(&second[here]);
+            let range = at..at + values.len();
+            at = range.end;
+            values.copy_from_slice(&params[range.clone()]);
+            moments.first.copy_from_slice(&first[range.clone()]);
+            moments.second.copy_from_slice(&second[range]);
         }
         for (i, s) in seen.chunks_exact(4).enumerate() {
             (stats.grad[i], stats.count[i], stats.radius[i]) = (s[0], s[1] as u32, s[2]);
@@ -212,7 +213,7 @@ impl Gaussians {
     }
 }
 
-impl Room {
+impl Intersections {
     pub(crate) fn new(gpu: &Gpu, capacity: usize, tiles: usize, bucket: usize) -> Result<Self, GpuError> {
         let words = |label: &str| gpu.array(label, capacity, 4);
         let buckets = capacity / bucket + tiles;
@@ -232,7 +233,7 @@ impl Room {
     }
 }
 
-impl Canvas {
+impl ImageBuffers {
     pub(crate) fn new(gpu: &Gpu, sizes: impl Iterator<Item = [usize; 2]> + Clone) -> Result<Self, GpuError> {
         let area = sizes.clone().map(|[w, h]| w * h).max().unwrap_or(1);
         let tiles = sizes.map(|[w, h]| w.div_ceil(TILE as usize) * h.div_ceil(TILE as usize)).max().unwrap_or(1);
@@ -241,11 +242,11 @@ impl Canvas {
             frame: gpu.array("frame", area, 16)?,
             frame_depth: gpu.array("depth of the frame", area, 4)?,
             slopes: gpu.array("slopes of similarity", 9 * area, 4)?,
-            pulls: gpu.array("gradient of the frame", area, 16)?,
-            rests: gpu.array("starts of the way back", area, 4)?,
+            d_frame: gpu.array("gradient of the frame", area, 16)?,
+            remainders: gpu.array("remainders of pixels", area, 4)?,
             pixel_sums: gpu.array("sums over pixels", tiles, 16)?,
             window_sums: gpu.array("sums over windows", 3 * tiles, 16)?,
-            // One more for what is left over beyond the last tile.
+            // One more for unused entries, which are sorted after the last tile.
             ranges: gpu.array("lists of tiles", tiles + 1, 8)?,
             bucket_starts: gpu.array("buckets of tiles", tiles, 4)?,
             tile_ends: gpu.array("ends of tiles", tiles, 4)?,
@@ -253,7 +254,7 @@ impl Canvas {
     }
 }
 
-impl Desk {
+impl StepBuffers {
     pub(crate) fn new(gpu: &Gpu, steps: usize, parts: usize) -> Result<Self, GpuError> {
         use wgpu::BufferUsages as U;
         let uniform = |label: &str, size: u64| {
@@ -286,10 +287,10 @@ impl Desk {
 /// Calls with the numbers of workgroups they are started with.
 pub(crate) type Program = Vec<(Call, Size)>;
 
-/// Numbers of workgroups, some of which only a step knows.
+/// Numbers of workgroups, some of which depend on the step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Size {
-    /// Always so many.
+    /// Always this many.
     Count(usize),
     /// One for each tile.
     Tiles,
@@ -297,7 +298,7 @@ pub(crate) enum Size {
     TileChunks,
     /// One for each tile of windows, and channel.
     Windows,
-    /// So many in a grid.
+    /// Always this grid.
     Grid([u32; 3]),
     /// As the device wrote into this entry of `arguments`.
     Indirect(u32),
@@ -318,145 +319,158 @@ impl Size {
     }
 }
 
-/// From parameters to the frame; `motions` are those of the parts or, where these are weighted, of the Gaussians.
+/// Renders the frame; `motions` are those of the parts or, if these are weighted, of the Gaussians.
 pub(crate) fn forward(
     gpu: &Gpu,
     k: &Kernels,
     g: &Gaussians,
     motions: &Buffer,
-    room: &Room,
-    canvas: &Canvas,
-    desk: &Desk,
+    intersections: &Intersections,
+    image_buffers: &ImageBuffers,
+    step_buffers: &StepBuffers,
 ) -> Program {
     let (n, per_thread, per_block) =
         (g.n, Size::Count(g.n.div_ceil(WIDE_GROUP as usize)), Size::Count(g.n.div_ceil(BLOCK)));
     let mut out: Program = Vec::new();
-    let arrays = [&desk.steps, &g.params, &g.labels, motions, &g.flats, &g.keys[0], &g.order[0], &g.counts];
+    let arrays = [&step_buffers.steps, &g.params, &g.labels, motions, &g.flats, &g.keys[0], &g.order[0], &g.counts];
     out.push((k.project.on(gpu, &arrays), per_thread));
     let depth = Sort { keys: &g.keys, values: &g.order, histogram: &g.histogram, length: &g.length };
     debug_assert_eq!(DEPTH_BITS / DIGIT_BITS % 2, 0, "the sorted order ends where it began");
-    depth.passes(gpu, k, desk, DEPTH_BITS / DIGIT_BITS, Size::Count(n.div_ceil(BLOCK)), &mut out);
-    let arrays = [&desk.steps, &g.order[0], &g.counts, &g.sums, &g.starts, &desk.control, &desk.arguments];
+    depth.passes(gpu, k, step_buffers, DEPTH_BITS / DIGIT_BITS, Size::Count(n.div_ceil(BLOCK)), &mut out);
+    let arrays = [
+        &step_buffers.steps,
+        &g.order[0],
+        &g.counts,
+        &g.sums,
+        &g.starts,
+        &step_buffers.control,
+        &step_buffers.arguments,
+    ];
     out.push((k.reduce_blocks.on(gpu, &arrays), per_block));
     out.push((k.scan_sums.on(gpu, &arrays), Size::Count(1)));
     out.push((k.apply.on(gpu, &arrays), per_block));
     let arrays = [
-        &desk.steps,
+        &step_buffers.steps,
         &g.flats,
         &g.counts,
         &g.starts,
-        &desk.control,
-        &room.tiles_of[0],
-        &room.places[0],
-        &room.owners,
-        &canvas.ranges,
+        &step_buffers.control,
+        &intersections.tiles_of[0],
+        &intersections.places[0],
+        &intersections.owners,
+        &image_buffers.ranges,
     ];
     out.push((k.emit.on(gpu, &arrays), per_thread));
-    let tiles = Sort { keys: &room.tiles_of, values: &room.places, histogram: &room.histogram, length: &desk.control };
-    let passes = tile_passes(canvas.tiles);
-    tiles.passes(gpu, k, desk, passes, Size::Indirect(BY_BLOCK), &mut out);
+    let tiles = Sort {
+        keys: &intersections.tiles_of,
+        values: &intersections.places,
+        histogram: &intersections.histogram,
+        length: &step_buffers.control,
+    };
+    let passes = tile_passes(image_buffers.tiles);
+    tiles.passes(gpu, k, step_buffers, passes, Size::Indirect(BY_BLOCK), &mut out);
     let sorted = passes as usize % 2;
     let arrays = [
-        &desk.steps,
-        &room.tiles_of[sorted],
-        &room.places[sorted],
-        &room.owners,
-        &desk.control,
-        &canvas.ranges,
-        &room.list,
-        &canvas.bucket_starts,
-        &room.bucket_tiles,
-        &desk.arguments,
+        &step_buffers.steps,
+        &intersections.tiles_of[sorted],
+        &intersections.places[sorted],
+        &intersections.owners,
+        &step_buffers.control,
+        &image_buffers.ranges,
+        &intersections.list,
+        &image_buffers.bucket_starts,
+        &intersections.bucket_tiles,
+        &step_buffers.arguments,
     ];
     out.push((k.delimit.on(gpu, &arrays[..7]), Size::Indirect(BY_INTERSECTION)));
     out.push((k.count_buckets.on(gpu, &arrays), Size::Count(1)));
     out.push((k.name_buckets.on(gpu, &arrays), Size::TileChunks));
     let arrays = [
-        &desk.steps,
+        &step_buffers.steps,
         &g.flats,
-        &canvas.ranges,
-        &room.list,
-        &canvas.bucket_starts,
-        &canvas.frame,
-        &canvas.frame_depth,
-        &room.gathered,
-        &room.gathered_depth,
-        &canvas.tile_ends,
+        &image_buffers.ranges,
+        &intersections.list,
+        &image_buffers.bucket_starts,
+        &image_buffers.frame,
+        &image_buffers.frame_depth,
+        &intersections.gathered,
+        &intersections.gathered_depth,
+        &image_buffers.tile_ends,
     ];
     out.push((k.blend.on(gpu, &arrays), Size::Tiles));
     out
 }
 
-/// From the gradient of the frame to that of the parameters; `motions` as in [`forward`].
+/// Computes the gradients of the parameters from that of the frame; `motions` as in [`forward`].
 pub(crate) fn backward(
     gpu: &Gpu,
     k: &Kernels,
     g: &Gaussians,
     motions: &Buffer,
-    room: &Room,
-    canvas: &Canvas,
-    desk: &Desk,
+    intersections: &Intersections,
+    image_buffers: &ImageBuffers,
+    step_buffers: &StepBuffers,
 ) -> Program {
-    let sorted = tile_passes(canvas.tiles) as usize % 2;
+    let sorted = tile_passes(image_buffers.tiles) as usize % 2;
     let arrays = [
-        &desk.steps,
+        &step_buffers.steps,
         &g.flats,
-        &canvas.ranges,
-        &room.list,
-        &room.places[sorted],
-        &canvas.bucket_starts,
-        &room.bucket_tiles,
-        &room.gathered,
-        &room.gathered_depth,
-        &canvas.pulls,
-        &canvas.rests,
-        &canvas.tile_ends,
-        &desk.control,
-        &room.cells,
+        &image_buffers.ranges,
+        &intersections.list,
+        &intersections.places[sorted],
+        &image_buffers.bucket_starts,
+        &intersections.bucket_tiles,
+        &intersections.gathered,
+        &intersections.gathered_depth,
+        &image_buffers.d_frame,
+        &image_buffers.remainders,
+        &image_buffers.tile_ends,
+        &step_buffers.control,
+        &intersections.cells,
     ];
-    let walk = (k.blend_back.on(gpu, &arrays), Size::Indirect(BY_BUCKET));
+    let transfer = (k.blend_back.on(gpu, &arrays), Size::Indirect(BY_BUCKET));
     let arrays = [
-        &desk.steps,
+        &step_buffers.steps,
         &g.params,
         &g.labels,
         motions,
         &g.flats,
         &g.counts,
         &g.starts,
-        &room.cells,
-        &desk.control,
+        &intersections.cells,
+        &step_buffers.control,
         &g.grads,
-        &g.seen,
+        &g.densify_stats,
         &g.d_motions,
     ];
-    vec![walk, (k.gather.on(gpu, &arrays), Size::Count(g.n.div_ceil(GROUP as usize)))]
+    vec![transfer, (k.gather.on(gpu, &arrays), Size::Count(g.n.div_ceil(GROUP as usize)))]
 }
 
-/// Passes of the sort by tile, of which there is one more than on the image.
+/// Passes of the sort by tile; one tile more than the image has is for unused entries.
 fn tile_passes(tiles: usize) -> u32 {
     (usize::BITS - tiles.leading_zeros()).div_ceil(DIGIT_BITS).max(1)
 }
 
-/// What is sorted, and where to; passes go back and forth between the two arrays of each pair.
+/// Arrays of a sort; passes alternate between the two arrays of each pair.
 struct Sort<'a> {
     keys: &'a [Buffer; 2],
     values: &'a [Buffer; 2],
     histogram: &'a Buffer,
-    /// Begins with the number of pairs.
+    /// Its first word is the number of pairs.
     length: &'a Buffer,
 }
 
 impl Sort<'_> {
-    fn passes(&self, gpu: &Gpu, k: &Kernels, desk: &Desk, passes: u32, blocks: Size, out: &mut Program) {
+    fn passes(&self, gpu: &Gpu, k: &Kernels, step_buffers: &StepBuffers, passes: u32, blocks: Size, out: &mut Program) {
         for pass in 0..passes as usize {
-            let (here, there) = (pass % 2, 1 - pass % 2);
+            let (from, to) = (pass % 2, 1 - pass % 2);
             let arrays = [
-                &desk.digits[pass],
+                &step_buffers.digits[pass],
                 self.length,
-                &self.keys[here],
-                &self.values[here],
-                &self.keys[there],
-                &self.values[there],
+                &self.keys[from],
+                &self.values[from],
+                &self.keys[to],
+                &self.values[to],
                 self.histogram,
             ];
             out.push((k.count.on(gpu, &arrays), blocks));

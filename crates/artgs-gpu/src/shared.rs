@@ -4,11 +4,11 @@
 use crate::chamfer::Grid;
 use crate::constants;
 use crate::joints::Joint;
-use crate::learnt::{Layer, Level};
+use crate::membership::{Layer, Level};
 use crate::scene::{Digit, Flat};
 use crate::step::{Outcome, PartTerms, Step};
 
-/// A type that has an equal in WGSL.
+/// A type that exists in WGSL too.
 pub(crate) trait Wgsl {
     /// Its name in WGSL.
     const NAME: &'static str;
@@ -130,7 +130,7 @@ pub(crate) fn definition<T: Constant>(name: &str, value: &T) -> String {
 }
 
 /// All shared constants and structs as WGSL; every kernel begins with them. `bucket` is the number of Gaussians of a tile
-/// that are walked back together.
+/// that one workgroup of the backward pass handles.
 pub(crate) fn wgsl(bucket: u32) -> String {
     [
         constants::wgsl(),

@@ -1,4 +1,4 @@
-//! The numbers of a step, as the kernels read them.
+//! Uniforms and results of a step.
 
 use crate::constants::{DEPTH, DEPTH_ACCUMULATED, DOUBLE_ALPHA, SSIM};
 use crate::shared::shared_struct;
@@ -6,11 +6,11 @@ use artgs::fit::{DepthMode, LossConfig, SplatRates};
 use artgs_core::Camera;
 use artgs_raster::low_level::{TILE, jacobian_limits};
 
-/// Bytes between the numbers of two steps; devices want multiples of 256.
+/// Bytes between the uniforms of two steps; devices need multiples of 256.
 pub(crate) const STRIDE: usize = 512;
 
 shared_struct! {
-    /// The numbers of a step: one uniform for all kernels.
+    /// The uniform of a step, the same for all kernels.
     pub(crate) struct Step {
         /// Rows of the world-to-camera rotation; the translation in w.
         row_x: [f32; 4],
@@ -38,7 +38,7 @@ shared_struct! {
         pub(crate) pose: u32,
         /// Place of this step in the results of its batch.
         pub(crate) slot: u32,
-        /// Number of intersections there is room for.
+        /// Number of intersections that the buffers hold.
         pub(crate) capacity: u32,
         pub(crate) flags: u32,
         /// Gradients per unit of what is summed over pixels.
@@ -50,7 +50,7 @@ shared_struct! {
         /// Scene units of one count of depth.
         depth_count: f32,
         pub(crate) entropy_step: f32,
-        /// Stretches of Gaussians whose sums are computed side by side.
+        /// Number of ranges of Gaussians that are summed in parallel.
         pub(crate) chunks: u32,
         /// Of means, rotations, log scales, logit opacities.
         rates: [f32; 4],
@@ -87,17 +87,17 @@ shared_struct! {
     }
 }
 
-const _: () = assert!(size_of::<Step>() <= STRIDE, "the numbers of a step fit between two steps");
+const _: () = assert!(size_of::<Step>() <= STRIDE, "the uniforms of steps do not overlap");
 
 shared_struct! {
-    /// What a step found: sums over pixels, windows and Gaussians.
+    /// Results of a step: sums over pixels, windows and Gaussians.
     pub(crate) struct Outcome {
         /// Absolute and squared colour difference, depth term, difference of alpha.
         pub(crate) sums: [f32; 4],
         pub(crate) similarity: f32,
         pub(crate) entropy: f32,
         pub(crate) intersections: f32,
-        /// 1 if there was room for all intersections, else 0.
+        /// 1 if the buffers held all intersections, else 0.
         pub(crate) complete: f32,
     }
 }
@@ -111,7 +111,7 @@ shared_struct! {
 }
 
 impl Step {
-    /// What a camera makes of the world. Gaussians nearer than `near` are not drawn; `blur` widens them, square pixels.
+    /// The fields of a camera. Gaussians nearer than `near` are not drawn; `blur` is added to their variances, square pixels.
     pub(crate) fn view(camera: &Camera, near: f32, blur: f32) -> Self {
         let k = &camera.intrinsics;
         let m = camera.world_to_camera.matrix().as_mat3();
@@ -134,8 +134,8 @@ impl Step {
         }
     }
 
-    /// Weights of the loss for a photograph with so many pixels inside its mask that lack a depth; `depth_per_unit` counts of
-    /// depth make a scene unit, if it has depth.
+    /// Weights of the loss for an image. `without_depth` is the number of pixels inside the mask without a depth;
+    /// `depth_per_unit` is the number of depth counts per scene unit, if the image has depth.
     pub(crate) fn losses(
         &mut self,
         config: &LossConfig,
@@ -164,7 +164,7 @@ impl Step {
         }
     }
 
-    /// The same, but Gaussians stay as they are.
+    /// The same with learning rates of 0.
     pub(crate) fn without_rates(self) -> Self {
         Self { rates: [0.0; 4], sh_rates: [0.0; 2], joint_rate: 0.0, assign_rate: 0.0, ..self }
     }
@@ -179,7 +179,7 @@ impl Step {
     }
 }
 
-/// The numbers of consecutive steps, [`STRIDE`] bytes each.
+/// The uniforms of consecutive steps, [`STRIDE`] bytes each.
 pub(crate) fn bytes(steps: &[Step]) -> Vec<u8> {
     let mut out = vec![0; steps.len() * STRIDE];
     for (to, step) in out.chunks_exact_mut(STRIDE).zip(steps) {

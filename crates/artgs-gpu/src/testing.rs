@@ -1,4 +1,4 @@
-//! What tests of kernels share: a device and random scenes.
+//! A device and random scenes for the tests of kernels.
 
 use crate::{Gpu, GpuError};
 use artgs::articulation::{MotionModel, MotionParameters};
@@ -9,7 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::sync::Arc;
 
-/// Any device, also one in software; none with a word about it where there is no driver, unless `ARTGS_REQUIRE_GPU` is set.
+/// Any device, also in software. Without a driver it prints that the test is skipped, unless `ARTGS_REQUIRE_GPU` is set.
 ///
 /// # Panics
 /// If there is no device but one is required.
@@ -43,7 +43,7 @@ pub(crate) fn splats(rng: &mut Pcg64Mcg, n: usize, degree: usize) -> Splats {
     s
 }
 
-/// Photographs of noise in a disc, with depth but for some pixels, of different sizes, in both states.
+/// Images of noise in a disc, with depth except for some pixels, of different sizes, in both states.
 pub(crate) fn images(seed: u64) -> Vec<TrainImage<'static>> {
     let mut rng = rng(seed + 1000);
     (0..4)
@@ -85,7 +85,7 @@ pub(crate) fn articulated(rng: &mut Pcg64Mcg, n: usize, exact: bool, learn_joint
     parts(Membership::Labels(labels), exact, learn_joints, None)
 }
 
-/// Five parts: one stays, the others have one kind of motion each.
+/// Five parts: a static one, and one for each kind of motion.
 pub(crate) fn parts(
     membership: Membership,
     exact: bool,

@@ -1,5 +1,5 @@
-//! How fast and how rightly a device trains, found by trying. Graphics processors that share the processor's memory may be
-//! slower than it, and drivers have mistakes.
+//! Measures how fast a device trains, and whether its results are right. Integrated graphics processors may be slower than
+//! the CPU, and drivers have errors.
 
 use artgs::fit::{
     AdamConfig, DepthPick, Devices, FitError, LossConfig, PlateauConfig, RateConfig, TrainConfig, TrainImage,
@@ -12,12 +12,12 @@ use rand_pcg::Pcg64Mcg;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-/// Steps before the clock starts, and while it runs.
+/// Number of steps before the measurement, and during it.
 const STEPS: [usize; 2] = [4, 8];
-/// Losses may differ by this, relative; rounding alone makes a hundredth of it.
+/// Largest relative difference of losses; rounding alone causes a hundredth of it.
 const TOLERANCE: f64 = 2e-3;
 
-/// A made-up scene to try a device on.
+/// Size of the synthetic scene of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scene {
     /// Number of Gaussians.
@@ -27,23 +27,23 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Enough to see mistakes.
+    /// Enough to find errors.
     pub const SMALL: Self = Self { gaussians: 3_000, side: 96 };
-    /// Enough to see how fast a device is.
+    /// Enough to measure the speed.
     pub const USUAL: Self = Self { gaussians: 20_000, side: 320 };
 }
 
-/// How a device trained.
+/// Result of a trial.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trial {
-    /// Seconds for a step.
+    /// Seconds per step.
     pub seconds_per_step: f64,
     /// Loss of every step.
     pub losses: Vec<f64>,
 }
 
 impl Trial {
-    /// The first step whose loss is not that of the other trial, and both losses; none if the devices agree.
+    /// The first step whose loss differs from that of the other trial, and both losses; none if the devices agree.
     pub fn disagrees(&self, other: &Self) -> Option<(usize, [f64; 2])> {
         let pairs = self.losses.iter().zip(&other.losses).enumerate();
         let apart = |a: f64, b: f64| a.is_nan() || b.is_nan() || (a - b).abs() > TOLERANCE * b.abs();
@@ -51,7 +51,7 @@ impl Trial {
     }
 }
 
-/// Trains on a made-up scene for a few steps.
+/// Trains on a synthetic scene for a few steps.
 pub fn trial(devices: &dyn Devices, scene: Scene) -> Result<Trial, FitError> {
     let views = [0.0, 2.0].map(|turn| disc(turn, scene.side));
     let images = views.iter().map(|view| TrainImage::new(view, 0, 1, DepthPick::Median)).collect();
@@ -84,7 +84,7 @@ pub fn trial(devices: &dyn Devices, scene: Scene) -> Result<Trial, FitError> {
     Ok(Trial { seconds_per_step, losses })
 }
 
-/// A photograph of a disc.
+/// An image of a disc.
 fn disc(turn: f64, pixels: u32) -> View {
     let side = f64::from(pixels);
     let k = Intrinsics { fx: side, fy: side, cx: side / 2.0, cy: side / 2.0, width: pixels, height: pixels };
@@ -118,7 +118,7 @@ mod tests {
     use artgs::fit::Cpu;
 
     #[test]
-    fn devices_agree_and_mistakes_are_seen() {
+    fn devices_agree_and_differences_are_found() {
         let cpu = trial(&Cpu, Scene::SMALL).unwrap();
         assert!(cpu.seconds_per_step > 0.0 && cpu.losses.len() == 12 && cpu.disagrees(&cpu).is_none());
         let mut wrong = cpu.clone();

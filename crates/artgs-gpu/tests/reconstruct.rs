@@ -1,9 +1,9 @@
-//! A whole small reconstruction on a graphics processor, beside the same one on the processor.
+//! A small reconstruction on a graphics processor, compared with the same one on the CPU.
 
 use artgs::fit::{Cpu, Devices};
 use artgs::observer::NullObserver;
 use artgs::{Config, reconstruct};
-use artgs_core::Capture;
+use artgs_core::{Capture, State};
 use artgs_gpu::{Gpu, GpuDevices, GpuError};
 use artgs_io::read_replica;
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
@@ -27,7 +27,7 @@ fn cabinet(dir: &Path) -> Capture {
     artgs_io::load_capture(dir).expect("the cabinet is read")
 }
 
-/// Few steps, in which Gaussians are cloned, views are looked at that were held back, and joints learn.
+/// Few steps, in which Gaussians are cloned, held-out views are rendered, and joints are optimised.
 fn config() -> Config {
     let mut config = Config { parts: Some(3), ..Config::default() };
     config.articulate.steps = 90;
@@ -42,7 +42,7 @@ fn config() -> Config {
 }
 
 #[test]
-fn joints_and_pictures_are_those_of_the_processor() {
+fn joints_and_renderings_are_those_of_the_cpu() {
     let Some(devices) = device() else { return };
     let root = tempfile::tempdir().expect("a temporary folder");
     let capture = cabinet(&root.path().join("capture"));
@@ -59,14 +59,14 @@ fn joints_and_pictures_are_those_of_the_processor() {
         let (a, b) = (cpu.joint(part).expect("a joint"), gpu.joint(part).expect("a joint"));
         assert_eq!(a.kind, b.kind);
         worst_angle = worst_angle.max(a.axis.angle_between(b.axis).to_degrees());
-        worst_value = worst_value.max((a.state_values[1] - b.state_values[1]).abs());
+        worst_value = worst_value.max((a.state_values[State::END] - b.state_values[State::END]).abs());
     }
     println!("axes within {worst_angle:.4} deg, motions within {worst_value:.5}");
     assert!(worst_angle < 0.05, "axes differ by {worst_angle} deg");
     assert!(worst_value < 0.05_f64.to_radians(), "motions differ by {worst_value}");
     for (a, b) in on_cpu.test.iter().zip(&on_gpu.test) {
         let (a, b) = (a.expect("test views").psnr, b.expect("test views").psnr);
-        println!("PSNR {a:.2} on the processor, {b:.2} on {}", devices.name());
+        println!("PSNR {a:.2} on the CPU, {b:.2} on {}", devices.name());
         assert!((a - b).abs() < 0.5 && b > 20.0, "{a} dB and {b} dB");
     }
     let evaluated = artgs::run::evaluate(&root.path().join("gpu"), &root.path().join("capture/gt")).expect("scores");

@@ -1,4 +1,4 @@
-// One Adam update of every parameter. Twin of `artgs::fit::adam`.
+// One Adam update of every parameter. Same computation as `artgs::fit::adam`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> grads: array<f32>;
@@ -7,7 +7,7 @@
 @group(0) @binding(4) var<storage, read_write> first: array<f32>;
 @group(0) @binding(5) var<storage, read_write> second: array<f32>;
 
-// Rate of a parameter; negative for harmonics that are not in use, which are left alone.
+// Rate of a parameter; negative for harmonics that are not in use, which do not change.
 fn rate_of(i: u32) -> f32 {
     let n = step.n;
     if i < 3u * n {

@@ -1,4 +1,4 @@
-// One workgroup: frames as `encode` reads them; forgets the largest gradients of the last step.
+// One workgroup: frames as `encode` reads them; resets the largest gradients of the last step.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> values: array<f32>;

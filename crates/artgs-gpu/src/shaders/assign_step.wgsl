@@ -1,10 +1,11 @@
-// One Adam update of frames and perceptron of the learnt assignment. Twin of the update in `artgs::articulation::assign`.
+// One Adam update of frames and perceptron of the learned assignment. Same computation as the update in
+// `artgs::articulation::assign`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> control: array<u32>;
-@group(0) @binding(2) var<storage, read> of_frames: array<vec4f>;
-@group(0) @binding(3) var<storage, read> of_layers: array<f32>;
-@group(0) @binding(4) var<storage, read> pulls: array<vec4f>;
+@group(0) @binding(2) var<storage, read> d_frames: array<vec4f>;
+@group(0) @binding(3) var<storage, read> d_layers: array<f32>;
+@group(0) @binding(4) var<storage, read> part_means: array<vec4f>;
 @group(0) @binding(5) var<storage, read_write> values: array<f32>;
 @group(0) @binding(6) var<storage, read_write> first: array<f32>;
 @group(0) @binding(7) var<storage, read_write> second: array<f32>;
@@ -18,7 +19,7 @@ fn update(i: u32, g: f32) {
     values[i] -= step.assign_rate * (m / corrections.x) / (sqrt(v / corrections.y) + ADAM_EPSILON);
 }
 
-// Gradient by a unit quaternion, given that by the rows of its matrix.
+// Gradient with respect to a unit quaternion, given that with respect to the rows of its matrix.
 fn rows_adjoint(q: vec4f, x: vec3f, y: vec3f, z: vec3f) -> vec4f {
     let turn = vec3f(z.y - y.z, x.z - z.x, y.x - x.y);
     let sxy = x.y + y.x;
@@ -36,7 +37,7 @@ fn update_frame(k: u32) {
     var sums: array<vec3f, FRAME_SUMS>;
     for (var c = 0u; c < step.chunks; c++) {
         for (var q = 0u; q < FRAME_SUMS; q++) {
-            sums[q] += of_frames[FRAME_SUMS * (k * step.chunks + c) + q].xyz;
+            sums[q] += d_frames[FRAME_SUMS * (k * step.chunks + c) + q].xyz;
         }
     }
     let f = FRAME * k;
@@ -44,7 +45,7 @@ fn update_frame(k: u32) {
     var d_centre = -(matrix(conjugate(turn.unit)) * sums[0]);
     if has(step.flags, CENTRE) {
         let centre = vec3f(values[f], values[f + 1u], values[f + 2u]);
-        d_centre += 2.0 * step.centre_scale * (centre - pulls[2u * k].xyz);
+        d_centre += 2.0 * step.centre_scale * (centre - part_means[2u * k].xyz);
     }
     let d_unit = rows_adjoint(turn.unit, sums[2], sums[3], sums[4]);
     let d_raw = (d_unit - turn.unit * dot(turn.unit, d_unit)) / turn.length;
@@ -75,7 +76,7 @@ fn update_assignment(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
     }
     var g = 0.0;
     for (var c = 0u; c < step.chunks; c++) {
-        g += of_layers[c * total + p];
+        g += d_layers[c * total + p];
     }
     update(FRAME * step.parts + p, g);
 }

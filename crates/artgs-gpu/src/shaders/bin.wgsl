@@ -1,4 +1,4 @@
-// Lists of the Gaussians of every tile, front to back. Twin of `artgs_raster::bin`.
+// Lists of the Gaussians of every tile, front to back. Same computation as `artgs_raster::bin`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> flats: array<Flat>;
@@ -16,7 +16,7 @@ fn write(at: u32, tile: u32, owner: u32) {
     owners[at] = owner;
 }
 
-// Writes the intersections of every Gaussian where the prefix sum says; forgets the lists of the last rendering.
+// Writes the intersections of every Gaussian at its offset of the prefix sum; clears the lists of the last rendering.
 @compute @workgroup_size(WIDE_GROUP)
 fn emit(
     @builtin(workgroup_id) group: vec3u,
@@ -46,8 +46,8 @@ fn emit(
             at += 1u;
         }
     }
-    // Another compilation of the same arithmetic may round otherwise than the kernel that counted: places beyond the last
-    // tile hold what is left over.
+    // The kernel that counted may have been compiled to different rounding. Unused entries get a tile after the last
+    // one.
     counts[i] = at - start;
     for (; at < end; at++) {
         write(at, step.tiles.x * step.tiles.y, i);

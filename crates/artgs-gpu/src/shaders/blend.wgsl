@@ -1,5 +1,5 @@
-// Blends the Gaussians of a tile front to back. Twin of `forward` in `artgs_raster::blend`. On the way it writes down what a
-// pixel has gathered at the beginning of every bucket, so that buckets can be walked back side by side.
+// Blends the Gaussians of a tile front to back. Same computation as `forward` in `artgs_raster::blend`. It stores the
+// sums of every pixel at the beginning of every bucket, so that the backward pass can handle buckets in parallel.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> flats: array<Flat>;
@@ -8,8 +8,8 @@
 @group(0) @binding(4) var<storage, read> bucket_starts: array<u32>;
 @group(0) @binding(5) var<storage, read_write> frame: array<vec4f>;
 @group(0) @binding(6) var<storage, read_write> frame_depth: array<f32>;
-@group(0) @binding(7) var<storage, read_write> gathered: array<vec4f>;
-@group(0) @binding(8) var<storage, read_write> gathered_depth: array<f32>;
+@group(0) @binding(7) var<storage, read_write> bucket_sums: array<vec4f>;
+@group(0) @binding(8) var<storage, read_write> bucket_depth: array<f32>;
 @group(0) @binding(9) var<storage, read_write> tile_ends: array<u32>;
 
 const BATCH: u32 = 64u;
@@ -54,15 +54,16 @@ fn blend(
         let filled = min(BATCH, range.y - begin);
         if lane < filled {
             let flat = flats[list[begin + lane]];
-            batch[lane] = Drawn(flat.center, flat.xx, flat.xy, flat.yy, flat.log2_opacity, vec2f(0.0), vec4f(flat.rgb, flat.depth));
+            let color = vec4f(flat.rgb, flat.depth);
+            batch[lane] = Drawn(flat.center, flat.xx, flat.xy, flat.yy, flat.log2_opacity, vec2f(0.0), color);
         }
         workgroupBarrier();
         for (var k = 0u; k < filled; k++) {
             let place = begin - range.x + k;
             if place % BUCKET == 0u && place > 0u {
                 let slot = (first_bucket + place / BUCKET) * TILE_PIXELS + lane;
-                gathered[slot] = vec4f(sum.xyz, t);
-                gathered_depth[slot] = sum.w;
+                bucket_sums[slot] = vec4f(sum.xyz, t);
+                bucket_depth[slot] = sum.w;
             }
             let g = batch[k];
             let d = at - g.center;

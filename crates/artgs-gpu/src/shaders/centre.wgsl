@@ -1,4 +1,4 @@
-// The pull of centres to the opacity-weighted means of their parts. Twin of `centre_regulariser` in
+// Term that pulls centres to the opacity-weighted means of their parts. Same computation as `centre_regulariser` in
 // `artgs::articulation::assign`.
 
 @group(0) @binding(0) var<uniform> step: Step;
@@ -7,7 +7,7 @@
 @group(0) @binding(3) var<storage, read> values: array<f32>;
 // `[K][chunks]`: weighted sums of positions, and the weight.
 @group(0) @binding(4) var<storage, read_write> masses: array<vec4f>;
-@group(0) @binding(5) var<storage, read_write> pulls: array<vec4f>;
+@group(0) @binding(5) var<storage, read_write> part_means: array<vec4f>;
 @group(0) @binding(6) var<storage, read_write> part_terms: array<PartTerms>;
 
 var<workgroup> own: array<vec4f, GROUP>;
@@ -38,7 +38,7 @@ fn sum_masses(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
     }
 }
 
-// One workgroup, few parts.
+// One workgroup.
 @compute @workgroup_size(GROUP)
 fn pull_centres(@builtin(local_invocation_index) lane: u32) {
     var loss = 0.0;
@@ -52,8 +52,8 @@ fn pull_centres(@builtin(local_invocation_index) lane: u32) {
         let centre = vec3f(values[FRAME * k], values[FRAME * k + 1u], values[FRAME * k + 2u]);
         let gap = centre - mean;
         loss += step.centre_scale * dot(gap, gap);
-        pulls[2u * k] = vec4f(mean, 0.0);
-        pulls[2u * k + 1u] = vec4f(-2.0 * step.centre_scale * gap / mass, 0.0);
+        part_means[2u * k] = vec4f(mean, 0.0);
+        part_means[2u * k + 1u] = vec4f(-2.0 * step.centre_scale * gap / mass, 0.0);
     }
     own[lane] = vec4f(loss);
     workgroupBarrier();

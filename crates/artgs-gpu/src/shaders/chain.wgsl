@@ -1,10 +1,11 @@
-// What the projection passes through on its way. Twin of `Chain` in `artgs_raster::project`. Needs `step`, `params`.
+// Intermediate values of the projection. Same computation as `Chain` in `artgs_raster::project`. Needs `step`,
+// `params`.
 
 struct Chain {
     p: vec3f,
-    // x / z and y / z, and the same held within the limits.
+    // x / z and y / z, and the same clamped to the limits.
     ratio: vec2f,
-    held: vec2f,
+    clamped: vec2f,
     // Unit quaternion and the length of the raw one (0 if it was not usable).
     unit: vec4f,
     norm: f32,
@@ -28,7 +29,7 @@ fn chain_of(i: u32, at: Placed) -> Chain {
     c.p = vec3f(dot(r0, at.mean), dot(r1, at.mean), dot(r2, at.mean))
         + vec3f(step.row_x.w, step.row_y.w, step.row_z.w);
     c.ratio = c.p.xy / c.p.z;
-    c.held = clamp(c.ratio, step.limits.xz, step.limits.yw);
+    c.clamped = clamp(c.ratio, step.limits.xz, step.limits.yw);
     let norm = length(at.rotation);
     if norm <= QUATERNION_MIN {
         c.unit = vec4f(1.0, 0.0, 0.0, 0.0);
@@ -41,8 +42,8 @@ fn chain_of(i: u32, at: Placed) -> Chain {
     let s = at_log_scale(step.n, i);
     c.scale = exp(vec3f(params[s], params[s + 1u], params[s + 2u]));
     let f = step.focal / c.p.z;
-    c.to_image_x = f.x * (r0 - c.held.x * r2);
-    c.to_image_y = f.y * (r1 - c.held.y * r2);
+    c.to_image_x = f.x * (r0 - c.clamped.x * r2);
+    c.to_image_y = f.y * (r1 - c.clamped.y * r2);
     c.scaled_x = (c.to_image_x * c.rotation) * c.scale;
     c.scaled_y = (c.to_image_y * c.rotation) * c.scale;
     let aa = dot(c.scaled_x, c.scaled_x);

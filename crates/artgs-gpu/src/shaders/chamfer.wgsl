@@ -1,5 +1,5 @@
-// One-sided Chamfer distance from moved Gaussians to targets in a uniform grid. Twin of `artgs::fit::chamfer` and of its
-// call in `artgs::fit::deform`: gradients reach only motions and weights.
+// One-sided Chamfer distance from moved Gaussians to targets in a uniform grid. Same computation as
+// `artgs::fit::chamfer` and its call in `artgs::fit::deform`: only motions and weights get gradients.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> params: array<f32>;
@@ -15,7 +15,7 @@
 @group(0) @binding(9) var<storage, read_write> part_terms: array<PartTerms>;
 
 // Nearest point so far, squared distance in w.
-fn look(best: vec4f, x: vec3f, begin: u32, end: u32) -> vec4f {
+fn nearest_in(best: vec4f, x: vec3f, begin: u32, end: u32) -> vec4f {
     var nearest = best;
     for (var k = cells[begin]; k < cells[end]; k++) {
         let y = points[k].xyz;
@@ -27,43 +27,44 @@ fn look(best: vec4f, x: vec3f, begin: u32, end: u32) -> vec4f {
     return nearest;
 }
 
-// Searches rings of cells around that of `x`, or around the nearest one to it, until no nearer point is possible: beyond
-// ring `r` points are at least `r` sides away, besides the way from `x` to the grid.
+// Searches rings of cells around that of `x`, or around the nearest one to it, until no nearer point is possible:
+// outside ring `r`, points are at least `r` cell sides from `x`, plus the distance of `x` from the grid.
 fn nearest_of(grid: Grid, x: vec3f) -> vec4f {
     let size = vec3i(grid.size);
-    let place = (x - grid.origin) / grid.side;
-    let here = vec3i(clamp(floor(place), vec3f(0.0), vec3f(size - 1)));
-    let beside = x - clamp(x, grid.origin, grid.origin + grid.side * vec3f(size));
+    let cell = (x - grid.origin) / grid.side;
+    let own = vec3i(clamp(floor(cell), vec3f(0.0), vec3f(size - 1)));
+    let outside = x - clamp(x, grid.origin, grid.origin + grid.side * vec3f(size));
     var best = vec4f(x, LARGEST);
     let last = max(size.x, max(size.y, size.z));
     for (var r = 0; r < last; r++) {
-        let low = max(here - r, vec3i(0));
-        let high = min(here + r, size - 1);
+        let low = max(own - r, vec3i(0));
+        let high = min(own + r, size - 1);
         for (var z = low.z; z <= high.z; z++) {
             for (var y = low.y; y <= high.y; y++) {
                 let row = grid.begin + u32((z * size.y + y) * size.x);
-                if abs(z - here.z) == r || abs(y - here.y) == r {
-                    best = look(best, x, row + u32(low.x), row + u32(high.x) + 1u);
+                if abs(z - own.z) == r || abs(y - own.y) == r {
+                    best = nearest_in(best, x, row + u32(low.x), row + u32(high.x) + 1u);
                 } else {
-                    if here.x - r >= 0 {
-                        best = look(best, x, row + u32(here.x - r), row + u32(here.x - r) + 1u);
+                    if own.x - r >= 0 {
+                        best = nearest_in(best, x, row + u32(own.x - r), row + u32(own.x - r) + 1u);
                     }
-                    if here.x + r < size.x {
-                        best = look(best, x, row + u32(here.x + r), row + u32(here.x + r) + 1u);
+                    if own.x + r < size.x {
+                        best = nearest_in(best, x, row + u32(own.x + r), row + u32(own.x + r) + 1u);
                     }
                 }
             }
         }
-        // A little less than the bound: cells are told apart with rounding.
+        // A little less than the bound, because of rounding in the choice of cells.
         let reach = 0.999 * f32(r) * grid.side;
-        if best.w <= reach * reach + dot(beside, beside) {
+        if best.w <= reach * reach + dot(outside, outside) {
             break;
         }
     }
     return best;
 }
 
-// Adds the pull of a Gaussian to its target to the gradient by its motion; squared distance of the two.
+// Adds the gradient of the distance between a Gaussian and its target to the gradient of its motion; returns the
+// squared distance.
 fn pulled(i: u32) -> f32 {
     let at = placed(i).mean;
     if !(finite(at.x) && finite(at.y) && finite(at.z)) {

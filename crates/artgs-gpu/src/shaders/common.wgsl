@@ -35,7 +35,7 @@ fn exponent(flat: Flat, d: vec2f) -> f32 {
     return flat.log2_opacity + flat.xx * d.x * d.x + flat.xy * d.x * d.y + flat.yy * d.y * d.y;
 }
 
-// Whether a number is one, by its bits: compilers may take for granted that there are no others.
+// True if a number is finite. Compilers may assume that all numbers are, so it looks at the bits.
 fn finite(v: f32) -> bool {
     return (bitcast<u32>(v) & 0x7f800000u) != 0x7f800000u;
 }

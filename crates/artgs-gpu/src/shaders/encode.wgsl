@@ -1,5 +1,5 @@
-// What the perceptron sees of every Gaussian, `[4 K + 2 L + 3][n]`: its place in the frame of each part and the length of
-// that, hash features, coordinates. Twin of the first half of `Model::forward` in `artgs::articulation::block`.
+// Inputs of the perceptron for every Gaussian, `[4 K + 2 L + 3][n]`: position in the frame of each part and its length,
+// hash features, coordinates. Same computation as the first half of `Model::forward` in `artgs::articulation::block`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> params: array<f32>;
@@ -20,13 +20,13 @@ fn encode(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     if group.y < step.parts {
         let f = 4u * group.y;
         let y = x - frames[f].xyz;
-        let turned = vec3f(dot(frames[f + 1u].xyz, y), dot(frames[f + 2u].xyz, y), dot(frames[f + 3u].xyz, y));
-        let here = turned * vec3f(frames[f + 1u].w, frames[f + 2u].w, frames[f + 3u].w);
+        let rotated = vec3f(dot(frames[f + 1u].xyz, y), dot(frames[f + 2u].xyz, y), dot(frames[f + 3u].xyz, y));
+        let local = rotated * vec3f(frames[f + 1u].w, frames[f + 2u].w, frames[f + 3u].w);
         let at = f * n + i;
-        inputs[at] = here.x;
-        inputs[at + n] = here.y;
-        inputs[at + 2u * n] = here.z;
-        inputs[at + 3u * n] = sqrt(dot(here, here));
+        inputs[at] = local.x;
+        inputs[at + n] = local.y;
+        inputs[at + 2u * n] = local.z;
+        inputs[at + 3u * n] = sqrt(dot(local, local));
         return;
     }
     let coordinates = (x - step.origin) * step.coordinate_scale;

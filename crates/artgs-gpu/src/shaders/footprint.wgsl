@@ -1,4 +1,5 @@
-// Which tiles a Gaussian touches. Twin of `Grid` and `Ellipse` in `artgs_raster::bin`, in whole tiles. Needs `step`.
+// Which tiles a Gaussian touches. Same computation as `Grid` and `Ellipse` in `artgs_raster::bin`, in whole tiles.
+// Needs `step`.
 
 // First tile along an axis with a pixel centre in `low ..= high`, and one past the last.
 fn tile_range(low: f32, high: f32, size: u32) -> vec2u {
@@ -19,7 +20,7 @@ fn tile_rows(flat: Flat) -> vec2u {
 // Tiles of a row that the ellipse touches in which alpha reaches 1/255; `rows` are all rows it touches.
 fn tile_columns(flat: Flat, row: u32, rows: vec2u) -> vec2u {
     let whole = tile_range(flat.center.x - flat.half_x, flat.center.x + flat.half_x, step.size.x);
-    // The box of the ellipse says it all.
+    // One row or column of tiles: the bounding box gives the range.
     if rows.y - rows.x <= 1u || whole.y - whole.x <= 1u {
         return whole;
     }

@@ -1,5 +1,5 @@
-// Sums the gradients of the intersections per Gaussian and carries them to its parameters. Twin of `artgs_raster::gather`, of
-// the adjoint in `artgs_raster::project` and of the way back of the warp.
+// Sums the gradients of the intersections per Gaussian and computes the gradients of its parameters. Same computation
+// as `artgs_raster::gather`, the adjoint in `artgs_raster::project`, and the backward pass of the warp.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> params: array<f32>;
@@ -11,7 +11,7 @@
 @group(0) @binding(7) var<storage, read> cells: array<vec4f>;
 @group(0) @binding(8) var<storage, read> control: array<u32>;
 @group(0) @binding(9) var<storage, read_write> grads: array<f32>;
-@group(0) @binding(10) var<storage, read_write> seen: array<vec4f>;
+@group(0) @binding(10) var<storage, read_write> densify_stats: array<vec4f>;
 @group(0) @binding(11) var<storage, read_write> d_motions: array<vec4f>;
 
 struct Spread {
@@ -76,14 +76,15 @@ fn quaternion_adjoint(c: Chain, d: mat3x3f) -> vec4f {
     return (g - c.unit * dot(c.unit, g)) / c.norm;
 }
 
-// Gradient of the world-space centre through one coordinate of the image: its share of the view-space centre, x or y and z.
+// Gradient of the world-space centre through one coordinate of the image: its share of the view-space centre, x or y
+// and z.
 fn axis_adjoint(c: Chain, k: u32, row: vec3f, d_center: f32, d_to_image: vec3f) -> vec2f {
     let r2 = step.row_z.xyz;
     let inverse = 1.0 / c.p.z;
     let f = step.focal[k] * inverse;
-    let d_f = dot(d_to_image, row - c.held[k] * r2);
+    let d_f = dot(d_to_image, row - c.clamped[k] * r2);
     var d_ratio = step.focal[k] * d_center;
-    if c.held[k] == c.ratio[k] {
+    if c.clamped[k] == c.ratio[k] {
         d_ratio -= f * dot(d_to_image, r2);
     }
     return vec2f(d_ratio * inverse, -inverse * (f * d_f + d_ratio * c.ratio[k]));
@@ -103,7 +104,7 @@ fn write_rotation(i: u32, q: vec4f) {
     grads[at + 3u] = q.w;
 }
 
-// Gradient of the entropy of opacities by a raw one.
+// Gradient of the entropy of opacities with respect to a logit.
 fn entropy_adjoint(logit: f32) -> f32 {
     if step.entropy_step == 0.0 {
         return 0.0;
@@ -112,7 +113,7 @@ fn entropy_adjoint(logit: f32) -> f32 {
     return -step.entropy_step * select(-1.0, 1.0, logit > 0.0) * e / (1.0 + e);
 }
 
-fn write_nothing(i: u32) {
+fn write_zero(i: u32) {
     write3(3u * i, vec3f(0.0));
     write_rotation(i, vec4f(0.0));
     write3(at_log_scale(step.n, i), vec3f(0.0));
@@ -127,8 +128,8 @@ fn write_nothing(i: u32) {
     }
 }
 
-// Takes the gradients of the drawn centre and rotation to the canonical ones, and to the motion.
-fn place_back(i: u32, d_mean: vec3f, d_rotation: vec4f) {
+// Gradients of the canonical centre and rotation and of the motion, from those of the rendered centre and rotation.
+fn write_warp_adjoint(i: u32, d_mean: vec3f, d_rotation: vec4f) {
     if !has(step.flags, ARTICULATED) {
         write3(3u * i, d_mean);
         write_rotation(i, d_rotation);
@@ -158,7 +159,7 @@ fn gather(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     }
     let count = counts[i];
     if count == 0u || control[TOTAL] == 0u {
-        write_nothing(i);
+        write_zero(i);
         return;
     }
     var first = vec4f(0.0);
@@ -193,11 +194,11 @@ fn gather(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     write3(at_log_scale(step.n, i), spread.log_scale);
     let logit = params[at_logit(step.n, i)];
     grads[at_logit(step.n, i)] = first.x / (1.0 + exp(logit)) + entropy_adjoint(logit);
-    place_back(i, d_mean, quaternion_adjoint(c, spread.rotation));
+    write_warp_adjoint(i, d_mean, quaternion_adjoint(c, spread.rotation));
 
     let mean_variance = 0.5 * (c.covariance.x + c.covariance.z);
     let wide = sqrt(max(mean_variance * mean_variance - c.determinant, RADIUS_SPREAD_MIN));
     let radius = ceil(RADIUS_DEVIATIONS * sqrt(mean_variance + wide));
-    let s = seen[i];
-    seen[i] = vec4f(s.x + length(d_center * 0.5 * vec2f(step.size)), s.y + 1.0, max(s.z, radius), 0.0);
+    let s = densify_stats[i];
+    densify_stats[i] = vec4f(s.x + length(d_center * 0.5 * vec2f(step.size)), s.y + 1.0, max(s.z, radius), 0.0);
 }

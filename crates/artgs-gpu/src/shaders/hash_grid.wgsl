@@ -1,4 +1,4 @@
-// Multi-resolution hash encoding of positions. Twin of `artgs::articulation::hash_grid`. Needs `step`.
+// Multi-resolution hash encoding of positions. Same computation as `artgs::articulation::hash_grid`. Needs `step`.
 
 struct Cell {
     low: vec3u,
@@ -31,9 +31,9 @@ fn weight_of(cell: Cell, corner: vec3u) -> f32 {
     return along.x * along.y * along.z;
 }
 
-// Units of the sums of a level: gradients are summed as 64-bit integers of two words, so that their order does not matter.
-// A point adds at most the largest gradient to an entry, its corners together, and all points together at most `n` times
-// that, which is 2^30 in the upper word: nothing overflows. The lower word reaches 2^-62 of it.
+// Units of the sums of a level: gradients are summed as 64-bit integers of two words, so that their order does not
+// matter. A point adds at most the largest gradient to an entry, its corners together, and all points together at most
+// `n` times that, which is 2^30 in the upper word: nothing overflows. The lower word reaches 2^-62 of it.
 fn units_per_gradient(largest: f32) -> f32 {
     return 1073741824.0 / (f32(step.n) * largest);
 }

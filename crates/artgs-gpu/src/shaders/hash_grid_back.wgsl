@@ -1,4 +1,5 @@
-// Gradients of the entries of the hash grid. Twin of `HashGrid::backward` in `artgs::articulation::hash_grid`.
+// Gradients of the entries of the hash grid. Same computation as `HashGrid::backward` in
+// `artgs::articulation::hash_grid`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> levels: array<Level>;
@@ -14,7 +15,7 @@ var<workgroup> maxima: array<f32, GROUP>;
 fn gradient_of(level: u32, i: u32) -> vec2f {
     let row = 4u * step.parts + FEATURES * level;
     let g = vec2f(d_inputs[row * step.n + i], d_inputs[(row + 1u) * step.n + i]);
-    // One Gaussian out of numbers must not take the grid along.
+    // A Gaussian that is not finite must not affect the grid.
     return select(vec2f(0.0), g, vec2<bool>(finite(g.x), finite(g.y)));
 }
 
@@ -40,12 +41,12 @@ fn find_largest(
         workgroupBarrier();
     }
     if lane == 0u {
-        // Floats that are not negative order like their bits.
+        // Floats that are not negative are ordered as their bits are.
         atomicMax(&largest[group.y], bitcast<u32>(maxima[0]));
     }
 }
 
-// Adds a number in units of the upper word.
+// Adds a number, given in units of the upper word.
 fn add(at: u32, value: f32) {
     let size = abs(value);
     let whole = floor(size);

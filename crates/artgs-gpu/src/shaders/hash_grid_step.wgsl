@@ -1,5 +1,5 @@
-// One Adam update of every entry of the levels that learn. Twin of `HashGrid::adam_step`, which visits only entries with a
-// gradient and adds the drift of the others where it reads them.
+// One Adam update of every entry of the levels that learn. Same computation as `HashGrid::adam_step`, which visits only
+// entries with a gradient and updates the others when it reads them.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> control: array<u32>;
@@ -10,7 +10,7 @@
 // First moments, second moments.
 @group(0) @binding(6) var<storage, read_write> moments: array<vec4f>;
 
-// Of a sum in two words, in units of the upper one.
+// The number that two words hold, in units of the upper one.
 fn number_of(words: vec2u) -> f32 {
     var low = words.x;
     var high = words.y;

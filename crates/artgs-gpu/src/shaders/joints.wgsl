@@ -1,5 +1,5 @@
-// Motions of parts: their gradients and their updates. Twin of `artgs::articulation::joints` and of the update in
-// `artgs::fit::deform`.
+// Motions of parts: their gradients and their updates. Same computation as `artgs::articulation::joints` and the update
+// in `artgs::fit::deform`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> partial: array<vec4f>;
@@ -48,7 +48,7 @@ fn motion(v: Values, model: u32) -> Dual {
     return Dual(vec4f(c, l.axis * s), vec4f(-slide * s, l.axis * slide * c + cross(l.pivot, l.axis) * s));
 }
 
-// Gradient by the parameters from that by the motion.
+// Gradient with respect to the parameters from that with respect to the motion.
 fn motion_adjoint(v: Values, model: u32, d: Dual) -> Values {
     if model == MODEL_PRISMATIC {
         return Values(vec4f(0.5 * d.dual.yzw, 0.0), vec4f(0.0));
@@ -77,7 +77,7 @@ fn motion_adjoint(v: Values, model: u32, d: Dual) -> Values {
     return Values(vec4f(d_axis, d_pivot.x), vec4f(d_pivot.yz, 0.5 * d_half, select(0.0, d_slide, model == MODEL_SCREW)));
 }
 
-// Sum over all stretches of Gaussians, as a gradient of the half motion towards the second state.
+// Sum over all ranges of Gaussians, as a gradient with respect to the half motion towards the end state.
 fn gradient_of(part: u32) -> Dual {
     var sum = Dual(vec4f(0.0), vec4f(0.0));
     for (var k = 0u; k < step.chunks; k++) {
@@ -105,9 +105,9 @@ fn units_of(model: u32) -> Values {
 }
 
 fn write_motion(part: u32, m: Dual) {
-    let ahead = 2u * (step.parts + part);
-    motions[ahead] = m.real;
-    motions[ahead + 1u] = m.dual;
+    let towards_end = 2u * (step.parts + part);
+    motions[towards_end] = m.real;
+    motions[towards_end + 1u] = m.dual;
     motions[2u * part] = conjugate(m.real);
     motions[2u * part + 1u] = conjugate(m.dual);
 }
@@ -116,7 +116,7 @@ fn all_finite(v: vec4f) -> bool {
     return finite(v.x) && finite(v.y) && finite(v.z) && finite(v.w);
 }
 
-// Sine and cosine of at most half a turn to rounding; those of the language may be off by 5e-4.
+// Sine and cosine of angles up to half a turn, exact to rounding; those of WGSL may have an error of 5e-4.
 fn sine_cosine(angle: f32) -> vec2f {
     let x = 0.5 * angle;
     let q = x * x;
@@ -138,7 +138,7 @@ fn update_joints(@builtin(local_invocation_index) lane: u32) {
         var d = gradient_of(part);
         d.real += vec4f(0.0, cross(d.dual.yzw, middle));
         let g = motion_adjoint(v, model, d);
-        // One Gaussian out of numbers must not take its joint along.
+        // A Gaussian that is not finite must not affect its joint.
         if all_finite(g.a) && all_finite(g.b) {
             let units = units_of(model);
             let rate = step.joint_rate;

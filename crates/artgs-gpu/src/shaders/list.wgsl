@@ -1,5 +1,5 @@
-// Where the list of each tile begins and ends once intersections are sorted by tile, and which stretches of it are walked
-// back together.
+// Begin and end of the list of each tile after the sort by tile, and its buckets: ranges that one workgroup of the
+// backward pass handles.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> tiles_of: array<u32>;

@@ -1,14 +1,14 @@
-// The loss of a rendering against a photograph and its gradient. Twin of `artgs::fit::loss` and of the second half of
-// `artgs::fit::ssim`. What it writes is what the way back through blending begins with.
+// The loss of a rendering against a training image and its gradient. Same computation as `artgs::fit::loss` and the
+// second half of `artgs::fit::ssim`. The backward pass of blending starts from its output.
 
 @group(0) @binding(0) var<uniform> step: Step;
-@group(0) @binding(1) var<storage, read> photo: array<u32>;
+@group(0) @binding(1) var<storage, read> image: array<u32>;
 @group(0) @binding(2) var<storage, read> measured: array<u32>;
 @group(0) @binding(3) var<storage, read> frame: array<vec4f>;
 @group(0) @binding(4) var<storage, read> frame_depth: array<f32>;
 @group(0) @binding(5) var<storage, read> slopes: array<f32>;
-@group(0) @binding(6) var<storage, read_write> pulls: array<vec4f>;
-@group(0) @binding(7) var<storage, read_write> rests: array<f32>;
+@group(0) @binding(6) var<storage, read_write> d_frame: array<vec4f>;
+@group(0) @binding(7) var<storage, read_write> remainders: array<f32>;
 @group(0) @binding(8) var<storage, read_write> sums: array<vec4f>;
 
 // Slopes of one channel around a tile, and their blur along rows.
@@ -51,13 +51,13 @@ fn depth_count(p: u32) -> u32 {
     return (measured[p / 2u] >> (16u * (p % 2u))) & 0xffffu;
 }
 
-// Depth term of a pixel; adds its gradient by depth and alpha.
+// Depth term of a pixel; adds its gradient with respect to depth and alpha.
 fn depth_term(p: u32, alpha: f32, by_depth: ptr<function, f32>, by_alpha: ptr<function, f32>) -> f32 {
     if !has(step.flags, DEPTH) {
         return 0.0;
     }
     let count = depth_count(p);
-    let covered = (photo[p] >> 24u) >= COVERED;
+    let covered = (image[p] >> 24u) >= COVERED;
     let unit = step.depth_unit;
     let wanted = f32(count) * step.depth_count;
     if has(step.flags, DEPTH_ACCUMULATED) {
@@ -92,14 +92,14 @@ fn compare(
     var target_color = vec3f(0.0);
     if inside {
         shown = frame[p];
-        target_color = photo_color(p);
+        target_color = image_color(p);
     }
     let d = shown.xyz - target_color;
     var by_color = step.l1_step * vec3f(signum(d.x), signum(d.y), signum(d.z));
-    // Windows reach half their size beyond the rectangle; the workgroup is asked as one.
+    // Windows reach half their size beyond the rectangle. The condition is the same for the whole workgroup.
     let corner = vec2i(group.xy * TILE);
-    let near = all(corner + i32(TILE) + HALF > vec2i(step.rect.xy)) && all(corner - HALF < vec2i(step.rect.zw));
-    if has(step.flags, SSIM) && near {
+    let in_reach = all(corner + i32(TILE) + HALF > vec2i(step.rect.xy)) && all(corner - HALF < vec2i(step.rect.zw));
+    if has(step.flags, SSIM) && in_reach {
         for (var channel = 0u; channel < 3u; channel++) {
             let s = blurred(channel, corner, local.xy, lane);
             by_color[channel] += step.ssim_step * (s.x + 2.0 * shown[channel] * s.y + target_color[channel] * s.z);
@@ -107,13 +107,13 @@ fn compare(
     }
     var found = vec4f(0.0);
     if inside {
-        let mask = shown.w - photo_alpha(p);
+        let mask = shown.w - image_alpha(p);
         var by_alpha = step.mask_step * signum(mask);
         var by_depth = 0.0;
         let depth = depth_term(p, shown.w, &by_depth, &by_alpha);
         found = vec4f(dot(abs(d), vec3f(1.0)), dot(d, d), depth, abs(mask));
-        pulls[p] = vec4f(by_color, by_depth);
-        rests[p] = by_depth * frame_depth[p] - by_alpha * (1.0 - shown.w) + dot(by_color, shown.xyz);
+        d_frame[p] = vec4f(by_color, by_depth);
+        remainders[p] = by_depth * frame_depth[p] - by_alpha * (1.0 - shown.w) + dot(by_color, shown.xyz);
     }
     terms[lane] = found;
     workgroupBarrier();

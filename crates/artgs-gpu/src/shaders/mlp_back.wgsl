@@ -1,4 +1,4 @@
-// Sums of `d[j] x[k]` over stretches of Gaussians, in a fixed order; biases have inputs of 1.
+// Sums of `d[j] x[k]` over ranges of Gaussians, in a fixed order; biases have inputs of 1.
 
 @group(0) @binding(2) var<storage, read> d: array<f32>;
 @group(0) @binding(3) var<storage, read> x: array<f32>;
@@ -7,7 +7,7 @@
 
 const SIDE: u32 = PRODUCT_SIDE;
 const DEPTH_OF_TILE: u32 = 64u;
-// One more than the depth: neighbouring rows lie in different banks.
+// One more than the depth, so that neighbouring rows are in different memory banks.
 const PITCH: u32 = DEPTH_OF_TILE + 1u;
 
 var<workgroup> left: array<f32, SIDE * PITCH>;

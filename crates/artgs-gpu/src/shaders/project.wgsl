@@ -1,4 +1,4 @@
-// Gaussians to the image, and on how many tiles each falls. Twin of `artgs_raster::project` and of the warp before it.
+// Projects Gaussians and counts the tiles of each. Same computation as `artgs_raster::project` and the warp before it.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> params: array<f32>;
@@ -9,7 +9,7 @@
 @group(0) @binding(6) var<storage, read_write> order: array<u32>;
 @group(0) @binding(7) var<storage, read_write> counts: array<u32>;
 
-// False if it is too near, too faint, degenerate or beside the image.
+// False if it is too near, too faint, degenerate or outside the image.
 fn flatten(i: u32, out: ptr<function, Flat>) -> bool {
     let at = placed(i);
     let depth = dot(step.row_z.xyz, at.mean) + step.row_z.w;
@@ -62,7 +62,7 @@ fn project(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         return;
     }
     flats[i] = flat;
-    // Positive floats order like their bits.
+    // Positive floats are ordered as their bits are.
     keys[i] = bitcast<u32>(flat.depth);
     let rows = tile_rows(flat);
     var count = 0u;

@@ -1,4 +1,4 @@
-// What a step was like: sums over workgroups in a fixed order. One workgroup.
+// Results of a step: sums over workgroups in a fixed order. One workgroup.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> params: array<f32>;

@@ -55,7 +55,7 @@ fn scan_sums(@builtin(local_invocation_index) lane: u32) {
         if before > step.capacity {
             control[OVERFLOW] = 1u;
         }
-        // Once there was no room nothing is drawn and nothing changes until the host has made room.
+        // After an overflow nothing is drawn and nothing changes until the host has enlarged the buffers.
         let total = select(before, 0u, control[OVERFLOW] != 0u);
         control[TOTAL] = total;
         set_arguments(BY_BLOCK, (total + BLOCK - 1u) / BLOCK);

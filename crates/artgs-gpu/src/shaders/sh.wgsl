@@ -1,5 +1,5 @@
-// Real spherical harmonics up to degree 3 with the signs of 3DGS. Twin of `artgs_raster::sh`. Needs `params`; the adjoint
-// also `grads`.
+// Real spherical harmonics up to degree 3 with the signs of 3DGS. Same computation as `artgs_raster::sh`. Needs
+// `params`; the adjoint also `grads`.
 
 fn coefficient(at: u32, k: u32) -> vec3f {
     let i = at + 3u * k;

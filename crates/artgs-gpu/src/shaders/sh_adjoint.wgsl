@@ -9,7 +9,8 @@ fn pull(at: u32, k: u32, basis: f32, d_color: vec3f) -> f32 {
     return dot(coefficient(at, k), d_color);
 }
 
-// Writes the gradient of the harmonics of which `stored` are kept (zero beyond `degree`); returns that of the direction.
+// Writes the gradient of the harmonics of which `stored` are kept (zero beyond `degree`); returns that of the
+// direction.
 fn sh_adjoint(degree: u32, stored: u32, d: vec3f, at: u32, d_color: vec3f) -> vec3f {
     let x = d.x;
     let y = d.y;

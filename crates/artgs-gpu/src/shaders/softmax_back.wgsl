@@ -1,19 +1,20 @@
-// From the gradients by blended motions to those by logits. Twin of `softmax_backward` in `artgs::articulation::block`, of
-// the way back of the weights in `artgs::articulation::warp` and of the pull in `artgs::articulation::assign`.
+// Gradients with respect to logits from those with respect to blended motions. Same computation as `softmax_backward`
+// in `artgs::articulation::block`, the adjoint of weights in `artgs::articulation::warp` and `centre_regulariser` in
+// `artgs::articulation::assign`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> params: array<f32>;
 @group(0) @binding(2) var<storage, read> motions: array<vec4f>;
 @group(0) @binding(3) var<storage, read> lengths: array<f32>;
-// Of each part: mean of its Gaussians, gradient by that.
-@group(0) @binding(4) var<storage, read> pulls: array<vec4f>;
+// Of each part: mean of its Gaussians, gradient with respect to the mean.
+@group(0) @binding(4) var<storage, read> part_means: array<vec4f>;
 @group(0) @binding(5) var<storage, read> soft: array<f32>;
 @group(0) @binding(6) var<storage, read> inputs: array<f32>;
 @group(0) @binding(7) var<storage, read> outputs: array<f32>;
-// By the unit blend when it begins, by the sum of weighted motions when it ends.
+// With respect to the unit blend as input, with respect to the sum of weighted motions as output.
 @group(0) @binding(8) var<storage, read_write> d_motions: array<vec4f>;
 @group(0) @binding(9) var<storage, read_write> d_outputs: array<f32>;
-// By squared distances, `[K][n]`.
+// With respect to squared distances, `[K][n]`.
 @group(0) @binding(10) var<storage, read_write> d_distances: array<f32>;
 
 @compute @workgroup_size(GROUP)
@@ -34,7 +35,7 @@ fn softmax_back(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
     for (var k = 0u; k < step.parts; k++) {
         var d = dot(motions[towards + 2u * k], d_real) + dot(motions[towards + 2u * k + 1u], d_dual);
         if has(step.flags, CENTRE) {
-            d += opacity * dot(pulls[2u * k + 1u].xyz, x - pulls[2u * k].xyz);
+            d += opacity * dot(part_means[2u * k + 1u].xyz, x - part_means[2u * k].xyz);
         }
         mean += soft[k * n + i] * d;
         d_distances[k * n + i] = d;

@@ -1,5 +1,5 @@
-// Stable radix sort of pairs by `DIGIT_BITS` bits of their keys. Twin of `artgs_raster::sort`. Every thread owns consecutive pairs
-// and a column of counters, so nothing is atomic and the order is that of the input.
+// Stable radix sort of pairs by `DIGIT_BITS` bits of their keys. Same computation as `artgs_raster::sort`. Every thread
+// owns consecutive pairs and a column of counters, so nothing is atomic and the order is that of the input.
 
 @group(0) @binding(0) var<uniform> digit: Digit;
 @group(0) @binding(1) var<storage, read> lengths: array<u32>;

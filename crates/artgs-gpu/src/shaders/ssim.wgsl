@@ -1,13 +1,13 @@
-// Structural similarity, first half: its value and its slopes by the blurred mean, square and product, for one channel of a
-// tile of windows. Twin of `artgs::fit::ssim`.
+// Structural similarity, first half: its value and its derivatives by the blurred mean, square and product, for one
+// channel of a tile of windows. Same computation as `artgs::fit::ssim`.
 
 @group(0) @binding(0) var<uniform> step: Step;
-@group(0) @binding(1) var<storage, read> photo: array<u32>;
+@group(0) @binding(1) var<storage, read> image: array<u32>;
 @group(0) @binding(2) var<storage, read> frame: array<vec4f>;
 @group(0) @binding(3) var<storage, read_write> slopes: array<f32>;
 @group(0) @binding(4) var<storage, read_write> sums: array<vec4f>;
 
-// Pixels of a tile and half a window around it: rendering and photograph.
+// Pixels of a tile and half a window around it: rendering and training image.
 var<workgroup> pixels: array<vec2f, REACH * REACH>;
 // Blurred along rows: x, y, x^2 + y^2, x y.
 var<workgroup> rows: array<vec4f, REACH * TILE>;
@@ -27,7 +27,7 @@ fn slope(
         var pair = vec2f(0.0);
         if all(at >= vec2i(0)) && all(at < size) {
             let p = u32(at.y * size.x + at.x);
-            pair = vec2f(frame[p][channel], photo_color(p)[channel]);
+            pair = vec2f(frame[p][channel], image_color(p)[channel]);
         }
         pixels[k] = pair;
     }

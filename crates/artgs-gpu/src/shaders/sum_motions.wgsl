@@ -1,4 +1,4 @@
-// Gradients by the motion of a part, summed over a stretch of Gaussians in a fixed order.
+// Gradients with respect to the motion of a part, summed over a range of Gaussians in a fixed order.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> labels: array<u32>;

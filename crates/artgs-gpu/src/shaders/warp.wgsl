@@ -1,5 +1,5 @@
-// Canonical Gaussians to the state of a photograph, and back. Twin of `artgs::articulation::warp`. Weighted
-// sums of motions are made beforehand, by `softmax`.
+// Moves canonical Gaussians to the state of an image, and the adjoint. Same computation as `artgs::articulation::warp`.
+// `softmax` computes weighted sums of motions before.
 // Needs `step`, `params`, `labels` and `motions`.
 
 // A rigid motion as a unit quaternion and the dual part over the same length.
@@ -8,7 +8,7 @@ struct Motion {
     s: vec4f,
 }
 
-// A Gaussian as it is drawn, world frame.
+// A Gaussian as it is rendered, world frame.
 struct Placed {
     mean: vec3f,
     rotation: vec4f,
@@ -49,8 +49,8 @@ fn placed(i: u32) -> Placed {
     return p;
 }
 
-// Gradient by the blended sums of a motion, from those by the warped centre and by `r` otherwise. Of labels the sums are
-// of unit length; where they are not, `softmax_back` divides by the length.
+// Gradient with respect to the blended sums of a motion, from the gradient of the warped centre and the other gradient
+// of `r`. Sums of labels have unit length; otherwise `softmax_back` divides by the length.
 fn motion_adjoint(m: Motion, x: vec3f, g: vec3f, by_r: vec4f) -> Motion {
     let w = m.r.x;
     let v = m.r.yzw;

@@ -1,4 +1,4 @@
-//! Parts that are learnt while training, on the device: the centre-based assignment and its optimiser.
+//! Learned membership on the device: the centre-based assignment and its optimiser.
 
 use crate::constants::{
     self, CENTRE, GROUP, GUMBEL, HARD, LAYER_BIAS, LAYER_GATE, LAYER_RELU, LAYER_ROWS, PART_GROUP, PRODUCT_SIDE,
@@ -6,7 +6,7 @@ use crate::constants::{
 };
 use crate::joints::CHUNKS;
 use crate::kernels::Kernels;
-use crate::scene::{Desk, Gaussians, Program, Size};
+use crate::scene::{Gaussians, Program, Size, StepBuffers};
 use crate::shared::shared_struct;
 use crate::step::Step;
 use crate::{Gpu, GpuError};
@@ -19,7 +19,7 @@ use wgpu::Buffer;
 const FRAME: usize = constants::FRAME as usize;
 const FRAME_SUMS: usize = constants::FRAME_SUMS as usize;
 
-/// What decides the sizes of all arrays but the number of Gaussians.
+/// Everything but the number of Gaussians that determines the sizes of the arrays.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Shape {
     parts: usize,
@@ -28,9 +28,9 @@ pub(crate) struct Shape {
     entries: Vec<usize>,
 }
 
-/// Arrays of a learnt assignment.
+/// Arrays of a learned assignment.
 #[derive(Debug)]
-pub(crate) struct Learnt {
+pub(crate) struct LearnedMembership {
     pub(crate) shape: Shape,
     /// Weights of the parts, `[K][n]`.
     pub(crate) weights: Buffer,
@@ -55,14 +55,14 @@ pub(crate) struct Learnt {
     d_hidden: Buffer,
     d_outputs: Buffer,
     d_distances: Buffer,
-    of_frames: Buffer,
-    of_layers: Buffer,
+    d_frames: Buffer,
+    d_layers: Buffer,
     masses: Buffer,
-    pulls: Buffer,
+    part_means: Buffer,
     layers: Layers,
 }
 
-/// What each call of a kernel of `mlp.wgsl` works on.
+/// The layer of each call of a kernel of `mlp.wgsl`.
 #[derive(Debug)]
 struct Layers {
     first: Buffer,
@@ -105,7 +105,7 @@ shared_struct! {
     }
 }
 
-/// The module that learns the parts, if it is of the kind that this backend trains.
+/// The learned assignment, if it is of the kind that this backend trains.
 pub(crate) fn module(articulated: &Articulated) -> Option<&PartAssignment> {
     match &articulated.membership {
         Membership::Learned(assignment) => match &**assignment {
@@ -126,8 +126,8 @@ fn module_mut(articulated: &mut Articulated) -> Option<&mut PartAssignment> {
     }
 }
 
-/// Sets what step `number` needs to know of a learnt assignment. `done` updates have not been counted yet.
-pub(crate) fn numbers(step: &mut Step, articulated: &Articulated, number: usize, done: usize) {
+/// Sets the fields of step `number` that a learned assignment needs. `done` updates have not been counted yet.
+pub(crate) fn set_fields(step: &mut Step, articulated: &Articulated, number: usize, done: usize) {
     let Some(module) = module(articulated) else { return };
     let (config, parts) = (module.config(), module.parts());
     step.flags |= WEIGHTED;
@@ -149,7 +149,7 @@ pub(crate) fn numbers(step: &mut Step, articulated: &Articulated, number: usize,
     step.hidden = config.hidden as u32;
 }
 
-/// Another seed for every step (the finaliser of SplitMix64).
+/// A different seed for every step (the finaliser of SplitMix64).
 fn mixed(seed: u64, number: u64) -> u64 {
     let mut z = seed.wrapping_add(number.wrapping_mul(0x9e37_79b9_7f4a_7c15));
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -166,13 +166,13 @@ impl Shape {
         self.entries.len()
     }
 
-    /// Inputs of the perceptron, and how many of them come first that have a gradient.
+    /// Number of inputs of the perceptron, and number of those, the first ones, that have a gradient.
     fn inputs(&self) -> [usize; 2] {
         let kept = 4 * self.parts + FEATURES * self.levels();
         [kept + 3, kept]
     }
 
-    /// Where b1, W2 and b2 begin among the numbers of the perceptron, and where they end.
+    /// Offsets of b1, W2, b2 and of the end among the parameters of the perceptron.
     fn offsets(&self) -> [usize; 4] {
         let [inputs, _] = self.inputs();
         let b1 = self.hidden * inputs;
@@ -208,7 +208,7 @@ impl Layers {
             flags: LAYER_BIAS,
             total,
         };
-        // On the way back inputs and rows change places.
+        // The backward pass uses the transposed matrices: inputs and rows are exchanged.
         let second_back =
             Layer { inputs: outputs, rows: hidden, row_stride: 1, input_stride: hidden, flags: LAYER_GATE, ..second };
         let first_back = Layer { inputs: hidden, rows: kept, row_stride: 1, input_stride: inputs, flags: 0, ..first };
@@ -221,7 +221,7 @@ impl Layers {
     }
 }
 
-/// An array of constants.
+/// A uniform buffer.
 pub(crate) fn constant<T: Pod>(gpu: &Gpu, label: &str, data: &[T]) -> Buffer {
     let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
@@ -233,7 +233,7 @@ pub(crate) fn constant<T: Pod>(gpu: &Gpu, label: &str, data: &[T]) -> Buffer {
     buffer
 }
 
-impl Learnt {
+impl LearnedMembership {
     pub(crate) fn new(gpu: &Gpu, n: usize, shape: Shape) -> Result<Self, GpuError> {
         let (parts, levels, chunks) = (shape.parts, shape.levels(), CHUNKS as usize);
         let [inputs, kept] = shape.inputs();
@@ -262,16 +262,16 @@ impl Learnt {
             d_hidden: rows("gradients by the hidden layer", shape.hidden)?,
             d_outputs: rows("gradients by outputs", 2 * parts)?,
             d_distances: rows("gradients by distances", parts)?,
-            of_frames: gpu.array("gradients by frames, partial", FRAME_SUMS * parts * chunks, 16)?,
-            of_layers: gpu.array("gradients by layers, partial", total * chunks, 4)?,
+            d_frames: gpu.array("gradients by frames, partial", FRAME_SUMS * parts * chunks, 16)?,
+            d_layers: gpu.array("gradients by layers, partial", total * chunks, 4)?,
             masses: gpu.array("masses of parts, partial", parts * chunks, 16)?,
-            pulls: gpu.array("pulls of parts", 2 * parts, 16)?,
+            part_means: gpu.array("means of parts and their gradients", 2 * parts, 16)?,
             layers: Layers::new(gpu, &shape),
             shape,
         })
     }
 
-    /// Puts the module on the device.
+    /// Copies the module to the device.
     pub(crate) fn fill(&self, gpu: &Gpu, module: &PartAssignment) {
         let state = module.state();
         gpu.write(&self.values, 0, &state.values);
@@ -302,12 +302,12 @@ impl Learnt {
         gpu.write(&self.levels, 0, &levels);
     }
 
-    /// Takes the module back after step `step`, but for the levels of the hash grid that have not learnt yet.
+    /// Copies the module back after step `step`, except the levels of the hash grid that are not trained yet.
     pub(crate) fn fetch(&self, gpu: &Gpu, articulated: &mut Articulated, step: usize) -> Result<(), GpuError> {
         let Some(module) = module_mut(articulated) else { return Ok(()) };
-        let learnt = &self.shape.entries[..module.config().active_levels(step)];
+        let trained = &self.shape.entries[..module.config().active_levels(step)];
         let count = FRAME * self.shape.parts + self.shape.offsets()[3];
-        let entries: usize = learnt.iter().sum();
+        let entries: usize = trained.iter().sum();
         let read = gpu.read(&[
             (&self.values, count),
             (&self.first, count),
@@ -319,12 +319,12 @@ impl Learnt {
             std::array::from_fn(|i| bytemuck::cast_slice(&read[i]));
         let (table, moments) = (table.as_chunks::<FEATURES>().0, moments.as_chunks::<4>().0);
         let mut begin = 0;
-        let grid = learnt.iter().map(|&size| {
-            let here = begin..begin + size;
-            begin = here.end;
-            let moments = &moments[here.clone()];
+        let grid = trained.iter().map(|&size| {
+            let range = begin..begin + size;
+            begin = range.end;
+            let moments = &moments[range.clone()];
             GridTable {
-                values: table[here].to_vec(),
+                values: table[range].to_vec(),
                 means: moments.iter().map(|m| [m[0], m[1]]).collect(),
                 squares: moments.iter().map(|m| [m[2], m[3]]).collect(),
                 ..GridTable::default()
@@ -335,19 +335,19 @@ impl Learnt {
         Ok(())
     }
 
-    /// From the canonical Gaussians to their motions.
-    pub(crate) fn forward(&self, gpu: &Gpu, k: &Kernels, g: &Gaussians, desk: &Desk) -> Program {
+    /// Computes the motions of the canonical Gaussians.
+    pub(crate) fn forward(&self, gpu: &Gpu, k: &Kernels, g: &Gaussians, step_buffers: &StepBuffers) -> Program {
         let Shape { parts, hidden, .. } = self.shape;
         let layer = |shape: &Buffer, x: &Buffer, out: &Buffer, rows: usize| {
-            self.layer(gpu, k, desk, g.n, [shape, x, x, out], rows)
+            self.layer(gpu, k, step_buffers, g.n, [shape, x, x, out], rows)
         };
-        let frames = [&desk.steps, &self.values, &self.frames, &self.largest];
-        let encode = [&desk.steps, &g.params, &self.frames, &self.levels, &self.table, &self.inputs];
+        let frames = [&step_buffers.steps, &self.values, &self.frames, &self.largest];
+        let encode = [&step_buffers.steps, &g.params, &self.frames, &self.levels, &self.table, &self.inputs];
         let softmax = [
-            &desk.steps,
+            &step_buffers.steps,
             &self.inputs,
             &self.outputs,
-            &desk.motions,
+            &step_buffers.motions,
             &self.soft,
             &self.weights,
             &self.blended,
@@ -362,31 +362,39 @@ impl Learnt {
         ]
     }
 
-    /// A call of `linear` on: what it works on, inputs, gate, outputs.
+    /// A call of `linear` for a layer, its inputs, gate and outputs.
     fn layer(
         &self,
         gpu: &Gpu,
         k: &Kernels,
-        desk: &Desk,
+        step_buffers: &StepBuffers,
         n: usize,
         [shape, x, gate, out]: [&Buffer; 4],
         rows: usize,
     ) -> (crate::kernel::Call, Size) {
-        let arrays = [&desk.steps, shape, &self.values, x, gate, out];
+        let arrays = [&step_buffers.steps, shape, &self.values, x, gate, out];
         (k.linear.on(gpu, &arrays), per_gaussian(n, rows.div_ceil(LAYER_ROWS as usize)))
     }
 
-    /// From the gradients by the motions of all Gaussians to those by the parameters.
-    pub(crate) fn backward(&self, gpu: &Gpu, k: &Kernels, g: &Gaussians, desk: &Desk) -> Program {
+    /// Computes the gradients of the parameters from those with respect to the motions of all Gaussians.
+    pub(crate) fn backward(&self, gpu: &Gpu, k: &Kernels, g: &Gaussians, step_buffers: &StepBuffers) -> Program {
         let Shape { parts, hidden, .. } = self.shape;
         let ([inputs, kept], levels) = (self.shape.inputs(), self.shape.levels() as u32);
-        let centre = [&desk.steps, &g.params, &self.weights, &self.values, &self.masses, &self.pulls, &desk.part_terms];
-        let softmax = [
-            &desk.steps,
+        let centre = [
+            &step_buffers.steps,
             &g.params,
-            &desk.motions,
+            &self.weights,
+            &self.values,
+            &self.masses,
+            &self.part_means,
+            &step_buffers.part_terms,
+        ];
+        let softmax = [
+            &step_buffers.steps,
+            &g.params,
+            &step_buffers.motions,
             &self.lengths,
-            &self.pulls,
+            &self.part_means,
             &self.soft,
             &self.inputs,
             &self.outputs,
@@ -396,11 +404,18 @@ impl Learnt {
         ];
         let products = |shape: &Buffer, d: &Buffer, x: &Buffer, inputs: usize, rows: usize| {
             let groups = [CHUNKS, (inputs as u32 + 1).div_ceil(PRODUCT_SIDE), (rows as u32).div_ceil(PRODUCT_SIDE)];
-            (k.products.on(gpu, &[&desk.steps, shape, d, x, &self.of_layers]), Size::Grid(groups))
+            (k.products.on(gpu, &[&step_buffers.steps, shape, d, x, &self.d_layers]), Size::Grid(groups))
         };
-        let frames =
-            [&desk.steps, &g.params, &self.frames, &self.inputs, &self.d_inputs, &self.d_distances, &self.of_frames];
-        let scatter = [&desk.steps, &self.levels, &self.inputs, &self.d_inputs, &self.largest, &self.sums];
+        let frames = [
+            &step_buffers.steps,
+            &g.params,
+            &self.frames,
+            &self.inputs,
+            &self.d_inputs,
+            &self.d_distances,
+            &self.d_frames,
+        ];
+        let scatter = [&step_buffers.steps, &self.levels, &self.inputs, &self.d_inputs, &self.largest, &self.sums];
         let Layers { first, second, second_back, first_back } = &self.layers;
         let through_second = [second_back, &self.d_outputs, &self.hidden, &self.d_hidden];
         let through_first = [first_back, &self.d_hidden, &self.d_hidden, &self.d_inputs];
@@ -408,8 +423,8 @@ impl Learnt {
             (k.sum_masses.on(gpu, &centre), Size::Grid([CHUNKS, parts as u32, 1])),
             (k.pull_centres.on(gpu, &centre), Size::Count(1)),
             (k.softmax_back.on(gpu, &softmax), per_gaussian(g.n, 1)),
-            self.layer(gpu, k, desk, g.n, through_second, hidden),
-            self.layer(gpu, k, desk, g.n, through_first, kept),
+            self.layer(gpu, k, step_buffers, g.n, through_second, hidden),
+            self.layer(gpu, k, step_buffers, g.n, through_first, kept),
             products(second, &self.d_outputs, &self.hidden, hidden, 2 * parts),
             products(first, &self.d_hidden, &self.inputs, inputs, hidden),
             (k.sum_frames.on(gpu, &frames), Size::Grid([CHUNKS, parts as u32, 1])),
@@ -418,21 +433,29 @@ impl Learnt {
         ]
     }
 
-    /// From the gradients to the parameters of the next step.
-    pub(crate) fn update(&self, gpu: &Gpu, k: &Kernels, desk: &Desk) -> Program {
+    /// Updates the parameters.
+    pub(crate) fn update(&self, gpu: &Gpu, k: &Kernels, step_buffers: &StepBuffers) -> Program {
         let threads = self.shape.parts + self.shape.offsets()[3];
         let most = self.shape.entries.iter().copied().max().unwrap_or(0);
         let assignment = [
-            &desk.steps,
-            &desk.control,
-            &self.of_frames,
-            &self.of_layers,
-            &self.pulls,
+            &step_buffers.steps,
+            &step_buffers.control,
+            &self.d_frames,
+            &self.d_layers,
+            &self.part_means,
             &self.values,
             &self.first,
             &self.second,
         ];
-        let grid = [&desk.steps, &desk.control, &self.levels, &self.largest, &self.sums, &self.table, &self.moments];
+        let grid = [
+            &step_buffers.steps,
+            &step_buffers.control,
+            &self.levels,
+            &self.largest,
+            &self.sums,
+            &self.table,
+            &self.moments,
+        ];
         let groups = [most.div_ceil(WIDE_GROUP as usize).min(4096) as u32, self.shape.levels() as u32, 1];
         vec![
             (
@@ -444,7 +467,7 @@ impl Learnt {
     }
 }
 
-/// One thread for each Gaussian, so many times.
+/// `times` rows of one thread per Gaussian.
 fn per_gaussian(n: usize, times: usize) -> Size {
     Size::Grid([n.div_ceil(GROUP as usize) as u32, times as u32, 1])
 }

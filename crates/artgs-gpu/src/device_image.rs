@@ -1,27 +1,27 @@
-//! Photographs on the device: four bytes of colour and alpha, two of depth per pixel.
+//! Training images on the device: four bytes of colour and alpha, two of depth per pixel.
 
 use crate::kernels::Kernels;
-use crate::scene::{Canvas, Desk, Gaussians, Program, Size};
+use crate::scene::{Gaussians, ImageBuffers, Program, Size, StepBuffers};
 use crate::step::Step;
 use crate::{Gpu, GpuError};
 use artgs::fit::{LossConfig, Rect, TrainConfig, TrainImage};
 use artgs_core::Camera;
 use wgpu::Buffer;
 
-/// A photograph to train on.
+/// A training image.
 #[derive(Debug)]
-pub(crate) struct Picture {
+pub(crate) struct DeviceImage {
     pub(crate) state: usize,
     pub(crate) size: [usize; 2],
     camera: Camera,
     object: Rect,
     without_depth: usize,
     depth_per_unit: Option<f32>,
-    photo: Buffer,
+    image: Buffer,
     measured: Buffer,
 }
 
-impl Picture {
+impl DeviceImage {
     pub(crate) fn new(gpu: &Gpu, image: &TrainImage<'_>) -> Result<Self, GpuError> {
         let measured = image.depth.as_deref().map_or(&[][..], artgs_core::DepthMap::counts);
         Ok(Self {
@@ -31,12 +31,12 @@ impl Picture {
             object: image.object,
             without_depth: image.without_depth,
             depth_per_unit: image.depth.as_deref().map(artgs_core::DepthMap::per_unit),
-            photo: gpu.array_of("photograph", &image.rgba)?,
-            measured: gpu.array_of("depth of a photograph", measured)?,
+            image: gpu.array_of("image", &image.rgba)?,
+            measured: gpu.array_of("depth of an image", measured)?,
         })
     }
 
-    /// The numbers of a step on this photograph as far as the photograph decides them.
+    /// A step on this image, with the fields that depend on the image.
     pub(crate) fn step(&self, config: &TrainConfig, loss: &LossConfig, background: [f32; 3]) -> Step {
         let blur = artgs_raster::RenderOptions::default().blur;
         let mut step = Step::view(&self.camera, config.near, blur);
@@ -48,13 +48,13 @@ impl Picture {
         step
     }
 
-    /// Where windows of similarity are centred.
+    /// The pixels on which windows of structural similarity are centred.
     fn rect(&self, loss: &LossConfig) -> Rect {
         let [w, h] = self.size;
         if loss.crop_ssim { self.object.grown(16, w, h) } else { Rect::full(w, h) }
     }
 
-    /// Number of windows of similarity in a channel.
+    /// Number of windows of structural similarity in a channel.
     pub(crate) fn windows(&self, loss: &LossConfig) -> usize {
         let rect = self.rect(loss);
         if rect.is_empty() { 0 } else { rect.area() }
@@ -69,21 +69,36 @@ impl Picture {
         }
     }
 
-    /// From the frame to its loss and gradient.
-    pub(crate) fn compare(&self, gpu: &Gpu, k: &Kernels, g: &Gaussians, canvas: &Canvas, desk: &Desk) -> Program {
-        let slope = [&desk.steps, &self.photo, &canvas.frame, &canvas.slopes, &canvas.window_sums];
+    /// Computes the loss of the frame and its gradient.
+    pub(crate) fn compare(
+        &self,
+        gpu: &Gpu,
+        k: &Kernels,
+        g: &Gaussians,
+        image_buffers: &ImageBuffers,
+        step_buffers: &StepBuffers,
+    ) -> Program {
+        let slope =
+            [&step_buffers.steps, &self.image, &image_buffers.frame, &image_buffers.slopes, &image_buffers.window_sums];
         let compare = [
-            &desk.steps,
-            &self.photo,
+            &step_buffers.steps,
+            &self.image,
             &self.measured,
-            &canvas.frame,
-            &canvas.frame_depth,
-            &canvas.slopes,
-            &canvas.pulls,
-            &canvas.rests,
-            &canvas.pixel_sums,
+            &image_buffers.frame,
+            &image_buffers.frame_depth,
+            &image_buffers.slopes,
+            &image_buffers.d_frame,
+            &image_buffers.remainders,
+            &image_buffers.pixel_sums,
         ];
-        let collect = [&desk.steps, &g.params, &canvas.pixel_sums, &canvas.window_sums, &desk.control, &desk.results];
+        let collect = [
+            &step_buffers.steps,
+            &g.params,
+            &image_buffers.pixel_sums,
+            &image_buffers.window_sums,
+            &step_buffers.control,
+            &step_buffers.results,
+        ];
         vec![
             (k.slope.on(gpu, &slope), Size::Windows),
             (k.compare.on(gpu, &compare), Size::Tiles),

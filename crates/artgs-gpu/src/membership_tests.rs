@@ -1,5 +1,4 @@
-//! Parts that are learnt while training, and the Chamfer term, against their twins on the processor; noise is off but where
-//! it is tested.
+//! Learned membership and the Chamfer term against the same computation on the CPU; noise is off except where it is tested.
 
 use super::tests::{backend, both, compare, config, distance, floats};
 use super::*;
@@ -25,7 +24,7 @@ fn settings() -> AssignConfig {
     }
 }
 
-/// A module with nothing symmetric about it.
+/// A module without symmetries.
 fn assignment(settings: AssignConfig, seed: u64) -> Assignment {
     let mut rng = rng(seed);
     let centres: Vec<[f32; 3]> = (0..PARTS).map(|_| [0; 3].map(|_| rng.random_range(-0.6..0.6))).collect();
@@ -49,7 +48,7 @@ fn state(splats: Splats, articulated: Articulated) -> TrainState {
     TrainState { deformation: Deformation::Articulated(Box::new(articulated)), ..TrainState::new(splats) }
 }
 
-fn learnt(settings: AssignConfig, seed: u64, n: usize, exact: bool, pulled: bool) -> TrainState {
+fn learned_state(settings: AssignConfig, seed: u64, n: usize, exact: bool, pulled: bool) -> TrainState {
     let membership = Membership::Learned(Box::new(assignment(settings, seed)));
     state(splats(&mut rng(seed), n, 2), parts(membership, exact, true, pulled.then(|| targets(seed))))
 }
@@ -60,7 +59,7 @@ fn parts_of(state: &TrainState) -> &Articulated {
 }
 
 fn module_of(state: &TrainState) -> AssignState {
-    learnt::module(parts_of(state)).unwrap().state()
+    membership::module(parts_of(state)).unwrap().state()
 }
 
 fn hard() -> AssignConfig {
@@ -68,7 +67,7 @@ fn hard() -> AssignConfig {
 }
 
 #[test]
-fn learnt_parts_agree_with_the_processor() {
+fn learnt_parts_agree_with_the_cpu() {
     let Some(gpu) = gpu() else { return };
     let published = AssignConfig { normalise_coordinates: false, centre_weight: 0.0, ..settings() };
     for (what, settings, exact, pulled) in [
@@ -77,7 +76,7 @@ fn learnt_parts_agree_with_the_processor() {
         ("hard", hard(), true, true),
         ("as published", published, false, true),
     ] {
-        compare(&gpu, learnt(settings, 21, 500, exact, pulled), 21, config(LossConfig::default()), what);
+        compare(&gpu, learned_state(settings, 21, 500, exact, pulled), 21, config(LossConfig::default()), what);
     }
 }
 
@@ -103,12 +102,12 @@ fn joint_moments_apart(want: &TrainState, got: &TrainState) -> (f64, f64) {
 
 /// After one step the first moments are a tenth of the gradients.
 #[test]
-fn gradients_of_membership_and_motions_agree_with_the_processor() {
+fn gradients_of_membership_and_motions_agree_with_the_cpu() {
     let Some(gpu) = gpu() else { return };
     let published = AssignConfig { normalise_coordinates: false, ..settings() };
     for (what, settings, exact) in [("soft", settings(), true), ("hard", hard(), true), ("published", published, false)]
     {
-        let start = learnt(settings, 23, 600, exact, true);
+        let start = learned_state(settings, 23, 600, exact, true);
         let [cpu, gpu] = both(&gpu, &start, config(LossConfig::default()), 1);
         let (off, size) = joint_moments_apart(&cpu, &gpu);
         assert!(size > 0.0 && off < 1e-4, "{what}: motions {off}");
@@ -133,24 +132,24 @@ fn gradients_of_membership_and_motions_agree_with_the_processor() {
 }
 
 #[test]
-fn some_steps_lead_to_the_same_membership() {
+fn some_steps_give_the_same_membership() {
     let Some(gpu) = gpu() else { return };
-    let start = learnt(settings(), 24, 500, true, true);
+    let start = learned_state(settings(), 24, 500, true, true);
     let [cpu, gpu] = both(&gpu, &start, config(LossConfig::default()), 8);
-    let (a, b, begun) = (module_of(&cpu), module_of(&gpu), module_of(&start));
-    let moved = distance(&a.values, &begun.values);
+    let (a, b, start_values) = (module_of(&cpu), module_of(&gpu), module_of(&start));
+    let moved = distance(&a.values, &start_values.values);
     let off = distance(&b.values, &a.values);
-    // Adam makes steps of full length of the faintest gradients, whose sign rounding decides.
+    // Adam makes steps of full length for the smallest gradients, whose sign depends on rounding.
     assert!(moved > 1e-2 && off < 5e-3 * moved, "values {off} of {moved}");
-    for (level, ((a, b), begun)) in a.grid.iter().zip(&b.grid).zip(&begun.grid).enumerate() {
-        // Where gradients are below a millionth of the largest, rounding decides about them, and Adam about their size.
+    for (level, ((a, b), start_values)) in a.grid.iter().zip(&b.grid).zip(&start_values.grid).enumerate() {
+        // Gradients below a millionth of the largest depend on rounding, and Adam scales them up.
         let roots = || a.squares.as_flattened().iter().map(|s| s.sqrt());
         let floor = 1e-6 * roots().fold(0.0, f32::max);
         let pick = |values: &[[f32; 2]]| -> Vec<f32> {
             values.as_flattened().iter().zip(roots()).filter(|(_, r)| *r > floor).map(|(v, _)| *v).collect()
         };
-        let (want, got, begun) = (pick(&a.values), pick(&b.values), pick(&begun.values));
-        let (off, moved) = (distance(&got, &want), distance(&want, &begun));
+        let (want, got, start_values) = (pick(&a.values), pick(&b.values), pick(&start_values.values));
+        let (off, moved) = (distance(&got, &want), distance(&want, &start_values));
         assert!(
             want.len() > 60 && moved > 1e-3 && off < 5e-3 * moved,
             "level {level}: {off} of {moved}, {}",
@@ -165,10 +164,10 @@ fn some_steps_lead_to_the_same_membership() {
 }
 
 #[test]
-fn a_state_goes_to_the_device_and_back_unchanged() {
+fn an_uploaded_state_is_downloaded_unchanged() {
     let Some(gpu) = gpu() else { return };
     let mut cpu = CpuBackend::new(images(9), config(LossConfig::default()), 3).unwrap();
-    cpu.upload(learnt(settings(), 25, 300, true, true)).unwrap();
+    cpu.upload(learned_state(settings(), 25, 300, true, true)).unwrap();
     cpu.run(6, true, &mut |_| ControlFlow::Continue(())).unwrap();
     let trained = cpu.download().unwrap();
     let mut other = backend(&gpu, images(9), config(LossConfig::default()));
@@ -183,9 +182,9 @@ fn a_state_goes_to_the_device_and_back_unchanged() {
 }
 
 #[test]
-fn the_processor_goes_on_where_the_device_left_off() {
+fn the_cpu_can_continue_after_the_device() {
     let Some(gpu) = gpu() else { return };
-    let start = learnt(settings(), 26, 400, true, true);
+    let start = learned_state(settings(), 26, 400, true, true);
     let settings = config(LossConfig::default());
     let finish = |state: TrainState| {
         let mut cpu = CpuBackend::new(images(9), settings, 4).unwrap();
@@ -201,8 +200,8 @@ fn the_processor_goes_on_where_the_device_left_off() {
     let [cpu, gpu] = both(&gpu, &start, settings, 7);
     let ((a, cpu), (b, gpu)) = (finish(cpu), finish(gpu));
     assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-3 * a.abs()), "{a:?} {b:?}");
-    let (a, b, begun) = (module_of(&cpu), module_of(&gpu), module_of(&start));
-    let (off, moved) = (distance(&b.values, &a.values), distance(&a.values, &begun.values));
+    let (a, b, start_values) = (module_of(&cpu), module_of(&gpu), module_of(&start));
+    let (off, moved) = (distance(&b.values, &a.values), distance(&a.values, &start_values.values));
     assert!(off < 0.05 * moved, "values {off} of {moved}");
 }
 
@@ -220,10 +219,10 @@ fn noise_chooses_parts_as_often_as_they_are_likely_and_the_same_for_the_same_see
             ..settings()
         };
         let mut backend = backend(&gpu, images(9), config(LossConfig::default()));
-        backend.upload(learnt(settings, 27, n, true, false)).unwrap();
+        backend.upload(learned_state(settings, 27, n, true, false)).unwrap();
         backend.run(1, false, &mut |_| ControlFlow::Continue(())).unwrap();
         let resident = backend.resident.as_ref().unwrap();
-        let weights = floats(&gpu, &resident.learnt.as_ref().unwrap().weights, PARTS * n);
+        let weights = floats(&gpu, &resident.membership.as_ref().unwrap().weights, PARTS * n);
         (weights, backend.download().unwrap())
     };
     let ((likely, _), (chosen, first), (again, second)) = (weights(false, 0.0), weights(true, 1.0), weights(true, 1.0));
@@ -245,7 +244,7 @@ fn the_same_seed_gives_the_same_bytes_with_noise() {
     let settings = AssignConfig { gumbel: true, ..settings() };
     let train = || {
         let mut backend = backend(&gpu, images(9), config(LossConfig::default()));
-        backend.upload(learnt(settings.clone(), 28, 300, true, true)).unwrap();
+        backend.upload(learned_state(settings.clone(), 28, 300, true, true)).unwrap();
         backend.run(5, true, &mut |_| ControlFlow::Continue(())).unwrap();
         backend.download().unwrap()
     };
@@ -255,25 +254,25 @@ fn the_same_seed_gives_the_same_bytes_with_noise() {
 }
 
 #[test]
-fn a_step_without_room_changes_nothing_of_what_is_learnt() {
+fn a_step_that_overflows_changes_no_parameters() {
     let Some(gpu) = gpu() else { return };
-    let start = learnt(AssignConfig { gumbel: true, ..settings() }, 29, 300, true, true);
+    let start = learned_state(AssignConfig { gumbel: true, ..settings() }, 29, 300, true, true);
     let run = |capacity: Option<usize>| {
         let mut backend = backend(&gpu, images(9), config(LossConfig::default()));
         backend.upload(start.clone()).unwrap();
         if let Some(capacity) = capacity {
-            backend.make_room(capacity).unwrap();
+            backend.reserve(capacity).unwrap();
         }
         backend.run(4, true, &mut |_| ControlFlow::Continue(())).unwrap();
         backend.download().unwrap()
     };
-    let (plenty, scarce) = (run(None), run(Some(50)));
-    assert_eq!(plenty.splats, scarce.splats);
-    assert_eq!(module_of(&plenty), module_of(&scarce));
+    let (large, small) = (run(None), run(Some(50)));
+    assert_eq!(large.splats, small.splats);
+    assert_eq!(module_of(&large), module_of(&small));
 }
 
 #[test]
-fn other_kinds_of_learnt_parts_are_refused_with_a_reason() {
+fn other_kinds_of_assignment_are_errors_with_a_reason() {
     let Some(gpu) = gpu() else { return };
     for (kind, name) in [(AssignKind::Mlp, "mlp"), (AssignKind::Slots, "slots")] {
         let settings = AssignConfig { kind, ..settings() };
@@ -287,11 +286,12 @@ fn other_kinds_of_learnt_parts_are_refused_with_a_reason() {
 }
 
 #[test]
-fn a_device_takes_turns_between_kinds_of_states() {
+fn a_device_trains_different_kinds_of_states_in_turn() {
     let Some(gpu) = gpu() else { return };
     let mut backend = backend(&gpu, images(9), config(LossConfig::default()));
     let fixed = state(splats(&mut rng(31), 200, 2), articulated(&mut rng(31), 200, true, true));
-    let states = [learnt(settings(), 31, 200, true, true), fixed, learnt(settings(), 31, 200, true, false)];
+    let states =
+        [learned_state(settings(), 31, 200, true, true), fixed, learned_state(settings(), 31, 200, true, false)];
     for state in states {
         let pulled: &DeformConfig = parts_of(&state).config();
         let pulled = pulled.chamfer > 0.0;
@@ -309,7 +309,7 @@ fn a_device_takes_turns_between_kinds_of_states() {
 }
 
 #[test]
-fn targets_are_found_in_flat_and_empty_clouds_and_from_afar() {
+fn targets_are_found_in_flat_and_empty_clouds_and_from_a_distance() {
     let Some(gpu) = gpu() else { return };
     let mut draw = rng(33);
     let mut plane = |n: usize| (0..n).map(|_| [draw.random(), draw.random_range(-0.9..0.9), 0.25]).collect::<Vec<_>>();
