@@ -4,7 +4,7 @@ use artgs::ablation;
 use artgs_bench::paper::{self, PaperObject};
 use artgs_bench::{Item, Source, Variant};
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
-use artgs_synth::{ObjectInfo, PhotoOptions, objects, suite as synth_suite, write_object};
+use artgs_synth::{CaptureOptions, ObjectInfo, objects, suite as synth_suite, write_object};
 
 /// Names of the suites, beside which any object of theirs may be named.
 pub(crate) fn known() -> String {
@@ -75,9 +75,9 @@ pub(crate) fn suite(name: &str, photos: &Photos) -> Option<Result<Vec<Item>, Str
 }
 
 fn item(info: &'static ObjectInfo, way: &Way, seed: u64) -> Result<Item, String> {
-    let default = PhotoOptions::default();
+    let default = CaptureOptions::default();
     let (views, size) = (way.views.unwrap_or(default.views), way.size.unwrap_or(default.size));
-    let mut options = PhotoOptions { views, size, seed, ..default };
+    let mut options = CaptureOptions { views, size, seed, ..default };
     let settings = way.noise.as_deref().filter(|n| *n != "none").map(|n| n.split('+').collect::<Vec<_>>());
     for setting in settings.unwrap_or_default() {
         options.degradation.set(setting)?;

@@ -5,7 +5,7 @@ use crate::commands::{Style, use_threads};
 use crate::failure::Failure;
 use crate::output::say;
 use artgs_core::JointKind;
-use artgs_synth::{Layout, ObjectInfo, PhotoOptions, SUITES, SynthError, made, objects, suite, write_object};
+use artgs_synth::{CaptureOptions, Layout, ObjectInfo, SUITES, SynthError, capture_info, objects, suite, write_object};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -32,13 +32,13 @@ pub(crate) fn run(args: &Synth, style: Style) -> Result<(), Failure> {
     Ok(())
 }
 
-fn options(args: &Synth) -> Result<PhotoOptions, Failure> {
+fn options(args: &Synth) -> Result<CaptureOptions, Failure> {
     let layout = match args.layout {
         SynthLayout::Artgs => Layout::ArtGs,
         SynthLayout::Paris => Layout::Paris,
     };
     let Synth { views, test_views, size, seed, .. } = *args;
-    let mut options = PhotoOptions { views, test_views, size, seed, layout, ..PhotoOptions::default() };
+    let mut options = CaptureOptions { views, test_views, size, seed, layout, ..CaptureOptions::default() };
     for setting in &args.noise {
         options.degradation.set(setting).map_err(Failure::bad)?;
     }
@@ -69,7 +69,7 @@ fn check(folder: &Path, force: bool) -> Result<(), Failure> {
         return Err(Failure::bad(format!("{shown} is a file; give a folder to -o")));
     }
     let empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.next().is_none());
-    if empty || made(folder).is_some() {
+    if empty || capture_info(folder).is_some() {
         return Ok(());
     }
     // A capture of ours replaces these folders whole.
@@ -130,7 +130,7 @@ mod tests {
         assert!(check(&file, true).is_err());
         check(dir.path(), true).unwrap();
         let own = dir.path().join("own");
-        let options = PhotoOptions { views: 2, test_views: 0, size: 16, ..PhotoOptions::default() };
+        let options = CaptureOptions { views: 2, test_views: 0, size: 16, ..CaptureOptions::default() };
         write_object("blade", &options, &own).unwrap();
         check(&own, false).unwrap();
     }

@@ -1,4 +1,4 @@
-//! Where the cameras stand.
+//! Placement of cameras.
 
 use artgs_core::{Camera, Intrinsics};
 use glam::DVec3;
@@ -6,18 +6,18 @@ use std::f64::consts::TAU;
 
 /// A ring of cameras that look at one point from one distance.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Stand {
-    /// What all look at, world frame.
+pub(crate) struct CameraRing {
+    /// Point that all cameras look at, world frame.
     pub(crate) middle: DVec3,
-    /// Where the front of the object faces, world frame.
+    /// Direction that the front of the object faces, world frame.
     pub(crate) front: DVec3,
     /// Distance from `middle`, scene units.
     pub(crate) distance: f64,
-    /// How far around they stand, radians; half of it on each side of the front. A full turn is `TAU`.
+    /// Range of azimuths, radians; half of it on each side of the front. A full turn is `TAU`.
     pub(crate) around: f64,
 }
 
-impl Stand {
+impl CameraRing {
     /// Intrinsics of square images that just hold a ball of this radius around `middle`.
     pub(crate) fn intrinsics(&self, radius: f64, size: u32) -> Intrinsics {
         let pixels = f64::from(size);
@@ -25,8 +25,8 @@ impl Stand {
         Intrinsics { fx: focal, fy: focal, cx: pixels / 2.0, cy: pixels / 2.0, width: size, height: size }
     }
 
-    /// Cameras on a spiral from 10 degrees below to 75 degrees above, denser before the front.
-    /// `phase` in [0, 1) turns and shifts the spiral.
+    /// Cameras on a spiral from 10 degrees below to 75 degrees above, denser in front of the object.
+    /// `phase` in [0, 1) rotates and shifts the spiral.
     pub(crate) fn cameras(&self, intrinsics: Intrinsics, count: usize, phase: f64) -> Vec<Camera> {
         let facing = self.front.y.atan2(self.front.x);
         let (low, high) = ((-10_f64).to_radians().sin(), 75_f64.to_radians().sin());

@@ -1,4 +1,4 @@
-//! What goes wrong with real captures, on request. The ground truth stays the true one.
+//! Simulated errors of real captures. The ground truth has no errors.
 
 use artgs_core::{Camera, Rigid};
 use glam::DVec3;
@@ -6,7 +6,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
 
-/// What is wrong with a capture. The default is nothing.
+/// Simulated errors of a capture. The default is none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Degradation {
@@ -32,8 +32,8 @@ pub struct Degradation {
     pub no_depth: bool,
 }
 
-/// What [`Degradation::set`] understands.
-pub const DEGRADATIONS: [(&str, &str); 8] = [
+/// Settings of [`Degradation::set`] and their meaning.
+pub(crate) const DEGRADATIONS: [(&str, &str); 8] = [
     ("depth=SIGMA", "depth noise, standard deviation at distance 1; grows with the square of the distance"),
     ("edges=on|DEG", "no depth at steps and where surfaces are seen at more than DEG (75) from their normal"),
     ("gloss=FRACTION", "no depth on glossy patches that cover this fraction of the surface"),
@@ -45,7 +45,8 @@ pub const DEGRADATIONS: [(&str, &str); 8] = [
 ];
 
 impl Degradation {
-    /// Adds one degradation, `NAME=VALUE` as in [`DEGRADATIONS`]. The error says what would be right.
+    /// Adds one degradation, `NAME=VALUE` for example `depth=0.002`. The error names the
+    /// correct form.
     pub fn set(&mut self, setting: &str) -> Result<(), String> {
         let (name, value) = setting.split_once('=').unwrap_or((setting, "on"));
         let known = DEGRADATIONS.iter().find(|(usage, _)| usage.split('=').next() == Some(name));
@@ -76,8 +77,8 @@ impl Degradation {
         Ok(())
     }
 
-    /// The first number that cannot be photographed, by name.
-    pub(crate) fn flaw(&self) -> Option<&'static str> {
+    /// The first invalid value, as a message.
+    pub(crate) fn invalid(&self) -> Option<&'static str> {
         let is = |v: f64, limit: f64| (0.0..=limit).contains(&v);
         let checks = [
             (is(self.depth_noise, 1.0), "`depth_noise` must be in [0, 1]"),
@@ -89,10 +90,10 @@ impl Degradation {
                 "misalignment must be within 45 degrees and 1 unit",
             ),
         ];
-        checks.into_iter().find(|(good, _)| !good).map(|(_, flaw)| flaw)
+        checks.into_iter().find(|(good, _)| !good).map(|(_, message)| message)
     }
 
-    /// The camera that the capture states where this one took the picture.
+    /// The camera that the capture states for a view rendered by `camera`.
     pub(crate) fn jittered(&self, camera: Camera, rng: &mut Pcg64Mcg) -> Camera {
         if self.pose_deg == 0.0 && self.pose_shift == 0.0 {
             return camera;
@@ -103,14 +104,14 @@ impl Degradation {
         Camera { world_to_camera: jitter * camera.world_to_camera, ..camera }
     }
 
-    /// By how much the end state's stated world is off, about a point.
+    /// Error of the stated world frame of the end state, about a point.
     pub(crate) fn misalignment(&self, middle: DVec3, rng: &mut Pcg64Mcg) -> Rigid {
         let mut direction = || DVec3::new(gaussian(rng), gaussian(rng), gaussian(rng)).normalize_or(DVec3::Z);
         let turn = Rigid::about(direction(), middle, self.misalign_deg.to_radians());
         Rigid::shift(direction() * self.misalign_shift) * turn
     }
 
-    /// Depth as a sensor with these flaws reports it: `true_depth` planar, `range` along the ray, scene units.
+    /// Depth as the simulated sensor reports it: `true_depth` planar, `range` along the ray, scene units.
     pub(crate) fn measured(&self, true_depth: f64, range: f64, rng: &mut Pcg64Mcg) -> f64 {
         if self.depth_noise == 0.0 {
             return true_depth;
@@ -119,7 +120,7 @@ impl Degradation {
     }
 }
 
-/// Depth as a file with `scale` steps per scene unit holds it.
+/// Depth in counts of 1 / `scale` scene units, as in files.
 pub(crate) fn depth_count(depth: f64, scale: f64) -> u16 {
     (depth * scale).round().clamp(0.0, f64::from(u16::MAX)) as u16
 }
@@ -135,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn settings_are_understood_or_explained() {
+    fn settings_are_parsed_or_explained() {
         let mut d = Degradation::default();
         for setting in
             ["depth=0.002", "edges=on", "gloss=0.1", "pose=0.5,0.01", "misalign=2,0.03", "front=on", "no-depth"]
@@ -156,7 +157,7 @@ mod tests {
             no_depth: true,
         };
         assert_eq!(d, expected);
-        assert_eq!(d.flaw(), None);
+        assert_eq!(d.invalid(), None);
         for (setting, words) in
             [("depth=-1", "depth=SIGMA"), ("fog=1", "no such"), ("pose=1", "DEG,LENGTH"), ("depth=nan", "SIGMA")]
         {

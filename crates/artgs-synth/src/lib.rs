@@ -1,7 +1,7 @@
-//! Procedural articulated objects, photographed in two states with everything known about them: for benchmarks,
-//! tests and the demo, and for trying the program without a camera.
+//! Procedural articulated objects, rendered in two states with ground truth: for benchmarks, tests and the demo, and to try
+//! the program without a camera.
 //!
-//! [`objects`] lists them, [`write_object`] makes a capture folder of one, [`photograph`] keeps it in memory.
+//! [`objects`] lists them, [`write_object`] writes a capture folder of one, [`render_capture`] keeps it in memory.
 //! [`cabinet`] is the small fixture of the tests and of `artgs demo`.
 
 pub mod cabinet;
@@ -11,33 +11,36 @@ mod degrade;
 mod light;
 mod material;
 mod object;
-mod photo;
-pub mod shape;
+mod render;
+mod shape;
 #[cfg(test)]
 mod tests;
 mod trace;
 mod write;
 
 pub use catalog::{ObjectInfo, SUITES, object, objects, suite};
-pub use degrade::{DEGRADATIONS, Degradation};
-pub use material::Material;
-pub use object::{Object, Part, Piece};
-pub use photo::{PhotoOptions, photograph};
-pub use shape::Solid;
-pub use write::{Layout, Made, made, write_object};
+pub use degrade::Degradation;
+pub use object::Object;
+pub use render::{CaptureOptions, render_capture};
+pub use write::{CaptureInfo, Layout, capture_info, write_object};
 
-/// A reason why no capture was made.
+use material::Material;
+use object::Part;
+use shape::Solid;
+
+/// Why a capture was not rendered or written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SynthError {
-    /// The options ask for something impossible.
+    /// The options are invalid.
     #[error("capture options: {0}")]
     Options(&'static str),
     /// There is no object of this name.
     #[error("there is no object `{name}`; there are {}", known.join(", "))]
     Unknown {
-        /// What was asked for.
+        /// The requested name.
         name: String,
-        /// What there is.
+        /// Names of all objects.
         known: Vec<&'static str>,
     },
     /// A file could not be written.

@@ -1,5 +1,5 @@
-//! How bright each point of the surface is: a soft sky, a soft sun, and shade between, measured once per state on a
-//! lattice over every triangle. Surfaces are matt, so that brightness does not depend on where the camera stands.
+//! Brightness of the surface: sky light, sun light and shadows, computed once per state on a lattice over every triangle.
+//! Surfaces are matt, so brightness does not depend on the camera.
 
 use crate::trace::Surface;
 use glam::DVec3;
@@ -12,22 +12,22 @@ const SPACING: f64 = 0.022;
 const SKY_RAYS: usize = 64;
 /// Rays to the sun per lattice point.
 const SUN_RAYS: usize = 12;
-/// Angle of the sun's disc from its middle to its edge, radians: how soft shadows are.
+/// Angular radius of the sun, radians: the softness of shadows.
 const SUN_RADIUS: f64 = 0.16;
-/// What a ray that another surface stops still brings, against one to the sky overhead: light bounces.
+/// Light along a ray that hits another surface, relative to a ray to the zenith: indirect light.
 const BOUNCE: f64 = 0.42;
 
-/// Brightness of a point of the surface, 1 = a white card in full light.
+/// Brightness of a point of the surface, 1 = white in full light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Shade {
-    /// From the sky and by bouncing, in [0, 1].
+    /// From the sky and indirect, in [0, 1].
     pub(crate) sky: f64,
     /// From the sun: visible fraction times cosine, in [0, 1].
     pub(crate) sun: f64,
 }
 
 /// Shades of one triangle on a fan from the corner opposite its shortest edge: `(along + 1) * (across + 1)` values, rows
-/// outward from that corner. Long thin triangles, of which rods are made, need few.
+/// outward from that corner. Long thin triangles, as in rods, need few.
 #[derive(Clone, Debug)]
 struct Fan {
     apex: usize,
@@ -41,7 +41,7 @@ struct Fan {
 pub(crate) struct LightMap(Vec<Fan>);
 
 impl LightMap {
-    /// Measures the light on every triangle; `sun` is the direction to the sun.
+    /// Computes the light on every triangle; `sun` is the direction to the sun.
     pub(crate) fn measure(surface: &Surface, sun: DVec3) -> Self {
         let sky = sky_directions();
         let disc = sun_directions(sun);
@@ -97,7 +97,7 @@ fn shade(surface: &Surface, p: DVec3, normal: DVec3, sky: &[DVec3], disc: &[DVec
     Shade { sky: sky.iter().map(from_sky).sum::<f64>() / sky.len() as f64, sun: sun / disc.len() as f64 }
 }
 
-/// Directions around z, as dense as the cosine to it.
+/// Directions around z with a density proportional to the cosine of the angle to z.
 fn sky_directions() -> Vec<DVec3> {
     let golden = (5_f64.sqrt() - 1.0) / 2.0;
     let at = |k: usize| {

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 /// Colour as a function of a point of the part. Colours are sRGB in [0, 1].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Material {
+pub(crate) enum Material {
     /// One colour, as most faces of scanned furniture catalogues have.
     Plain {
         /// The colour.
@@ -64,7 +64,7 @@ pub enum Material {
 
 impl Material {
     /// Colour at a point of the part.
-    pub fn color(&self, p: DVec3, seed: u64) -> DVec3 {
+    pub(crate) fn color(&self, p: DVec3, seed: u64) -> DVec3 {
         match *self {
             Self::Plain { color } => DVec3::from(color),
             Self::Wood { grain, light, dark, period } => {

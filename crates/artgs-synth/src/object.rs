@@ -1,7 +1,7 @@
-//! Articulated objects: parts made of closed surfaces with materials, joints, and where the object stands.
+//! Articulated objects: parts of closed surfaces with materials, joints, and the placement of the object.
 
 use crate::{Material, Solid};
-use artgs_core::{Joint, JointKind, Mesh, Rigid};
+use artgs_core::{Joint, JointKind, Mesh, PerState, Rigid, State};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -9,75 +9,82 @@ use std::f64::consts::TAU;
 
 /// Closed surface of one material.
 #[derive(Clone, Debug)]
-pub struct Piece {
-    /// Its surface, object frame, everything closed.
-    pub solid: Solid,
-    /// What it is made of.
-    pub material: Material,
+pub(crate) struct Piece {
+    /// Its surface, object frame, all parts closed.
+    pub(crate) solid: Solid,
+    /// Its colour.
+    pub(crate) material: Material,
 }
 
 /// A rigid part.
 #[derive(Clone, Debug)]
-pub struct Part {
-    /// What it is called in the ground truth.
-    pub name: String,
+pub(crate) struct Part {
+    /// Name in the ground truth.
+    pub(crate) name: String,
     /// Its closed surfaces. Those of one part may overlap.
-    pub pieces: Vec<Piece>,
-    /// How it moves: object frame while everything is closed, value 0 = closed. None for the static part.
-    pub joint: Option<Joint>,
-    /// Part on which the joint sits, of smaller index; None: the static part.
-    pub parent: Option<usize>,
+    pub(crate) pieces: Vec<Piece>,
+    /// Joint in the object frame while all parts are closed, value 0 = closed. None for the static part.
+    pub(crate) joint: Option<Joint>,
+    /// The part that carries the joint, of smaller index; None: the static part.
+    pub(crate) parent: Option<usize>,
 }
 
-/// An articulated object. Object frame while everything is closed: x to its right as seen from the front, front
-/// towards -y, z up.
+/// An articulated object. Object frame while all parts are closed: x to the right seen from the front, front towards -y,
+/// z up.
 #[derive(Clone, Debug)]
 pub struct Object {
-    /// What it is called.
-    pub name: &'static str,
+    /// Name of the object.
+    pub(crate) name: &'static str,
     /// Part 0 is static and has no joint; all others have one.
-    pub parts: Vec<Part>,
+    pub(crate) parts: Vec<Part>,
     /// Object frame to world.
-    pub placement: Rigid,
+    pub(crate) placement: Rigid,
     /// Factor by which the object was scaled after its materials were measured.
-    pub scale: f64,
+    pub(crate) scale: f64,
     /// Seed of textures and placement.
-    pub seed: u64,
+    pub(crate) seed: u64,
 }
 
 impl Part {
     /// The static part.
-    pub fn fixed(name: &str) -> Self {
+    pub(crate) fn fixed(name: &str) -> Self {
         Self { name: name.into(), pieces: Vec::new(), joint: None, parent: None }
     }
 
-    /// A part that moves against the static part: about or along `axis` through `origin`, between two values
-    /// (degrees for hinges, scene units for slides).
-    pub fn moving(name: &str, kind: JointKind, axis: DVec3, origin: DVec3, values: [f64; 2]) -> Self {
+    /// A part that moves about or along `axis` through `origin`. `values` are those at the start and at the end, in degrees
+    /// or, for prismatic joints, in scene units.
+    pub(crate) fn moving(name: &str, kind: JointKind, axis: DVec3, origin: DVec3, values: [f64; 2]) -> Self {
         let values = if kind == JointKind::Prismatic { values } else { values.map(f64::to_radians) };
         let limits = [values[0].min(values[1]), values[0].max(values[1])];
-        let joint = Joint { kind, axis: axis.normalize(), origin, pitch: 0.0, state_values: values.into(), limits };
+        let joint = Joint {
+            kind,
+            axis: axis.normalize(),
+            origin,
+            pitch: 0.0,
+            state_values: PerState::new(values[0], values[1]),
+            limits,
+        };
         Self { joint: Some(joint), ..Self::fixed(name) }
     }
 
-    /// A door that turns.
-    pub fn hinged(name: &str, axis: DVec3, origin: [f64; 3], degrees: [f64; 2]) -> Self {
+    /// A part with a revolute joint.
+    pub(crate) fn hinged(name: &str, axis: DVec3, origin: [f64; 3], degrees: [f64; 2]) -> Self {
         Self::moving(name, JointKind::Revolute, axis, origin.into(), degrees)
     }
 
-    /// A drawer that slides.
-    pub fn sliding(name: &str, axis: DVec3, values: [f64; 2]) -> Self {
+    /// A part with a prismatic joint.
+    pub(crate) fn sliding(name: &str, axis: DVec3, values: [f64; 2]) -> Self {
         Self::moving(name, JointKind::Prismatic, axis, DVec3::ZERO, values)
     }
 
     /// The part with one more surface.
-    pub fn with(mut self, material: Material, solid: Solid) -> Self {
+    pub(crate) fn with(mut self, material: Material, solid: Solid) -> Self {
         self.add(material, solid);
         self
     }
 
     /// Adds a surface.
-    pub fn add(&mut self, material: Material, solid: Solid) {
+    pub(crate) fn add(&mut self, material: Material, solid: Solid) {
         self.pieces.push(Piece { solid, material });
     }
 
@@ -87,8 +94,8 @@ impl Part {
 }
 
 impl Object {
-    /// An object scaled to a closed bounding box of diagonal 1, or left as it is, and placed at random: turned about
-    /// z, leant by up to 5 degrees and shifted.
+    /// An object at a random placement: turned about z, tilted by up to 5 degrees and shifted. With `unit_diagonal` it is
+    /// scaled so that its bounding box, all parts closed, has a diagonal of 1.
     pub(crate) fn new(name: &'static str, mut parts: Vec<Part>, unit_diagonal: bool, seed: u64) -> Self {
         let (low, high) = bounds(parts.iter().flat_map(Part::points));
         let scale = if unit_diagonal { 1.0 / (high - low).length() } else { 1.0 };
@@ -104,41 +111,40 @@ impl Object {
                     joint.limits = joint.limits.map(|v| v * scale);
                 }
             }
-            let near = bounds(part.points());
-            part.joint = part.joint.map(|j| j.with_origin_near((near.0 + near.1) / 2.0));
+            let box_of_part = bounds(part.points());
+            part.joint = part.joint.map(|j| j.with_origin_near((box_of_part.0 + box_of_part.1) / 2.0));
         }
         let placement = placement(name, seed) * Rigid::shift(-middle * scale);
         Self { name, parts, placement, scale, seed }
     }
 
-    /// Motion of a part from where it is closed, object frame; parents included.
-    fn opened(&self, part: usize, state: usize) -> Rigid {
+    /// Motion of a part from its closed position to a state, object frame; parents included.
+    fn opened(&self, part: usize, state: State) -> Rigid {
         let Part { joint, parent, .. } = &self.parts[part];
         let own = joint.map_or(Rigid::IDENTITY, |j| j.motion(j.state_values[state]));
         parent.map_or(own, |p| self.opened(p, state) * own)
     }
 
-    /// Object frame (everything closed) to world for the points of a part in a state, 0 or 1.
-    pub fn pose(&self, part: usize, state: usize) -> Rigid {
+    /// Object frame (all parts closed) to world for the points of a part in a state.
+    pub fn pose(&self, part: usize, state: State) -> Rigid {
         self.placement * self.opened(part, state)
     }
 
     /// World motion of a part from the start to the end state, parents included.
     pub fn start_to_end(&self, part: usize) -> Rigid {
-        self.pose(part, 1) * self.pose(part, 0).inverse()
+        self.pose(part, State::END) * self.pose(part, State::START).inverse()
     }
 
     /// The joint of a movable part in the world frame, where the part is in the start state. A child's world motion is
     /// `parent's start_to_end * joint.start_to_end()`.
     pub fn world_joint(&self, part: usize) -> Option<Joint> {
-        // The own motion leaves the own axis where it is.
-        let pose = self.pose(part, 0);
+        // The motion of a joint does not move its own axis.
+        let pose = self.pose(part, State::START);
         self.parts[part].joint.map(|j| Joint { axis: pose.turn(j.axis), origin: pose.apply(j.origin), ..j })
     }
 
-    /// True surface of a part in a state, world frame, inner faces included; corners of neighbouring triangles are
-    /// not shared.
-    pub fn mesh(&self, part: usize, state: usize) -> Mesh {
+    /// Exact surface of a part in a state, world frame, inner faces included; neighbouring triangles do not share vertices.
+    pub fn mesh(&self, part: usize, state: State) -> Mesh {
         let pose = self.pose(part, state);
         let vertices: Vec<[f32; 3]> = self.parts[part].points().map(|p| pose.apply(p).as_vec3().to_array()).collect();
         let triangles = (0..vertices.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
@@ -147,7 +153,7 @@ impl Object {
 
     /// Middle (world frame) and radius of a ball that holds the object in both states.
     pub fn ball(&self) -> (DVec3, f64) {
-        let poses = (0..2).flat_map(|s| (0..self.parts.len()).map(move |p| (p, s)));
+        let poses = State::ALL.into_iter().flat_map(|s| (0..self.parts.len()).map(move |p| (p, s)));
         let points: Vec<DVec3> = poses
             .flat_map(|(part, state)| {
                 let opened = self.opened(part, state);
@@ -166,14 +172,14 @@ fn bounds(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
     points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
 }
 
-/// Anywhere around z, up to 5 degrees off upright, up to 0.5 away from the origin.
+/// A random turn about z, a tilt of up to 5 degrees and a shift of up to 0.5.
 fn placement(name: &str, seed: u64) -> Rigid {
     let salt = name.bytes().fold(seed, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
     let mut rng = Pcg64Mcg::seed_from_u64(salt);
     let mut within = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
     let turn = Rigid::about(DVec3::Z, DVec3::ZERO, within(0.0, TAU));
     let heading = within(0.0, TAU);
-    let lean = Rigid::about(DVec3::new(heading.cos(), heading.sin(), 0.0), DVec3::ZERO, within(0.02, 0.087));
+    let tilt = Rigid::about(DVec3::new(heading.cos(), heading.sin(), 0.0), DVec3::ZERO, within(0.02, 0.087));
     let shift = DVec3::new(within(-0.3, 0.3), within(-0.3, 0.3), within(0.0, 0.25));
-    Rigid::shift(shift) * lean * turn
+    Rigid::shift(shift) * tilt * turn
 }

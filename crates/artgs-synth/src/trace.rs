@@ -1,6 +1,7 @@
 //! Ray casting against the surface of an object in one state, with a bounding volume hierarchy.
 
 use crate::object::Object;
+use artgs_core::State;
 use glam::{DVec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
@@ -18,10 +19,10 @@ pub(crate) struct Surface {
     tree: CwBvh,
 }
 
-/// Where a ray meets the surface.
+/// Intersection of a ray with the surface.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Meeting {
-    /// Multiples of the ray's direction.
+pub(crate) struct Intersection {
+    /// Distance in multiples of the direction of the ray.
     pub(crate) t: f64,
     pub(crate) triangle: usize,
     /// Weights of the triangle's second and third corner.
@@ -29,7 +30,7 @@ pub(crate) struct Meeting {
 }
 
 impl Surface {
-    pub(crate) fn new(object: &Object, state: usize) -> Self {
+    pub(crate) fn new(object: &Object, state: State) -> Self {
         let (mut triangles, mut owners) = (Vec::new(), Vec::new());
         for (p, part) in object.parts.iter().enumerate() {
             let pose = object.pose(p, state);
@@ -68,25 +69,25 @@ impl Surface {
         (part as usize, piece as usize)
     }
 
-    /// The nearest meeting of a ray with the front of a triangle. The tree works in single precision, triangles are
-    /// met in double.
-    pub(crate) fn cast(&self, from: DVec3, direction: DVec3) -> Option<Meeting> {
-        let mut best: Option<Meeting> = None;
-        let meet = |_: &Ray, id: usize| {
+    /// The nearest intersection of a ray with the front of a triangle. The tree works in single precision, the intersection
+    /// of triangles in double.
+    pub(crate) fn cast(&self, from: DVec3, direction: DVec3) -> Option<Intersection> {
+        let mut best: Option<Intersection> = None;
+        let intersect = |_: &Ray, id: usize| {
             let triangle = self.order[id] as usize;
-            let Some((t, weights)) = self.meet(triangle, from, direction, true) else { return f32::INFINITY };
+            let Some((t, weights)) = self.intersect(triangle, from, direction, true) else { return f32::INFINITY };
             if best.is_none_or(|b| t < b.t) {
-                best = Some(Meeting { t, triangle, weights });
+                best = Some(Intersection { t, triangle, weights });
             }
             t as f32
         };
-        self.tree.ray_traverse(Ray::new_inf(single(from), single(direction)), &mut RayHit::none(), meet);
+        self.tree.ray_traverse(Ray::new_inf(single(from), single(direction)), &mut RayHit::none(), intersect);
         best
     }
 
-    /// Where a ray meets a triangle: multiple of its direction, weights of the second and third corner.
-    /// Edges belong to both neighbours, so that no ray slips through between them.
-    fn meet(&self, triangle: usize, from: DVec3, direction: DVec3, front_only: bool) -> Option<(f64, [f64; 2])> {
+    /// Intersection of a ray with a triangle: multiple of its direction, weights of the second and third corner.
+    /// Edges belong to both neighbours, so that no ray passes between them.
+    fn intersect(&self, triangle: usize, from: DVec3, direction: DVec3, front_only: bool) -> Option<(f64, [f64; 2])> {
         const EDGE: f64 = -1e-9;
         let [a, b, c] = self.triangles[triangle];
         let (e1, e2, out) = (b - a, c - a, from - a);
@@ -100,24 +101,24 @@ impl Surface {
         (t > 0.0 && u >= EDGE && v >= EDGE && u + v <= 1.0 - EDGE).then_some((t, [u, v]))
     }
 
-    /// True if something stands between a point and the sky in a direction.
+    /// True if a surface is between a point and the sky in a direction.
     pub(crate) fn is_hidden(&self, from: DVec3, direction: DVec3) -> bool {
         let ray = Ray::new_inf(single(from), single(direction));
-        let meet = |_: &Ray, id: usize| {
-            let met = self.meet(self.order[id] as usize, from, direction, false);
-            met.map_or(f32::INFINITY, |(t, _)| t as f32)
+        let intersect = |_: &Ray, id: usize| {
+            let found = self.intersect(self.order[id] as usize, from, direction, false);
+            found.map_or(f32::INFINITY, |(t, _)| t as f32)
         };
-        !self.tree.ray_traverse_miss(ray, meet)
+        !self.tree.ray_traverse_miss(ray, intersect)
     }
 
-    /// How many faces a ray leaves through minus how many it enters through: 0 outside all closed surfaces.
+    /// Number of faces that a ray leaves through minus those it enters through: 0 outside all closed surfaces.
     #[cfg(test)]
     pub(crate) fn depth_inside(&self, from: DVec3, direction: DVec3, part: usize) -> i32 {
         let ray = Ray::new_inf(single(from), single(direction));
         let mut depth = 0;
         self.tree.ray_traverse_anyhit(ray, |_, id| {
             let triangle = self.order[id] as usize;
-            if self.owners[triangle].0 as usize == part && self.meet(triangle, from, direction, false).is_some() {
+            if self.owners[triangle].0 as usize == part && self.intersect(triangle, from, direction, false).is_some() {
                 depth += if self.normal(triangle).dot(direction) > 0.0 { 1 } else { -1 };
             }
         });

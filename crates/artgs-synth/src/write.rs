@@ -1,8 +1,8 @@
-//! Captures on disk, in the layouts of the ArtGS and PARIS benchmarks, and the truth about them.
+//! Captures on disk, in the layouts of the ArtGS and PARIS benchmarks, with their ground truth.
 
-use crate::photo::{Shot, Studio};
-use crate::{Object, PhotoOptions, SynthError, object};
-use artgs_core::{Camera, Joint, JointKind, Mesh, STATE_NAMES, View};
+use crate::render::{PlannedView, Renderer};
+use crate::{CaptureOptions, Object, SynthError, object};
+use artgs_core::{Camera, Joint, JointKind, Mesh, State, View};
 use artgs_io::capture::opengl_pose;
 use artgs_io::image_io::{write_depth, write_gray, write_rgba};
 use artgs_io::{FileError, write_atomic, write_mesh_ply};
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 pub(crate) const DEPTH_SCALE: f64 = 1000.0;
 /// Names of the splits, as files spell them.
 pub(crate) const SPLIT_NAMES: [&str; 2] = ["train", "test"];
-/// Tells a folder made here from any other, and a finished one from an interrupted one.
+/// File that marks folders written by this module, and whether they are complete.
 const MARKER: &str = "synth.json";
 /// Value of `input.generator` in the `gt/trans.json` of an object.
 const GENERATOR: &str = "artgs synth";
@@ -50,30 +50,30 @@ impl Layout {
 
 /// What a folder made by [`write_object`] holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Made {
+pub struct CaptureInfo {
     /// Name of the object.
     pub object: String,
-    /// Number of its parts, the static part included: what to give to `--parts`.
+    /// Number of its parts, the static part included: the value for `--parts`.
     pub parts: usize,
-    /// How it was photographed.
-    pub options: PhotoOptions,
+    /// How it was rendered.
+    pub options: CaptureOptions,
     /// False while it is being written.
     pub complete: bool,
 }
 
-/// What is known about a folder that [`write_object`] began; None for any other folder.
-pub fn made(folder: &Path) -> Option<Made> {
+/// The marker of a folder that [`write_object`] wrote or began to write; None for any other folder.
+pub fn capture_info(folder: &Path) -> Option<CaptureInfo> {
     serde_json::from_slice(&std::fs::read(folder.join(MARKER)).ok()?).ok()
 }
 
-/// Photographs the object of this name and writes the capture into `folder`, the truth under `gt`. A capture of this
-/// crate that is there already is kept if it is finished and the same, else replaced; other files are left alone.
-/// The marker that [`made`] reads says `complete` only at the very end.
-pub fn write_object(name: &str, options: &PhotoOptions, folder: &Path) -> Result<Made, SynthError> {
+/// Renders the object of this name and writes the capture into `folder`, the ground truth under `gt`. An earlier capture of
+/// this function in `folder` is kept if it is complete and has the same options, else replaced; other files do not change.
+/// The marker that [`capture_info`] reads is `complete` only once all files are written.
+pub fn write_object(name: &str, options: &CaptureOptions, folder: &Path) -> Result<CaptureInfo, SynthError> {
     options.check()?;
     let object = object(name, options.seed)?;
-    let marker = |complete| Made { object: name.into(), parts: object.parts.len(), options: *options, complete };
-    let earlier = made(folder);
+    let marker = |complete| CaptureInfo { object: name.into(), parts: object.parts.len(), options: *options, complete };
+    let earlier = capture_info(folder);
     if earlier.as_ref() == Some(&marker(true)) {
         return Ok(marker(true));
     }
@@ -81,25 +81,25 @@ pub fn write_object(name: &str, options: &PhotoOptions, folder: &Path) -> Result
     if earlier.is_some() {
         discard(folder)?;
     }
-    let studio = Studio::new(&object, options);
-    studio.shots.par_iter().try_for_each(|shot| write_shot(folder, &studio, shot))?;
-    for (state, name) in STATE_NAMES.into_iter().enumerate() {
+    let renderer = Renderer::new(&object, options);
+    renderer.planned_views.par_iter().try_for_each(|planned| write_rendered(folder, &renderer, planned))?;
+    for state in State::ALL {
         for (split, split_name) in SPLIT_NAMES.into_iter().enumerate() {
-            let of_split = |shot: &&Shot| (shot.state, shot.split) == (state, split);
-            let shots: Vec<&Shot> = studio.shots.iter().filter(of_split).collect();
-            let frames: Vec<(&str, &Camera)> = shots.iter().map(|s| (s.name.as_str(), &s.stated)).collect();
+            let of_split = |planned: &&PlannedView| (planned.state, planned.split) == (state, split);
+            let planned_views: Vec<&PlannedView> = renderer.planned_views.iter().filter(of_split).collect();
+            let frames: Vec<(&str, &Camera)> = planned_views.iter().map(|s| (s.name.as_str(), &s.stated)).collect();
             if !frames.is_empty() {
                 let value = match options.layout {
                     Layout::ArtGs => transforms(&frames, state, !options.degradation.no_depth),
                     Layout::Paris => paris_cameras(&frames),
                 };
-                write_json(&folder.join(options.layout.camera_file(name, split_name)), &value)?;
+                write_json(&folder.join(options.layout.camera_file(state.name(), split_name)), &value)?;
             }
         }
         let meshes: Vec<Mesh> = (0..object.parts.len()).map(|part| object.mesh(part, state)).collect();
         write_meshes(folder, &meshes, state)?;
     }
-    write_json(&folder.join("gt/trans.json"), &truth(&object, options))?;
+    write_json(&folder.join("gt/trans.json"), &ground_truth(&object, options))?;
     write_marker(folder, &marker(true))?;
     Ok(marker(true))
 }
@@ -107,7 +107,8 @@ pub fn write_object(name: &str, options: &PhotoOptions, folder: &Path) -> Result
 /// Removes an earlier capture, by name; anything else in the folder stays.
 fn discard(folder: &Path) -> Result<(), FileError> {
     let folders = ["start", "end", "gt"].map(|name| folder.join(name));
-    let cameras = STATE_NAMES.into_iter().flat_map(|s| SPLIT_NAMES.map(|split| Layout::ArtGs.camera_file(s, split)));
+    let cameras =
+        State::ALL.into_iter().flat_map(|s| SPLIT_NAMES.map(|split| Layout::ArtGs.camera_file(s.name(), split)));
     let files: Vec<PathBuf> = cameras.map(|name| folder.join(name)).collect();
     let removals = folders.iter().map(|p| (p, std::fs::remove_dir_all(p)));
     for (path, result) in removals.chain(files.iter().map(|p| (p, std::fs::remove_file(p)))) {
@@ -119,15 +120,15 @@ fn discard(folder: &Path) -> Result<(), FileError> {
     Ok(())
 }
 
-fn write_marker(folder: &Path, made: &Made) -> Result<(), FileError> {
+fn write_marker(folder: &Path, made: &CaptureInfo) -> Result<(), FileError> {
     write_json(&folder.join(MARKER), &json!(made))
 }
 
-fn write_shot(folder: &Path, studio: &Studio, shot: &Shot) -> Result<(), FileError> {
-    let (view, labels) = studio.take(shot);
+fn write_rendered(folder: &Path, renderer: &Renderer, planned: &PlannedView) -> Result<(), FileError> {
+    let (view, labels) = renderer.render(planned);
     write_view(folder, &view)?;
     let k = &view.camera.intrinsics;
-    let (state, split, index) = (STATE_NAMES[shot.state], SPLIT_NAMES[shot.split], shot.index);
+    let (state, split, index) = (planned.state.name(), SPLIT_NAMES[planned.split], planned.index);
     let path = folder.join(format!("gt/part_masks/{state}/{split}/{index:04}.png"));
     write_gray(&path, k.width, k.height, &labels)
 }
@@ -149,14 +150,14 @@ pub(crate) fn write_view(folder: &Path, view: &View) -> Result<(), FileError> {
     write_depth(&folder.join(depth_path(&view.name)), k.width, k.height, depth)
 }
 
-/// `transforms_{split}_{state}.json` for images and their cameras, of which there must be one.
-pub(crate) fn transforms(frames: &[(&str, &Camera)], state: usize, has_depth: bool) -> Value {
+/// `transforms_{split}_{state}.json` for images and their cameras, at least one.
+pub(crate) fn transforms(frames: &[(&str, &Camera)], state: State, has_depth: bool) -> Value {
     let k = &frames[0].1.intrinsics;
     let angle = |size: u32, focal: f64| 2.0 * (0.5 * f64::from(size) / focal).atan();
     let frame = |(name, camera): &(&str, &Camera)| {
         let mut frame = json!({
             "file_path": name,
-            "time": state as f64,
+            "time": state.index() as f64,
             "transform_matrix": opengl_pose(camera),
         });
         if has_depth {
@@ -189,9 +190,13 @@ fn paris_cameras(frames: &[(&str, &Camera)]) -> Value {
 pub(crate) fn joint_entry(joint: &Joint, name: &str, part_id: usize) -> Value {
     let degrees = joint.state_values.map(f64::to_degrees);
     let (kind, values) = match joint.kind {
-        JointKind::Prismatic => ("translate", json!({ "l": joint.state_values[0], "r": joint.state_values[1] })),
-        JointKind::Revolute => ("rotate", json!({ "l": degrees[0], "r": degrees[1] })),
-        JointKind::Screw => ("screw", json!({ "l": degrees[0], "r": degrees[1], "pitch": joint.pitch })),
+        JointKind::Prismatic => {
+            ("translate", json!({ "l": joint.state_values[State::START], "r": joint.state_values[State::END] }))
+        }
+        JointKind::Revolute => ("rotate", json!({ "l": degrees[State::START], "r": degrees[State::END] })),
+        JointKind::Screw => {
+            ("screw", json!({ "l": degrees[State::START], "r": degrees[State::END], "pitch": joint.pitch }))
+        }
     };
     json!({
         "axis": { "o": joint.origin.to_array(), "d": joint.axis.to_array() },
@@ -202,7 +207,7 @@ pub(crate) fn joint_entry(joint: &Joint, name: &str, part_id: usize) -> Value {
     })
 }
 
-fn truth(object: &Object, options: &PhotoOptions) -> Value {
+fn ground_truth(object: &Object, options: &CaptureOptions) -> Value {
     let mut joints = Vec::new();
     for (index, part) in object.parts.iter().enumerate() {
         let Some(joint) = object.world_joint(index) else { continue };
@@ -216,9 +221,9 @@ fn truth(object: &Object, options: &PhotoOptions) -> Value {
     json!({ "input": input, "trans_info": joints })
 }
 
-/// Writes the true meshes of a state, the static part first.
-pub(crate) fn write_meshes(folder: &Path, parts: &[Mesh], state: usize) -> Result<(), FileError> {
-    let name = STATE_NAMES[state];
+/// Writes the ground-truth meshes of a state, the static part first.
+pub(crate) fn write_meshes(folder: &Path, parts: &[Mesh], state: State) -> Result<(), FileError> {
+    let name = state.name();
     let mut whole = Mesh::default();
     for (part, mesh) in parts.iter().enumerate() {
         let slot = if part == 0 { "static".to_string() } else { format!("dynamic_{}", part - 1) };

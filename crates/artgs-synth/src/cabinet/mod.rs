@@ -1,5 +1,5 @@
-//! A procedural cabinet with a door and a drawer, photographed in two states, with everything known about it:
-//! for tests, for the demo, and for trying the program without a camera.
+//! A procedural cabinet with a door and a drawer, rendered in two states with ground truth: for tests, for the demo, and to
+//! try the program without a camera.
 
 mod render;
 mod scene;
@@ -8,21 +8,21 @@ mod tests;
 mod write;
 
 pub use render::{Rendering, render};
-pub use scene::{Cabinet, CabinetPart, Cuboid};
+pub use scene::{Cabinet, CabinetPart};
 pub use write::{GENERATOR, write_cabinet};
 
 use crate::SynthError;
-use crate::camera::Stand;
+use crate::camera::CameraRing;
 use crate::degrade::{depth_count, gaussian};
 use crate::write::{DEPTH_SCALE, SPLIT_NAMES};
-use artgs_core::{Camera, Capture, DepthMap, Intrinsics, STATE_NAMES, StateViews, View};
+use artgs_core::{Camera, Capture, DepthMap, Intrinsics, State, StateViews, View};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How the cabinet is photographed.
+/// How the capture of the cabinet is rendered.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CabinetOptions {
     /// Training views per state, at least 1.
@@ -46,7 +46,7 @@ impl Default for CabinetOptions {
 }
 
 impl CabinetOptions {
-    /// Refuses what cannot be photographed; [`cabinet_capture`] and [`write_cabinet`] do the same.
+    /// An error for options that cannot be rendered; [`cabinet_capture`] and [`write_cabinet`] check them too.
     pub fn check(&self) -> Result<(), SynthError> {
         let offsets = self.principal_offset.iter().all(|v| v.abs() < f64::from(self.size) / 2.0);
         match () {
@@ -62,7 +62,7 @@ impl CabinetOptions {
         }
     }
 
-    /// Intrinsics that just hold the cabinet, seen from [`DISTANCE`].
+    /// Intrinsics whose image contains the whole cabinet from [`DISTANCE`].
     fn intrinsics(&self, radius: f64) -> Intrinsics {
         let size = f64::from(self.size);
         let focal = 0.5 * size / (radius / DISTANCE).asin().tan();
@@ -75,41 +75,41 @@ impl CabinetOptions {
 /// Distance of the cameras from the middle of the cabinet, scene units.
 const DISTANCE: f64 = 2.5;
 
-/// Photographs the cabinet. Depth is rounded as the files round it, so that the capture equals the one read back.
+/// Renders the capture of the cabinet. Depth is rounded as in the files, so that the capture equals the one read from them.
 pub fn cabinet_capture(options: &CabinetOptions) -> Result<(Capture, Cabinet), SynthError> {
     options.check()?;
     let cabinet = Cabinet::new(options.seed);
     let mut capture = Capture::default();
-    for state in 0..2 {
-        let shoot = |split: usize, count: usize| photograph(&cabinet, options, state, split, count);
-        capture.states[state] = StateViews { train: shoot(0, options.views), test: shoot(1, options.test_views) };
+    for state in State::ALL {
+        let views = |split: usize, count: usize| render_views(&cabinet, options, state, split, count);
+        capture.states[state] = StateViews { train: views(0, options.views), test: views(1, options.test_views) };
     }
     Ok((capture, cabinet))
 }
 
-fn photograph(cabinet: &Cabinet, options: &CabinetOptions, state: usize, split: usize, count: usize) -> Vec<View> {
-    let folder = format!("{}/{}/rgba", STATE_NAMES[state], SPLIT_NAMES[split]);
-    let set = 2 * state + split;
+fn render_views(cabinet: &Cabinet, options: &CabinetOptions, state: State, split: usize, count: usize) -> Vec<View> {
+    let folder = format!("{}/{}/rgba", state.name(), SPLIT_NAMES[split]);
+    let set = 2 * state.index() + split;
     let cameras = cameras(cabinet, options, count, set as f64 / 4.0);
-    let shoot = |(index, camera): (usize, Camera)| {
+    let view = |(index, camera): (usize, Camera)| {
         let mut rng = Pcg64Mcg::seed_from_u64(options.seed.wrapping_mul(4) + set as u64 + ((index as u64) << 32));
-        let picture = render(cabinet, state, &camera);
+        let rendering = render(cabinet, state, &camera);
         let measured =
             |d: &f64| if *d > 0.0 { depth_count(d + options.depth_noise * gaussian(&mut rng), DEPTH_SCALE) } else { 0 };
         View {
             name: format!("{folder}/{index:04}.png"),
             camera,
-            depth: Some(DepthMap::new(picture.depth.iter().map(measured).collect(), DEPTH_SCALE as f32)),
-            rgba: picture.rgba,
+            depth: Some(DepthMap::new(rendering.depth.iter().map(measured).collect(), DEPTH_SCALE as f32)),
+            rgba: rendering.rgba,
         }
     };
-    cameras.into_par_iter().enumerate().map(shoot).collect()
+    cameras.into_par_iter().enumerate().map(view).collect()
 }
 
-/// Cameras all around, denser before the front.
+/// Cameras all around, denser in front of the cabinet.
 fn cameras(cabinet: &Cabinet, options: &CabinetOptions, count: usize, phase: f64) -> Vec<Camera> {
     let (middle, radius) = cabinet.ball();
     let front = cabinet.placement.turn(DVec3::NEG_Y);
-    let stand = Stand { middle, front, distance: DISTANCE, around: std::f64::consts::TAU };
-    stand.cameras(options.intrinsics(radius), count, phase)
+    let ring = CameraRing { middle, front, distance: DISTANCE, around: std::f64::consts::TAU };
+    ring.cameras(options.intrinsics(radius), count, phase)
 }

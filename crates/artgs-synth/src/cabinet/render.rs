@@ -1,24 +1,24 @@
-//! Pictures of the cabinet: ray casting against its boxes, colours averaged over each pixel, depth of its centre.
+//! Renderings of the cabinet: ray casting against its boxes, colours averaged over each pixel, depth of its centre.
 
 use super::scene::{Cabinet, Cuboid};
-use artgs_core::{Camera, Rigid};
+use artgs_core::{Camera, Rigid, State};
 use glam::{DMat3, DVec2, DVec3};
 
 /// Rays per pixel edge; odd, so that the middle one is the pixel centre.
 const SAMPLES: usize = 3;
 
-/// One picture, row-major, `[height * width]` each.
+/// A rendering, row-major, `[height * width]` each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rendering {
     /// Straight sRGB colour; alpha is the covered fraction of the pixel.
     pub rgba: Vec<[u8; 4]>,
-    /// Planar depth of the pixel centre, scene units, 0 where it sees nothing or less than half the pixel is covered.
+    /// Planar depth of the pixel centre, scene units, 0 without a surface or if less than half the pixel is covered.
     pub depth: Vec<f64>,
     /// 0 where there is no depth, else 1 + the part that the pixel centre sees.
     pub labels: Vec<u8>,
 }
 
-/// Where a ray meets the cabinet.
+/// Intersection of a ray with the cabinet.
 struct Hit {
     depth: f64,
     part: usize,
@@ -34,8 +34,8 @@ struct PosedPart<'a> {
     cuboids: &'a [Cuboid],
 }
 
-/// Renders the cabinet in a state (0 or 1).
-pub fn render(cabinet: &Cabinet, state: usize, camera: &Camera) -> Rendering {
+/// Renders the cabinet in a state.
+pub fn render(cabinet: &Cabinet, state: State, camera: &Camera) -> Rendering {
     let k = &camera.intrinsics;
     let (width, height) = (k.width as usize, k.height as usize);
     let parts = posed_parts(cabinet, state, camera);
@@ -71,7 +71,7 @@ pub fn render(cabinet: &Cabinet, state: usize, camera: &Camera) -> Rendering {
     out
 }
 
-fn posed_parts<'a>(cabinet: &'a Cabinet, state: usize, camera: &Camera) -> Vec<PosedPart<'a>> {
+fn posed_parts<'a>(cabinet: &'a Cabinet, state: State, camera: &Camera) -> Vec<PosedPart<'a>> {
     let camera_to_world = camera.world_to_camera.inverse();
     let posed = |(index, part): (usize, &'a super::scene::CabinetPart)| {
         let pose = cabinet.pose(index, state);
@@ -114,7 +114,8 @@ fn cast(parts: &[PosedPart], seed: u64, ray: DVec3) -> Option<Hit> {
     Some(Hit { depth, part, color: cuboid.material.color(point, seed) * light(normal) })
 }
 
-/// Where a ray enters a box around the origin, and through the faces across which axis. None from inside or behind.
+/// Distance at which a ray enters a box around the origin, and the axis of the face it enters through. None if the ray
+/// starts inside or misses.
 fn slab(from: DVec3, inverse: DVec3, half: DVec3) -> Option<(f64, usize)> {
     let (middle, reach) = (-from * inverse, inverse.abs() * half);
     let (enter, leave) = (middle - reach, middle + reach);
@@ -122,8 +123,8 @@ fn slab(from: DVec3, inverse: DVec3, half: DVec3) -> Option<(f64, usize)> {
     (t > 0.0 && t <= leave.min_element()).then(|| (t, enter.max_position()))
 }
 
-/// Brightness of a surface with this outward normal. The lamps stand in the world: what moves changes its shade,
-/// what stands still looks the same from everywhere.
+/// Brightness of a surface with this outward normal. The lamps are fixed in the world: moving parts change their shading,
+/// static ones look the same from every camera.
 fn light(normal: DVec3) -> f64 {
     let key = DVec3::new(0.35, -0.75, 0.55).normalize();
     let fill = DVec3::new(-0.8, 0.3, 0.5).normalize();

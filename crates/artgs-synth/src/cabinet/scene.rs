@@ -1,18 +1,18 @@
 //! The cabinet: boxes, materials and joints.
 
 use crate::Material;
-use artgs_core::{Joint, JointKind, Mesh, Rigid};
+use artgs_core::{Joint, JointKind, Mesh, PerState, Rigid, State};
 use glam::{BVec3, DVec3};
 
-/// A box whose faces are parallel to the axes of the cabinet while everything is closed.
+/// A box whose faces are parallel to the axes of the cabinet while all parts are closed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cuboid {
-    /// Centre, cabinet frame, everything closed.
-    pub center: DVec3,
+pub(crate) struct Cuboid {
+    /// Centre, cabinet frame, all parts closed.
+    pub(crate) center: DVec3,
     /// Half the edges.
-    pub half: DVec3,
-    /// What it is made of.
-    pub material: Material,
+    pub(crate) half: DVec3,
+    /// Its colour.
+    pub(crate) material: Material,
 }
 
 impl Cuboid {
@@ -41,24 +41,24 @@ impl Cuboid {
 /// One rigid part of the cabinet.
 #[derive(Clone, Debug)]
 pub struct CabinetPart {
-    /// What it is called in the ground truth.
+    /// Name in the ground truth.
     pub name: &'static str,
     /// Boxes that do not overlap.
-    pub cuboids: Vec<Cuboid>,
-    /// How it moves: world frame, value 0 = closed (not the start state). None for the carcass.
+    pub(crate) cuboids: Vec<Cuboid>,
+    /// Joint in the world frame, value 0 = closed (not the start state). None for the carcass.
     pub joint: Option<Joint>,
 }
 
-/// A cabinet with a door, a drawer and an inside, 0.8 wide, 0.5 deep and 0.9 high, that stands askew
-/// and away from the world origin: a frame mixed up or an axis guessed from the origin shows.
+/// A cabinet with a door, a drawer and contents, 0.8 wide, 0.5 deep and 0.9 high. It is rotated and away from the world
+/// origin, so that tests notice wrong frames and axes assumed at the origin.
 #[derive(Clone, Debug)]
 pub struct Cabinet {
     /// Cabinet frame (x to its right as seen from the front, front towards -y, z up, origin in its middle) to world.
-    pub placement: Rigid,
+    pub(crate) placement: Rigid,
     /// Carcass, door, drawer.
     pub parts: Vec<CabinetPart>,
     /// Seed of the textures.
-    pub seed: u64,
+    pub(crate) seed: u64,
 }
 
 /// Where the open cabinet is: middle and radius of a ball around both states, cabinet frame.
@@ -77,7 +77,7 @@ const BRASS: Material = Material::Wood { grain: 0, light: [0.92, 0.85, 0.55], da
 
 /// Front plane of the carcass, cabinet frame.
 const FRONT: f64 = -0.25;
-/// Back face of closed door and drawer front: a hair's breadth before the carcass.
+/// Back face of closed door and drawer front: a small gap in front of the carcass.
 const LID: f64 = FRONT - 0.002;
 
 impl Cabinet {
@@ -91,7 +91,7 @@ impl Cabinet {
             axis: placement.turn(DVec3::NEG_Z),
             origin: placement.apply(DVec3::new(-0.398, LID, 0.0)),
             pitch: 0.0,
-            state_values: artgs_core::PerState::new(8_f64.to_radians(), 70_f64.to_radians()),
+            state_values: PerState::new(8_f64.to_radians(), 70_f64.to_radians()),
             limits: [0.0, 110_f64.to_radians()],
         };
         let rail = Joint {
@@ -99,7 +99,7 @@ impl Cabinet {
             axis: placement.turn(DVec3::NEG_Y),
             origin: placement.apply(DVec3::new(0.0, LID, 0.28)),
             pitch: 0.0,
-            state_values: artgs_core::PerState::new(0.03, 0.25),
+            state_values: PerState::new(0.03, 0.25),
             limits: [0.0, 0.35],
         };
         let parts = vec![
@@ -110,16 +110,16 @@ impl Cabinet {
         Self { placement, parts, seed }
     }
 
-    /// Cabinet frame (everything closed) to world for the points of a part in a state, 0 or 1.
-    pub fn pose(&self, part: usize, state: usize) -> Rigid {
+    /// Cabinet frame (all parts closed) to world for the points of a part in a state.
+    pub fn pose(&self, part: usize, state: State) -> Rigid {
         match &self.parts[part].joint {
             Some(joint) => joint.motion(joint.state_values[state]) * self.placement,
             None => self.placement,
         }
     }
 
-    /// True surface of a part in a state, world frame, inner faces included.
-    pub fn mesh(&self, part: usize, state: usize) -> Mesh {
+    /// Exact surface of a part in a state, world frame, inner faces included.
+    pub fn mesh(&self, part: usize, state: State) -> Mesh {
         let mut mesh = Mesh::default();
         for cuboid in &self.parts[part].cuboids {
             mesh.append(&cuboid.mesh());

@@ -1,5 +1,6 @@
+use super::scene::Cuboid;
 use super::*;
-use artgs_core::{Mesh, Rigid};
+use artgs_core::{Mesh, PerState, Rigid};
 use glam::DVec2;
 
 fn small() -> CabinetOptions {
@@ -35,8 +36,8 @@ fn seen(view: &View) -> impl Iterator<Item = (usize, DVec2, f64)> {
 #[test]
 fn depth_back_projects_onto_the_true_mesh_of_the_part_seen() {
     let (capture, cabinet) = cabinet_capture(&small()).unwrap();
-    let mut pixels = [[0; 3]; 2];
-    for (state, views) in capture.states.iter().enumerate() {
+    let mut pixels = PerState::new([0; 3], [0; 3]);
+    for (state, views) in capture.states.enumerate() {
         let meshes: Vec<Mesh> = (0..3).map(|p| cabinet.mesh(p, state)).collect();
         for view in views.train.iter().chain(&views.test) {
             let labels = render(&cabinet, state, &view.camera).labels;
@@ -48,11 +49,11 @@ fn depth_back_projects_onto_the_true_mesh_of_the_part_seen() {
             }
         }
     }
-    assert!(pixels.as_flattened().iter().all(|n| *n > 500), "every part is seen: {pixels:?}");
+    assert!(pixels.iter().flatten().all(|n| *n > 500), "every part is seen: {pixels:?}");
 }
 
 #[test]
-fn the_whole_cabinet_is_in_every_picture_and_fills_it() {
+fn the_whole_cabinet_is_in_every_view_and_fills_it() {
     let options = CabinetOptions { views: 30, test_views: 8, size: 48, ..Default::default() };
     let (capture, _) = cabinet_capture(&options).unwrap();
     for view in capture.states.iter().flat_map(|s| s.train.iter().chain(&s.test)) {
@@ -69,21 +70,21 @@ fn the_start_mesh_moved_by_the_joint_is_the_end_mesh() {
     let cabinet = Cabinet::new(0);
     for part in 0..3 {
         let motion = cabinet.parts[part].joint.map_or(Rigid::IDENTITY, |j| j.start_to_end());
-        let (moved, end) = (cabinet.mesh(part, 0).moved(&motion), cabinet.mesh(part, 1));
+        let (moved, end) = (cabinet.mesh(part, State::START).moved(&motion), cabinet.mesh(part, State::END));
         for (a, b) in moved.vertices.iter().zip(&end.vertices) {
             assert!((glam::Vec3::from(*a) - glam::Vec3::from(*b)).length() < 1e-6, "part {part}");
         }
-        assert_eq!(cabinet.mesh(part, 0) == end, part == 0, "only the carcass stands still");
+        assert_eq!(cabinet.mesh(part, State::START) == end, part == 0, "only the carcass stands still");
     }
 }
 
 #[test]
-fn moved_points_are_where_the_other_state_shows_them() {
+fn moved_points_are_visible_in_the_other_state() {
     let (capture, cabinet) = cabinet_capture(&CabinetOptions { size: 96, ..small() }).unwrap();
     let mut changed = Vec::new();
-    for view in &capture.states[0].train {
-        let start = render(&cabinet, 0, &view.camera);
-        let end = render(&cabinet, 1, &view.camera);
+    for view in &capture.states[State::START].train {
+        let start = render(&cabinet, State::START, &view.camera);
+        let end = render(&cabinet, State::END, &view.camera);
         for (i, pixel, depth) in seen(view) {
             let part = usize::from(start.labels[i]) - 1;
             let motion = cabinet.parts[part].joint.map_or(Rigid::IDENTITY, |j| j.start_to_end());
@@ -94,7 +95,7 @@ fn moved_points_are_where_the_other_state_shows_them() {
             let nearest = around.map(|j| end.depth[j]).filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
             assert!(nearest < z + 0.02, "{} {pixel}: part {part} at {z} but {nearest} is seen", view.name);
         }
-        let door = |picture: &Rendering| picture.labels.iter().map(|l| *l == 2).collect::<Vec<_>>();
+        let door = |rendering: &Rendering| rendering.labels.iter().map(|l| *l == 2).collect::<Vec<_>>();
         changed.push(door(&start).iter().zip(door(&end)).filter(|(a, b)| **a != *b).count());
     }
     assert!(changed.iter().filter(|n| **n > 200).count() >= 4, "the door hardly moves, pixels per view: {changed:?}");
@@ -102,7 +103,7 @@ fn moved_points_are_where_the_other_state_shows_them() {
 
 #[test]
 fn mesh_faces_look_outward() {
-    let mesh = Cabinet::new(0).mesh(0, 0);
+    let mesh = Cabinet::new(0).mesh(0, State::START);
     let volume: f64 = mesh
         .triangles
         .iter()
@@ -116,14 +117,14 @@ fn mesh_faces_look_outward() {
 #[test]
 fn boxes_of_the_cabinet_do_not_overlap_in_either_state() {
     let cabinet = Cabinet::new(0);
-    for state in 0..2 {
+    for state in State::ALL {
         for part in 1..3 {
-            let away = cabinet.pose(0, state).inverse() * cabinet.pose(part, state);
+            let carcass_from_part = cabinet.pose(0, state).inverse() * cabinet.pose(part, state);
             for c in &cabinet.parts[part].cuboids {
                 let corner = |i: u32| c.center + c.half * DVec3::new(sign(i, 1), sign(i, 2), sign(i, 4));
-                for p in (0..8).map(corner).map(|p| away.apply(p)) {
+                for p in (0..8).map(corner).map(|p| carcass_from_part.apply(p)) {
                     let inside = |b: &&Cuboid| ((p - b.center).abs() - b.half).max_element() < -1e-9;
-                    assert!(cabinet.parts[0].cuboids.iter().find(inside).is_none(), "part {part} state {state} {p}");
+                    assert!(cabinet.parts[0].cuboids.iter().find(inside).is_none(), "part {part} {} {p}", state.name());
                 }
             }
         }
@@ -136,21 +137,21 @@ fn sign(bits: u32, bit: u32) -> f64 {
 
 #[test]
 fn same_seed_same_capture_on_any_number_of_threads() {
-    let shoot = |threads: usize, seed: u64| {
+    let render_with = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let options = CabinetOptions { seed, depth_noise: 0.01, views: 3, ..small() };
         let (capture, _) = pool.install(|| cabinet_capture(&options)).unwrap();
         capture.states.map(|s| s.train.into_iter().map(|v| (v.rgba, v.depth)).collect::<Vec<_>>())
     };
-    assert!(shoot(1, 7) == shoot(3, 7));
-    assert!(shoot(1, 7) != shoot(1, 8));
+    assert!(render_with(1, 7) == render_with(3, 7));
+    assert!(render_with(1, 7) != render_with(1, 8));
 }
 
 #[test]
-fn depth_noise_has_the_spread_asked_for() {
+fn depth_noise_has_the_requested_spread() {
     let (clean, _) = cabinet_capture(&small()).unwrap();
     let (noisy, _) = cabinet_capture(&CabinetOptions { depth_noise: 0.01, ..small() }).unwrap();
-    let (a, b) = (&clean.states[0].train[0], &noisy.states[0].train[0]);
+    let (a, b) = (&clean.states[State::START].train[0], &noisy.states[State::START].train[0]);
     let errors: Vec<f64> = seen(a).zip(seen(b)).map(|(x, y)| y.2 - x.2).collect();
     let spread = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
     assert!((spread - 0.01).abs() < 0.001, "{spread}");
@@ -179,21 +180,21 @@ fn the_capture_reads_back_from_its_files() {
 }
 
 #[test]
-fn the_truth_reads_back_from_its_files() {
+fn the_ground_truth_reads_back_from_its_files() {
     let folder = tempfile::tempdir().unwrap();
     let (_, cabinet) = write_cabinet(folder.path(), &small()).unwrap();
     let truth = artgs_io::load_ground_truth(&folder.path().join("gt")).unwrap();
     assert_eq!(truth.joints.len(), 2);
     for (i, joint) in truth.joints.iter().enumerate() {
-        let p = cabinet.pose(i + 1, 0).apply(DVec3::X);
-        assert!((joint.start_to_end().apply(p) - cabinet.pose(i + 1, 1).apply(DVec3::X)).length() < 1e-9);
-        assert!(joint.state_values[1] > 0.0);
-        for state in 0..2 {
-            assert!(truth.movable[i][state] == cabinet.mesh(i + 1, state), "part {i} state {state}");
+        let p = cabinet.pose(i + 1, State::START).apply(DVec3::X);
+        assert!((joint.start_to_end().apply(p) - cabinet.pose(i + 1, State::END).apply(DVec3::X)).length() < 1e-9);
+        assert!(joint.state_values[State::END] > 0.0);
+        for state in State::ALL {
+            assert!(truth.movable[i][state.index()] == cabinet.mesh(i + 1, state), "part {i} {}", state.name());
         }
     }
-    assert!(truth.fixed[0] == cabinet.mesh(0, 0));
-    assert_eq!(truth.whole[1].vertices.len(), 8 * (8 + 4 + 8));
+    assert!(truth.fixed[State::START.index()] == cabinet.mesh(0, State::START));
+    assert_eq!(truth.whole[State::END.index()].vertices.len(), 8 * (8 + 4 + 8));
 }
 
 #[test]

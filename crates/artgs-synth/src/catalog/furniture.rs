@@ -1,13 +1,13 @@
-//! What furniture is made of: boards, doors, drawers, handles, and things to put inside.
+//! Components of furniture: boards, doors, drawers, handles, and contents.
 //! Lengths are metres before scaling; the front of a carcass is the plane y = 0, its inside at y > 0.
 
 use crate::shape::{cuboid, cylinder, lathe};
 use crate::{Material, Part, Solid};
 use glam::{DVec2, DVec3};
 
-/// Air between a closed front and the carcass.
+/// Gap between a closed front and the carcass.
 pub(super) const GAP: f64 = 0.003;
-/// Air around a front.
+/// Gap around a front.
 const MARGIN: f64 = 0.004;
 /// Thickness of the fronts of doors and drawers.
 pub(super) const FRONT: f64 = 0.022;
@@ -38,7 +38,7 @@ pub(super) const STONE: Material =
     Material::Speckle { base: [0.60, 0.60, 0.58], spots: [0.36, 0.37, 0.40], size: 0.05 };
 pub(super) const CLOTH: Material = Material::Checks { even: [0.80, 0.78, 0.68], odd: [0.52, 0.58, 0.62], cell: 0.043 };
 
-/// A rectangle of the front: what one door or drawer covers.
+/// A rectangle of the front that one door or drawer covers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bay {
     pub(super) x: [f64; 2],
@@ -55,7 +55,7 @@ impl Bay {
     }
 }
 
-/// Edge at which a door hangs.
+/// Edge of a door with the hinge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Hinge {
     Left,
@@ -63,7 +63,7 @@ pub(super) enum Hinge {
     Bottom,
 }
 
-/// What to pull at.
+/// A handle.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Pull {
     /// A bar of this length on two posts.
@@ -72,7 +72,7 @@ pub(super) enum Pull {
     Knob,
 }
 
-/// Where the front face of a front of this thickness is.
+/// y of the front face of a front of this thickness.
 pub(super) fn face(thickness: f64) -> f64 {
     -GAP - thickness
 }
@@ -187,7 +187,7 @@ pub(super) fn add_jar(part: &mut Part, at: [f64; 3], radius: f64, height: f64, m
     part.add(materials[1], cylinder(0.8 * radius, 0.8 * height, height).shifted(at));
 }
 
-/// Adds a row of books that stand at a point, spines to the front.
+/// Adds a row of books that stand at a point, spines towards the front.
 pub(super) fn add_books(part: &mut Part, at: [f64; 3], count: usize, height: f64) {
     const COVERS: [Material; 4] = [
         plain([0.62, 0.20, 0.18]),

@@ -1,4 +1,4 @@
-//! The objects there are, and the suites they form.
+//! Catalogue of objects and suites.
 
 mod furniture;
 mod hard;
@@ -12,19 +12,19 @@ use artgs_core::JointKind::{self, Prismatic, Revolute, Screw};
 /// One object of the catalogue.
 #[derive(Clone, Copy, Debug)]
 pub struct ObjectInfo {
-    /// What to call it.
+    /// Name of the object.
     pub name: &'static str,
-    /// What it is, one line.
+    /// One-line description.
     pub description: &'static str,
-    /// Kinds of its joints, movable part by movable part.
+    /// Kinds of its joints, in the order of the movable parts.
     pub joints: &'static [JointKind],
     /// Suite it belongs to: `paris`, `dta`, `multi` or `hard`.
     pub suite: &'static str,
-    /// Row of the paper's tables that it stands in for; None for the hard cases.
+    /// Row of the paper's tables that it replaces; None for the hard cases.
     pub paper: Option<&'static str>,
     /// Builds its parts.
     build: fn() -> Vec<Part>,
-    /// True if it is scaled to a bounding box of diagonal 1, false if it was measured in scene units.
+    /// True if it is scaled to a bounding box of diagonal 1, false if its lengths are scene units.
     pub(crate) scaled: bool,
 }
 
@@ -35,7 +35,7 @@ impl ObjectInfo {
     }
 }
 
-/// Names of the suites; `paper` is `paris`, `dta` and `multi` together, `all` is everything.
+/// Names of the suites; `paper` is `paris`, `dta` and `multi` together, `all` is every object.
 pub const SUITES: [&str; 6] = ["paris", "dta", "multi", "paper", "hard", "all"];
 
 const fn stand_in(
@@ -107,7 +107,7 @@ pub fn suite(name: &str) -> Option<Vec<&'static str>> {
     SUITES.contains(&name).then(|| OBJECTS.iter().filter(belongs).map(|info| info.name).collect())
 }
 
-/// Builds the object of this name; `seed` varies its textures and how it stands.
+/// Builds the object of this name; `seed` varies its textures and its placement.
 pub fn object(name: &str, seed: u64) -> Result<Object, SynthError> {
     let found = OBJECTS.iter().find(|info| info.name == name);
     let info = found.ok_or_else(|| SynthError::Unknown {

@@ -24,7 +24,7 @@ pub(super) fn foldchair() -> Vec<Part> {
     }
     body.add(STEEL, rod([-0.21, -0.17, 0.14], [0.21, -0.17, 0.14], 0.011));
     body.add(STEEL, rod([-0.245, 0.205, 0.12], [0.245, 0.205, 0.12], 0.011));
-    // The frame leans back by half a unit per unit of height.
+    // The frame is inclined backwards by half a unit per unit of height.
     for (z, high) in [(0.70, 0.07), (0.80, 0.07), (0.90, 0.05)] {
         let y = 0.5 * z - 0.24;
         let slat =

@@ -1,9 +1,9 @@
-//! Captures: pictures, files, truth.
+//! Captures: images, files, ground truth.
 
 use super::small;
-use crate::photo::{Studio, shots};
-use crate::{Layout, PhotoOptions, SynthError, made, object, photograph, write_object};
-use artgs_core::{Capture, Mesh};
+use crate::render::{Renderer, planned_views};
+use crate::{CaptureOptions, Layout, SynthError, capture_info, object, render_capture, write_object};
+use artgs_core::{Capture, Mesh, State};
 use artgs_io::{load_capture, load_ground_truth};
 use glam::{DVec2, DVec3, Vec3};
 use std::collections::BTreeMap;
@@ -32,12 +32,12 @@ fn to_mesh(p: DVec3, mesh: &Mesh) -> f64 {
 fn depth_back_projects_onto_the_true_mesh_of_the_part_seen() {
     for name in ["washer", "scissor", "storage_2d4o", "door_with_drawer", "screw_cap"] {
         let object = object(name, 3).unwrap();
-        let options = PhotoOptions { seed: 3, ..small() };
-        let studio = Studio::new(&object, &options);
+        let options = CaptureOptions { seed: 3, ..small() };
+        let renderer = Renderer::new(&object, &options);
         let mut pixels = vec![0; object.parts.len()];
-        for shot in &studio.shots {
-            let (view, labels) = studio.take(shot);
-            let meshes: Vec<Mesh> = (0..object.parts.len()).map(|p| object.mesh(p, shot.state)).collect();
+        for planned in &renderer.planned_views {
+            let (view, labels) = renderer.render(planned);
+            let meshes: Vec<Mesh> = (0..object.parts.len()).map(|p| object.mesh(p, planned.state)).collect();
             let depth = view.depth.unwrap();
             for (i, d) in depth.iter().enumerate() {
                 assert_eq!(d > 0.0, labels[i] > 0, "{name}: labels are where depth is");
@@ -55,19 +55,24 @@ fn depth_back_projects_onto_the_true_mesh_of_the_part_seen() {
 }
 
 #[test]
-fn the_whole_object_is_in_every_picture_and_fills_it() {
+fn the_whole_object_is_in_every_view_and_fills_it() {
     for info in crate::objects() {
         let object = object(info.name, 0).unwrap();
-        for shot in shots(&object, &PhotoOptions { views: 8, ..small() }) {
+        for planned in planned_views(&object, &CaptureOptions { views: 8, ..small() }) {
             let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
             for part in 0..object.parts.len() {
-                for p in object.mesh(part, shot.state).vertices {
-                    let (pixel, _) = shot.stated.project(Vec3::from(p).as_dvec3());
+                for p in object.mesh(part, planned.state).vertices {
+                    let (pixel, _) = planned.stated.project(Vec3::from(p).as_dvec3());
                     (low, high) = (low.min(pixel), high.max(pixel));
                 }
             }
-            assert!(low.min_element() > 1.0 && high.max_element() < 47.0, "{} {}: {low} {high}", info.name, shot.name);
-            assert!((high - low).max_element() > 10.0, "{} {}: {low} {high}", info.name, shot.name);
+            assert!(
+                low.min_element() > 1.0 && high.max_element() < 47.0,
+                "{} {}: {low} {high}",
+                info.name,
+                planned.name
+            );
+            assert!((high - low).max_element() > 10.0, "{} {}: {low} {high}", info.name, planned.name);
         }
     }
 }
@@ -94,7 +99,7 @@ fn same_seed_same_bytes_on_any_number_of_threads() {
     let mut options = small();
     options.degradation.set("depth=0.003").unwrap();
     options.degradation.set("pose=0.2,0.004").unwrap();
-    let write = |threads: usize, options: PhotoOptions| {
+    let write = |threads: usize, options: CaptureOptions| {
         let dir = tempfile::tempdir().unwrap();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| write_object("usb", &options, dir.path())).unwrap();
@@ -103,7 +108,7 @@ fn same_seed_same_bytes_on_any_number_of_threads() {
     let once = write(1, options);
     assert_eq!(once.len(), 2 * (3 * 4 + 2 + 3) + 2);
     assert!(once == write(3, options));
-    assert!(once != write(1, PhotoOptions { seed: 1, ..options }));
+    assert!(once != write(1, CaptureOptions { seed: 1, ..options }));
 }
 
 fn assert_same(a: &Capture, b: &Capture) {
@@ -124,11 +129,11 @@ fn assert_same(a: &Capture, b: &Capture) {
 }
 
 #[test]
-fn both_layouts_read_back_as_what_was_photographed() {
-    let in_memory = photograph(&object("laptop", 0).unwrap(), &small()).unwrap();
+fn both_layouts_read_back_as_rendered() {
+    let in_memory = render_capture(&object("laptop", 0).unwrap(), &small()).unwrap();
     for layout in [Layout::ArtGs, Layout::Paris] {
         let dir = tempfile::tempdir().unwrap();
-        write_object("laptop", &PhotoOptions { layout, ..small() }, dir.path()).unwrap();
+        write_object("laptop", &CaptureOptions { layout, ..small() }, dir.path()).unwrap();
         assert_eq!(dir.path().join("start/camera_train.json").is_file(), layout == Layout::Paris);
         let back = load_capture(dir.path()).unwrap();
         assert_eq!(back.warnings, Vec::<String>::new());
@@ -137,7 +142,7 @@ fn both_layouts_read_back_as_what_was_photographed() {
 }
 
 #[test]
-fn the_truth_reads_back_with_chains_and_screws() {
+fn the_ground_truth_reads_back_with_chains_and_screws() {
     for name in ["door_with_drawer", "screw_cap", "table_2d2o"] {
         let dir = tempfile::tempdir().unwrap();
         let made = write_object(name, &small(), dir.path()).unwrap();
@@ -147,14 +152,14 @@ fn the_truth_reads_back_with_chains_and_screws() {
         for (i, joint) in truth.joints.iter().enumerate() {
             assert_eq!(joint.kind, object.parts[i + 1].joint.unwrap().kind);
             assert_eq!(truth.parents[i].map(|p| p + 1), object.parts[i + 1].parent);
-            let moved = truth.movable[i][0].moved(&truth.start_to_end(i));
-            for (a, b) in moved.vertices.iter().zip(&truth.movable[i][1].vertices) {
+            let moved = truth.movable[i][State::START.index()].moved(&truth.start_to_end(i));
+            for (a, b) in moved.vertices.iter().zip(&truth.movable[i][State::END.index()].vertices) {
                 assert!((Vec3::from(*a) - Vec3::from(*b)).length() < 1e-5, "{name} part {i}");
             }
         }
-        assert_eq!(truth.fixed[0], object.mesh(0, 0));
-        let triangles: usize = (0..object.parts.len()).map(|p| object.mesh(p, 1).triangles.len()).sum();
-        assert_eq!(truth.whole[1].triangles.len(), triangles);
+        assert_eq!(truth.fixed[State::START.index()], object.mesh(0, State::START));
+        let triangles: usize = (0..object.parts.len()).map(|p| object.mesh(p, State::END).triangles.len()).sum();
+        assert_eq!(truth.whole[State::END.index()].triangles.len(), triangles);
         let mask = artgs_io::image_io::read_rgba(&dir.path().join("gt/part_masks/end/train/0002.png")).unwrap();
         let ids: std::collections::BTreeSet<u8> = mask.pixels.iter().map(|p| p[0]).collect();
         assert!(ids.contains(&0) && ids.contains(&1) && *ids.last().unwrap() as usize <= object.parts.len());
@@ -162,26 +167,26 @@ fn the_truth_reads_back_with_chains_and_screws() {
 }
 
 #[test]
-fn an_interrupted_capture_is_noticed_and_a_finished_one_kept() {
+fn an_interrupted_capture_is_replaced_and_a_complete_one_kept() {
     let dir = tempfile::tempdir().unwrap();
-    assert_eq!(made(dir.path()), None);
+    assert_eq!(capture_info(dir.path()), None);
     let first = write_object("blade", &small(), dir.path()).unwrap();
-    assert!(first.complete && made(dir.path()) == Some(first.clone()));
+    assert!(first.complete && capture_info(dir.path()) == Some(first.clone()));
     let image = dir.path().join("start/train/rgba/0002.png");
     std::fs::remove_file(&image).unwrap();
     write_object("blade", &small(), dir.path()).unwrap();
-    assert!(!image.exists(), "a finished capture is not made twice");
+    assert!(!image.exists(), "a complete capture is not rendered again");
 
     let marker = dir.path().join("synth.json");
     let text = std::fs::read_to_string(&marker).unwrap();
     std::fs::write(&marker, text.replace("true", "false")).unwrap();
     std::fs::write(dir.path().join("notes.txt"), "mine").unwrap();
-    assert!(!made(dir.path()).unwrap().complete);
+    assert!(!capture_info(dir.path()).unwrap().complete);
     write_object("blade", &small(), dir.path()).unwrap();
-    assert!(image.exists() && made(dir.path()).unwrap().complete);
+    assert!(image.exists() && capture_info(dir.path()).unwrap().complete);
 
-    write_object("blade", &PhotoOptions { views: 2, ..small() }, dir.path()).unwrap();
-    assert!(!image.exists(), "pictures of an earlier capture are removed");
+    write_object("blade", &CaptureOptions { views: 2, ..small() }, dir.path()).unwrap();
+    assert!(!image.exists(), "images of an earlier capture are removed");
     assert!(dir.path().join("notes.txt").exists());
 }
 
@@ -190,7 +195,7 @@ fn impossible_options_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let mut noisy = small();
     noisy.degradation.depth_noise = f64::NAN;
-    for options in [PhotoOptions { views: 0, ..small() }, PhotoOptions { size: 4, ..small() }, noisy] {
+    for options in [CaptureOptions { views: 0, ..small() }, CaptureOptions { size: 4, ..small() }, noisy] {
         let error = write_object("blade", &options, dir.path()).unwrap_err();
         assert!(matches!(error, SynthError::Options(_)), "{error}");
     }

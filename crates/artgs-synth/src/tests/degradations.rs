@@ -1,14 +1,14 @@
-//! What goes wrong on request.
+//! Simulated errors.
 
 use super::small;
-use crate::{PhotoOptions, object, photograph};
-use artgs_core::{Capture, View};
+use crate::{CaptureOptions, object, render_capture};
+use artgs_core::{Capture, State, View};
 use glam::DVec3;
 
-fn taken(settings: &[&str]) -> Capture {
-    let mut options = PhotoOptions { views: 4, size: 64, ..small() };
+fn rendered(settings: &[&str]) -> Capture {
+    let mut options = CaptureOptions { views: 4, size: 64, ..small() };
     settings.iter().for_each(|s| options.degradation.set(s).unwrap());
-    photograph(&object("storage2", 0).unwrap(), &options).unwrap()
+    render_capture(&object("storage2", 0).unwrap(), &options).unwrap()
 }
 
 fn train(capture: &Capture) -> impl Iterator<Item = &View> {
@@ -26,8 +26,8 @@ fn kept(capture: &Capture) -> f64 {
 
 #[test]
 fn depth_noise_grows_with_the_square_of_the_distance() {
-    let (clean, noisy) = (depths(&taken(&[])), depths(&taken(&["depth=0.01"])));
-    // Errors over the squared distance have the spread asked for, near and far alike; rays are up to 6 % longer
+    let (clean, noisy) = (depths(&rendered(&[])), depths(&rendered(&["depth=0.01"])));
+    // Errors over the squared distance have the requested spread at every distance; rays are up to 6 % longer
     // than planar depth.
     let mut errors: Vec<(f64, f64)> =
         clean.iter().zip(&noisy).filter(|(c, _)| **c > 0.0).map(|(c, n)| (*c, (n - c) / (c * c))).collect();
@@ -42,19 +42,19 @@ fn depth_noise_grows_with_the_square_of_the_distance() {
 
 #[test]
 fn depth_is_lost_at_edges_and_on_gloss() {
-    let all = kept(&taken(&[]));
-    let fraction = |settings: &[&str]| kept(&taken(settings)) / all;
+    let all = kept(&rendered(&[]));
+    let fraction = |settings: &[&str]| kept(&rendered(settings)) / all;
     let edges = fraction(&["edges=on"]);
     assert!((0.5..0.95).contains(&edges), "{edges}");
     assert!(fraction(&["edges=50"]) < edges - 0.05);
     let gloss = fraction(&["gloss=0.3"]);
     assert!((gloss - 0.7).abs() < 0.1, "{gloss}");
-    assert!(taken(&["no-depth"]).states[1].train[0].depth.is_none());
+    assert!(rendered(&["no-depth"]).states[State::END].train[0].depth.is_none());
 }
 
 #[test]
-fn stated_cameras_are_off_but_pictures_are_not() {
-    let (clean, jitter, misaligned) = (taken(&[]), taken(&["pose=0.5,0.01"]), taken(&["misalign=2,0.03"]));
+fn stated_cameras_have_errors_but_images_do_not() {
+    let (clean, jitter, misaligned) = (rendered(&[]), rendered(&["pose=0.5,0.01"]), rendered(&["misalign=2,0.03"]));
     for other in [&jitter, &misaligned] {
         assert!(train(&clean).zip(train(other)).all(|(a, b)| a.rgba == b.rgba && a.depth == b.depth));
     }
@@ -63,7 +63,7 @@ fn stated_cameras_are_off_but_pictures_are_not() {
     let turns: Vec<f64> = train(&clean).zip(train(&jitter)).map(|(a, b)| turned(a, b)).collect();
     let rms = (turns.iter().map(|t| t * t).sum::<f64>() / turns.len() as f64).sqrt();
     assert!((0.25..0.9).contains(&rms), "{turns:?}");
-    for state in 0..2 {
+    for state in State::ALL {
         let pairs = clean.states[state].train.iter().zip(&misaligned.states[state].train);
         let offs: Vec<DVec3> = pairs
             .clone()
@@ -74,7 +74,7 @@ fn stated_cameras_are_off_but_pictures_are_not() {
             .collect();
         assert!(offs.iter().all(|o| o.distance(offs[0]) < 1e-9), "one motion for all cameras");
         for (a, b) in pairs {
-            assert!((turned(a, b) - 2.0 * state as f64).abs() < 1e-6);
+            assert!((turned(a, b) - 2.0 * state.index() as f64).abs() < 1e-6);
         }
     }
 }
@@ -87,15 +87,15 @@ fn cameras_stay_in_front_if_asked() {
         let flat = |v: DVec3| DVec3::new(v.x, v.y, 0.0);
         train(capture).map(|v| flat(v.camera.position() - middle).angle_between(flat(front)).to_degrees()).collect()
     };
-    let options = PhotoOptions { views: 24, size: 16, ..small() };
-    let around = photograph(&object, &options).unwrap();
-    let mut ahead = options;
-    ahead.degradation.set("front=on").unwrap();
-    let ahead = photograph(&object, &ahead).unwrap();
-    assert!(sides(&around).iter().any(|a| *a > 150.0) && sides(&ahead).iter().all(|a| *a < 61.0));
+    let options = CaptureOptions { views: 24, size: 16, ..small() };
+    let around = render_capture(&object, &options).unwrap();
+    let mut in_front = options;
+    in_front.degradation.set("front=on").unwrap();
+    let in_front = render_capture(&object, &in_front).unwrap();
+    assert!(sides(&around).iter().any(|a| *a > 150.0) && sides(&in_front).iter().all(|a| *a < 61.0));
 }
 
-/// Mean difference between the colours of what two neighbouring cameras both see, 0 to 255.
+/// Mean difference between the colours of points that two neighbouring cameras both see, 0 to 255.
 fn change_of_colour(a: &View, b: &View) -> f64 {
     let (width, height) = a.size();
     let (depth_a, depth_b) = (a.depth.as_ref().unwrap(), b.depth.as_ref().unwrap());
@@ -113,18 +113,18 @@ fn change_of_colour(a: &View, b: &View) -> f64 {
             count += 1.0;
         }
     }
-    assert!(count > 100.0, "{count} pixels are seen twice");
+    assert!(count > 100.0, "{count} pixels are in both views");
     sum / count
 }
 
 #[test]
-fn light_stands_in_the_world_unless_it_is_on_the_camera() {
+fn light_is_fixed_in_the_world_unless_it_is_on_the_camera() {
     let change = |settings: &[&str]| {
-        let mut options = PhotoOptions { views: 13, test_views: 0, size: 64, ..small() };
+        let mut options = CaptureOptions { views: 13, test_views: 0, size: 64, ..small() };
         settings.iter().for_each(|s| options.degradation.set(s).unwrap());
-        let capture = photograph(&object("laptop", 0).unwrap(), &options).unwrap();
-        // Eight steps of the golden angle lead almost once around, thirteen degrees on.
-        change_of_colour(&capture.states[0].train[0], &capture.states[0].train[8])
+        let capture = render_capture(&object("laptop", 0).unwrap(), &options).unwrap();
+        // Eight steps of the golden angle are almost full turns: the azimuth changes by thirteen degrees.
+        change_of_colour(&capture.states[State::START].train[0], &capture.states[State::START].train[8])
     };
     let (world, camera) = (change(&[]), change(&["light=camera"]));
     assert!(world < 9.0 && camera > world + 6.0, "{world} {camera}");

@@ -2,8 +2,8 @@ mod captures;
 mod degradations;
 mod objects;
 
-use crate::PhotoOptions;
+use crate::CaptureOptions;
 
-fn small() -> PhotoOptions {
-    PhotoOptions { views: 3, test_views: 1, size: 48, ..Default::default() }
+fn small() -> CaptureOptions {
+    CaptureOptions { views: 3, test_views: 1, size: 48, ..Default::default() }
 }

@@ -1,8 +1,8 @@
-//! The objects themselves.
+//! The objects.
 
 use crate::trace::Surface;
 use crate::{Object, SUITES, SynthError, object, objects, suite};
-use artgs_core::JointKind;
+use artgs_core::{JointKind, State};
 use glam::{DVec3, Vec3};
 use std::collections::BTreeMap;
 
@@ -34,8 +34,8 @@ fn every_object_has_the_stated_parts_and_joints_that_move() {
             assert!(part.parent.is_none_or(|p| p < index), "{} {}", info.name, part.name);
             let joint = object.world_joint(index).unwrap();
             let (by, least) = match joint.kind {
-                JointKind::Prismatic => (joint.state_values[1] - joint.state_values[0], 0.04),
-                _ => (joint.state_values[1] - joint.state_values[0], 0.45),
+                JointKind::Prismatic => (joint.state_values[State::END] - joint.state_values[State::START], 0.04),
+                _ => (joint.state_values[State::END] - joint.state_values[State::START], 0.45),
             };
             assert!(by.abs() > least, "{} {}: moves by {by} only", info.name, part.name);
             assert!((joint.axis.length() - 1.0).abs() < 1e-12);
@@ -79,12 +79,12 @@ fn the_start_part_moved_by_the_true_joint_is_the_end_part() {
             let joint = object.world_joint(part);
             let own = joint.map_or(artgs_core::Rigid::IDENTITY, |j| j.start_to_end());
             let motion = object.parts[part].parent.map_or(own, |p| object.start_to_end(p) * own);
-            let (moved, end) = (object.mesh(part, 0).moved(&motion), object.mesh(part, 1));
+            let (moved, end) = (object.mesh(part, State::START).moved(&motion), object.mesh(part, State::END));
             for (a, b) in moved.vertices.iter().zip(&end.vertices) {
                 let distance = (Vec3::from(*a) - Vec3::from(*b)).length();
                 assert!(distance < 1e-5, "{} part {part}: {distance}", object.name);
             }
-            assert_eq!(object.mesh(part, 0) == end, part == 0, "{} part {part}", object.name);
+            assert_eq!(object.mesh(part, State::START) == end, part == 0, "{} part {part}", object.name);
         }
     }
 }
@@ -93,7 +93,7 @@ fn the_start_part_moved_by_the_true_joint_is_the_end_part() {
 fn parts_do_not_penetrate_each_other_in_either_state() {
     let toward = DVec3::new(0.31, 0.52, 0.79);
     for object in all() {
-        for state in 0..2 {
+        for state in State::ALL {
             let surface = Surface::new(&object, state);
             for triangle in 0..surface.len() {
                 let [a, b, c] = surface.corners(triangle);
@@ -103,7 +103,7 @@ fn parts_do_not_penetrate_each_other_in_either_state() {
                     let p = a + (b - a) * (i as f64 / steps as f64) + (c - a) * (j as f64 / steps as f64);
                     for other in (0..object.parts.len()).filter(|o| *o != own) {
                         let inside = surface.depth_inside(p, toward, other) > 0;
-                        assert!(!inside, "{} state {state}: part {own} piece {piece} in part {other}", object.name);
+                        assert!(!inside, "{} {}: part {own} piece {piece} in part {other}", object.name, state.name());
                     }
                 }
             }
