@@ -1,5 +1,5 @@
 // Frames of the parts and one Adam update of them and of the perceptron. Same computation as
-// `artgs::articulation::assign`.
+// `artgs::articulation::assignment::centres`.
 
 // Matrix rows of a part's raw quaternion are the columns that `matrix` gives for the conjugate one.
 struct Turn {

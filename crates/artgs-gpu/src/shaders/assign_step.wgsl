@@ -1,5 +1,5 @@
 // One Adam update of frames and perceptron of the learned assignment. Same computation as the update in
-// `artgs::articulation::assign`.
+// `artgs::articulation::assignment::centres`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> control: array<u32>;

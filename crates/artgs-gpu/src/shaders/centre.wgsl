@@ -1,5 +1,5 @@
 // Term that pulls centres to the opacity-weighted means of their parts. Same computation as `centre_regulariser` in
-// `artgs::articulation::assign`.
+// `artgs::articulation::assignment::centres`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> params: array<f32>;

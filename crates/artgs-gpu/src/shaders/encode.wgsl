@@ -1,5 +1,6 @@
 // Inputs of the perceptron for every Gaussian, `[4 K + 2 L + 3][n]`: position in the frame of each part and its length,
-// hash features, coordinates. Same computation as the first half of `Model::forward` in `artgs::articulation::block`.
+// hash features, coordinates. Same computation as the first half of `Model::forward` in
+// `artgs::articulation::assignment::block`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> params: array<f32>;

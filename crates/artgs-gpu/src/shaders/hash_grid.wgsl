@@ -1,4 +1,5 @@
-// Multi-resolution hash encoding of positions. Same computation as `artgs::articulation::hash_grid`. Needs `step`.
+// Multi-resolution hash encoding of positions. Same computation as `artgs::articulation::assignment::hash_grid`. Needs
+// `step`.
 
 struct Cell {
     low: vec3u,

@@ -1,5 +1,5 @@
 // Gradients of the entries of the hash grid. Same computation as `HashGrid::backward` in
-// `artgs::articulation::hash_grid`.
+// `artgs::articulation::assignment::hash_grid`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> levels: array<Level>;

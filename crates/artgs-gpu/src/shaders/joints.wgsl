@@ -1,5 +1,5 @@
-// Motions of parts: their gradients and their updates. Same computation as `artgs::articulation::joints` and the update
-// in `artgs::fit::deform`.
+// Motions of parts: their gradients and their updates. Same computation as `artgs::articulation::model::joints` and the
+// update in `artgs::fit::deform`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> partial: array<vec4f>;

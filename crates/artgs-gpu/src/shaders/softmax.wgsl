@@ -1,5 +1,5 @@
 // Weights of the parts from logits, and the motions they blend to. Same computation as the second half of
-// `Model::forward` in `artgs::articulation::block` and `Blend` in `artgs::articulation::warp`.
+// `Model::forward` in `artgs::articulation::assignment::block` and `Blend` in `artgs::articulation::model::warp`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> inputs: array<f32>;

@@ -1,6 +1,6 @@
 // Gradients with respect to logits from those with respect to blended motions. Same computation as `softmax_backward`
-// in `artgs::articulation::block`, the adjoint of weights in `artgs::articulation::warp` and `centre_regulariser` in
-// `artgs::articulation::assign`.
+// in `artgs::articulation::assignment::block`, the adjoint of weights in `artgs::articulation::model::warp` and
+// `centre_regulariser` in `artgs::articulation::assignment::centres`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> params: array<f32>;

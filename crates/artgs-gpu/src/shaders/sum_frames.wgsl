@@ -1,5 +1,5 @@
 // Gradients with respect to the frame of a part, summed over a range of Gaussians in a fixed order. Same computation as
-// `frame_backward` in `artgs::articulation::block`.
+// `frame_backward` in `artgs::articulation::assignment::block`.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> params: array<f32>;

@@ -1,6 +1,6 @@
-// Moves canonical Gaussians to the state of an image, and the adjoint. Same computation as `artgs::articulation::warp`.
-// `softmax` computes weighted sums of motions before.
-// Needs `step`, `params`, `labels` and `motions`.
+// Moves canonical Gaussians to the state of an image, and the adjoint. Same computation as
+// `artgs::articulation::model::warp`. `softmax` computes weighted sums of motions before. Needs `step`, `params`,
+// `labels` and `motions`.
 
 // A rigid motion as a unit quaternion and the dual part over the same length.
 struct Motion {
