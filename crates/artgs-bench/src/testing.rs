@@ -70,7 +70,7 @@ pub(crate) fn failed(variant: &str, object: &str, seed: u64, reason: &str) -> Re
     Record { outcome: Outcome::Failed(reason.into()), ..record(variant, object, seed, 0.0) }
 }
 
-/// Records with objects of two, three, ... parts that stand for nothing.
+/// Records of objects with two, three, ... parts that are not in the paper.
 pub(crate) fn collected(variants: &[&str], objects: &[&str], records: Vec<Record>) -> Collected {
     let variant = |name: &&str| VariantInfo { name: (*name).into(), description: format!("variant {name}") };
     let object = |(i, name): (usize, &&str)| ObjectInfo {
