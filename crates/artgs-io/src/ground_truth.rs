@@ -1,10 +1,10 @@
-//! The benchmark's true joints and meshes: `gt/trans.json` and `gt/{start,end}/*_rotate.ply`.
+//! Ground-truth joints and meshes of a capture: `gt/trans.json` and `gt/{start,end}/*_rotate.ply`.
 //!
-//! Beyond the benchmark's entries of `trans_info`, an entry may be a screw (`"type": "screw"`, `"screw": {"l", "r",
-//! "pitch"}`: degrees and slide per radian, scene units) and may sit on another movable part (`"parent"`: the
-//! `part_id` of that part, which is its place in the list plus 2).
+//! In addition to the entries of the benchmark's `trans_info`, an entry may be a screw (`"type": "screw"`, `"screw": {"l", "r",
+//! "pitch"}`: degrees and slide per radian, scene units) and may have another movable part as parent (`"parent"`: the
+//! `part_id` of that part, which is its index in the list plus 2).
 //!
-//! For scoring only: nothing that reconstructs may call this.
+//! Only for scores: the reconstruction must not use this.
 
 use crate::error::read_bytes;
 use crate::{FileError, read_mesh_ply};
@@ -13,12 +13,12 @@ use glam::DVec3;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// The true articulated object.
+/// The ground truth of an articulated object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GroundTruth {
-    /// Joints of the movable parts, in the order of `trans_info`, where they are at the start state. Value 0 there.
+    /// Joints of the movable parts, in the order of `trans_info`, in their positions at the start state. Values are 0 there.
     pub joints: Vec<Joint>,
-    /// Index into `joints` of the movable part that carries each part; None: the static part.
+    /// Index into `joints` of the parent of each part; None: the static part.
     pub parents: Vec<Option<usize>>,
     /// The whole object at start and end, world frame.
     pub whole: [Mesh; 2],
@@ -29,7 +29,7 @@ pub struct GroundTruth {
 }
 
 impl GroundTruth {
-    /// World motion of a movable part from start to end: its joint's motion, carried along by its parents.
+    /// World motion of a movable part from start to end: the motion of its joint, then those of its ancestors.
     pub fn start_to_end(&self, part: usize) -> Rigid {
         let own = self.joints[part].start_to_end();
         self.parents[part].map_or(own, |parent| self.start_to_end(parent) * own)
@@ -56,12 +56,12 @@ fn mesh_path(gt_dir: &Path, state: usize, name: &str) -> PathBuf {
     gt_dir.join(state).join(format!("{state}{name}_rotate.ply"))
 }
 
-/// Reads the joints of a `gt` folder and nothing else.
+/// Reads only the joints of a `gt` folder.
 pub fn read_true_joints(gt_dir: &Path) -> Result<Vec<Joint>, FileError> {
     Ok(read_joints(&gt_dir.join("trans.json"))?.into_iter().map(|(joint, _)| joint).collect())
 }
 
-/// Joints and the parents they sit on.
+/// Joints and their parents.
 fn read_joints(path: &Path) -> Result<Vec<(Joint, Option<usize>)>, FileError> {
     let bytes = read_bytes(path)?;
     let root: Value = serde_json::from_slice(&bytes).map_err(|e| FileError::malformed(path, e.to_string()))?;
@@ -69,7 +69,7 @@ fn read_joints(path: &Path) -> Result<Vec<(Joint, Option<usize>)>, FileError> {
         Some(Value::Array(list)) => {
             let entry = |(i, v)| Ok((joint(v)?, parent(v, i, list.len())?));
             let named = |(i, v)| entry((i, v)).map_err(|e: String| format!("trans_info[{i}]: {e}"));
-            list.iter().enumerate().map(named).collect::<Result<Vec<_>, _>>().and_then(without_circles)
+            list.iter().enumerate().map(named).collect::<Result<Vec<_>, _>>().and_then(without_cycles)
         }
         Some(one @ Value::Object(_)) => joint(one).map(|j| vec![(j, None)]).map_err(|e| format!("trans_info: {e}")),
         _ => Err("key `trans_info` must be an object or a list of objects".to_string()),
@@ -77,7 +77,7 @@ fn read_joints(path: &Path) -> Result<Vec<(Joint, Option<usize>)>, FileError> {
     joints.map_err(|reason| FileError::malformed(path, reason))
 }
 
-/// Index of the part that carries part `index` of `count`.
+/// Parent of part `index` of `count`.
 fn parent(info: &Value, index: usize, count: usize) -> Result<Option<usize>, String> {
     let Some(parent) = info.get("parent").filter(|v| !v.is_null()) else { return Ok(None) };
     match parent.as_u64() {
@@ -87,15 +87,15 @@ fn parent(info: &Value, index: usize, count: usize) -> Result<Option<usize>, Str
     }
 }
 
-/// Refuses parts that carry each other.
-fn without_circles(joints: Vec<(Joint, Option<usize>)>) -> Result<Vec<(Joint, Option<usize>)>, String> {
+/// Refuses cycles of parents.
+fn without_cycles(joints: Vec<(Joint, Option<usize>)>) -> Result<Vec<(Joint, Option<usize>)>, String> {
     for start in 0..joints.len() {
         let mut above = joints[start].1;
         for _ in 0..joints.len() {
             above = above.and_then(|p| joints[p].1);
         }
         if above.is_some() {
-            return Err(format!("trans_info[{start}]: key `parent` leads around in a circle"));
+            return Err(format!("trans_info[{start}]: key `parent` is part of a cycle"));
         }
     }
     Ok(joints)

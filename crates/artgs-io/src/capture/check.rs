@@ -1,10 +1,10 @@
-//! Checks that need both states.
+//! Checks of all states together.
 
 use super::CaptureError;
 use crate::summary::{Bounds, depth_bounds, visual_center};
 use artgs_core::{STATE_NAMES, StateViews};
 
-/// Warns where only some training views have depth.
+/// Warns if only some training views have depth.
 pub(super) fn depth_is_everywhere(states: &[StateViews; 2], warnings: &mut Vec<String>) {
     let views = || states.iter().flat_map(|s| &s.train);
     let without: Vec<&str> = views().filter(|v| v.depth.is_none()).map(|v| v.name.as_str()).collect();
@@ -14,8 +14,8 @@ pub(super) fn depth_is_everywhere(states: &[StateViews; 2], warnings: &mut Vec<S
     }
 }
 
-/// The objects of both states must share space: by the boxes of their depth points where both have depth, else by the
-/// points their cameras look at, which must be nearer to each other than the cameras are to them.
+/// The objects of both states must overlap. With depth, the boxes of the depth points must intersect. Otherwise the distance
+/// between the visual centres must be smaller than the mean distance of the cameras to them.
 pub(super) fn states_overlap(states: &[StateViews; 2]) -> Result<(), CaptureError> {
     let [a, b] = [0, 1].map(|s| depth_bounds(&states[s].train));
     if let (Some(a), Some(b)) = (a, b) {

@@ -1,9 +1,9 @@
-//! Reads a capture folder: posed images of one object in two states, in one of two layouts.
+//! Reads a capture folder: posed images of one object in its observed states, in one of two layouts.
 //!
 //! * ArtGS: `transforms_{train,test}_{start,end}.json`, each frame naming its image.
 //! * PARIS: `{start,end}/camera_{train,test}.json`, `K` and one pose per image id.
 //!
-//! Where both are complete, the first is read. Nothing is written into the folder and its `gt/` is never looked at.
+//! If both are complete, the first is read. The reader writes no files and never reads `gt/`.
 
 mod artgs_layout;
 mod check;
@@ -22,8 +22,8 @@ use std::path::{Path, PathBuf};
 /// Names of the two splits, as files spell them.
 const SPLITS: [&str; 2] = ["train", "test"];
 
-/// Loads a capture folder. What is odd but usable lands in [`Capture::warnings`]; what is not is an error that names
-/// file, frame and key and says what to do. Views come in the order of their image paths.
+/// Loads a capture folder. Problems that do not prevent its use are in [`Capture::warnings`]; others are errors that name the
+/// file, the frame, the key and a remedy. Views are in the order of their image paths.
 pub fn load_capture(dir: &Path) -> Result<Capture, CaptureError> {
     if dir.exists() && !dir.is_dir() {
         return Err(CaptureError::NotADirectory { path: dir.into() });
@@ -43,7 +43,7 @@ pub fn load_capture(dir: &Path) -> Result<Capture, CaptureError> {
     Ok(Capture { states: states.into(), warnings })
 }
 
-/// How the folder is laid out.
+/// Layout of the folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Layout {
     ArtGs,
