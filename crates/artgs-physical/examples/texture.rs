@@ -1,8 +1,8 @@
-//! Looks at closed, simplified, textured parts beside the photos they come from.
+//! Compares closed, simplified, textured parts with the photos of the capture.
 //!
 //! `cargo run --release -p artgs-physical --example texture -- REPLICA CAPTURE OUT [budget]`
 //! writes an OBJ, an MTL and a PNG per part, `compare.png` (photo, textured mesh, shaded mesh; two cameras per state) and
-//! `back.png` (from where no camera stood).
+//! `back.png` (from a direction without cameras).
 #![allow(clippy::print_stdout, missing_docs)]
 
 use anyhow::{Context, Result};
@@ -107,7 +107,7 @@ fn compare(out: &Path, replica: &Replica, capture: &Capture, parts: &[TexturedMe
     write_rows(&out.join("back.png"), 2 * w, 2 * h, &rows)
 }
 
-/// The view whose object covers most pixels: it looks at the front.
+/// The view in which the object covers the most pixels: it shows the front.
 fn facing(views: &[View]) -> &View {
     let cover = |v: &&View| v.rgba.iter().filter(|p| p[3] > 0).count();
     views.iter().max_by_key(cover).unwrap_or(&views[0])
@@ -117,7 +117,7 @@ fn over_grey([r, g, b, a]: [u8; 4]) -> [u8; 3] {
     [r, g, b].map(|c| ((u32::from(c) * u32::from(a) + 60 * (255 - u32::from(a))) / 255) as u8)
 }
 
-/// What a camera sees of the meshes, textured or as grey plaster; the inside of surfaces is magenta.
+/// Renders the meshes with texture or in grey; the inside of surfaces is magenta.
 fn draw(camera: &Camera, meshes: &[TexturedMesh], textured: bool) -> Vec<[u8; 3]> {
     let plain: Vec<&Mesh> = meshes.iter().map(|m| &m.mesh).collect();
     let color = |hit: &artgs_physical::bake::Hit| -> [u8; 3] {

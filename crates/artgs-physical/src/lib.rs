@@ -1,4 +1,4 @@
-//! What a capture does not tell and simulators need: closed meshes, textures, convex hulls, masses, joint limits.
+//! Adds what simulators need to a replica: closed meshes, textures, convex hulls, masses, joint limits.
 
 pub mod assemble;
 pub mod bake;

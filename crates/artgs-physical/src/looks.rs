@@ -1,4 +1,4 @@
-//! Fused part meshes made fit to be drawn and to weigh something: closed, simplified, textured from the photos.
+//! Prepares fused part meshes for display and mass computation: closed, simplified, textured from the photos.
 
 use crate::bake::{BakeOptions, BakeView, bake, depth_of};
 use crate::config::PhysicalConfig;
@@ -14,21 +14,21 @@ use rayon::prelude::*;
 /// A part's surface at the start state, frame and unit of the capture.
 #[derive(Clone, Debug, Default)]
 pub struct PartSurface {
-    /// What is drawn.
+    /// Visual mesh.
     pub visual: TexturedMesh,
-    /// True if it encloses its volume.
+    /// True if the mesh is closed.
     pub closed: bool,
     /// Triangles of the fused mesh.
     pub fused: usize,
-    /// Distance between what is drawn and the fused mesh once closed, units of the capture.
+    /// Distance between the visual mesh and the closed fused mesh, units of the capture.
     pub error: SurfaceError,
-    /// Texels of the surface, and how many of them a photo shows.
+    /// Texels of the surface, and those of them that a photo shows.
     pub texels: [usize; 2],
-    /// What was odd, one sentence each.
+    /// Warnings, one sentence each.
     pub warnings: Vec<String>,
 }
 
-/// Voxels are this much longer than the edges of the meshes that marching cubes makes of them.
+/// Edge length of a voxel relative to the mean edge of marching cubes meshes.
 const VOXEL_PER_EDGE: f64 = 1.4;
 
 /// Surfaces of all parts of a valid replica. `meshes[i]` is the fused mesh of part `i` at the start state; without a capture
@@ -39,7 +39,7 @@ pub fn surfaces(
     capture: Option<&Capture>,
     config: &PhysicalConfig,
 ) -> Vec<PartSurface> {
-    // Views without depth are told by the meshes what hides what.
+    // Views without depth use the rendered depth of all meshes.
     let hidden: Vec<Vec<Option<DepthMap>>> =
         [0, 1].iter().map(|s| rendered_depth(replica, meshes, capture, *s)).collect();
     (0..meshes.len()).map(|part| surface(part, replica, meshes, capture, &hidden, config)).collect()
@@ -117,7 +117,7 @@ fn views<'a>(
     states.flat_map(of_state).collect()
 }
 
-/// Depth of the meshes in those training views of a state that have none of their own.
+/// Rendered depth of the meshes in those training views of a state that have no depth.
 fn rendered_depth(
     replica: &Replica,
     meshes: &[Mesh],
@@ -142,7 +142,7 @@ fn texel_density(views: &[BakeView], mesh: &Mesh) -> Option<f64> {
     views.iter().map(density).reduce(f64::max).filter(|d| d.is_finite() && *d > 0.0)
 }
 
-/// What a carried part passes through on its way from start to end, in the world at the start state.
+/// The volume that a child part sweeps on its way from start to end, world frame at the start state.
 struct Passage {
     low: DVec3,
     high: DVec3,
@@ -152,7 +152,7 @@ struct Passage {
 impl Passage {
     /// None if the part has no joint or no surface.
     fn of(mesh: &Mesh, replica: &Replica, part: usize) -> Option<Self> {
-        /// Positions looked at on the way.
+        /// Tested positions on the way.
         const STOPS: u32 = 8;
         /// Measured surfaces overlap a little where parts touch.
         const SHRINK: f64 = 0.03;
