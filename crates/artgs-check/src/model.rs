@@ -1,4 +1,4 @@
-//! What all formats tell about an object, in one frame: that of the object, +Z up, joints at 0.
+//! Model of an object, independent of the format: object's frame, +Z up, joints at 0.
 
 use artgs_core::{Inertial, Joint, JointKind, Rigid};
 use glam::{DMat3, DVec3};
@@ -7,8 +7,8 @@ use glam::{DMat3, DVec3};
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Model {
     pub(crate) links: Vec<Link>,
-    /// Whether the format has a place for collision hulls.
-    pub(crate) tells_hulls: bool,
+    /// Whether the format contains collision hulls.
+    pub(crate) has_hulls: bool,
 }
 
 /// A rigid body, or the fixed root of URDF.
@@ -25,7 +25,7 @@ pub(crate) struct Link {
     pub(crate) hulls: Vec<Shape>,
 }
 
-/// How a link moves; the axis is in the link frame. What a format does not tell is none.
+/// Joint of a link; the axis is in the link frame. Values that a format lacks are none.
 #[derive(Clone, Debug)]
 pub(crate) struct Motion {
     pub(crate) name: String,
@@ -47,7 +47,7 @@ pub(crate) struct Shape {
 }
 
 impl Motion {
-    /// A joint of which only name, kind and axis are known.
+    /// A joint with only name, kind and axis.
     pub(crate) fn new(name: &str, kind: JointKind, axis: DVec3) -> Self {
         let (pitch, observed, effort, velocity, damping, friction) = (None, None, None, None, None, None);
         Self {
@@ -133,7 +133,7 @@ impl Model {
         poses
     }
 
-    /// For every link whether it moves along when the joint of link `root` does.
+    /// For every link whether the joint of link `root` moves it.
     pub(crate) fn carried(&self, root: usize) -> Vec<bool> {
         let mut out = vec![false; self.links.len()];
         for (i, link) in self.links.iter().enumerate() {
@@ -142,7 +142,7 @@ impl Model {
         out
     }
 
-    /// Every number that is not finite, and limits and axes that make no sense.
+    /// Numbers that are not finite, and invalid limits and axes.
     pub(crate) fn faults(&self) -> Vec<String> {
         self.links.iter().flat_map(|l| faults(l).into_iter().map(|f| format!("link `{}`: {f}", l.name))).collect()
     }
