@@ -25,22 +25,22 @@ impl Default for Placement {
 /// A camera of a capture with its pictures.
 #[derive(Clone, Debug)]
 pub struct CameraView {
-    /// What to call it, for example the name of the photo.
+    /// Name, for example that of the photo.
     pub name: String,
     /// 0 = start, 1 = end.
     pub state: usize,
     /// Capture's frame and unit.
     pub camera: Camera,
-    /// Photo, PNG or JPEG, if it is to be shown.
+    /// Photo, PNG or JPEG, to show.
     pub photo: Option<PathBuf>,
-    /// Picture of the replica at this camera, if there is one; the page draws the replica itself otherwise.
+    /// Rendering of the replica at this camera; without one the page draws the replica itself.
     pub rendering: Option<PathBuf>,
-    /// Mask of the photo, white where the object is, if it is to be shown.
+    /// Mask of the photo to show, white on the object.
     pub mask: Option<PathBuf>,
 }
 
 impl CameraView {
-    /// As the page wants it, without files.
+    /// The camera in the form of `scene.json`, without files.
     pub(crate) fn placed(&self, placement: &Placement) -> SceneCamera {
         let Rigid { rotation, translation } = self.camera.world_to_camera.inverse();
         let turn = glam::DMat3::from_quat(placement.rotation * rotation);

@@ -1,4 +1,4 @@
-//! Points of an observed state, as bytes for the page.
+//! Points of an observed state, encoded for the page.
 
 use crate::Placement;
 use glam::DVec3;
@@ -12,8 +12,8 @@ pub struct Cloud {
     pub points: Vec<[f32; 3]>,
     /// sRGB, one per point.
     pub colors: Vec<[u8; 3]>,
-    /// Part of every point, 0 for what stays; before parts are known, 1 for what the other state does not have. Empty if
-    /// that was not looked at.
+    /// Part of every point, 0 for the static part; before parts are known, 1 for points that the other state lacks. Empty if
+    /// unknown.
     pub marks: Vec<u8>,
 }
 

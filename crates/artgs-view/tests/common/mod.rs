@@ -1,4 +1,4 @@
-//! A small replica folder with everything the page shows: a cabinet with a door, in it a knob that screws, and a drawer.
+//! A small replica folder for the page: a cabinet with a door, a knob on a screw joint in the door, and a drawer.
 
 use artgs_core::{
     Asset, AssetJoint, AssetLink, Camera, Inertial, Intrinsics, Joint, JointKind, Mesh, Replica, Rigid, Splats,
@@ -82,7 +82,7 @@ fn joint(kind: JointKind, axis: DVec3, limits: [f64; 2], observed: [f64; 2]) -> 
     })
 }
 
-/// A cabinet of five panels, open towards -Y, with a door above, a knob that screws out of it, and a drawer below.
+/// A cabinet of five panels, open towards -Y, with a door above, a knob on a screw joint in it, and a drawer below.
 pub(crate) fn cabinet() -> Asset {
     let walls = [
         Mesh::cuboid([-0.5, -0.25, 0.0], [-0.48, 0.25, 1.0]),
@@ -109,7 +109,7 @@ pub(crate) fn cabinet() -> Asset {
     Asset { name: "cabinet".into(), links }
 }
 
-/// Writes what `artgs reconstruct` and `artgs export OUT --to urdf,splats` leave behind, as far as the page reads it.
+/// Writes the outputs of `artgs reconstruct` and `artgs export OUT --to urdf,splats` that the page reads.
 pub(crate) fn write_replica_folder(out: &Path) {
     let asset = cabinet();
     let joints: Vec<Joint> = asset
@@ -171,8 +171,7 @@ pub(crate) fn page(out: &Path) -> Page {
     page
 }
 
-/// Parts of the sample before there are surfaces: joints and labelled points. The knob is taken to be a part of its own,
-/// not one of the door.
+/// Discovered parts of the sample: joints and labelled points. The parent of the knob is the base, not the door.
 pub(crate) fn found_page() -> Page {
     let joint = |l: &AssetLink| {
         let AssetJoint { kind, axis, pitch, limits, observed, .. } = l.joint?;
