@@ -1,6 +1,6 @@
 use super::*;
 use crate::testing::write_truth;
-use artgs_core::Replica;
+use artgs_core::{Replica, State};
 use artgs_io::{load_ground_truth, write_mesh_ply, write_replica};
 use std::sync::Arc;
 
@@ -93,9 +93,9 @@ fn perfect_replica(folder: &Path, gt: &Path) {
     let truth = load_ground_truth(gt).unwrap();
     let replica = Replica::new(&truth.joints);
     for (part, meshes) in replica.parts.iter().zip(std::iter::once(&truth.fixed).chain(&truth.movable)) {
-        (0..2).for_each(|s| write_mesh_ply(&folder.join(part.meshes.get(s)), &meshes[s]).unwrap());
+        State::ALL.iter().for_each(|s| write_mesh_ply(&folder.join(&part.meshes[*s]), &meshes[*s]).unwrap());
     }
-    (0..2).for_each(|s| write_mesh_ply(&folder.join(replica.whole.get(s)), &truth.whole[s]).unwrap());
+    State::ALL.iter().for_each(|s| write_mesh_ply(&folder.join(&replica.whole[*s]), &truth.whole[*s]).unwrap());
     write_replica(folder, &replica).unwrap();
     let metrics = json!({ "parts": 2, "gaussians": 5, "test": [{ "psnr": 30.0, "ssim": 0.9, "views": 2 }, null],
                           "total_seconds": 3.0, "peak_memory_mib": 99.0 });

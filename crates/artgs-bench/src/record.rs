@@ -1,7 +1,7 @@
 //! Settings and results of a run: `run.json`.
 
 use artgs::evaluate::Scores;
-use artgs_core::Capture;
+use artgs_core::{Capture, PerState};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -92,7 +92,8 @@ pub struct RunMetrics {
     /// Gaussians.
     pub gaussians: usize,
     /// Held-out pictures of start and end.
-    pub test: [Option<PictureScores>; 2],
+    #[serde(with = "artgs_core::state::array")]
+    pub test: PerState<Option<PictureScores>>,
     /// Wall-clock seconds of each stage.
     pub seconds: Vec<(String, f64)>,
     /// Wall-clock seconds of the reconstruction.
@@ -166,16 +167,17 @@ impl Record {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use artgs_core::State;
 
     #[test]
     fn metrics_are_read_with_and_without_optional_scores() {
         let text = r#"{"parts": 3, "gaussians": 9, "test": [{"psnr": 30.0, "ssim": 0.9, "views": 4}, null],
             "train": [null, null], "seconds": [["discover", 1.5]], "total_seconds": 2.0, "peak_memory_mib": null}"#;
         let metrics: RunMetrics = serde_json::from_str(text).unwrap();
-        assert_eq!(metrics.test[0].unwrap().flip, None);
-        assert_eq!((metrics.parts, metrics.seconds[0].1, metrics.test[1]), (3, 1.5, None));
+        assert_eq!(metrics.test[State::START].unwrap().flip, None);
+        assert_eq!((metrics.parts, metrics.seconds[0].1, metrics.test[State::END]), (3, 1.5, None));
         let more = text.replace("\"views\": 4", "\"flip\": 0.05, \"lpips\": 0.1");
         let metrics: RunMetrics = serde_json::from_str(&more).unwrap();
-        assert_eq!(metrics.test[0].unwrap().lpips, Some(0.1));
+        assert_eq!(metrics.test[State::START].unwrap().lpips, Some(0.1));
     }
 }

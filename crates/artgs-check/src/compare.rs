@@ -3,7 +3,7 @@
 use crate::CheckOptions;
 use crate::model::{Link, Model, tensor};
 use crate::readers::Opened;
-use artgs_core::Inertial;
+use artgs_core::{Inertial, State};
 use glam::DVec3;
 
 /// Adds differences to the findings; returns the reference, completed by values that only other formats contain: observed
@@ -125,8 +125,9 @@ impl Against<'_> {
         self.same(link, "lower limit", is.limits[0], was.limits[0]);
         self.same(link, "upper limit", is.limits[1], was.limits[1]);
         if let (Some(is), Some(was)) = (is.observed, was.observed) {
-            self.same(link, "value observed at the start", is[0], was[0]);
-            self.same(link, "value observed at the end", is[1], was[1]);
+            for state in State::ALL {
+                self.same(link, &format!("value observed at the {}", state.name()), is[state], was[state]);
+            }
         }
         self.share(link, "pitch", is.pitch, was.pitch);
         self.share(link, "effort", is.effort, was.effort);

@@ -9,7 +9,7 @@ use crate::poses::{Scene, names, pose, vector};
 use crate::report::JointFinding;
 use crate::table::quantity;
 use crate::{CheckOptions, mass};
-use artgs_core::{Inertial, Rigid};
+use artgs_core::{Inertial, PerState, Rigid};
 use glam::{DMat3, DVec3};
 use rapier3d::prelude::*;
 
@@ -352,9 +352,9 @@ fn add_problems(motion: &Motion, options: &CheckOptions, out: &mut JointFinding)
         problems.push(format!("at {at} `{a}` and `{b}` penetrate each other by {depth:.1} mm"));
     }
     let [least, most] = [out.stopped[0] - tolerance, out.stopped[1] + tolerance];
-    for (state, value) in artgs_core::STATE_NAMES.iter().zip(out.observed.iter().flatten()) {
+    for (state, value) in out.observed.iter().flat_map(PerState::enumerate) {
         if !(*value >= least && *value <= most) {
-            problems.push(format!("was observed at {} ({state}), which is not reachable", text(*value)));
+            problems.push(format!("was observed at {} ({}), which is not reachable", text(*value), state.name()));
         }
     }
     out.problems.extend(problems);

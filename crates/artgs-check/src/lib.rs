@@ -21,7 +21,7 @@ mod table;
 pub use options::CheckOptions;
 pub use report::{CheckReport, FormatFinding, JointFinding, LinkFinding, StateFinding};
 
-use artgs_core::{JointKind, Replica};
+use artgs_core::{JointKind, PerState, Replica, State};
 use artgs_io::replica::ReplicaFileError;
 use model::Model;
 use rayon::prelude::*;
@@ -96,7 +96,7 @@ fn physics(model: &Model, options: &CheckOptions, report: &mut CheckReport) {
         report.notes.push("only MJCF, USD and GLB contain observed values; export one of them to check these".into());
         return;
     }
-    report.states = (0..2).map(|state| poses::state(model, &scene, state, options)).collect();
+    report.states = State::ALL.iter().map(|state| poses::state(model, &scene, *state, options)).collect();
 }
 
 /// Whether an export belongs to this replica: the same number of parts and the same rotations of hinges. Order and names of
@@ -107,14 +107,14 @@ fn against_replica(replica: &Replica, model: &Model, options: &CheckOptions) -> 
         return vec![format!("{links} links, but the replica has {parts} parts; export again")];
     }
     let hinges = model.links.iter().filter_map(|l| l.motion.as_ref()).filter(|m| m.turns());
-    let Some(observed) = hinges.map(|m| m.observed).collect::<Option<Vec<[f64; 2]>>>() else { return Vec::new() };
+    let Some(observed) = hinges.map(|m| m.observed).collect::<Option<Vec<PerState<f64>>>>() else { return Vec::new() };
     let joints = (0..parts).filter_map(|i| replica.joint(i)).filter(|j| j.kind != JointKind::Prismatic);
-    let sorted = |values: Vec<[f64; 2]>| {
-        let mut turned: Vec<f64> = values.iter().map(|[a, b]| (b - a).abs()).collect();
+    let sorted = |values: Vec<PerState<f64>>| {
+        let mut turned: Vec<f64> = values.iter().map(|v| (v[State::END] - v[State::START]).abs()).collect();
         turned.sort_by(f64::total_cmp);
         turned
     };
-    let (is, was) = (sorted(observed), sorted(joints.map(|j| j.state_values.into()).collect()));
+    let (is, was) = (sorted(observed), sorted(joints.map(|j| j.state_values).collect()));
     if is.len() == was.len() && is.iter().zip(&was).all(|(a, b)| (a - b).abs() <= options.angle) {
         return Vec::new();
     }

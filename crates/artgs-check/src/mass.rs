@@ -49,10 +49,7 @@ fn problems(link: &Link, moments: [f64; 3], options: &CheckOptions) -> Vec<Strin
         out.push(format!("principal moment {c:.3e} kg m^2, {mass:.4} kg within {reach:.3} m have less"));
     }
     if c < 1e-6 * mass * size.length_squared() {
-        out.push(format!(
-            "principal moment {c:.3e} kg m^2 is too small, the link is {:.3} m long",
-            size.length()
-        ));
+        out.push(format!("principal moment {c:.3e} kg m^2 is too small, the link is {:.3} m long", size.length()));
     }
     out
 }

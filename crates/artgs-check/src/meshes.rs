@@ -42,7 +42,7 @@ fn read(path: &Path, finding: &mut FormatFinding) -> Result<Vec<DVec3>, String> 
     // Hulls have no materials, which is no error.
     for material in materials.map_err(|e| format!("its materials: {e}"))? {
         let Some(texture) = material.diffuse_texture else { continue };
-        picture(&folder.join(&texture), finding).map_err(|e| format!("texture {texture}: {e}"))?;
+        image_file(&folder.join(&texture), finding).map_err(|e| format!("texture {texture}: {e}"))?;
     }
     Ok(points)
 }

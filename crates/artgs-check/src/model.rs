@@ -1,6 +1,6 @@
 //! Model of an object, independent of the format: object's frame, +Z up, joints at 0.
 
-use artgs_core::{Inertial, Joint, JointKind, Rigid};
+use artgs_core::{Inertial, Joint, JointKind, PerState, Rigid};
 use glam::{DMat3, DVec3};
 
 /// A tree of links, parents before children.
@@ -33,7 +33,7 @@ pub(crate) struct Motion {
     pub(crate) axis: DVec3,
     pub(crate) limits: [f64; 2],
     pub(crate) pitch: Option<f64>,
-    pub(crate) observed: Option<[f64; 2]>,
+    pub(crate) observed: Option<PerState<f64>>,
     pub(crate) effort: Option<f64>,
     pub(crate) velocity: Option<f64>,
     pub(crate) damping: Option<f64>,
@@ -67,15 +67,8 @@ impl Motion {
     /// Motion in the link frame when the joint goes from 0 to `value`.
     pub(crate) fn motion(&self, value: f64) -> Rigid {
         let (kind, axis, pitch) = (self.kind, self.axis, self.pitch.unwrap_or(0.0));
-        Joint {
-            kind,
-            axis,
-            origin: DVec3::ZERO,
-            pitch,
-            state_values: artgs_core::PerState::new(0.0, 0.0),
-            limits: self.limits,
-        }
-        .motion(value)
+        Joint { kind, axis, origin: DVec3::ZERO, pitch, state_values: PerState::new(0.0, 0.0), limits: self.limits }
+            .motion(value)
     }
 
     pub(crate) fn turns(&self) -> bool {

@@ -3,7 +3,7 @@
 use crate::CheckOptions;
 use crate::model::{Link, Model, bounds};
 use crate::report::StateFinding;
-use artgs_core::{Rigid, STATE_NAMES};
+use artgs_core::{Rigid, State};
 use glam::DVec3;
 use rapier3d::parry::bounding_volume::BoundingVolume as _;
 use rapier3d::parry::query::contact;
@@ -102,7 +102,7 @@ pub(crate) fn names(model: &Model, links: Option<[usize; 2]>) -> Option<[String;
 }
 
 /// Penetration in an observed state, all joints together.
-pub(crate) fn state(model: &Model, scene: &Scene, state: usize, options: &CheckOptions) -> StateFinding {
+pub(crate) fn state(model: &Model, scene: &Scene, state: State, options: &CheckOptions) -> StateFinding {
     let value = |link: &Link| link.motion.as_ref().and_then(|m| m.observed).map_or(0.0, |o| o[state]);
     let values: Vec<f64> = model.links.iter().map(value).collect();
     let (penetration, pair) = scene.deepest(&model.poses(&values), |_, _| true);
@@ -111,5 +111,5 @@ pub(crate) fn state(model: &Model, scene: &Scene, state: usize, options: &CheckO
     if let Some([a, b]) = between.as_ref().filter(|_| penetration > options.penetration) {
         problems.push(format!("`{a}` and `{b}` penetrate each other by {:.1} mm", 1e3 * penetration));
     }
-    StateFinding { state: STATE_NAMES[state].into(), penetration, between, problems }
+    StateFinding { state: state.name().into(), penetration, between, problems }
 }

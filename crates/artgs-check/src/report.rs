@@ -1,8 +1,8 @@
 //! Findings of a check as data.
 
 use crate::CheckOptions;
-use artgs_core::JointKind;
-use serde::Serialize;
+use artgs_core::{JointKind, PerState};
+use serde::{Serialize, Serializer};
 
 /// Findings of a check. Metres, radians, kilograms, seconds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -92,7 +92,8 @@ pub struct JointFinding {
     /// Links of the deepest penetration.
     pub penetration_between: Option<[String; 2]>,
     /// Values in the observed states, if a format contains them.
-    pub observed: Option<[f64; 2]>,
+    #[serde(serialize_with = "as_array")]
+    pub observed: Option<PerState<f64>>,
     /// Problems, one sentence each.
     pub problems: Vec<String>,
 }
@@ -108,6 +109,11 @@ pub struct StateFinding {
     pub between: Option<[String; 2]>,
     /// Problems, one sentence each.
     pub problems: Vec<String>,
+}
+
+/// Writes `[start, end]` or null.
+fn as_array<S: Serializer>(values: &Option<PerState<f64>>, serializer: S) -> Result<S::Ok, S::Error> {
+    values.as_ref().map(PerState::as_slice).serialize(serializer)
 }
 
 impl CheckReport {

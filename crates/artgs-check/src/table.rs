@@ -1,7 +1,7 @@
 //! A report as text.
 
 use crate::report::{CheckReport, FormatFinding, JointFinding};
-use artgs_core::JointKind;
+use artgs_core::{JointKind, State};
 use std::fmt;
 
 /// A joint value in degrees or millimetres.
@@ -71,7 +71,7 @@ fn joint_row(found: &JointFinding) -> Vec<String> {
         verdict(&found.problems).into(),
         range(found.limits),
         range(found.stopped),
-        found.observed.map_or("unknown".into(), range),
+        found.observed.map_or("unknown".into(), |v| range([v[State::START], v[State::END]])),
         format!("{:.2} {unit}", found.force),
         format!("{:.2} mm", 1e3 * found.penetration),
         if found.drift.iter().all(Option::is_none) { "-".into() } else { quantity(found.kind, drift) },

@@ -4,7 +4,8 @@
 
 use artgs_check::{CheckError, CheckOptions, CheckReport, FormatFinding, check};
 use artgs_core::{
-    Asset, AssetJoint, AssetLink, Inertial, Joint, JointKind, Mesh, Replica, Splats, Texture, TexturedMesh,
+    Asset, AssetJoint, AssetLink, Inertial, Joint, JointKind, Mesh, PerState, Replica, Splats, State, Texture,
+    TexturedMesh,
 };
 use artgs_io::asset::{export_mjcf, export_partnet, export_sdf, export_urdf, glb, splats, usd};
 use glam::DVec3;
@@ -45,7 +46,7 @@ fn joint(kind: JointKind, axis: DVec3, limits: [f64; 2], observed: [f64; 2]) -> 
         axis,
         pitch: 0.0,
         limits,
-        observed: observed.into(),
+        observed: PerState::new(observed[0], observed[1]),
         effort: 50.0,
         velocity: 3.0,
         damping: 0.2,
@@ -95,7 +96,7 @@ fn write_replica(out: &Path, asset: &Asset) {
     let replica = Replica::new(&joints);
     artgs_io::write_replica(out, &replica).unwrap();
     let meshes = replica.parts.iter().map(|p| &p.meshes).chain([&replica.whole]);
-    for mesh in meshes.flat_map(|m| [m.get(0), m.get(1)]) {
+    for mesh in meshes.flat_map(|m| m.iter()) {
         artgs_io::write_atomic(&out.join(mesh), b"").unwrap();
     }
 }
@@ -157,7 +158,7 @@ fn a_sound_cabinet_passes_in_every_format() {
         assert!((found.stopped[1] - upper).abs() < 2e-3 && found.force < 50.0 && found.force > 0.1, "{text}");
         assert!(found.drift.iter().all(|d| d.is_some_and(|d| d < 2e-3)), "{text}");
     }
-    assert_eq!(report.joints[1].observed, Some([0.0, 0.4]));
+    assert_eq!(report.joints[1].observed, Some(PerState::new(0.0, 0.4)));
     assert_eq!(report.states.len(), 2);
     assert!(
         text.contains("part_1_joint") && text.contains("0.0 deg to 91.7 deg") && text.contains("420.0 mm"),
@@ -180,7 +181,7 @@ fn a_screw_and_links_without_texture_pass_too() {
 }
 
 #[test]
-fn a_drawer_whose_hull_overlaps_its_cabinet_is_told() {
+fn a_drawer_whose_hull_overlaps_its_cabinet_is_reported() {
     let mut asset = cabinet();
     // Two centimetres into the right wall, all the way.
     asset.links[2].collision[0] = Mesh::cuboid([-0.47, 0.0, -0.2], [0.5, 0.02, 0.2]);
@@ -237,7 +238,7 @@ fn what_is_thinner_than_the_way_between_two_poses_is_found() {
 }
 
 #[test]
-fn a_joint_too_weak_for_its_weight_is_told() {
+fn a_joint_too_weak_for_its_weight_is_reported() {
     let mut asset = cabinet();
     asset.links[3].joint.as_mut().unwrap().effort = 0.2;
     let report = driven(&asset);
@@ -264,7 +265,7 @@ fn damaged(file: &str, changed: impl FnOnce(&Path)) -> CheckReport {
     let dir = all_formats(&cabinet());
     let path = dir.path().join("exports").join(file);
     assert!(path.is_file(), "{file}");
-    replica_with(&path);
+    changed(&path);
     check(dir.path(), &CheckOptions::default()).unwrap()
 }
 
@@ -302,7 +303,11 @@ fn files_that_are_missing_or_broken_are_named() {
     let report = damaged("urdf/meshes/part_1_collision_0.obj", removed);
     only(&report, "urdf", "meshes/part_1_collision_0.obj: the file does not exist");
     only(&damaged("mjcf/assets/part_1_visual.png", removed), "mjcf", "texture part_1_visual.png");
-    only(&damaged("sdf/meshes/part_2_visual.png", halved), "sdf", "meshes/part_2_visual.obj: texture part_2_visual.png");
+    only(
+        &damaged("sdf/meshes/part_2_visual.png", halved),
+        "sdf",
+        "meshes/part_2_visual.obj: texture part_2_visual.png",
+    );
     only(&damaged("partnet/semantics.txt", removed), "partnet", "semantics.txt");
     only(&damaged("glb/cabinet.glb", halved), "glb", "does not open");
     only(&damaged("glb/cabinet_splats.glb", halved), "_splats.glb", "does not open");
@@ -316,7 +321,7 @@ fn files_that_are_missing_or_broken_are_named() {
 }
 
 #[test]
-fn formats_that_disagree_are_told_where() {
+fn formats_that_disagree_are_reported() {
     let report = replaced("mjcf/cabinet.xml", "range=\"0 1.6\"", "range=\"0 1.5\"");
     only(&report, "mjcf", "link `part_1`: upper limit is 1.5, in the urdf 1.6");
     let report = replaced("sdf/model.sdf", "<mass>2</mass>", "<mass>3</mass>");
@@ -333,7 +338,7 @@ fn formats_that_disagree_are_told_where() {
 }
 
 #[test]
-fn bodies_that_make_no_sense_are_told() {
+fn bodies_that_make_no_sense_are_reported() {
     let report = damaged("urdf/meshes/flap_collision_0.obj", |path| {
         std::fs::write(path, "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n").unwrap();
     });
@@ -365,10 +370,10 @@ fn what_cannot_be_checked_is_refused_with_the_reason() {
 }
 
 #[test]
-fn exports_of_another_replica_are_told() {
+fn exports_of_another_replica_are_reported() {
     let dir = all_formats(&cabinet());
     let mut other = cabinet();
-    other.links[1].joint.as_mut().unwrap().observed[1] = 1.2;
+    other.links[1].joint.as_mut().unwrap().observed[State::END] = 1.2;
     write_replica(dir.path(), &other);
     let report = check(dir.path(), &CheckOptions::default()).unwrap();
     has_problem(&of(&report, "glb").problems, "hinges turned by [45.8, 85.9] deg, in the replica by [45.8, 68.8] deg");

@@ -149,6 +149,11 @@ impl Replica {
         }
     }
 
+    /// Motion of a part from the start to `state` in the world; the identity for the start.
+    pub fn motion_to(&self, part: usize, state: State) -> Rigid {
+        if state == State::START { Rigid::IDENTITY } else { self.world_motion(part) }
+    }
+
     /// Checks format, version, numbering, parents, and that every joint is finite with a unit axis and ordered limits.
     pub fn validate(&self) -> Result<(), ReplicaError> {
         if self.format != REPLICA_FORMAT {

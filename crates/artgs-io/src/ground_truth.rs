@@ -8,7 +8,7 @@
 
 use crate::error::read_bytes;
 use crate::{FileError, read_mesh_ply};
-use artgs_core::{Joint, JointKind, Mesh, Rigid, STATE_NAMES};
+use artgs_core::{Joint, JointKind, Mesh, PerState, Rigid, State};
 use glam::DVec3;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -21,11 +21,11 @@ pub struct GroundTruth {
     /// Index into `joints` of the parent of each part; None: the static part.
     pub parents: Vec<Option<usize>>,
     /// The whole object at start and end, world frame.
-    pub whole: [Mesh; 2],
+    pub whole: PerState<Mesh>,
     /// The static part at start and end.
-    pub fixed: [Mesh; 2],
+    pub fixed: PerState<Mesh>,
     /// Movable parts at start and end, in the order of `joints`.
-    pub movable: Vec<[Mesh; 2]>,
+    pub movable: Vec<PerState<Mesh>>,
 }
 
 impl GroundTruth {
@@ -39,11 +39,10 @@ impl GroundTruth {
 /// Reads a `gt` folder. Degrees become radians, axis directions are normalised; a zero axis is an error.
 pub fn load_ground_truth(gt_dir: &Path) -> Result<GroundTruth, FileError> {
     let (joints, parents): (Vec<_>, Vec<_>) = read_joints(&gt_dir.join("trans.json"))?.into_iter().unzip();
-    let mesh = |state: usize, name: &str| read_mesh_ply(&mesh_path(gt_dir, state, name));
-    let both = |name: &str| Ok([mesh(0, name)?, mesh(1, name)?]);
+    let both = |name: &str| PerState::from_fn(|state| read_mesh_ply(&mesh_path(gt_dir, state, name))).transpose();
     let movable = (0..joints.len()).map(|i| {
         let numbered = format!("_dynamic_{i}");
-        let single = joints.len() == 1 && !mesh_path(gt_dir, 0, &numbered).is_file();
+        let single = joints.len() == 1 && !mesh_path(gt_dir, State::START, &numbered).is_file();
         both(if single { "_dynamic" } else { &numbered })
     });
     let movable = movable.collect::<Result<_, _>>()?;
@@ -51,8 +50,8 @@ pub fn load_ground_truth(gt_dir: &Path) -> Result<GroundTruth, FileError> {
 }
 
 /// `_rotate` in the names means turned to z-up.
-fn mesh_path(gt_dir: &Path, state: usize, name: &str) -> PathBuf {
-    let state = STATE_NAMES[state];
+fn mesh_path(gt_dir: &Path, state: State, name: &str) -> PathBuf {
+    let state = state.name();
     gt_dir.join(state).join(format!("{state}{name}_rotate.ply"))
 }
 
@@ -125,7 +124,7 @@ fn joint(info: &Value) -> Result<Joint, String> {
         axis: direction / axis_length,
         origin: vector(axis, "o")?,
         pitch,
-        state_values: artgs_core::PerState::new(0.0, moved),
+        state_values: PerState::new(0.0, moved),
         limits: [moved.min(0.0), moved.max(0.0)],
     })
 }
@@ -151,9 +150,9 @@ mod tests {
     fn folder(trans: &str, parts: &[&str]) -> tempfile::TempDir {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("trans.json"), trans).unwrap();
-        for state in 0..2 {
+        for state in State::ALL {
             for (i, name) in ["", "_static"].iter().chain(parts).enumerate() {
-                write_mesh_ply(&mesh_path(dir.path(), state, name), &point((10 * state + i) as f32)).unwrap();
+                write_mesh_ply(&mesh_path(dir.path(), state, name), &point((10 * state.index() + i) as f32)).unwrap();
             }
         }
         dir
@@ -170,13 +169,13 @@ mod tests {
         let truth = load_ground_truth(dir.path()).unwrap();
         let joint = truth.joints[0];
         assert_eq!((joint.kind, joint.axis, joint.origin), (JointKind::Revolute, -DVec3::Z, DVec3::new(1.0, 2.0, 3.0)));
-        assert!((joint.state_values[1] + std::f64::consts::FRAC_PI_2).abs() < 1e-12 && joint.limits[1] == 0.0);
+        assert!((joint.state_values[State::END] + std::f64::consts::FRAC_PI_2).abs() < 1e-12 && joint.limits[1] == 0.0);
         // -90 degrees about -z takes the x direction to y.
         let moved = joint.start_to_end().apply(DVec3::new(2.0, 2.0, 0.0));
         assert!((moved - DVec3::new(1.0, 3.0, 0.0)).length() < 1e-12, "{moved}");
         assert_eq!(
-            (&truth.whole[1], &truth.fixed[0], &truth.movable),
-            (&point(10.0), &point(1.0), &vec![[point(2.0), point(12.0)]])
+            (&truth.whole[State::END], &truth.fixed[State::START], &truth.movable),
+            (&point(10.0), &point(1.0), &vec![PerState::new(point(2.0), point(12.0))])
         );
     }
 
@@ -186,7 +185,7 @@ mod tests {
         let truth = load_ground_truth(dir.path()).unwrap();
         let shift = truth.joints[1].start_to_end().translation;
         assert!((shift - DVec3::new(0.0, 0.25, 0.0)).length() < 1e-12, "{shift}");
-        assert_eq!(truth.movable[1], [point(3.0), point(13.0)]);
+        assert_eq!(truth.movable[1], PerState::new(point(3.0), point(13.0)));
         std::fs::remove_file(dir.path().join("end/end_dynamic_1_rotate.ply")).unwrap();
         assert!(load_ground_truth(dir.path()).unwrap_err().to_string().contains("end_dynamic_1_rotate.ply"));
     }

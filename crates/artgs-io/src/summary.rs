@@ -1,6 +1,6 @@
 //! Statistics of a capture: as text (`Display`) and as JSON (`Serialize`).
 
-use artgs_core::{Capture, DepthMap, STATE_NAMES, View};
+use artgs_core::{Capture, DepthMap, PerState, State, View};
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -49,7 +49,8 @@ impl Bounds {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CaptureSummary {
     /// Start and end.
-    pub states: [StateSummary; 2],
+    #[serde(with = "artgs_core::state::array")]
+    pub states: PerState<StateSummary>,
     /// Intersection over union of the object boxes of both states, [0, 1]; none without depth.
     pub shared_volume: Option<f64>,
     /// Distance between the visual centres of the training cameras of both states, scene units.
@@ -103,25 +104,25 @@ pub struct DepthSummary {
 
 /// Computes the statistics of a capture.
 pub fn summarize(capture: &Capture) -> CaptureSummary {
-    let state = |s: usize| {
-        let views = &capture.states[s];
+    let summary = |state: State| {
+        let views = &capture.states[state];
         let object_box = depth_bounds(&views.train);
         let center = object_box.map(|b| (b.min + b.max) * 0.5).or(visual_center(&views.train).map(|c| c.point));
         StateSummary {
-            name: STATE_NAMES[s].into(),
+            name: state.name().into(),
             train: summarize_split(&views.train),
             test: summarize_split(&views.test),
             object_box,
             camera_distance: center.and_then(|c| range(views.train.iter().map(|v| (v.camera.position() - c).length()))),
         }
     };
-    let states = [state(0), state(1)];
-    let boxes = states[0].object_box.zip(states[1].object_box);
-    let gaze = visual_center(&capture.states[0].train).zip(visual_center(&capture.states[1].train));
+    let states = PerState::from_fn(summary);
+    let boxes = PerState::try_from_fn(|state| states[state].object_box);
+    let gaze = PerState::try_from_fn(|state| visual_center(&capture.states[state].train));
     CaptureSummary {
         states,
-        shared_volume: boxes.map(|(a, b)| a.shared_volume(&b)),
-        gaze_distance: gaze.map(|(a, b)| (a.point - b.point).length()),
+        shared_volume: boxes.map(|b| b[State::START].shared_volume(&b[State::END])),
+        gaze_distance: gaze.map(|c| (c[State::START].point - c[State::END].point).length()),
         camera_extent: capture.camera_extent(),
         warnings: capture.warnings.clone(),
     }

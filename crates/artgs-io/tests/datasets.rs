@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "helpers of tests are tests")]
 
-use artgs_core::{Capture, View};
+use artgs_core::{Capture, State, View};
 use artgs_io::summary::depth_bounds;
 use artgs_io::{load_capture, load_ground_truth, summarize};
 use glam::{DVec2, DVec3};
@@ -81,7 +81,7 @@ fn depth_fills_the_true_mesh() {
     for dir in datasets() {
         let (capture, truth) = (load(&dir), load_ground_truth(&dir.join("gt")).unwrap());
         assert_eq!(truth.joints.len(), truth.movable.len());
-        for s in 0..2 {
+        for s in State::ALL {
             let vertices = truth.whole[s].vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)));
             let mesh = artgs_io::summary::Bounds::of(vertices).unwrap();
             let seen = depth_bounds(&capture.states[s].train).unwrap();
@@ -90,7 +90,8 @@ fn depth_fills_the_true_mesh() {
             assert!(off < 0.05, "{}: depth {seen:?}, mesh {mesh:?}", dir.display());
         }
         // The ground-truth joints move the parts from the start to the end.
-        for (joint, [start, end]) in truth.joints.iter().zip(&truth.movable) {
+        for (joint, meshes) in truth.joints.iter().zip(&truth.movable) {
+            let (start, end) = (&meshes[State::START], &meshes[State::END]);
             let moved = start.moved(&joint.start_to_end());
             // Both meshes have the same vertices in different orders.
             let far = |a: &[f32; 3]| {

@@ -2,12 +2,12 @@
 
 use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest};
 use crate::config::{Collision, PhysicalConfig};
-use crate::decompose::{DecomposeOptions, Decomposer, decompose_with, decompose};
+use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with};
 use crate::looks::PartSurface;
 use crate::mass::inertial;
 use crate::stance::{Range, closed_state, extend};
 use crate::topology::{bounds, points};
-use artgs_core::{Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, Replica, Rigid, TexturedMesh};
+use artgs_core::{Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, PerState, Replica, Rigid, State, TexturedMesh};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -15,7 +15,7 @@ use rayon::prelude::*;
 #[derive(Clone, Debug, Default)]
 pub struct Decisions {
     /// State in which each part is closed; none if unknown.
-    pub closed_state: Vec<Option<usize>>,
+    pub closed_state: Vec<Option<State>>,
     /// Limits of each joint with their reasons.
     pub ranges: Vec<Option<Range>>,
     /// Cuts of convex pieces over the observed range.
@@ -43,7 +43,8 @@ pub fn assemble(
 ) -> Result<(Asset, Decisions), String> {
     let meshes: Vec<&Mesh> = surfaces.iter().map(|s| &s.visual.mesh).collect();
     let diagonal = config.scale * diagonal(&meshes);
-    let closed: Vec<Option<usize>> = (0..replica.parts.len()).map(|part| closed_state_of(replica, &meshes, part)).collect();
+    let closed: Vec<Option<State>> =
+        (0..replica.parts.len()).map(|part| closed_state_of(replica, &meshes, part)).collect();
     let frames = frames(replica, &closed, config);
     let names = names(replica);
     let wall = config.wall_share * diagonal;
@@ -111,17 +112,11 @@ fn collide(
 /// while the others are at zero or in either observed state.
 pub fn stances(asset: &Asset) -> Vec<Vec<Rigid>> {
     let zero = vec![0.0; asset.links.len()];
-    let mut out = vec![
-        asset.poses(&asset.observed(artgs_core::State::START)),
-        asset.poses(&asset.observed(artgs_core::State::END)),
-        asset.poses(&zero),
-    ];
+    let observed = State::ALL.map(|state| asset.observed(state));
+    let mut out: Vec<Vec<Rigid>> = observed.iter().chain([&zero]).map(|values| asset.poses(values)).collect();
     for (i, _, joint) in asset.movable() {
-        for (others, poses) in [
-            (&zero, POSES),
-            (&asset.observed(artgs_core::State::START), POSES_WITH_OTHERS),
-            (&asset.observed(artgs_core::State::END), POSES_WITH_OTHERS),
-        ] {
+        let with_others = observed.iter().map(|values| (values, POSES_WITH_OTHERS));
+        for (others, poses) in std::iter::once((&zero, POSES)).chain(with_others) {
             for step in 0..poses {
                 let mut values = others.clone();
                 let [lower, upper] = joint.limits;
@@ -142,7 +137,7 @@ struct Frame {
     joint: Option<AssetJoint>,
 }
 
-fn frames(replica: &Replica, closed: &[Option<usize>], config: &PhysicalConfig) -> Vec<Frame> {
+fn frames(replica: &Replica, closed: &[Option<State>], config: &PhysicalConfig) -> Vec<Frame> {
     let upright = Rigid { rotation: config.up.upright(), translation: DVec3::ZERO };
     let mut out: Vec<Frame> = Vec::new();
     for (i, part) in replica.parts.iter().enumerate() {
@@ -152,16 +147,17 @@ fn frames(replica: &Replica, closed: &[Option<usize>], config: &PhysicalConfig) 
             continue;
         };
         let joint = metric(joint, config.scale);
-        let zero = joint.state_values[closed[i].unwrap_or(0)];
+        let zero_state = closed[i].unwrap_or(State::START);
+        let zero = joint.state_values[zero_state];
         // Positive values open: from the closed state towards the other.
-        let away = joint.state_values[usize::from(closed[i].unwrap_or(0) == 0)] - zero;
+        let away = joint.state_values[zero_state.other()] - zero;
         let sign = if away < 0.0 { -1.0 } else { 1.0 };
-        let from_start = carried * joint.motion(zero - joint.state_values[0]);
+        let from_start = carried * joint.motion(zero - joint.state_values[State::START]);
         let ordered = |[a, b]: [f64; 2]| [a.min(b), a.max(b)];
         // Adding zero converts -0 to 0.
         let observed = joint.state_values.map(|v| sign * (v - zero) + 0.0);
         let given = ordered(joint.limits.map(|v| sign * (v - zero)));
-        let seen = ordered(observed.into());
+        let seen = ordered([observed[State::START], observed[State::END]]);
         /// Least range of a joint, radians or metres: engines refuse `lower = upper`.
         const NARROWEST: f64 = 1e-4;
         let limits = [given[0].min(seen[0]).min(0.0), given[1].max(seen[1]).max(seen[0] + NARROWEST)];
@@ -183,12 +179,12 @@ fn frames(replica: &Replica, closed: &[Option<usize>], config: &PhysicalConfig) 
 
 /// A joint in metres.
 fn metric(joint: Joint, scale: f64) -> Joint {
-    let values = |v: [f64; 2]| if joint.kind == JointKind::Prismatic { v.map(|x| x * scale) } else { v };
+    let value = |v: f64| if joint.kind == JointKind::Prismatic { v * scale } else { v };
     Joint {
         origin: joint.origin * scale,
         pitch: joint.pitch * scale,
-        state_values: values(joint.state_values.into()).into(),
-        limits: values(joint.limits),
+        state_values: joint.state_values.map(value),
+        limits: joint.limits.map(value),
         ..joint
     }
 }
@@ -215,7 +211,7 @@ fn dynamics(joint: AssetJoint, mass: f64, diagonal: f64, config: &PhysicalConfig
     }
 }
 
-fn closed_state_of(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<usize> {
+fn closed_state_of(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<State> {
     /// Least difference, as a share of the diagonal, that is significant, ...
     const SIGNIFICANT: f64 = 0.01;
     /// ... or as a share of the mean motion of the part, whichever is smaller.
@@ -227,7 +223,7 @@ fn closed_state_of(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<u
     let distances = points(meshes[part]).zip(points(&end)).map(|(a, b)| a.distance(b));
     let mean_motion = distances.sum::<f64>() / end.vertices.len().max(1) as f64;
     let significant = (SIGNIFICANT * diagonal(meshes)).min(SIGNIFICANT_OF_MOTION * mean_motion);
-    closed_state([meshes[part], &end], [meshes[parent], meshes[parent]], significant)
+    closed_state(PerState::new(meshes[part], &end), PerState::new(meshes[parent], meshes[parent]), significant)
 }
 
 /// Diagonal of the box around all meshes.

@@ -65,22 +65,25 @@ fn observed_states_keep_their_positions_and_positive_values_open() {
         let names: Vec<&str> = asset.links.iter().map(|l| l.name.as_str()).collect();
         assert_eq!(names, ["base", "drawer_lower", "world_2"]);
         let upright = |p: DVec3| scale * if up == Up::Z { p } else { DVec3::new(p.x, -p.z, p.y) };
-        for state in 0..2 {
-            let values = asset.observed(artgs_core::State::ALL[state]);
+        for state in State::ALL {
+            let values = asset.observed(state);
             for link in 0..3 {
                 let point = DVec3::new(0.3, -0.1, 0.6);
-                let motion = if state == 0 { Rigid::IDENTITY } else { replica.world_motion(link) };
+                let motion = replica.motion_to(link, state);
                 let (found, want) = (placed(&asset, &decisions, link, point, &values), upright(motion.apply(point)));
-                assert!(found.distance(want) < 1e-9, "{up:?} state {state} link {link}: {found} {want}");
+                assert!(found.distance(want) < 1e-9, "{up:?} {state:?} link {link}: {found} {want}");
             }
         }
         if up == Up::Z {
             // The drawer is closed at the end, the door at the start.
-            assert_eq!(decisions.closed_state, [None, Some(1), Some(0)]);
+            assert_eq!(decisions.closed_state, [None, Some(State::END), Some(State::START)]);
             let [drawer, door] = [1, 2].map(|i| asset.links[i].joint.unwrap());
-            assert!((drawer.observed[0] - 0.3).abs() < 1e-12 && drawer.observed[1] == 0.0, "{drawer:?}");
+            let near = |v: PerState<f64>, start: f64, end: f64| {
+                (v[State::START] - start).abs() < 1e-12 && (v[State::END] - end).abs() < 1e-12
+            };
+            assert!(near(drawer.observed, 0.3, 0.0), "{drawer:?}");
             assert!((drawer.axis - DVec3::NEG_Y).length() < 1e-12);
-            assert!(door.observed[0] == 0.0 && (door.observed[1] - 1.2).abs() < 1e-12);
+            assert!(near(door.observed, 0.0, 1.2), "{door:?}");
         }
         for (_, link, joint) in asset.movable() {
             let [low, high] = joint.limits;

@@ -17,6 +17,6 @@ mod topology;
 pub mod unwrap;
 
 pub use assemble::{Decisions, assemble};
-pub use build::{Built, Parts, build};
+pub use build::{BuiltAsset, Parts, build};
 pub use config::{Collision, PhysicalConfig, Up};
 pub use looks::PartSurface;

@@ -7,7 +7,7 @@ use crate::shade::{CREASE, with_normals};
 use crate::simplify::{SurfaceError, simplify, smoothed};
 use crate::topology::{bounds, points};
 use crate::unwrap::{UnwrapOptions, unwrap};
-use artgs_core::{Capture, DepthMap, Mesh, Replica, Rigid, TexturedMesh};
+use artgs_core::{Capture, DepthMap, Mesh, PerState, Replica, Rigid, State, TexturedMesh};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -40,8 +40,7 @@ pub fn surfaces(
     config: &PhysicalConfig,
 ) -> Vec<PartSurface> {
     // Views without depth use the rendered depth of all meshes.
-    let hidden: Vec<Vec<Option<DepthMap>>> =
-        [0, 1].iter().map(|s| rendered_depth(replica, meshes, capture, *s)).collect();
+    let hidden = PerState::from_fn(|state| rendered_depth(replica, meshes, capture, state));
     (0..meshes.len()).map(|part| surface(part, replica, meshes, capture, &hidden, config)).collect()
 }
 
@@ -50,7 +49,7 @@ fn surface(
     replica: &Replica,
     meshes: &[Mesh],
     capture: Option<&Capture>,
-    hidden: &[Vec<Option<DepthMap>>],
+    hidden: &PerState<Vec<Option<DepthMap>>>,
     config: &PhysicalConfig,
 ) -> PartSurface {
     let fused = &meshes[part];
@@ -99,14 +98,12 @@ fn views<'a>(
     part: usize,
     replica: &Replica,
     capture: Option<&'a Capture>,
-    hidden: &'a [Vec<Option<DepthMap>>],
+    hidden: &'a PerState<Vec<Option<DepthMap>>>,
 ) -> Vec<BakeView<'a>> {
     let Some(capture) = capture else { return Vec::new() };
-    let motions = [Rigid::IDENTITY, replica.world_motion(part)];
-    let states = motions.iter().zip(&capture.states).zip(hidden);
-    let of_state = |((motion, state), hidden): ((&Rigid, &'a artgs_core::StateViews), &'a Vec<Option<DepthMap>>)| {
-        let motion = *motion;
-        state.train.iter().zip(hidden).map(move |(v, hidden)| BakeView {
+    let of_state = |state: State| {
+        let motion = replica.motion_to(part, state);
+        capture.states[state].train.iter().zip(&hidden[state]).map(move |(v, hidden)| BakeView {
             camera: v.camera.moved_with(&motion),
             rgba: &v.rgba,
             depth: v.depth.as_ref().or(hidden.as_ref()),
@@ -114,7 +111,7 @@ fn views<'a>(
             weight: 1.0,
         })
     };
-    states.flat_map(of_state).collect()
+    State::ALL.into_iter().flat_map(of_state).collect()
 }
 
 /// Rendered depth of the meshes in those training views of a state that have no depth.
@@ -122,15 +119,14 @@ fn rendered_depth(
     replica: &Replica,
     meshes: &[Mesh],
     capture: Option<&Capture>,
-    state: usize,
+    state: State,
 ) -> Vec<Option<DepthMap>> {
     let Some(capture) = capture else { return Vec::new() };
     let views = &capture.states[state].train;
     if views.iter().all(|v| v.depth.is_some()) {
         return vec![None; views.len()];
     }
-    let at = |part: usize| if state == 0 { Rigid::IDENTITY } else { replica.world_motion(part) };
-    let posed: Vec<Mesh> = meshes.iter().enumerate().map(|(i, m)| m.moved(&at(i))).collect();
+    let posed: Vec<Mesh> = meshes.iter().enumerate().map(|(i, m)| m.moved(&replica.motion_to(i, state))).collect();
     let posed: Vec<&Mesh> = posed.iter().collect();
     views.par_iter().map(|v| v.depth.is_none().then(|| depth_of(&v.camera, &posed))).collect()
 }
@@ -159,8 +155,8 @@ impl Passage {
         let joint = replica.joint(part)?;
         let [low, high] = bounds(mesh)?;
         let shrink = SHRINK * (high - low);
-        let [start, end] = joint.state_values.into();
-        let stop = |i| joint.motion((end - start) * f64::from(i) / f64::from(STOPS)).inverse();
+        let travel = joint.state_values[State::END] - joint.state_values[State::START];
+        let stop = |i| joint.motion(travel * f64::from(i) / f64::from(STOPS)).inverse();
         Some(Self { low: low + shrink, high: high - shrink, back: (0..=STOPS).map(stop).collect() })
     }
 

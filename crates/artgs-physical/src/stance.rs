@@ -3,19 +3,19 @@
 use crate::clearance::{Pieces, deepest};
 use crate::config::PhysicalConfig;
 use crate::hull::{Hull, to_parry};
-use artgs_core::{Asset, JointKind, Mesh};
+use artgs_core::{Asset, JointKind, Mesh, PerState, State};
 use glam::DVec3;
 use parry3d::query::PointQuery as _;
 
 /// The state in which a part lies closer to its parent; none if the distances differ by less than `significant`. `part` and
 /// `parent` are the surfaces in both states, in one frame. Open drawers and doors protrude.
-pub fn closed_state(part: [&Mesh; 2], carrier: [&Mesh; 2], significant: f64) -> Option<usize> {
-    let tucked = [0, 1].map(|s| protrusion(part[s], carrier[s]));
-    let [Some(start), Some(end)] = tucked else { return None };
+pub fn closed_state(part: PerState<&Mesh>, parent: PerState<&Mesh>, significant: f64) -> Option<State> {
+    let distances = PerState::try_from_fn(|state| protrusion(part[state], parent[state]))?;
+    let (start, end) = (distances[State::START], distances[State::END]);
     if (start - end).abs() < significant {
         return None;
     }
-    Some(usize::from(end < start))
+    Some(if end < start { State::END } else { State::START })
 }
 
 /// Mean distance of the vertices of a part from the convex hull of its parent.
@@ -60,13 +60,14 @@ pub struct Range {
 pub fn extend(
     asset: &Asset,
     pieces: &Pieces,
-    closed: &[Option<usize>],
+    closed: &[Option<State>],
     diagonal: f64,
     config: &PhysicalConfig,
 ) -> Vec<Option<Range>> {
     let range = |link: usize| {
         let joint = asset.links[link].joint?;
-        let observed = [joint.observed[0].min(joint.observed[1]), joint.observed[0].max(joint.observed[1])];
+        let (start, end) = (joint.observed[State::START], joint.observed[State::END]);
+        let observed = [start.min(end), start.max(end)];
         if !config.extend_limits {
             return Some(Range { limits: observed, stops: [Stop::Observed, Stop::Observed] });
         }
@@ -110,8 +111,8 @@ fn free_way(
     let mut free = 0.0;
     for step in 1..=STEPS {
         let way = most * step as f64 / STEPS as f64;
-        for state in 0..2 {
-            let mut values = asset.observed(artgs_core::State::ALL[state]);
+        for state in State::ALL {
+            let mut values = asset.observed(state);
             values[link] = from + way;
             let (depth, [a, b]) = deepest(pieces, &asset.poses(&values), gap, |a, b| carried[a] != carried[b]);
             if depth > contact {
@@ -174,7 +175,7 @@ mod tests {
             axis,
             pitch: 0.0,
             limits: [0.0, open],
-            observed: artgs_core::PerState::new(0.0, open),
+            observed: PerState::new(0.0, open),
             effort: 1.0,
             velocity: 1.0,
             damping: 0.0,
@@ -204,7 +205,8 @@ mod tests {
     #[test]
     fn drawers_stop_before_the_back_and_before_they_fall_out() {
         let (asset, pieces) = cabinet();
-        let ranges = extend(&asset, &pieces, &[None, Some(0), Some(0)], 1.7, &PhysicalConfig::default());
+        let ranges =
+            extend(&asset, &pieces, &[None, Some(State::START), Some(State::START)], 1.7, &PhysicalConfig::default());
         assert_eq!(ranges[0], None);
         let drawer = ranges[1].clone().unwrap();
         // 15 cm are free behind it; a tenth is kept as a margin.
@@ -218,7 +220,10 @@ mod tests {
         assert!(door.limits[0] > -0.1 && door.limits[1] > 1.2, "{door:?}");
         let fixed = PhysicalConfig { extend_limits: false, ..PhysicalConfig::default() };
         assert_eq!(
-            extend(&asset, &pieces, &[None, Some(0), Some(0)], 1.7, &fixed)[1].clone().unwrap().limits,
+            extend(&asset, &pieces, &[None, Some(State::START), Some(State::START)], 1.7, &fixed)[1]
+                .clone()
+                .unwrap()
+                .limits,
             [0.0, 0.5]
         );
     }
@@ -228,9 +233,11 @@ mod tests {
         let base = cuboid([-0.5, 0.0, 0.0], [0.5, 1.0, 1.0]).mesh();
         let at = |y: f64| cuboid([-0.4, y, 0.0], [0.4, y + 0.8, 0.4]).mesh();
         let (shut, open) = (at(0.1), at(-0.5));
-        assert_eq!(closed_state([&shut, &open], [&base, &base], 0.01), Some(0));
-        assert_eq!(closed_state([&open, &shut], [&base, &base], 0.01), Some(1));
-        assert_eq!(closed_state([&shut, &shut], [&base, &base], 0.01), None);
-        assert_eq!(closed_state([&shut, &Mesh::default()], [&base, &base], 0.01), None);
+        let empty = Mesh::default();
+        let closed = |start, end| closed_state(PerState::new(start, end), PerState::new(&base, &base), 0.01);
+        assert_eq!(closed(&shut, &open), Some(State::START));
+        assert_eq!(closed(&open, &shut), Some(State::END));
+        assert_eq!(closed(&shut, &shut), None);
+        assert_eq!(closed(&shut, &empty), None);
     }
 }

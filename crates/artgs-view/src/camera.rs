@@ -1,7 +1,7 @@
 //! Cameras of a capture in the object's frame.
 
 use crate::scene::SceneCamera;
-use artgs_core::{Camera, Rigid};
+use artgs_core::{Camera, Rigid, State};
 use glam::DQuat;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -27,8 +27,8 @@ impl Default for Placement {
 pub struct CameraView {
     /// Name, for example that of the photo.
     pub name: String,
-    /// 0 = start, 1 = end.
-    pub state: usize,
+    /// State in which the photo was taken.
+    pub state: State,
     /// Capture's frame and unit.
     pub camera: Camera,
     /// Photo, PNG or JPEG, to show.
@@ -49,7 +49,7 @@ impl CameraView {
         let k = &self.camera.intrinsics;
         SceneCamera {
             name: self.name.clone(),
-            state: self.state,
+            state: self.state.index(),
             pose,
             intrinsics: [k.fx, k.fy, k.cx, k.cy],
             size: [k.width, k.height],
@@ -71,7 +71,7 @@ mod tests {
     fn a_camera_in_a_capture_with_y_up_and_in_centimetres() {
         let intrinsics = Intrinsics { fx: 50.0, fy: 60.0, cx: 20.0, cy: 15.0, width: 40, height: 30 };
         let camera = Camera::look_at(intrinsics, DVec3::new(0.0, 100.0, 200.0), DVec3::new(0.0, 100.0, 0.0), DVec3::Y);
-        let view = CameraView { name: "a".into(), state: 1, camera, photo: None, rendering: None, mask: None };
+        let view = CameraView { name: "a".into(), state: State::END, camera, photo: None, rendering: None, mask: None };
         let placed = view.placed(&Placement { scale: 0.01, rotation: DQuat::from_rotation_x(FRAC_PI_2) });
         let expected = [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, -2.0], [0.0, -1.0, 0.0, 1.0]];
         for (row, expected) in placed.pose.iter().zip(&expected) {

@@ -125,7 +125,7 @@ impl Page {
                 axis: (placement.rotation * joint.axis).to_array(),
                 pitch: placement.scale * joint.pitch,
                 limits: joint.limits.map(|v| length * v),
-                observed: joint.state_values.map(|v| length * v).into(),
+                observed: joint.state_values.map(|v| length * v),
                 effort: 0.0,
                 confidence: *confidence,
             };
@@ -159,7 +159,7 @@ impl Page {
         self.scene.placement = Some(placement);
         let file = format!("clouds/{}.points", self.scene.clouds.len());
         self.files.insert(file.clone(), Source::Bytes(cloud.bytes(&placement)));
-        self.scene.clouds.push(SceneCloud { state: cloud.state, count: cloud.points.len(), file });
+        self.scene.clouds.push(SceneCloud { state: cloud.state.index(), count: cloud.points.len(), file });
     }
 
     /// The text of `scene.json`.

@@ -2,7 +2,7 @@
 //!
 //! Frames: the object's, +Z up, metres; link frames are parallel to it at the zero pose.
 
-use artgs_core::JointKind;
+use artgs_core::{JointKind, PerState};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -98,7 +98,8 @@ pub struct SceneJoint {
     /// Lower and upper limit, radians or metres.
     pub limits: [f64; 2],
     /// Values in the observed states.
-    pub observed: [f64; 2],
+    #[serde(with = "artgs_core::state::array")]
+    pub observed: PerState<f64>,
     /// Largest force (N) or torque (N m); 0 if unknown.
     pub effort: f64,
     /// Joint confidence, 0 to 1; none if unknown.

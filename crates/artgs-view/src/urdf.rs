@@ -4,7 +4,7 @@
 //! of a screw and the observed states are in comments; without them a joint is revolute or prismatic and its observed values
 //! are its limits.
 
-use artgs_core::JointKind;
+use artgs_core::{JointKind, PerState};
 use artgs_io::FileError;
 use glam::DVec3;
 use roxmltree::{Document, Node};
@@ -29,7 +29,7 @@ pub(crate) struct Joint {
     pub(crate) axis: DVec3,
     pub(crate) pitch: f64,
     pub(crate) limits: [f64; 2],
-    pub(crate) observed: [f64; 2],
+    pub(crate) observed: PerState<f64>,
     pub(crate) effort: f64,
 }
 
@@ -128,10 +128,10 @@ fn motion(joint: Node) -> Result<Option<Joint>, String> {
         return Err(format!("joint `{name}`: lower limit {} above upper limit {}", limits[0], limits[1]));
     }
     let pitch = note(joint, "screw: slides ").and_then(|t| row::<1>(t.split(' ').next()?).ok()).map(|[p]| p);
-    let observed = note(joint, "observed: ").map_or(Ok(limits), row)?;
+    let [start, end] = note(joint, "observed: ").map_or(Ok(limits), row)?;
     let kind = if pitch.is_some() { JointKind::Screw } else { kind };
     let effort = number("effort").unwrap_or(0.0);
-    Ok(Some(Joint { kind, axis, pitch: pitch.unwrap_or(0.0), limits, observed, effort }))
+    Ok(Some(Joint { kind, axis, pitch: pitch.unwrap_or(0.0), limits, observed: PerState::new(start, end), effort }))
 }
 
 /// Text after `start` in a comment of a joint.
@@ -192,7 +192,7 @@ mod tests {
             axis: DVec3::NEG_Z,
             pitch: -0.01,
             limits: [-1.0, 3.0],
-            observed: [0.0, 2.5],
+            observed: PerState::new(0.0, 2.5),
             effort: 5.0,
         };
         assert_eq!(joint, expected);

@@ -4,7 +4,7 @@
 
 mod common;
 
-use artgs_core::{Joint, JointKind, Splats};
+use artgs_core::{Joint, JointKind, PerState, Splats, State};
 use artgs_io::{CentreEdit, Corrections};
 use artgs_view::{Live, Page, Placement, Server, ViewError, export_page};
 use glam::{DQuat, DVec3};
@@ -246,9 +246,10 @@ fn corrections_that_cannot_be_shown_stay_and_the_answer_says_why() {
     let file = dir.path().join("corrections.json");
     asking(&server, |send| {
         assert!(send(&get("/corrections")).contains(r#""centres": []"#), "the file does not exist");
-        for (text, code, words) in
-            [("{", "500", "corrections.json"), (r#"{"format":"artgs-corrections","version":1}"#, "409", "lacks corrections")]
-        {
+        for (text, code, words) in [
+            ("{", "500", "corrections.json"),
+            (r#"{"format":"artgs-corrections","version":1}"#, "409", "lacks corrections"),
+        ] {
             std::fs::write(&file, text).unwrap();
             let answer = send(&get("/corrections"));
             assert!(status(&answer) == code && answer.contains(words), "{answer}");
@@ -264,7 +265,7 @@ fn found_parts_are_placed_like_their_points() {
         axis: DVec3::Y,
         origin: DVec3::new(1.0, 2.0, 3.0),
         pitch: 0.0,
-        state_values: artgs_core::PerState::new(0.0, 4.0),
+        state_values: PerState::new(0.0, 4.0),
         limits: [0.0, 4.0],
     };
     let upright = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
@@ -274,7 +275,7 @@ fn found_parts_are_placed_like_their_points() {
     let answer = part.joint.as_ref().unwrap();
     let near = |a: [f64; 3], b: [f64; 3]| DVec3::from(a).distance(DVec3::from(b)) < 1e-12;
     assert!(near(part.origin, [0.1, -0.3, 0.2]) && near(answer.axis, [0.0, 0.0, 1.0]), "{part:?}");
-    assert!((answer.limits[1] - 0.4).abs() < 1e-12 && (answer.observed[1] - 0.4).abs() < 1e-12);
+    assert!((answer.limits[1] - 0.4).abs() < 1e-12 && (answer.observed[State::END] - 0.4).abs() < 1e-12);
     assert_eq!(answer.confidence, Some(0.5));
 }
 

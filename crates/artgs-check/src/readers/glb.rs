@@ -4,7 +4,7 @@
 use crate::meshes;
 use crate::model::{Link, Model, Motion, Shape};
 use crate::report::FormatFinding;
-use artgs_core::{Inertial, JointKind, Rigid};
+use artgs_core::{Inertial, JointKind, PerState, Rigid};
 use glam::{DMat4, DQuat, DVec3};
 use gltf::animation::util::ReadOutputs;
 use serde_json::Value;
@@ -111,7 +111,7 @@ fn motion(notes: &Value) -> Option<Motion> {
     Some(Motion {
         limits: row(&notes["limits"])?,
         pitch: number("pitch").filter(|_| kind == JointKind::Screw),
-        observed: Some(row(&notes["observed"])?),
+        observed: row(&notes["observed"]).map(|[start, end]| Some(PerState::new(start, end)))?,
         effort: Some(number("effort")?),
         velocity: Some(number("velocity")?),
         damping: Some(number("damping")?),

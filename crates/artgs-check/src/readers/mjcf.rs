@@ -4,7 +4,7 @@ use super::{folder, numbers};
 use crate::meshes;
 use crate::model::{Link, Model, Motion, moments};
 use crate::report::FormatFinding;
-use artgs_core::{Inertial, JointKind, Rigid};
+use artgs_core::{Inertial, JointKind, PerState, Rigid, State};
 use glam::{DMat3, DQuat, DVec3};
 use mjcf_rs::body::{Body, InertiaSpec, Joint, JointType};
 use mjcf_rs::equality::Equality;
@@ -46,7 +46,7 @@ pub(super) fn read(path: &Path, finding: &mut FormatFinding) -> Result<Option<Mo
 
 /// The keyframes `start` and `end`, consumed value by value in the order of the joints.
 struct Keys {
-    values: Option<[Vec<f64>; 2]>,
+    values: Option<PerState<Vec<f64>>>,
     at: usize,
 }
 
@@ -54,26 +54,23 @@ impl Keys {
     fn of(scene: &mjcf_rs::Model) -> Result<Self, String> {
         let key = |name: &str| scene.keyframes.iter().find(|k| k.name.as_deref() == Some(name)).map(|k| k.qpos.clone());
         let joints: usize = scene.bodies_iter().map(|(_, e)| e.body.joints.len()).sum();
-        let values = match (key("start"), key("end")) {
-            (Some(a), Some(b)) => Some([a, b]),
-            (None, None) if joints == 0 => None,
-            _ => return Err("only one of the keyframes `start` and `end` exists".into()),
-        };
+        let values = PerState::try_from_fn(|state| key(state.name()));
+        if values.is_none() && joints > 0 {
+            return Err("the keyframes `start` and `end` are incomplete".into());
+        }
         Ok(Self { values, at: 0 })
     }
 
-    fn next(&mut self) -> Result<Option<[f64; 2]>, String> {
-        let Some([a, b]) = &self.values else { return Ok(None) };
-        let (Some(a), Some(b)) = (a.get(self.at), b.get(self.at)) else {
-            return Err("a keyframe has fewer values than there are joints".into());
-        };
+    fn next(&mut self) -> Result<Option<PerState<f64>>, String> {
+        let Some(values) = &self.values else { return Ok(None) };
+        let next = PerState::try_from_fn(|state| values[state].get(self.at).copied());
         self.at += 1;
-        Ok(Some([*a, *b]))
+        next.map(Some).ok_or_else(|| "a keyframe has fewer values than there are joints".into())
     }
 
     fn finish(&self) -> Result<(), String> {
         match &self.values {
-            Some([a, b]) if a.len() != self.at || b.len() != self.at => {
+            Some(values) if values.iter().any(|v| v.len() != self.at) => {
                 Err("a keyframe has more values than there are joints".into())
             }
             _ => Ok(()),
@@ -119,7 +116,7 @@ fn motion(
     let observed = keys.next()?;
     let pitch = thread.map(|t| pitch(scene, t, joint)).transpose()?;
     if let (Some(pitch), Some(slid), Some(turned)) = (pitch, slid, observed)
-        && (0..2).any(|s| (slid[s] - pitch * turned[s]).abs() > 1e-6)
+        && State::ALL.iter().any(|s| (slid[*s] - pitch * turned[*s]).abs() > 1e-6)
     {
         return Err(format!("joint `{name}`: a keyframe violates the coupling of the screw"));
     }

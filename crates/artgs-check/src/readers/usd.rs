@@ -4,7 +4,7 @@ use super::folder;
 use crate::meshes;
 use crate::model::{Link, Model, Motion, Shape, moments};
 use crate::report::FormatFinding;
-use artgs_core::{Inertial, JointKind, Rigid};
+use artgs_core::{Inertial, JointKind, PerState, Rigid};
 use glam::{DMat3, DQuat, DVec3};
 use openusd::gf;
 use openusd::sdf::{AssetPath, Value};
@@ -134,7 +134,7 @@ fn motion(prim: &Prim, kind: JointKind, frame: &Rigid) -> Result<Motion, String>
     let path = prim.path().to_string();
     let name = path.rsplit('/').next().unwrap_or_default().to_owned();
     let pitch = get::<f64>(prim, "artgs:pitch")?.map(|p| p / unit);
-    let observed = get::<gf::Vec2d>(prim, "artgs:observed")?.map(|v| [v.x * unit, v.y * unit]);
+    let observed = get::<gf::Vec2d>(prim, "artgs:observed")?.map(|v| PerState::new(v.x * unit, v.y * unit));
     Ok(Motion {
         limits: [float(prim, "physics:lowerLimit")? * unit, float(prim, "physics:upperLimit")? * unit],
         pitch,

@@ -88,7 +88,8 @@ fn check_joint(joint: &AssetJoint) -> Result<(), String> {
         return Err(format!("joint.limits: lower {lower} must be below upper {upper}"));
     }
     finite("joint.observed", observed.as_slice())?;
-    for (field, value) in [("joint.observed", observed[0]), ("joint.observed", observed[1]), ("joint.limits", 0.0)] {
+    let values = observed.iter().map(|v| ("joint.observed", *v));
+    for (field, value) in values.chain([("joint.limits", 0.0)]) {
         if value < lower - TOLERANCE || value > upper + TOLERANCE {
             return Err(format!("{field}: {value} is not within the limits {lower} to {upper}"));
         }
@@ -190,6 +191,7 @@ fn check_volume(hull: &Mesh) -> Result<(), String> {
 mod tests {
     use super::*;
     use crate::asset::testing::cabinet;
+    use artgs_core::State;
 
     #[test]
     fn a_good_asset_passes() {
@@ -219,7 +221,7 @@ mod tests {
         refused(|a| joint(a).pitch = 0.1, "joint.pitch");
         refused(|a| joint(a).limits[1] = f64::NAN, "joint.limits: NaN");
         refused(|a| joint(a).limits = [0.5, 0.5], "joint.limits: lower 0.5");
-        refused(|a| joint(a).observed[0] = -0.1, "joint.observed: -0.1");
+        refused(|a| joint(a).observed[State::START] = -0.1, "joint.observed: -0.1");
         refused(|a| joint(a).limits[0] = 0.1, "joint.observed: 0 is not within");
         refused(|a| joint(a).effort = 0.0, "joint.effort: 0");
         refused(|a| joint(a).friction = -1.0, "joint.friction: -1");

@@ -13,7 +13,7 @@ use super::check::{check_asset, sound_inertia};
 use super::meshes::{LinkFiles, mean_color, write_link_meshes};
 use super::xml::{row, triple};
 use crate::{FileError, write_atomic};
-use artgs_core::{Asset, AssetJoint, AssetLink, JointKind, STATE_NAMES};
+use artgs_core::{Asset, AssetJoint, AssetLink, JointKind, State};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -174,13 +174,13 @@ fn write_keyframes(out: &mut String, asset: &Asset) {
     let mut order = Vec::new();
     depth_first(asset, 0, &mut order);
     *out += "  <keyframe>\n";
-    for (state, name) in STATE_NAMES.iter().enumerate() {
+    for state in State::ALL {
         let values = order.iter().filter_map(|i| asset.links[*i].joint).flat_map(|j| {
             let value = j.observed[state];
             let thread = (j.kind == JointKind::Screw).then_some(j.pitch * value);
             thread.into_iter().chain([value])
         });
-        let _ = writeln!(out, "    <key name=\"{name}\" qpos=\"{}\"/>", row(&values.collect::<Vec<_>>()));
+        let _ = writeln!(out, "    <key name=\"{}\" qpos=\"{}\"/>", state.name(), row(&values.collect::<Vec<_>>()));
     }
     *out += "  </keyframe>\n";
 }
@@ -258,7 +258,7 @@ mod tests {
         let mut knob = asset.links[1].clone();
         (knob.name, knob.parent, knob.visual) = ("knob".into(), Some(1), Default::default());
         let joint = knob.joint.as_mut().unwrap();
-        (joint.kind, joint.pitch, joint.observed) = (JointKind::Screw, 0.5, [0.0, 1.0].into());
+        (joint.kind, joint.pitch, joint.observed) = (JointKind::Screw, 0.5, artgs_core::PerState::new(0.0, 1.0));
         asset.links.push(knob);
         asset.links[0].visual.mesh.vertices.truncate(3);
         asset.links[0].visual.mesh.triangles = vec![[0, 1, 2]];

@@ -1,6 +1,6 @@
 //! A small asset for the tests of the writers.
 
-use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, Splats, Texture, TexturedMesh};
+use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, PerState, Splats, Texture, TexturedMesh};
 use glam::DVec3;
 
 /// A box with flat normals and a texture of 4 x 2 pixels on every side.
@@ -39,7 +39,7 @@ fn joint(kind: JointKind, axis: DVec3, limits: [f64; 2], observed: [f64; 2]) -> 
         axis,
         pitch: 0.0,
         limits,
-        observed: observed.into(),
+        observed: PerState::new(observed[0], observed[1]),
         effort: 50.0,
         velocity: 3.0,
         damping: 0.2,

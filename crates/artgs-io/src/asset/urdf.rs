@@ -108,7 +108,7 @@ fn open_joint(out: &mut String, kind: &str, child: &str, parent: &str, xyz: DVec
 fn write_motion(out: &mut String, joint: &AssetJoint) {
     let AssetJoint { kind, axis, pitch, limits: [lower, upper], observed, effort, velocity, damping, friction } =
         *joint;
-    let _ = writeln!(out, "    {}", observed_note(observed.into()));
+    let _ = writeln!(out, "    {}", observed_note(observed));
     if let Some(note) = screw_note(kind, pitch) {
         let _ = writeln!(out, "    {note}");
     }

@@ -1,6 +1,6 @@
 //! Numbers as text for XML formats.
 
-use artgs_core::JointKind;
+use artgs_core::{JointKind, PerState};
 use glam::DVec3;
 
 /// Numbers separated by blanks, each in the shortest form that reads back exactly; -0 becomes 0.
@@ -19,8 +19,9 @@ pub(super) fn screw_note(kind: JointKind, pitch: f64) -> Option<String> {
 }
 
 /// A comment with the values in the observed states, for formats without a field for them.
-pub(super) fn observed_note([start, end]: [f64; 2]) -> String {
-    format!("<!-- observed: {start} {end} -->")
+pub(super) fn observed_note(observed: PerState<f64>) -> String {
+    let values = observed.map(|v| v.to_string());
+    format!("<!-- observed: {} -->", values.as_slice().join(" "))
 }
 
 #[cfg(test)]

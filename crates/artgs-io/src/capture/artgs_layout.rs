@@ -4,7 +4,7 @@ use super::CaptureError;
 use super::json::{Object, key_error, number, positive, text};
 use super::pose::world_to_camera;
 use super::views::{Entry, Focal, Lens};
-use artgs_core::STATE_NAMES;
+use artgs_core::State;
 use serde_json::Value;
 use std::path::{Component, Path, PathBuf};
 
@@ -16,7 +16,7 @@ pub(super) fn entries(
     dir: &Path,
     file: &Path,
     root: &Object,
-    state: usize,
+    state: State,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Entry>, CaptureError> {
     let shown = file.display().to_string();
@@ -45,7 +45,7 @@ pub(super) fn entries(
             place: place.clone(),
             reason: format!("key `file_path`: no image {listed} exists (also not with .png or in an `rgba` folder)"),
         })?;
-        if number(frame, &place, "time")?.is_some_and(|t| (t - state as f64).abs() > 1e-6) {
+        if number(frame, &place, "time")?.is_some_and(|t| (t - state.index() as f64).abs() > 1e-6) {
             wrong_time.push(index);
         }
         entries.push(Entry {
@@ -59,9 +59,9 @@ pub(super) fn entries(
         });
     }
     if let Some(first) = wrong_time.first() {
-        let (n, name) = (wrong_time.len(), STATE_NAMES[state]);
+        let (n, number, name) = (wrong_time.len(), state.index(), state.name());
         warnings
-            .push(format!("{shown}: key `time` of {n} frames (first: frame {first}) is not {state}, read as {name}"));
+            .push(format!("{shown}: key `time` of {n} frames (first: frame {first}) is not {number}, read as {name}"));
     }
     Ok(entries)
 }

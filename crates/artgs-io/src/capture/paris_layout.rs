@@ -4,7 +4,7 @@ use super::CaptureError;
 use super::json::{Object, key_error, matrix};
 use super::pose::world_to_camera;
 use super::views::{Entry, Focal, Lens};
-use artgs_core::STATE_NAMES;
+use artgs_core::State;
 use serde_json::Value;
 use std::path::Path;
 
@@ -16,13 +16,13 @@ pub(super) fn entries(
     dir: &Path,
     file: &Path,
     root: &Object,
-    state: usize,
+    state: State,
     split: &str,
 ) -> Result<Vec<Entry>, CaptureError> {
     let shown = file.display().to_string();
     let k = root.get("K").ok_or_else(|| key_error(&shown, "K", "is missing; it must contain the 3x3 intrinsics"))?;
     let lens = lens(k, &shown)?;
-    let folder = Path::new(STATE_NAMES[state]).join(split);
+    let folder = Path::new(state.name()).join(split);
     let entry = |(id, pose): (&String, &Value)| -> Result<Entry, CaptureError> {
         let place = format!("{shown}, frame {id}");
         let png = format!("{id}.png");

@@ -152,7 +152,7 @@ fn extras(link: &AssetLink) -> Value {
         };
         out["joint"] = json!({
             "name": joint_name(link), "type": kind, "axis": j.axis.to_array(), "pitch": j.pitch, "limits": j.limits,
-            "observed": j.observed, "effort": j.effort, "velocity": j.velocity, "damping": j.damping,
+            "observed": j.observed.as_slice(), "effort": j.effort, "velocity": j.velocity, "damping": j.damping,
             "friction": j.friction,
         });
     }

@@ -1,7 +1,7 @@
 //! Bodies, joints and the scene of USD Physics.
 
 use super::layer::{Prim, float3, quaternion, token};
-use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind};
+use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, State};
 use glam::{DMat3, DQuat, DVec3};
 use openusd::sdf::Value;
 
@@ -108,8 +108,8 @@ fn passive(prim: Prim, joint: &AssetJoint, motion: &str, unit: f64) -> Prim {
 
 /// Custom attributes for values that USD has no schema for.
 fn notes(prim: Prim, joint: &AssetJoint, unit: f64) -> Prim {
-    let observed = joint.observed.map(|v| v * unit);
-    let prim = prim.custom("double2", "artgs:observed", Value::Vec2d(<[f64; 2]>::from(observed).into()));
+    let observed = State::ALL.map(|state| joint.observed[state] * unit);
+    let prim = prim.custom("double2", "artgs:observed", Value::Vec2d(observed.into()));
     match joint.kind {
         JointKind::Screw => prim.custom("double", "artgs:pitch", Value::Double(joint.pitch / unit)),
         _ => prim,
