@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Opens exported replicas in MuJoCo, PyBullet, SAPIEN and usd-core, drives every joint, and says what failed.
+"""Opens exported replicas in MuJoCo, PyBullet, SAPIEN and usd-core, drives every joint, and reports failures.
 
-Each check runs in a process of its own, so that an engine that dies takes no other with it.
-Exit code 0: all passed; 3: something failed; 2: the command was wrong.
+Each check runs in its own process, so that a crash of one engine does not stop the others.
+Exit code 0: all passed; 3: a check failed; 2: wrong command.
 """
 
 import argparse
@@ -14,7 +14,7 @@ import tempfile
 import traceback
 from pathlib import Path
 
-# (engine, module, function, pattern below FOLDER); what is run always, then what is run on request.
+# (engine, module, function, pattern below FOLDER). `CHECKS` always run, `ON_REQUEST` only with their option.
 CHECKS = [
     ("mujoco", "in_mujoco", "check_mjcf", "mjcf/*.xml"),
     ("mujoco", "in_mujoco", "check_urdf", "urdf/*.urdf"),
@@ -39,7 +39,7 @@ def arguments():
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write every finding as JSON")
     parser.add_argument("--engine", action="append", metavar="NAME", help="only this engine; may be repeated")
-    parser.add_argument("--all", action="store_true", help="list what passed, too")
+    parser.add_argument("--all", action="store_true", help="also list passed checks")
     parser.add_argument(
         "--timeout", type=float, default=900.0, metavar="SECONDS", help="for each file and engine (900)"
     )
@@ -79,7 +79,7 @@ def main():
 
 
 def isolated(check, folder, path, timeout):
-    """The data of a report, made by a process that may die."""
+    """The data of a report, computed in a separate process."""
     engine = check[0]
     with tempfile.TemporaryDirectory() as scratch:
         answer = Path(scratch, "report.json")
@@ -93,7 +93,7 @@ def isolated(check, folder, path, timeout):
             str(answer),
         ]
         try:
-            # Engines leave logs where they run.
+            # Some engines write logs into the working directory.
             done = subprocess.run(command, cwd=scratch, capture_output=True, text=True, timeout=timeout, check=False)
         except subprocess.TimeoutExpired:
             return failure(engine, path, f"not done after {timeout:.0f} s")
@@ -110,7 +110,7 @@ def failure(engine, path, note):
 
 
 def work(engine, module, function, folder, path, answer):
-    """Runs one check and leaves its report in a file."""
+    """Runs one check and writes its report to a file."""
     from checks.report import Report
     from checks.states import observed_states, partnet_states
 
@@ -123,7 +123,7 @@ def work(engine, module, function, folder, path, answer):
         getattr(loaded, function)(path, states, report)
     except ModuleNotFoundError as error:
         report.add("-", "opens", False, note=f"{error}; pip install -r validate/requirements.txt")
-    except Exception as error:  # Whatever an engine throws is a finding.
+    except Exception as error:  # Any exception of an engine is a finding.
         last = traceback.extract_tb(error.__traceback__)[-1]
         report.add(
             "-", "opens", False, note=f"{type(error).__name__}: {error} ({Path(last.filename).name}:{last.lineno})"
@@ -133,7 +133,7 @@ def work(engine, module, function, folder, path, answer):
 
 
 def print_result(result, everything):
-    """A heading, a row per joint with its worst figures, and what failed."""
+    """A heading, failed checks, and a row per joint with its worst values."""
     file = Path(result["file"])
     mark = {True: "ok  ", False: "FAIL", None: "--  "}[result["passed"]]
     print(f"{mark} {result['engine']:9} {file.parent.name}/{file.name}  ({result['folder']})")
@@ -141,9 +141,9 @@ def print_result(result, everything):
         note = f"  {finding['note']}" if finding["note"] else ""
         value = "" if finding["value"] is None else f"{finding['value']:.4g} {finding['unit']}".strip()
         failed = finding["passed"] is False
-        told = finding["passed"] is None
-        if failed or everything or (told and finding["value"] is None):
-            mark = "FAIL" if failed else "info" if told else "ok"
+        info = finding["passed"] is None
+        if failed or everything or (info and finding["value"] is None):
+            mark = "FAIL" if failed else "info" if info else "ok"
             print(f"       {mark:4} {finding['subject']:20} {finding['check']:34} {value:14}{note}")
     if not everything:
         print_joints(result)
@@ -162,7 +162,7 @@ def print_joints(result):
 
 
 def worst(found, prefix):
-    """The largest value among the checks of a joint whose names begin so."""
+    """The largest value among the checks of a joint whose names start with `prefix`."""
     values = [f for check, f in found.items() if check.startswith(prefix)]
     top = max(values, key=lambda f: f["value"], default=None)
     return "" if top is None else f"{top['value']:.2e} {top['unit']}"

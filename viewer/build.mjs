@@ -9,7 +9,7 @@ const MOST = 2 * 1024 * 1024;
 // Inside the crate that embeds it, so that the packaged crate is complete.
 const DIST = "../crates/artgs-view/dist";
 
-/** One hash over all that the bundle is made of, names included. */
+/** Hash of the names and contents of all sources of the bundle. */
 function sourcesHash() {
   const files = [...readdirSync("src").map((f) => `src/${f}`), "package.json", "package-lock.json", "build.mjs"].sort();
   const hash = createHash("sha256");
@@ -33,9 +33,9 @@ const { outputFiles } = await build({
   write: false,
 });
 const built = new Map(outputFiles.map((f) => [f.path.split("/").pop(), Buffer.from(f.contents)]));
-// The source of Spark's worker is a string that names a map which is not there; browsers would look for it.
+// The source of Spark's worker is a string that names a missing source map; browsers would request it.
 const script = built.get("viewer.js").toString().replaceAll(/\/\/# sourceMappingURL=[\w.-]+/g, "");
-if (script.includes("sourceMappingURL")) throw new Error("a source map is still named");
+if (script.includes("sourceMappingURL")) throw new Error("the bundle still names a source map");
 built.set("viewer.js", Buffer.from(script));
 built.set("index.html", readFileSync("src/index.html"));
 built.set("sources.sha256", Buffer.from(`${sourcesHash()}\n`));

@@ -1,1 +1,1 @@
-"""Checks of exported replicas in the engines of their users, one module per engine."""
+"""Checks of exported replicas in simulators, one module per engine."""

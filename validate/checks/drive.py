@@ -9,8 +9,8 @@ An engine is an object with
   inertia(q) -> effective inertia of each joint;
   step(tau): a step under generalised forces `tau`;
   follow(target): a step of the engine's usual servo towards positions `target`, within the effort;
-  contacts(q) -> {(link, link): metres}: depths by which links overlap at `q` as the engine sees it, where the engine
-    would resist, and for information {(link, link): metres} of pairs that it ignores, or None where it cannot tell.
+  contacts(q) -> {(link, link): metres}: penetration depths of links at `q` as the engine reports them, where the engine
+    computes contacts, and for information {(link, link): metres} of pairs that it ignores, None if unknown.
 """
 
 import numpy as np
@@ -18,19 +18,19 @@ import numpy as np
 from .report import DRIFT, PENETRATION, REACHED
 
 POSES = 20
-# A hand takes about this long over the range of a joint.
+# Seconds for the whole range of a joint, about those of a human hand.
 STROKE_S = 1.0
 PATIENCE_S = 4.0
-# The hand goes from nothing to all of its force in this time.
+# The force rises from zero to its maximum in this time.
 RISE_S = 0.2
 HOLD_S = 1.0
-# The target glides for so long, so that no effort is spent on a jump; then it waits.
+# The target moves smoothly for this long, so that a jump does not saturate the effort; then it stays.
 GLIDE_S = 2.0
 WAIT_S = 3.0
 
 
 def check_motion(engine, states, report):
-    """Adds to the report what each joint does. `states` maps names of observed states to {joint: value}."""
+    """Adds the findings of every joint to the report. `states` maps names of observed states to {joint: value}."""
     if not (np.isfinite(engine.lower) & np.isfinite(engine.upper) & (engine.lower < engine.upper)).all():
         report.add("-", "finite limits", False, note=f"{engine.lower} to {engine.upper}; nothing was driven")
         return
@@ -83,11 +83,11 @@ def _limits(engine, j, rest, report):
 
 
 def _approach(engine, j, rest, sign, limit, force):
-    """Pushes a joint to a limit as a hand does: harder while it lags behind a steady pace, with `force` at most.
+    """Pushes a joint to a limit: the force grows while the joint lags behind a constant speed, up to `force`.
 
-    Returns whether it arrived and, if not, what it touches."""
+    Returns whether it arrived and, if not, the links that it touches."""
     tolerance, span = REACHED[engine.kinds[j]], engine.upper[j] - engine.lower[j]
-    # An engine may notice a limit only a step after it was passed (PyBullet does, and stays there).
+    # An engine may detect a limit only one step after the joint passed it (PyBullet does, and stays there).
     pace = min(span / STROKE_S, 0.4 * tolerance / engine.dt)
     level = 0.0
     for _ in range(int((PATIENCE_S + 1.5 * span / pace) / engine.dt)):
@@ -107,7 +107,7 @@ def _approach(engine, j, rest, sign, limit, force):
 
 
 def _pinned(engine, rest, j):
-    """Puts every joint but `j` back to rest, so that only `j` is on trial; returns the positions."""
+    """Resets every joint but `j`, so that only `j` is tested; returns the positions."""
     q, v = engine.get()
     if len(q) > 1:
         pinned, still = rest.copy(), np.zeros_like(v)
@@ -142,7 +142,7 @@ def _sweep(engine, j, rest, report):
 
 
 def _observed(engine, states, report):
-    """Visits the observed states one from the other, all joints at once, within their efforts."""
+    """Moves all joints together from one observed state to the next, within their efforts."""
     if not states:
         report.add("-", "observed states", None, note="no MJCF keyframes beside this export, not visited")
         return
@@ -173,7 +173,7 @@ def _servo(engine, goal):
         engine.follow(start + (goal - start) * min(1.0, i * engine.dt / GLIDE_S))
         if i >= steps - int(0.5 / engine.dt):
             last.append(engine.get()[0])
-    # The farthest of the last half second, so that a servo that hunts is not mistaken for one that rests.
+    # The largest error of the last half second, so that an oscillating servo does not count as settled.
     last = np.array(last)
     return last[np.abs(last - goal).argmax(axis=0), np.arange(len(goal))]
 

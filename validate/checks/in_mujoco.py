@@ -1,17 +1,17 @@
-"""MJCF, and whether the URDF opens, in MuJoCo."""
+"""MJCF in MuJoCo; also opens the URDF."""
 
 import mujoco
 import numpy as np
 
 from .drive import check_motion
-from .report import listening
+from .report import collect_warnings
 
 # Bandwidth of the servo, 1/s.
 RATE = 15.0
 
 
 class Engine:
-    """A model as `drive` wants it. Threads of screws follow their hinge by the equality."""
+    """A model with the interface of `drive`. The slide of a screw follows its hinge by an equality constraint."""
 
     def __init__(self, model, lifted):
         self.model, self.data = model, mujoco.MjData(model)
@@ -70,7 +70,7 @@ class Engine:
         return np.diag(self.coupling.T @ full @ self.coupling).copy()
 
     def step(self, tau):
-        # The thread of a screw is moved by its hinge.
+        # The slide of a screw is moved by its hinge.
         self.data.qfrc_applied[:] = 0.0
         self.data.qfrc_applied[self.joints] = tau
         mujoco.mj_step(self.model, self.data)
@@ -79,7 +79,7 @@ class Engine:
         q, v = self.get()
         error, inertia = target - q, self.inertia(q)
         self.missed += error * self.dt
-        # A light part is held back by its damping more than by its inertia; stiffness has to overcome either.
+        # Damping resists the motion of a light part more than inertia; the stiffness must overcome both.
         stiff = np.maximum(inertia, self.damping / RATE)
         tau = self.gravity(q) + stiff * (RATE**2 * error + RATE**3 / 3.0 * self.missed) - 2.0 * RATE * inertia * v
         tau += self.friction * np.tanh(error / 1e-3)
@@ -104,7 +104,7 @@ class Engine:
 
 def check_mjcf(path, states, report):
     """Opens, drives and sweeps an MJCF."""
-    with listening(report):
+    with collect_warnings(report):
         model = mujoco.MjModel.from_xml_path(path)
         spec = mujoco.MjSpec.from_file(path)
         for exclude in list(spec.excludes):
@@ -116,7 +116,7 @@ def check_mjcf(path, states, report):
         return
     limited = model.jnt_limited[engine.joints].astype(bool)
     report.add("-", "joints limited", limited.all(), limited.sum(), "joints")
-    with listening(report):
+    with collect_warnings(report):
         check_motion(engine, states, report)
     counts = {mujoco.mjtWarning(i).name: w.number for i, w in enumerate(engine.data.warning) if w.number}
     report.add("-", "simulates without warnings", not counts, note=str(counts or ""))
@@ -124,7 +124,7 @@ def check_mjcf(path, states, report):
 
 def check_urdf(path, _states, report):
     """Opens a URDF; the MJCF is the file to simulate."""
-    with listening(report):
+    with collect_warnings(report):
         model = mujoco.MjModel.from_xml_path(path)
     report.add("-", "has joints", model.njnt > 0, model.njnt, "joints")
     report.add("-", "joints limited", model.jnt_limited.all(), model.jnt_limited.sum(), "joints")

@@ -4,16 +4,16 @@ import numpy as np
 import pybullet as bullet
 
 from .drive import check_motion
-from .report import listening
+from .report import collect_warnings
 
 
 class Engine:
-    """A loaded robot as `drive` wants it."""
+    """A loaded robot with the interface of `drive`."""
 
     def __init__(self, client, body, path):
         self.client, self.body = client, body
-        # PyBullet refuses its own inverse dynamics where rounding leaves an inertia unsymmetric by 1e-15. What weight and
-        # inertia the joints feel is asked of a second copy, whose inertia is that of boxes: good enough to choose forces.
+        # The inverse dynamics of PyBullet fails if rounding leaves an inertia asymmetric by 1e-15. Loads of joints are
+        # computed with a second copy that has inertias of boxes: accurate enough to choose forces.
         self.models = bullet.connect(bullet.DIRECT)
         bullet.setGravity(0.0, 0.0, -9.81, self.models)
         self.model = bullet.loadURDF(path, useFixedBase=True, physicsClientId=self.models)
@@ -53,7 +53,7 @@ class Engine:
 
     def step(self, tau):
         if not self.braked:
-            # PyBullet reads the friction of a URDF but leaves it to a motor that brakes; the default one would hold.
+            # PyBullet reads the friction of a URDF but applies it with a braking motor; the default motor would hold the joint.
             bullet.setJointMotorControlArray(
                 self.body,
                 self.joints,
@@ -99,7 +99,7 @@ def check_urdf(path, states, report):
     """Opens, drives and sweeps a URDF."""
     client = bullet.connect(bullet.DIRECT)
     bullet.setGravity(0.0, 0.0, -9.81, client)
-    with listening(report):
+    with collect_warnings(report):
         # Without the flags PyBullet would ignore every contact within the robot, and guess the inertia.
         flags = bullet.URDF_USE_SELF_COLLISION | bullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT
         flags |= bullet.URDF_USE_INERTIA_FROM_FILE

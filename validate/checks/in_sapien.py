@@ -5,14 +5,14 @@ import sapien
 from sapien import physx
 
 from .drive import check_motion
-from .report import listening
+from .report import collect_warnings
 
 # Bandwidth of the drives, 1/s; they are implicit, so it may exceed that of a step.
 RATE = 100.0
 
 
 class Engine:
-    """An articulation as `drive` wants it."""
+    """An articulation with the interface of `drive`."""
 
     def __init__(self, scene, articulation):
         self.scene, self.body = scene, articulation
@@ -24,8 +24,8 @@ class Engine:
         self.lower, self.upper = articulation.get_qlimits().astype(float).T
         self.effort = np.full(len(joints), np.inf)
         self.damping = np.array([float(j.damping) for j in joints])
-        # The loader leaves out the friction of a URDF; what joints have is the coefficient that PhysX gives to all of
-        # them, which it multiplies with the load, here the weight that a joint carries.
+        # The loader ignores the friction of a URDF. PhysX gives all joints one coefficient, which it multiplies by the
+        # load, here the weight that a joint carries.
         self.friction = np.array([float(j.friction) * 9.81 * self._carried(j.child_link) for j in joints])
         self.dt = scene.get_timestep()
         articulation.set_sleep_threshold(0.0)
@@ -61,7 +61,7 @@ class Engine:
             return
         inertia = self.inertia(self.get()[0])
         for joint, m, damping, effort in zip(self.active, inertia, self.damping, self.effort):
-            # The loader makes the damping of a URDF that of a drive without stiffness.
+            # The loader turns the damping of a URDF into a drive without stiffness.
             stiffness = float(m) * RATE**2 if on else 0.0
             limit = float(effort) if on and np.isfinite(effort) else 3.4e38
             joint.set_drive_properties(stiffness, float(damping + on * 2.0 * m * RATE), limit, "force")
@@ -83,7 +83,7 @@ class Engine:
         kept = self.get()
         self.set(q)
         self.body.set_qf(np.zeros(len(q), np.float32))
-        # Contacts are those at the beginning of a step; a short one leaves everything in place.
+        # Contacts are computed at the start of a step; a short step moves nothing.
         self.scene.set_timestep(1e-6)
         self.scene.step()
         self.scene.set_timestep(self.dt)
@@ -100,20 +100,20 @@ class Engine:
 
 def _load(path, report):
     scene = sapien.Scene([physx.PhysxCpuSystem()])
-    with listening(report):
+    with collect_warnings(report):
         loader = scene.create_urdf_loader()
         loader.fix_root_link = True
         # As ManiSkill does for PartNet-Mobility.
         loader.load_multiple_collisions_from_file = "partnet" in path
         builder = loader.load_file_as_articulation_builder(path)
         for link in builder.link_builders:
-            # Drawn things need a renderer.
+            # Visuals need a renderer.
             link.visual_records = []
         return scene, builder.build()
 
 
 def check_urdf(path, states, report):
-    """Opens, drives and sweeps a URDF, or the one of a PartNet folder."""
+    """Opens, drives and sweeps a URDF, also that of a PartNet folder."""
     scene, articulation = _load(path, report)
     if articulation.dof == 0:
         report.add("-", "has joints", False)
@@ -129,7 +129,7 @@ def check_urdf(path, states, report):
 
 
 def _efforts(path):
-    """SAPIEN drops the efforts of a URDF."""
+    """Efforts of a URDF, which SAPIEN does not load."""
     from xml.etree import ElementTree
 
     joints = ElementTree.parse(path).getroot().iterfind("joint")

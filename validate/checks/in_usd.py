@@ -4,12 +4,12 @@ import math
 
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
-from .report import listening
+from .report import collect_warnings
 
 
 def check_usd(path, _states, report):
-    """Opens a stage and checks what importers rely on."""
-    with listening(report):
+    """Opens a stage and checks the properties that importers need."""
+    with collect_warnings(report):
         stage = Usd.Stage.Open(path)
         prims = list(stage.Traverse())
     root = stage.GetDefaultPrim()
@@ -88,7 +88,7 @@ def _meshes(prims, report):
             }.get(primvar.GetInterpolation())
             if size != expected:
                 faults.append(f"{primvar.GetName()}: {size} values, {expected} needed")
-        # One line for all good meshes would hide how many there are; a bad one is named.
+        # One line counts all valid meshes; invalid ones are named.
         if faults or not len(points):
             report.add(str(prim.GetPath()), "mesh", False, note="; ".join(faults) or "no points")
 

@@ -1,4 +1,4 @@
-"""SDF, for which no engine here has a reader: well-formed XML, files that exist, frames that are defined."""
+"""SDF, which no installed engine reads: checks XML syntax, referenced files and frames."""
 
 import math
 from pathlib import Path
@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 
 def check_sdf(path, _states, report):
-    """Follows every reference of a model.sdf."""
+    """Checks every reference of a model.sdf."""
     model = ElementTree.parse(path).getroot().find("model")
     links = [link.get("name") for link in model.iterfind("link")]
     joints = list(model.iterfind("joint"))

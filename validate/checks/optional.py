@@ -1,4 +1,4 @@
-"""Engines that are large: run on request, and only if they are installed."""
+"""Large engines: run on request, and only if they are installed."""
 
 import importlib.util
 import subprocess
@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from .report import DRIFT, REACHED, listening
+from .report import DRIFT, REACHED, collect_warnings
 
 
 def _lacks(report, module, packages):
-    """True, and said so, if a module is not installed."""
+    """True if a module is not installed; adds a finding then."""
     if importlib.util.find_spec(module) is not None:
         return False
     report.absent = True
@@ -26,9 +26,9 @@ def check_newton(path, _states, report):
     import newton
     import warp
 
-    # Says on most machines that there is no CUDA driver, which is no fault of the stage.
+    # Warns about a missing CUDA driver on most machines, which is no error of the stage.
     warp.init()
-    with listening(report):
+    with collect_warnings(report):
         builder = newton.ModelBuilder()
         builder.add_usd(path)
         model = builder.finalize(device="cpu")
@@ -46,20 +46,20 @@ def check_drake(path, _states, report):
     from pydrake.multibody.parsing import Parser
     from pydrake.multibody.plant import MultibodyPlant
 
-    with listening(report):
+    with collect_warnings(report):
         plant = MultibodyPlant(0.0)
         Parser(plant).AddModels(path)
         plant.Finalize()
     lower, upper = plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits()
     report.add("-", "has joints", len(lower) > 0, len(lower), "degrees of freedom")
-    # Drake gives screws no limits.
+    # Drake loads screws without limits.
     report.add("-", "lower below upper", bool((lower < upper).all()), note=f"{lower} to {upper}")
     mass = plant.CalcTotalMass(plant.CreateDefaultContext())
     report.add("-", "masses above 0", mass > 0, mass, "kg")
 
 
 def check_simready(path, _states, report):
-    """Runs NVIDIA's SimReady validator with the profile for articulated props; says which features fail."""
+    """Runs NVIDIA's SimReady validator with the profile for articulated props; reports which features fail."""
     if _lacks(report, "simready", "simready-validate simready-foundation-tier-core"):
         return
     command = [str(Path(sys.executable).with_name("simready-validate")), "--profile", "Robotics-Prop", path]
@@ -71,7 +71,7 @@ def check_simready(path, _states, report):
 
 
 def check_physx(path, _states, report):
-    """Opens a USD stage in PhysX on the CPU and pushes every joint to both limits with what its drive may spend."""
+    """Opens a USD stage in PhysX on the CPU and pushes every joint to both limits with the largest force of its drive."""
     if _lacks(report, "ovphysx", "ovphysx ovstage physx-usd-schemas newton-usd-schemas usd-core"):
         return
     import ovphysx
@@ -82,7 +82,7 @@ def check_physx(path, _states, report):
 
     root = _articulation(path)
     PhysX.set_cpu_mode(True)
-    with listening(report):
+    with collect_warnings(report):
         physx = PhysX()
         schemas = [str(p) for p in physx_schema_paths()] + [str(ovphysx.newton_schema_root())]
         ovstage.population.register_usd_schemas(schemas)
@@ -124,7 +124,7 @@ def _push(physx, read, write, report, dt=1.0 / 240.0):
     )
     rest = np.clip(np.zeros(len(limits)), limits[:, 0], limits[:, 1])
     for j, (lower, upper) in enumerate(limits):
-        # PhysX tells no kind; the tighter tolerance of the two serves both.
+        # PhysX reports no joint type; the smaller of the two tolerances is used.
         tolerance, drift_tolerance = REACHED["slide"], DRIFT["slide"]
         most = efforts[j] if 0 < efforts[j] < 1e6 else 100.0
         for label, sign, limit in (("upper", 1.0, upper), ("lower", -1.0, lower)):

@@ -1,4 +1,4 @@
-"""What a check found, and the text that engines print while they load."""
+"""Findings of a check, and warnings that engines print while they load."""
 
 import contextlib
 import os
@@ -15,7 +15,7 @@ _SUSPICIOUS = re.compile(
     r"warn|error|fail|can.?not|could not|invalid|missing|not found|unable|no inertial", re.IGNORECASE
 )
 
-# What engines say of the machine, whatever the file.
+# Messages about the machine, which are independent of the file.
 _MACHINE = re.compile(r"CUDA|libvulkan", re.IGNORECASE)
 
 
@@ -36,7 +36,7 @@ class Report:
         self.findings.append(finding)
 
     def data(self):
-        """All of it, ready for JSON. A warning of a loader counts as a failure; `passed` is None if nothing was run."""
+        """The report as JSON data. A warning of a loader counts as a failure; `passed` is None if no check ran."""
         findings = list(self.findings)
         note = "; ".join(self.warnings)
         findings.insert(
@@ -47,8 +47,8 @@ class Report:
 
 
 @contextlib.contextmanager
-def listening(report):
-    """Collects into the report what looks like a warning among what Python and native code print inside."""
+def collect_warnings(report):
+    """Adds lines that look like warnings to the report, from all output of Python and native code inside."""
     with tempfile.TemporaryFile() as log, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         kept = [os.dup(1), os.dup(2)]
@@ -62,6 +62,6 @@ def listening(report):
                 os.close(fd)
             log.seek(0)
             lines = log.read().decode("utf-8", "replace").splitlines()
-            said = [line.strip() for line in lines if _SUSPICIOUS.search(line) and not _MACHINE.search(line)]
-            said += [str(w.message) for w in caught if not issubclass(w.category, DeprecationWarning)]
-            report.warnings += [line for i, line in enumerate(said) if line not in said[:i]]
+            printed = [line.strip() for line in lines if _SUSPICIOUS.search(line) and not _MACHINE.search(line)]
+            printed += [str(w.message) for w in caught if not issubclass(w.category, DeprecationWarning)]
+            report.warnings += [line for i, line in enumerate(printed) if line not in printed[:i]]

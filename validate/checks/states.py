@@ -1,11 +1,11 @@
-"""Observed states of an export, read off the keyframes of its MJCF."""
+"""Observed states of an export, from the keyframes of its MJCF."""
 
 from pathlib import Path
 from xml.etree import ElementTree
 
 
 def observed_states(folder):
-    """{state: {joint: value}} of FOLDER/mjcf/*.xml; empty without one."""
+    """{state: {joint: value}} of FOLDER/mjcf/*.xml; empty without such a file."""
     for path in sorted(Path(folder, "mjcf").glob("*.xml")):
         root = ElementTree.parse(path).getroot()
         world = root.find("worldbody")
@@ -18,7 +18,7 @@ def observed_states(folder):
 
 
 def partnet_states(folder, states):
-    """The same, with joints under the names that the PartNet folder gives them."""
+    """The same with the joint names of the PartNet folder."""
     path = Path(folder, "partnet", "semantics.txt")
     if not path.is_file():
         return {}

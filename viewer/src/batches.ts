@@ -1,6 +1,6 @@
 /**
- * Gaussians drawn many to an instance. Spark draws an instance of four corners for each; software renderers take some
- * twenty microseconds per instance whatever is in it, and graphics cards fill their lanes badly.
+ * Draws many Gaussians per instance. Spark draws one instance of four corners for each Gaussian; software renderers need
+ * about 20 microseconds per instance, and graphics cards use only a part of each wave.
  */
 
 import { BufferAttribute, InstancedBufferGeometry } from "three";
@@ -11,7 +11,7 @@ const BATCH = 128;
 const CORNERS = [-1, -1, 1, -1, 1, 1, -1, 1];
 const TRIANGLES = [0, 1, 2, 0, 2, 3];
 
-/** A geometry of `BATCH` quads; `count` is told of the number of Gaussians that Spark wants drawn. */
+/** A geometry of `BATCH` quads; `count` receives the number of Gaussians that Spark draws. */
 function quads(count: { value: number }): InstancedBufferGeometry {
   const geometry = new InstancedBufferGeometry();
   const corners = Array.from({ length: BATCH }, (_, k) => [0, 1, 2, 3].flatMap((c) => [CORNERS[2 * c], CORNERS[2 * c + 1], k])).flat();
@@ -25,7 +25,7 @@ function quads(count: { value: number }): InstancedBufferGeometry {
   return geometry;
 }
 
-/** Before the first frame. Leaves a Spark alone whose shader is not the one that is known. */
+/** Call before the first frame. Changes nothing if the shader of Spark is not the known one. */
 export function drawInBatches(spark: SparkRenderer): void {
   const { material } = spark;
   const main = "void main() {";

@@ -1,4 +1,4 @@
-/** Cameras of the capture: frustums with their photos, and a wipe between photo and replica at one of them. */
+/** Cameras of the capture: frustums with their photos, and a wipe between the photo and the replica at one camera. */
 
 import {
   Box3,
@@ -19,7 +19,7 @@ import { address, bytes } from "./files";
 import type { CameraData } from "./scene";
 import type { Stage } from "./stage";
 
-/** Frustums; pictures are loaded when first shown, small. */
+/** Frustums; small pictures are loaded when frustums are first shown. */
 export class Frustums {
   readonly group = new Group();
   private readonly panes: { mesh: Mesh<BufferGeometry, MeshBasicMaterial>; view: CameraData }[] = [];
@@ -100,7 +100,7 @@ export class Wipe {
     await Promise.all([this.load(this.photo, view.photo), this.load(this.rendering, view.rendering), this.load(this.mask, view.mask ?? null)]);
   }
 
-  /** Darkens what the mask leaves out. */
+  /** Darkens pixels outside the mask. */
   showMask(on: boolean): void {
     this.mask.classList.toggle("on", on);
   }

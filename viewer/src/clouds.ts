@@ -1,4 +1,4 @@
-/** Points of the observed states; those that moved stand out. */
+/** Points of the observed states; points that moved can be marked. */
 
 import { Box3, BufferAttribute, BufferGeometry, Color, Group, type Matrix4, Object3D, Points, PointsMaterial, SRGBColorSpace } from "three";
 import { bytes } from "./files";
@@ -22,11 +22,11 @@ export class Clouds {
   private on = false;
   private state = 0;
 
-  /** `hung`: each link carries its points of both states, and moves them. */
+  /** `carried`: the points of both states are children of their links and move with them. */
   constructor(
     private readonly data: CloudData[],
     private readonly model: Model,
-    private readonly hung: boolean,
+    private readonly carried: boolean,
   ) {}
 
   set visible(on: boolean) {
@@ -45,7 +45,7 @@ export class Clouds {
       const positions = new Float32Array(source.buffer, source.byteOffset, cloud.count * 3);
       const marks = Uint8Array.from({ length: cloud.count }, (_, i) => source[cloud.count * 12 + 4 * i + 3]);
       const all = Uint32Array.from({ length: cloud.count }, (_, i) => i);
-      if (!this.hung) {
+      if (!this.carried) {
         this.add(cloud.state, source, positions, marks, all, this.group, null);
         continue;
       }
@@ -83,7 +83,7 @@ export class Clouds {
     return points;
   }
 
-  /** The colour of a part, or of what moved while there are none. */
+  /** The colour of the part; before parts are known, the colour of moved points. */
   private markOf(mark: number): Color {
     const link = this.model.links[mark];
     if (!link) return MOVED;

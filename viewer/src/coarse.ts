@@ -1,23 +1,23 @@
-/** Meshes with fewer triangles, made when they are first wanted. */
+/** Meshes with fewer triangles, computed when first needed. */
 
 import { BufferAttribute, BufferGeometry } from "three";
 import { toCreasedNormals } from "three/addons/utils/BufferGeometryUtils.js";
 import { MeshoptSimplifier } from "three/addons/libs/meshopt_simplifier.module.js";
 
-/** Share of a mesh's extent by which a coarse one may be off. */
+/** Largest error of a coarse mesh, relative to the extent of the mesh. */
 const MOST_ERROR = 0.2;
-/** Edges sharper than this, radians, are seen as edges. */
+/** Edges sharper than this, radians, get split normals. */
 const CREASE = 0.6;
-/** Fewer triangles than this cost nothing. */
+/** Meshes with fewer triangles are not simplified: drawing them is fast. */
 const LEAST = 300;
 
 let able = false;
-/** Resolves once meshes can be made coarse; where the browser cannot, they stay as they are. */
+/** Resolves once meshes can be simplified. If the browser cannot run the simplifier, meshes stay as they are. */
 export const ready: Promise<void> = MeshoptSimplifier.supported ? MeshoptSimplifier.ready.then(() => void (able = true)) : Promise.resolve();
 
 /**
- * The same mesh with about a share of its triangles. `textured`: vertices are shared and borders of texture charts stay,
- * which keeps the texture in its place and many triangles; otherwise only positions are left, and normals to light them.
+ * The same mesh with about this share of its triangles. `textured`: vertices are shared and borders of texture charts stay,
+ * which keeps texture coordinates but also many triangles; otherwise only positions and normals are kept.
  */
 export function coarser(geometry: BufferGeometry, share: number, textured: boolean): BufferGeometry {
   const positions = geometry.getAttribute("position") as BufferAttribute;

@@ -1,4 +1,4 @@
-/** Correcting what was found: part centres moved, added, deleted or merged, joint types marked; saved by the server. */
+/** Corrections: moves, adds, deletes or merges part centres and sets joint types; the server saves them. */
 
 import { Group, Mesh, MeshBasicMaterial, Plane, Quaternion, SphereGeometry, SRGBColorSpace, Vector3 } from "three";
 import { button, check, make, section } from "./dom";
@@ -6,14 +6,14 @@ import type { Link, Model } from "./model";
 import { isFound, type SceneData, type Triple } from "./scene";
 import type { Stage } from "./stage";
 
-const SAVED = "Saved. The next artgs reconstruct --resume makes again what depends on them.";
+const SAVED = "Saved. The next artgs reconstruct --resume recomputes what depends on them.";
 
 interface Centre {
-  /** Part, or null for one that was added. */
+  /** Index of the part; null for an added part. */
   part: number | null;
   ball: Mesh<SphereGeometry, MeshBasicMaterial>;
   moved: boolean;
-  /** What is done with a part that was found: "", "move", "delete" or the number of the part it goes into. */
+  /** Correction of a part: "" (keep), "move", "delete" or the number of the part to merge into; null for an added part. */
   choice: HTMLSelectElement | null;
   type: HTMLSelectElement | null;
 }
@@ -24,7 +24,7 @@ type Edit =
   | { action: "delete"; part: number }
   | { action: "merge"; part: number; into: number };
 
-/** What the file says, as far as it matters here. */
+/** The fields of `corrections.json` that this page uses. */
 interface Saved {
   centres: Edit[];
   joints: { part: number; type: string }[];
@@ -35,14 +35,14 @@ export class Corrections {
   readonly element: HTMLElement;
   private readonly centres: Centre[] = [];
   private readonly list = make("div");
-  private readonly told = make("p", { className: "note", role: "status" });
+  private readonly status = make("p", { className: "note", role: "status" });
   private held: { centre: Centre; plane: Plane } | null = null;
 
   constructor(
     private readonly scene: SceneData,
     private readonly stage: Stage,
     private readonly model: Model,
-    /** Moves every joint to state A, to which centres belong. */
+    /** Moves every joint to state A; centres are given in that state. */
     private readonly begin: () => void,
   ) {
     this.group.visible = false;
@@ -52,11 +52,11 @@ export class Corrections {
     this.element = section("Corrections", show, this.list);
     if (scene.placement) this.element.append(make("div", { className: "row" }, button("Add a centre", () => (this.add(), this.show(true)))));
     const row = make("div", { className: "row" }, button("Save corrections", () => void this.save()));
-    this.element.append(row, this.told);
+    this.element.append(row, this.status);
     if (scene.rerun) {
-      const go = button(isFound(scene) ? "Save and go on" : "Save and run again", () => void this.run());
-      go.disabled = scene.rerun.refused !== null;
-      row.append(go);
+      const start = button(isFound(scene) ? "Save and continue" : "Save and run again", () => void this.run());
+      start.disabled = scene.rerun.refused !== null;
+      row.append(start);
     }
     if (scene.rerun?.refused) {
       this.element.append(make("p", { className: "note" }, `A run cannot be started here: ${scene.rerun.refused}.`));
@@ -100,7 +100,7 @@ export class Corrections {
     for (const kind of ["revolute", "prismatic", "screw"]) type.append(option(kind, kind));
     const centre: Centre = { part: link.index, ball: this.ball(link.data.colour), moved: false, choice, type };
     choice.addEventListener("change", () => {
-      // A centre that is to be moved begins where the part is.
+      // A centre to be moved starts at the middle of the part.
       this.show(true);
       chosen(centre);
       this.show(true);
@@ -111,7 +111,7 @@ export class Corrections {
     this.list.append(make("div", { className: "edit" }, make("span", {}, dot, name), choice, type));
   }
 
-  /** A new part, in the middle of the object or where it was put before. */
+  /** Adds a part at `at`, by default in the middle of the object. */
   private add(at = this.model.extent().getCenter(new Vector3())): void {
     const centre: Centre = { part: null, ball: this.ball([120, 60, 200]), moved: true, choice: null, type: null };
     centre.ball.position.copy(at);
@@ -162,43 +162,43 @@ export class Corrections {
     canvas.addEventListener("pointercancel", release);
   }
 
-  /** A point of the object's frame in the capture's. */
-  private captured(point: Vector3): Triple {
+  /** From the object's frame to the capture's frame. */
+  private inCapture(point: Vector3): Triple {
     const { scale, rotation } = this.scene.placement!;
     return point.clone().applyQuaternion(new Quaternion(...rotation).invert()).divideScalar(scale).toArray() as Triple;
   }
 
-  /** A point of the capture's frame in the object's. */
-  private placed(point: Triple): Vector3 {
+  /** From the capture's frame to the object's frame. */
+  private inObject(point: Triple): Vector3 {
     const { scale, rotation } = this.scene.placement!;
     return new Vector3(...point).multiplyScalar(scale).applyQuaternion(new Quaternion(...rotation));
   }
 
-  /** Begins with what was saved before and is not in what is shown. */
+  /** Loads saved corrections that are not applied yet into the controls. */
   async load(): Promise<void> {
-    const unshown = (words: string) => `Corrections that were saved before are not shown here: ${words}. Saving replaces them.`;
+    const notShown = (words: string) => `Saved corrections that cannot be shown here: ${words}. Saving replaces them.`;
     try {
       const answer = await fetch("corrections");
       if (!answer.ok) throw new Error((await answer.text()).trim());
       const { centres, joints } = (await answer.json()) as Saved;
-      const strange = [...centres.filter((edit) => !this.edit(edit)), ...joints.filter((mark) => !this.mark(mark))];
-      if (strange.length > 0) this.told.textContent = unshown(strange.map((s) => JSON.stringify(s)).join(", "));
-      else if (centres.length + joints.length > 0) this.told.textContent = "Saved before, and not yet in what is shown.";
+      const unknown = [...centres.filter((edit) => !this.edit(edit)), ...joints.filter((mark) => !this.mark(mark))];
+      if (unknown.length > 0) this.status.textContent = notShown(unknown.map((s) => JSON.stringify(s)).join(", "));
+      else if (centres.length + joints.length > 0) this.status.textContent = "Corrections were saved earlier and are not applied yet.";
     } catch (error) {
-      this.told.textContent = unshown(error instanceof Error ? error.message : String(error));
+      this.status.textContent = notShown(error instanceof Error ? error.message : String(error));
     }
   }
 
-  /** False if the controls cannot say that: there is one choice for each part that was found. */
+  /** Sets the controls to an edit. False if they cannot express it: each part has one choice. */
   private edit(edit: Edit): boolean {
     if (!this.scene.placement && "position" in edit) return false;
-    if (edit.action === "add") return (this.add(this.placed(edit.position)), true);
+    if (edit.action === "add") return (this.add(this.inObject(edit.position)), true);
     const centre = this.centres.find((c) => c.part === edit.part);
     const value = edit.action === "merge" ? `${edit.into}` : edit.action;
     if (!centre?.choice || centre.choice.value !== "" || ![...centre.choice.options].some((o) => o.value === value)) return false;
     centre.choice.value = value;
     chosen(centre);
-    if (edit.action === "move") centre.ball.position.copy(this.placed(edit.position));
+    if (edit.action === "move") centre.ball.position.copy(this.inObject(edit.position));
     return true;
   }
 
@@ -209,12 +209,12 @@ export class Corrections {
     return true;
   }
 
-  /** What the file will say. A part is moved before another is merged into it, and merged before that one goes. */
+  /** The corrections to save. Order: a part is moved before others are merged into it, and merges precede deletions. */
   edits(): Saved {
     const order = { move: 0, merge: 1, delete: 2, add: 3 };
     const centres = this.centres.flatMap(({ part, ball, choice }): Edit[] => {
-      if (part === null) return [{ action: "add", position: this.captured(ball.position) }];
-      if (choice!.value === "move") return [{ action: "move", part, position: this.captured(ball.position) }];
+      if (part === null) return [{ action: "add", position: this.inCapture(ball.position) }];
+      if (choice!.value === "move") return [{ action: "move", part, position: this.inCapture(ball.position) }];
       if (choice!.value === "delete") return [{ action: "delete", part }];
       return choice!.value === "" ? [] : [{ action: "merge", part, into: Number(choice!.value) }];
     });
@@ -227,20 +227,20 @@ export class Corrections {
 
   private async save(): Promise<boolean> {
     const refused = await post("corrections", { format: "artgs-corrections", version: 1, ...this.edits() });
-    this.told.textContent = refused === null ? SAVED : `Not saved: ${refused}`;
+    this.status.textContent = refused === null ? SAVED : `Not saved: ${refused}`;
     return refused === null;
   }
 
-  /** Makes again what depends on the corrections; the page follows that, and shows then what was made. */
+  /** Saves and starts a run that applies the corrections; the page follows the run and then shows its result. */
   private async run(): Promise<void> {
     if (!(await this.save())) return;
     const refused = await post("rerun", {});
     if (refused === null) location.reload();
-    else this.told.textContent = `Saved, but not started: ${refused}`;
+    else this.status.textContent = `Saved, but not started: ${refused}`;
   }
 }
 
-/** What goes with the choice for a part that was found. */
+/** Updates the ball and the type after the choice of a part changed. */
 function chosen(centre: Centre): void {
   const value = centre.choice!.value;
   centre.moved = value === "move";
@@ -248,12 +248,12 @@ function chosen(centre: Centre): void {
   centre.type!.disabled = !centre.ball.visible;
 }
 
-/** Why the server refuses it, if it does. */
+/** Why the server refused the data; null if it accepted. */
 async function post(path: string, data: object): Promise<string | null> {
   const headers = { "Content-Type": "application/json" };
   try {
     const answer = await fetch(path, { method: "POST", headers, body: JSON.stringify(data) });
-    // All of it is read: a page that leaves before would break the answer off.
+    // Read the whole answer: leaving the page earlier would break the connection.
     const words = (await answer.text()).trim();
     return answer.ok ? null : words;
   } catch (error) {

@@ -1,4 +1,4 @@
-/** Elements in a line each. */
+/** Short functions that create DOM elements. */
 
 type Child = Node | string;
 

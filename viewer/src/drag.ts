@@ -1,4 +1,4 @@
-/** Moving a part with mouse or finger: its joint takes the value at which the point held is nearest to the pointer. */
+/** Moves a part with mouse or finger: the joint takes the value at which the grabbed point is nearest to the pointer. */
 
 import { Matrix4, Quaternion, Vector2, Vector3 } from "three";
 import type { Appearance } from "./looks";
@@ -6,7 +6,7 @@ import { motion, type Link, type Model } from "./model";
 import type { JointData } from "./scene";
 import type { Stage } from "./stage";
 
-/** Joints whose travel looks shorter than this are moved by going up and down, CSS pixels. */
+/** Joints whose range is shorter than this on the page, CSS pixels, are moved by vertical pointer motion. */
 const SHORT = 40;
 
 interface Grip {
@@ -14,7 +14,7 @@ interface Grip {
   joint: JointData;
   /** Frame of the joint at value 0, object's frame. */
   frame: Matrix4;
-  /** The point held, in the frame that moves. */
+  /** The grabbed point, in the moving frame. */
   point: Vector3;
   start: { value: number; y: number };
   short: boolean;
@@ -37,7 +37,7 @@ function place(grip: Grip, value: number): Vector3 {
   return grip.point.clone().applyQuaternion(rotation).add(position).applyMatrix4(grip.frame);
 }
 
-/** Gauss-Newton on the distance on the page, from the value the joint has, so that it never jumps to another turn. */
+/** Gauss-Newton on the distance on the page. It starts at the current value, so the joint never jumps by a full turn. */
 export function follow(stage: Stage, grip: Grip, pointer: Vector2): number {
   const [lower, upper] = grip.joint.limits;
   const range = upper - lower;
@@ -65,7 +65,7 @@ function travel(stage: Stage, grip: Grip): number {
   return length;
 }
 
-/** Lets parts be dragged; `busy` is told of the link that is held. */
+/** Lets parts be dragged; `busy` receives the grabbed link, or null when it is released. */
 export function enableDrag(stage: Stage, model: Model, looks: Appearance, busy: (link: Link | null) => void): void {
   let grip: Grip | null = null;
   const { canvas, controls } = stage;
@@ -88,7 +88,7 @@ export function enableDrag(stage: Stage, model: Model, looks: Appearance, busy: 
     canvas.setPointerCapture(event.pointerId);
     canvas.classList.add("holding");
     busy(link);
-    // The orbiting camera must not see this one.
+    // The orbit controls must not receive this event.
     event.stopImmediatePropagation();
   };
   const move = (event: PointerEvent) => {

@@ -28,7 +28,7 @@ export async function text(name: string): Promise<string> {
   return new TextDecoder().decode(await bytes(name));
 }
 
-/** An address under which an element or a loader can show a file. */
+/** A URL under which an element or a loader can load a file. */
 export async function address(name: string): Promise<string> {
   const type = name.endsWith(".png") ? "image/png" : "image/jpeg";
   return URL.createObjectURL(new Blob([await bytes(name)], { type }));

@@ -1,4 +1,4 @@
-/** Axes of joints with their limits: an arc for what turns, a rail for what slides, a needle at the present value. */
+/** Joint axes with limits: an arc for rotation, a rail for translation, a needle at the current value. */
 
 import {
   BufferGeometry,
@@ -21,7 +21,7 @@ import {
 import type { Link, Model } from "./model";
 import type { JointData } from "./scene";
 
-/** Shown through everything: an axis is mostly inside. */
+/** Drawn over everything: most of an axis is inside the object. */
 function paint(colour: Color, opacity: number): MeshBasicMaterial {
   return new MeshBasicMaterial({ color: colour, transparent: true, opacity, depthTest: false, depthWrite: false, side: DoubleSide });
 }
@@ -38,7 +38,7 @@ function upTo(direction: Vector3): Quaternion {
   return new Quaternion().setFromUnitVectors(new Vector3(0, 1, 0), direction.clone().normalize());
 }
 
-/** Axes of all joints of a model; part of its nodes, hidden by `visible`. */
+/** Axes of all joints of a model, children of its nodes; `visible` hides them. */
 export class Glyphs {
   private readonly all: Object3D[] = [];
 
@@ -59,7 +59,7 @@ export class Glyphs {
   }
 }
 
-/** What stays and what moves with the link. */
+/** The fixed part of the glyph and the part that moves with the link. */
 function glyph(link: Link, joint: JointData, size: number): [Group, Group] {
   const [r, g, b] = link.data.colour;
   const colour = new Color().setRGB(r / 255, g / 255, b / 255, SRGBColorSpace);

@@ -1,4 +1,4 @@
-/** A run under way: its Gaussians, swapped as they come, and its numbers. */
+/** Follows a running reconstruction: replaces the Gaussians when new ones arrive and plots loss and PSNR. */
 
 import { Box3, Group, Quaternion, Vector3 } from "three";
 import { SplatFileType, SplatMesh } from "@sparkjsdev/spark";
@@ -7,7 +7,7 @@ import { Plot } from "./plot";
 import type { SceneData } from "./scene";
 import type { Stage } from "./stage";
 
-/** Milliseconds between questions; of a page that nobody sees; after how many without an answer the run is gone. */
+/** Milliseconds between requests; the same of a hidden page; failed requests after which the run counts as lost. */
 const BEAT = 1000;
 const SLOW = 4000;
 const PATIENCE = 4;
@@ -18,11 +18,11 @@ interface LiveData {
   version: number;
   state: "running" | "finished" | "failed";
   message: string | null;
-  /** Since the run began. */
+  /** Since the start of the run. */
   seconds: number;
   stages: { name: string; seconds: number | null; reused: boolean }[];
   progress: { step: number; total: number; gaussians: number | null };
-  /** What to ask with next. */
+  /** Value of `since` for the next request. */
   since: number;
   /** Since then: index of the stage, step, loss, PSNR (dB). */
   points: [number, number, number | null, number | null][];
@@ -41,7 +41,7 @@ function clock(seconds: number): string {
   return h > 0 ? `${h}:${two(m)}:${two(s)}` : `${m}:${two(s)}`;
 }
 
-/** Gaussians as they were last heard of. */
+/** The latest Gaussians of the run. */
 class Swapped {
   readonly group = new Group();
   private mesh: SplatMesh | null = null;
@@ -66,14 +66,14 @@ class Swapped {
     return this.shown;
   }
 
-  /** Fetches what is not shown yet and puts it in the place of the last. */
+  /** Fetches a version that is not shown yet and replaces the previous one. */
   async show(version: number, tint: Tint): Promise<void> {
     const wanted = `${tint} ${version}`;
     if (this.loading || version === 0 || this.shown === wanted) return;
     this.loading = true;
     try {
       const answer = await fetch(`live/${tint}.spz`);
-      // The next ones may do.
+      // A later version may load.
       if (!answer.ok) return;
       const fileBytes = new Uint8Array(await answer.arrayBuffer());
       const next = new SplatMesh({ fileBytes, fileType: SplatFileType.SPZ, raycastable: false });
@@ -115,7 +115,7 @@ class Numbers {
   }
 
   add(data: LiveData): void {
-    // Fewer than were known: another run.
+    // Fewer steps than before: another run started.
     if (data.since < this.since) this.points = [];
     this.points.push(...data.points);
     this.since = data.since;
@@ -131,7 +131,7 @@ class Numbers {
   }
 }
 
-/** What the run is doing, in words. */
+/** State, progress bar and stages of the run. */
 class Words {
   readonly facts = make("p", { className: "facts", id: "facts" });
   readonly bar = make("progress", { max: 1, ariaLabel: "Steps of this stage" });
@@ -148,15 +148,15 @@ class Words {
     this.bar.hidden = !running;
     if (total > 0) this.bar.value = step / total;
     else this.bar.removeAttribute("value");
-    const told = data.stages.map((s) => {
-      const state = s.reused ? "taken from the earlier run" : s.seconds === null ? (running ? "…" : "") : clock(s.seconds);
+    const items = data.stages.map((s) => {
+      const state = s.reused ? "reused from the earlier run" : s.seconds === null ? (running ? "…" : "") : clock(s.seconds);
       return make("li", {}, s.name, make("span", { className: "kind" }, state));
     });
-    this.stages.replaceChildren(...told);
+    this.stages.replaceChildren(...items);
   }
 }
 
-/** Follows the run until it ends. `say` tells people what is wrong, or nothing any more. */
+/** Follows the run until it ends. `say` shows a message; an empty text hides it. */
 export function startLive(scene: SceneData, stage: Stage, say: (words: string, wrong?: boolean) => void) {
   const placement = scene.placement ?? { scale: 1, rotation: [0, 0, 0, 1] as [number, number, number, number] };
   const [swapped, numbers, words] = [new Swapped(stage, placement), new Numbers(), new Words()];
@@ -190,13 +190,13 @@ export function startLive(scene: SceneData, stage: Stage, say: (words: string, w
     words.update(data);
     parts.disabled = data.parts === 0;
     if (data.parts === 0 && tint === "parts") void choose("splats");
-    // One that nobody sees does not ask for Gaussians, so training need not stop for it.
+    // A hidden page does not request Gaussians, so that training does not wait for it.
     if (!document.hidden || data.state !== "running") await swapped.show(data.splats, tint);
     if (data.state === "failed") {
       say(`The run failed: ${data.message ?? ""}`, true);
       if (scene.returns) words.facts.after(make("div", { className: "row" }, button("Back", () => location.reload())));
     } else if (data.state === "finished" && scene.returns) location.reload();
-    else if (data.state === "finished") say("The run is finished. “artgs view” shows what it made.");
+    else if (data.state === "finished") say("The run is finished. “artgs view” shows the result.");
     else if (swapped.count > 0) say("");
   };
   const follow = async () => {
@@ -206,7 +206,7 @@ export function startLive(scene: SceneData, stage: Stage, say: (words: string, w
         missed = 0;
       } catch (error) {
         missed++;
-        if (missed === PATIENCE) say("The run went away: it ended, or was stopped. What is shown is the last that was heard of it.", true);
+        if (missed === PATIENCE) say("The server does not answer: the run ended or was stopped. The page shows the last data received.", true);
         else if (!(error instanceof TypeError)) say(error instanceof Error ? error.message : String(error), true);
       }
       await new Promise((done) => setTimeout(done, document.hidden || missed >= PATIENCE ? SLOW : BEAT));
@@ -219,7 +219,7 @@ export function startLive(scene: SceneData, stage: Stage, say: (words: string, w
     settled: () => stage.settled(),
     /** Colours of the Gaussians. */
     setTint: choose,
-    /** What is shown and known. */
+    /** State of the page, for tests. */
     live: () => ({ shown: swapped.state, splats: swapped.count, points: numbers.length, state: latest?.state, parts: latest?.parts ?? 0 }),
   };
 }

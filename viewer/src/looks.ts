@@ -1,4 +1,4 @@
-/** What of the links is drawn in each mode. */
+/** What is drawn for each link in each mode. */
 
 import {
   BufferGeometry,
@@ -28,17 +28,17 @@ import { parseObj } from "./obj";
 export const MODES = ["splats", "textured", "mesh", "parts", "collision", "points"] as const;
 export type Mode = (typeof MODES)[number];
 
-/** Where less than this share of the triangles is drawn, textures are not filtered. */
+/** If less than this share of the triangles is drawn, textures are not filtered. */
 const UNFILTERED = 0.1;
 
-/** All that hangs on one link. */
+/** Everything drawn for one link. */
 interface Looks {
   mesh?: Mesh;
-  /** The mesh as it is, and coarser by share of triangles and whether its colours are drawn. */
+  /** The full mesh, and simplified ones by share of triangles and whether colours are drawn. */
   fine?: BufferGeometry;
   coarse: Map<string, BufferGeometry>;
   painted?: MeshBasicMaterial;
-  /** The texture, and the same read without filtering. */
+  /** The texture, and the same texture without filtering. */
   picture?: Texture;
   rough?: Texture;
   hulls: Mesh[];
@@ -47,7 +47,7 @@ interface Looks {
 
 const clay = [FrontSide, DoubleSide].map((side) => new MeshLambertMaterial({ color: 0xc9c6c0, side }));
 
-/** Which sides of a mesh can be seen: drawing both costs half as much again. */
+/** Visible sides of a mesh: drawing both sides takes 1.5 times as long. */
 function sideOf(link: Link): typeof FrontSide | typeof DoubleSide {
   return link.data.mesh?.closed ? FrontSide : DoubleSide;
 }
@@ -59,7 +59,7 @@ export class Appearance {
 
   constructor(
     private readonly model: Model,
-    /** Without a graphics card, where filtering takes its time. */
+    /** True without a graphics card: texture filtering is slow there. */
     private readonly plain: boolean,
   ) {}
 
@@ -79,7 +79,7 @@ export class Appearance {
         bytes(mesh.file).then(parseObj),
         mesh.texture ? picture(mesh.texture, this.plain) : Promise.resolve(null),
       ]);
-      // The photographed light is in the texture already.
+      // The texture already contains the light of the scene.
       looks.painted = new MeshBasicMaterial({ map, vertexColors: !map && geometry.hasAttribute("color"), side: sideOf(link) });
       looks.mesh = new Mesh(geometry, looks.painted);
       looks.fine = geometry;
@@ -127,7 +127,7 @@ export class Appearance {
     }
   }
 
-  /** Draws meshes with a share of their triangles, and leaves out what takes long: edges of hulls, filtering of textures. */
+  /** Draws meshes with a share of their triangles, without slow details (edges of hulls, filtering of textures). */
   coarsen(share: number): void {
     const textured = this.mode === "textured";
     for (const looks of this.looks.values()) {
@@ -145,7 +145,7 @@ export class Appearance {
     }
   }
 
-  /** Meshes to point at: hulls, which have few triangles, else what is drawn. */
+  /** Meshes for hit tests: hulls, which have few triangles, else the drawn meshes. */
   targets(): { link: Link; mesh: Mesh }[] {
     return [...this.looks].flatMap(([link, { mesh, hulls }]) =>
       (hulls.length > 0 ? hulls : mesh ? [mesh] : []).map((m) => ({ link, mesh: m })),
@@ -162,7 +162,7 @@ export class Appearance {
   }
 }
 
-/** The same texture, read as cheaply as can be. */
+/** The same texture without filtering. */
 function unfiltered(texture: Texture): Texture {
   const out = texture.clone();
   out.magFilter = NearestFilter;

@@ -1,4 +1,4 @@
-/** The page: loads the scene, draws it, and joins controls, pointer and tests to it. */
+/** Entry point: loads and draws the scene and connects controls, pointer and test functions. */
 
 import "./style.css";
 import { Quaternion, Vector3 } from "three";
@@ -24,8 +24,8 @@ function say(words: string, wrong = false): void {
 }
 
 /**
- * Which way the object opens, level: the sum of where the middles of its parts go. Before training nobody knows whether
- * joints open or close from state A to B; then that way counts which leads out of the object.
+ * Horizontal direction in which the object opens: the sum of the motions of the part centres. Before training it is
+ * unknown whether joints open or close from state A to B; then the direction that points out of the object counts.
  */
 function frontOf(model: Model, found: boolean): Vector3 {
   const front = new Vector3();
@@ -55,7 +55,7 @@ async function start(scene: SceneData) {
   const stage = openStage(scene);
   const model = new Model(scene.links);
   const looks = new Appearance(model, stage.plain);
-  // Parts that were found, before training: their points are all there is to move.
+  // Discovered parts before training have points but no meshes.
   const found = isFound(scene);
   const clouds = new Clouds(scene.clouds ?? [], model, found);
   stage.add(model.root);
@@ -89,7 +89,7 @@ async function start(scene: SceneData) {
   const explode = (share: number) => {
     model.explode(share);
     panel.explode(share);
-    stage.stir();
+    stage.requestMotionFrame();
     if (share > 0) stage.include(model.present());
   };
   const setAxes = (on: boolean) => {
@@ -120,7 +120,7 @@ async function start(scene: SceneData) {
     mask: (on) => wipe.showMask(on),
     moved: (on) => ((marked = on), clouds.show(state, on), stage.invalidate()),
   });
-  model.onMove(() => stage.stir());
+  model.onMove(() => stage.requestMotionFrame());
   stage.onCoarsen((triangles) => looks.coarsen(triangles));
   const has = (kind: (l: SceneData["links"][number]) => boolean) => scene.links.some(kind);
   panel.allow("textured", has((l) => !!l.mesh));
@@ -140,7 +140,7 @@ async function start(scene: SceneData) {
   }
   enableDrag(stage, model, looks, (link) => (player.set(false), panel.hold(link)));
 
-  // The object can be moved by now; what is heavier follows.
+  // The object can be moved already; large files follow.
   await Promise.all([looks.loadSplats(), found ? undefined : clouds.load()]);
   clouds.show(state, marked);
   if (extent.isEmpty()) stage.frameObject(clouds.extent(), new Vector3());
@@ -148,9 +148,9 @@ async function start(scene: SceneData) {
   panel.allow("splats", counts.splats > 0);
   const facts = [`${scene.links.length} links`, `${counts.triangles.toLocaleString("en")} triangles`];
   if (counts.splats > 0) facts.push(`${counts.splats.toLocaleString("en")} Gaussians`);
-  panel.facts(found ? "Parts as they were found, before training" : scene.links.length > 0 ? facts.join(" · ") : "Capture before reconstruction");
-  if (found) say("Are these the parts, and do they move like this? Correct what is wrong, then go on.");
-  else say(exported || !model.movable().length ? "" : "Drag a part to move it. Drag beside it to turn the view.");
+  panel.facts(found ? "Discovered parts, before training" : scene.links.length > 0 ? facts.join(" · ") : "Capture before reconstruction");
+  if (found) say("Check the parts and their motions. Correct what is wrong, then save and continue.");
+  else say(exported || !model.movable().length ? "" : "Drag a part to move it. Drag the background to turn the view.");
   setTimeout(() => message.classList.contains("wrong") || say(""), 6000);
 
   return {
@@ -158,7 +158,7 @@ async function start(scene: SceneData) {
     stage,
     setMode,
     setState,
-    /** Moves a joint; returns the value it has then. */
+    /** Moves a joint; returns its value, clamped to the limits. */
     setJoint: (link: string | number, value: number) => model.set(model.find(link), value),
     joint: (link: string | number) => model.find(link).value,
     setExploded: explode,
@@ -168,7 +168,7 @@ async function start(scene: SceneData) {
     setWipe: (share: number) => wipe.set(share),
     play: (on: boolean) => player.set(on),
     settled: () => stage.settled(),
-    /** How coarsely things are drawn, see there. */
+    /** See [`Stage.coarseness`]. */
     coarseness: () => stage.coarseness,
     /** Page coordinates of a point of a link's frame. */
     onPage: (link: string | number, point: [number, number, number]) => {
@@ -203,7 +203,7 @@ type Hooks = Awaited<ReturnType<typeof start>> | ReturnType<typeof startLive>;
 
 declare global {
   interface Window {
-    /** For tests and tinkering: `await artgs.ready`, then everything that `start` or `startLive` returns. */
+    /** For tests and the console: `await artgs.ready`, then everything that `start` or `startLive` returns. */
     artgs: { ready: Promise<void>; modes: readonly string[] } & Partial<Hooks>;
   }
 }

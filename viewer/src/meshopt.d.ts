@@ -1,4 +1,4 @@
-/** What is used of meshoptimizer, which three.js brings along without types. */
+/** The used functions of meshoptimizer, which three.js contains without types. */
 declare module "three/addons/libs/meshopt_simplifier.module.js" {
   export const MeshoptSimplifier: {
     supported: boolean;

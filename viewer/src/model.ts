@@ -1,9 +1,9 @@
-/** The articulated object: a node per link, moved by its joint. */
+/** The articulated object: one node per link, moved by its joint. */
 
 import { Box3, Group, Quaternion, Vector3 } from "three";
 import type { JointData, LinkData } from "./scene";
 
-/** What hangs on a link; `shell` is what an exploded view shifts. */
+/** Nodes and state of a link; the exploded view shifts `shell`. */
 export class Link {
   readonly node = new Group();
   readonly moved = new Group();
@@ -35,7 +35,7 @@ export class Link {
 
 const turn = new Quaternion();
 
-/** Position and rotation of a link against its zero pose. */
+/** Position and rotation of a link relative to its zero pose. */
 export function motion(joint: JointData, value: number, position: Vector3, rotation: Quaternion): void {
   const axis = new Vector3().fromArray(joint.axis);
   const angle = joint.kind === "prismatic" ? 0 : value;
@@ -68,7 +68,7 @@ export class Model {
     return link;
   }
 
-  /** Moves a joint, no further than its limits; returns the value it has then. */
+  /** Moves a joint within its limits; returns the new value. */
   set(link: Link, value: number): number {
     const joint = link.data.joint;
     if (!joint || !Number.isFinite(value)) return link.value;
@@ -98,7 +98,7 @@ export class Model {
     return all;
   }
 
-  /** Shifts what is drawn of each link away from the middle, by a share of the distance. */
+  /** Exploded view: shifts the drawn content of each link away from the middle by a share of the distance. */
   explode(share: number): void {
     const extent = this.extent();
     if (extent.isEmpty()) return;
@@ -107,13 +107,13 @@ export class Model {
     for (const link of this.movable()) {
       if (link.box.isEmpty()) continue;
       const away = link.box.getCenter(new Vector3()).add(new Vector3().fromArray(link.data.origin)).sub(middle);
-      // A link in the middle leaves along its axis.
+      // A link in the middle moves along its axis.
       if (away.length() < 0.02 * size) away.fromArray(link.data.joint!.axis);
       link.shell.position.copy(away.normalize().multiplyScalar(share * 0.3 * size));
     }
   }
 
-  /** Extent as things are now, object's frame. */
+  /** Extent at the current joint values, object's frame. */
   present(): Box3 {
     this.root.updateMatrixWorld(true);
     const all = new Box3();

@@ -1,5 +1,5 @@
 /**
- * OBJ as `artgs export` writes it, tens of megabytes at a time: read byte by byte, without a string per line.
+ * Reader of OBJ files as `artgs export` writes them. It reads bytes, not lines: files have tens of megabytes.
  *
  * Limitations: one object, one material, no relative indices; polygons become fans.
  */
@@ -59,7 +59,7 @@ export function parseObj(source: Uint8Array): BufferGeometry {
       } else if (c === 46 && !point) point = true;
       else plain = false;
     }
-    // Exponents and more digits than a double holds go the slow way.
+    // Numbers with an exponent or with more digits than a double holds are parsed by `Number`.
     if (!plain || digits > 15) return Number(new TextDecoder().decode(source.subarray(from, at)));
     if (digits === 0) throw new Error(`byte ${from} of the OBJ is not a number`);
     value /= 10 ** scale;
@@ -132,7 +132,7 @@ function assemble(positions: Numbers, colours: Numbers, normals: Numbers, uvs: N
   if (has.normal) put("normal", normals, 3, 2);
   if (has.uv) put("uv", uvs, 2, 1);
   if (has.colour) {
-    // Photographed colours are sRGB, shaders want linear ones.
+    // Vertex colours are sRGB, shaders need linear colours.
     const colour = new Color();
     for (let i = 0; i < colours.length; i += 3) {
       colour.setRGB(colours.data[i], colours.data[i + 1], colours.data[i + 2], SRGBColorSpace);

@@ -1,18 +1,18 @@
-/** How finely to draw while things move: as finely as the machine keeps up with, by what frames took. */
+/** Chooses the level of detail during motions: the finest level at which measured frame times are short enough. */
 
-/** Milliseconds that a frame may take: 60 in a second, with some slack for clocks that are coarse. */
+/** Longest acceptable frame, milliseconds: 60 frames per second with tolerance for coarse clocks. */
 const FAST = 1000 / 55;
-/** Frames, or milliseconds with at least two frames, after which a level is known. */
+/** Frames, or milliseconds with at least two frames, after which the frame time of a level is known. */
 const FRAMES = 5;
 const LONG = 200;
-/** Frames after a change of level that still pay for the one before. */
+/** Frames after a change of level that are not measured: they may still draw the previous level. */
 const SETTLING = 2;
-/** A level that is this much slower than the fastest is as good: finer drawing that costs nothing is kept. */
+/** Levels at most this much slower than the fastest count as equally fast; the finest of them is used. */
 const ALIKE = 1.15;
-/** Milliseconds after which a finer level is tried again when something begins to move. */
+/** Milliseconds after which a finer level is tried again at the start of a motion. */
 const FORGIVE = 20_000;
 
-/** Mean without the longest, which may be an accident; displays show whole beats, so that a median would jump. */
+/** Mean without the longest interval, which may be an outlier. A median would jump between multiples of the refresh interval. */
 function usual(intervals: number[]): number {
   const sum = intervals.reduce((a, b) => a + b);
   return (sum - Math.max(...intervals)) / (intervals.length - 1);
@@ -21,7 +21,7 @@ function usual(intervals: number[]): number {
 /** Level 0 is the finest. */
 export class Pace {
   private current = 0;
-  /** Milliseconds of a frame by level; none where that is not known. */
+  /** Milliseconds per frame by level; undefined if not measured. */
   private costs: (number | undefined)[] = [];
   private intervals: number[] = [];
   private unsettled = SETTLING;
@@ -34,12 +34,12 @@ export class Pace {
     return this.current;
   }
 
-  /** What is known, for those who wonder. */
+  /** Measured milliseconds per frame by level. */
   get known(): readonly (number | undefined)[] {
     return this.costs;
   }
 
-  /** A frame of a motion begins at `now`, milliseconds. Returns the level to draw it at. */
+  /** Call at the start of each frame of a motion, at time `now`, milliseconds. Returns the level to draw. */
   step(now: number): number {
     const since = this.last === null ? null : now - this.last;
     this.last = now;
@@ -55,13 +55,13 @@ export class Pace {
     return this.current;
   }
 
-  /** Nothing moves any more. */
+  /** Call at the end of a motion. */
   rest(): void {
     this.last = null;
     this.intervals = [];
   }
 
-  /** Something else is drawn from now on, so what frames took is of no use. */
+  /** Call when other content is drawn: measured frame times are no longer valid. */
   forget(): void {
     this.costs = [];
     this.go(0);

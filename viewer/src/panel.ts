@@ -70,7 +70,7 @@ export class Panel {
     const out = section("Show", group);
     if (this.model.movable().length > 0) {
       out.append(
-        make("label", { className: "slider" }, make("span", { className: "head" }, "Apart"), this.apart),
+        make("label", { className: "slider" }, make("span", { className: "head" }, "Exploded view"), this.apart),
         this.axesShown,
       );
     }
@@ -112,9 +112,9 @@ export class Panel {
     const value = make("output");
     const kind = make("span", { className: "kind" }, joint.kind);
     if (joint.confidence !== undefined) {
-      // Rounded down: all of it is all of it.
-      kind.append(`, ${Math.floor(joint.confidence * 100 + 1e-9)} % fits`);
-      kind.title = "Share of the part's points that the joint takes onto a surface of the other state, of those in view there";
+      // Rounded down, so that only a confidence of 1 is shown as 100 %.
+      kind.append(`, confidence ${Math.floor(joint.confidence * 100 + 1e-9)} %`);
+      kind.title = "Share of the part's points, among those visible in the other state, that the joint moves onto a surface of that state";
     }
     const head = make("span", { className: "head" }, dot, link.data.name.replaceAll("_", " "), kind, value);
     const ends = make("span", { className: "ends" }, ...joint.limits.map((v) => make("span", {}, readable(joint, v))));
@@ -171,7 +171,7 @@ export class Panel {
     this.axesShown.querySelector("input")!.checked = on;
   }
 
-  /** Free view again. */
+  /** Returns from a camera of the capture to the free view. */
   free(): void {
     const choice = this.root.querySelector<HTMLSelectElement>("#camera");
     if (choice && choice.value !== "") {

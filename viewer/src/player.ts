@@ -1,9 +1,9 @@
-/** Runs every joint through its range, one after the other, back to where it was. */
+/** Plays all joints: moves each one through its range and back, one after another. */
 
 import type { Link, Model } from "./model";
 import type { Stage } from "./stage";
 
-/** Seconds per joint, there and back. */
+/** Seconds per joint. */
 const TURN = 3.2;
 
 export class Player {
@@ -43,7 +43,7 @@ export class Player {
   }
 }
 
-/** From a value down to the lower limit, up to the upper one and back, eased; `t` in [0, 1]. */
+/** Eased motion from a value to the lower limit, to the upper limit and back; `t` in [0, 1]. */
 export function sweep([lower, upper]: [number, number], from: number, t: number): number {
   const path = [from, lower, upper, from];
   const lengths = [from - lower, upper - lower, upper - from];

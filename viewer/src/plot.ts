@@ -1,10 +1,10 @@
-/** A small curve over the steps of a run. */
+/** A small line plot over the steps of a run. */
 
 import { make } from "./dom";
 
-/** Pixels of the drawing's own frame; the page stretches it. */
+/** Size of the SVG view box; the page scales it. */
 const [WIDTH, HEIGHT] = [280, 72];
-/** Steps side by side are drawn as their mean, as one view is not like the next. */
+/** Points of the line. Each is the mean of adjacent steps, because loss varies between views. */
 const BINS = 140;
 
 const NAMESPACE = "http://www.w3.org/2000/svg";
@@ -15,7 +15,7 @@ function shape<K extends keyof SVGElementTagNameMap>(tag: K, fields: Record<stri
   return element;
 }
 
-/** Means of neighbours, as [x, y]; what has no value is left out. */
+/** Means of adjacent steps as [x, y]; steps without a value are skipped. */
 export function binned(xs: number[], ys: (number | null)[]): [number, number][] {
   const last = Math.max(1, ...xs.slice(-1));
   const bins: { x: number; y: number; n: number }[] = [];
@@ -38,7 +38,7 @@ export class Plot {
   private readonly low = make("span");
   private readonly high = make("span");
 
-  /** `logarithmic`: for what falls by factors. */
+  /** `logarithmic`: the y axis is logarithmic. */
   constructor(
     name: string,
     private readonly unit: string,

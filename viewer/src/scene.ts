@@ -59,13 +59,13 @@ export interface SceneData {
   corrections: boolean;
   /** The page follows a run. */
   live?: boolean;
-  /** When that is over, the server has something else to show. */
+  /** After the run the server shows another page. */
   returns?: boolean;
-  /** Whether a run can be started, and why it cannot. */
+  /** Why a run cannot be started; null if it can. Missing if the server starts no runs. */
   rerun?: { refused: string | null };
 }
 
-/** Refuses what another version of the program wrote. */
+/** Throws if another version of the program wrote the scene. */
 export function checkScene(scene: SceneData): SceneData {
   if (scene.format !== "artgs-scene" || scene.version !== 1) {
     throw new Error(`scene.json is ${scene.format} version ${scene.version}; this page reads artgs-scene version 1`);
@@ -73,12 +73,12 @@ export function checkScene(scene: SceneData): SceneData {
   return scene;
 }
 
-/** True where parts are known, but no surfaces or Gaussians of them: before training. */
+/** True for discovered parts before training: links without meshes and Gaussians. */
 export function isFound(scene: SceneData): boolean {
   return scene.links.length > 0 && scene.links.every((l) => !l.mesh && !l.splats && l.collision.length === 0);
 }
 
-/** A joint value as people read it. */
+/** A joint value with its unit. */
 export function readable(joint: JointData, value: number): string {
   if (joint.kind === "prismatic") return `${(value * 1000).toFixed(0)} mm`;
   return `${((value * 180) / Math.PI).toFixed(1)}°`;

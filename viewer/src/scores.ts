@@ -1,13 +1,13 @@
-/** Scores as a table: what is known by name, a column per state where there are two. */
+/** Scores as a table: one row per metric, one column per state for metrics of both states. */
 
 import { make } from "./dom";
 
 const LABELS: Record<string, string> = {
-  "test.psnr": "PSNR, unseen views (dB)",
-  "test.ssim": "SSIM, unseen views",
-  "test.lpips": "LPIPS, unseen views",
-  "test.flip": "FLIP, unseen views",
-  "test.depth": "Depth error, unseen views",
+  "test.psnr": "PSNR, held-out views (dB)",
+  "test.ssim": "SSIM, held-out views",
+  "test.lpips": "LPIPS, held-out views",
+  "test.flip": "FLIP, held-out views",
+  "test.depth": "Depth error, held-out views",
   "train.psnr": "PSNR, training views (dB)",
   "train.ssim": "SSIM, training views",
   gaussians: "Gaussians",

@@ -1,4 +1,4 @@
-/** Canvas, camera and light; draws only when something changed. */
+/** Canvas, camera and lights; draws only after changes. */
 
 import {
   AmbientLight,
@@ -21,10 +21,10 @@ import { drawInBatches } from "./batches";
 import { Pace } from "./pace";
 import type { CameraData } from "./scene";
 
-/** Milliseconds without motion after which everything is drawn as finely as it can be. */
+/** Milliseconds without motion after which the finest level is drawn. */
 const REST = 120;
 
-/** How coarsely things are drawn while they move, finest first: share of triangles, and of pixels in each direction. */
+/** Levels of detail during motions, finest first: share of triangles, and of pixels in each direction. */
 const LEVELS = [
   { triangles: 1, pixels: 1 },
   { triangles: 1 / 4, pixels: 1 },
@@ -35,10 +35,10 @@ const LEVELS = [
 
 const UP_TO_Z = new Matrix4().makeRotationX(Math.PI / 2);
 
-/** True where WebGL is drawn without a graphics card, as far as the browser tells. */
+/** True if the browser reports a software renderer. */
 function drawnInSoftware(): boolean {
   const gl = document.createElement("canvas").getContext("webgl2");
-  if (!gl) throw new Error("This page needs WebGL 2; turn on hardware acceleration, or use a browser of the last years.");
+  if (!gl) throw new Error("This page needs WebGL 2; turn on hardware acceleration, or use a recent browser.");
   const name = String(gl.getParameter(gl.getExtension("WEBGL_debug_renderer_info")?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER));
   gl.getExtension("WEBGL_lose_context")?.loseContext();
   return /swiftshader|llvmpipe|softpipe|software/i.test(name);
@@ -63,7 +63,7 @@ export class Stage {
   private readonly density: number;
   /** Index into `LEVELS` of what is drawn. */
   private drawn = 0;
-  /** Runs while something moves. */
+  /** Timer that runs during motions. */
   private waking: ReturnType<typeof setTimeout> | null = null;
   private coarsen: (triangles: number) => void = () => {};
   /** Drawn without a graphics card. */
@@ -73,7 +73,7 @@ export class Stage {
     readonly canvas: HTMLCanvasElement,
     test: boolean,
   ) {
-    // Smooth edges and dense pixels are for graphics cards.
+    // Antialiasing and high pixel densities are too slow without a graphics card.
     const plain = test || drawnInSoftware();
     this.renderer = new WebGLRenderer({ canvas, antialias: !plain, preserveDrawingBuffer: test, powerPreference: "high-performance" });
     this.density = plain ? 1 : Math.min(devicePixelRatio, 2);
@@ -81,7 +81,7 @@ export class Stage {
     this.renderer.setPixelRatio(this.density);
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
-    this.controls.addEventListener("change", () => this.stir());
+    this.controls.addEventListener("change", () => this.requestMotionFrame());
     this.controls.enableDamping = false;
     this.spark = new SparkRenderer({ renderer: this.renderer, onDirty: () => this.invalidate() });
     drawInBatches(this.spark);
@@ -126,15 +126,15 @@ export class Stage {
     this.resized.push(listener);
   }
 
-  /** Asks for a frame. */
+  /** Requests a frame. */
   invalidate(): void {
     if (this.wanted) return;
     this.wanted = true;
     requestAnimationFrame((now) => this.frame(now));
   }
 
-  /** Asks for a frame of a motion: one of many, so that it may be coarse if the machine does not keep up otherwise. */
-  stir(): void {
+  /** Requests a frame of a motion; it may be drawn at a coarser level. */
+  requestMotionFrame(): void {
     this.wake();
     this.invalidate();
   }
@@ -142,7 +142,7 @@ export class Stage {
   private wake(): void {
     if (this.waking !== null) clearTimeout(this.waking);
     this.waking = setTimeout(() => {
-      // A machine that is late with a frame of the motion has not come to its end.
+      // A frame of the motion is still pending, so the motion has not ended.
       if (this.wanted) return this.wake();
       this.waking = null;
       this.pace.rest();
@@ -150,18 +150,18 @@ export class Stage {
     }, REST);
   }
 
-  /** What makes things coarse: is told of the share of triangles to draw. */
+  /** Registers the function that receives the share of triangles to draw. */
   onCoarsen(listener: (triangles: number) => void): void {
     this.coarsen = listener;
   }
 
-  /** Something else is drawn from now on. */
+  /** Call when other content is drawn. */
   changed(): void {
     this.pace.forget();
     this.invalidate();
   }
 
-  /** Level of coarseness that is drawn, and milliseconds of a frame at each as far as they are known. */
+  /** Drawn level, level chosen for motions, and measured milliseconds per frame of each level. */
   get coarseness(): { drawn: number; level: number; known: readonly (number | undefined)[] } {
     return { drawn: this.drawn, level: this.pace.level, known: this.pace.known };
   }
@@ -178,7 +178,7 @@ export class Stage {
     const seconds = Math.min(0.25, Math.max(0, now - this.last) / 1000);
     this.last = now;
     for (const tick of [...this.ticks]) if (!tick(seconds)) this.ticks.delete(tick);
-    if (this.ticks.size > 0) this.stir();
+    if (this.ticks.size > 0) this.requestMotionFrame();
     this.refine(this.waking === null ? 0 : this.pace.step(now));
     this.draw();
   }
@@ -196,7 +196,7 @@ export class Stage {
     this.frames++;
   }
 
-  /** Waits until nothing asks for frames any more. */
+  /** Waits until no more frames are requested. */
   async settled(): Promise<void> {
     const pause = (ms: number) => new Promise((done) => setTimeout(done, ms));
     this.invalidate();
@@ -208,20 +208,20 @@ export class Stage {
     }
   }
 
-  /** Gaussians cost time even where none are seen. */
+  /** Shows or hides Gaussians; hidden, they cost no time. */
   drawSplats(on: boolean): void {
     this.spark.visible = on;
     this.changed();
   }
 
-  /** Where the object is and which way it opens; the camera goes home. */
+  /** Sets the extent of the object and the direction in which it opens, and resets the view. */
   frameObject(extent: Box3, front: Vector3): void {
     if (!extent.isEmpty()) this.extent = extent;
     if (front.lengthSq() > 1e-6) this.front = front.clone().normalize();
     this.home();
   }
 
-  /** Looks at the front of the object from a little above and aside. */
+  /** Resets the view: the front of the object, from slightly above and aside. */
   home(): void {
     this.leave();
     const middle = this.extent.getCenter(new Vector3());
@@ -238,7 +238,7 @@ export class Stage {
     this.invalidate();
   }
 
-  /** Steps back until a box is in view, too. */
+  /** Moves the camera back until the box is in view. */
   include(box: Box3): void {
     if (this.looking || box.isEmpty()) return;
     const away = this.camera.position.clone().sub(this.controls.target);
@@ -250,12 +250,12 @@ export class Stage {
     this.invalidate();
   }
 
-  /** Sees through a camera of the capture, its photo in the middle of the canvas. */
+  /** Looks through a camera of the capture, with its photo in the middle of the canvas. */
   look(view: CameraData): void {
     this.looking = view;
     this.controls.enabled = false;
     const p = view.pose;
-    // OpenCV looks along +z with y down, three.js along -z with y up.
+    // OpenCV cameras look along +z with y down, those of three.js along -z with y up.
     const pose = new Matrix4().set(
       p[0][0], -p[0][1], -p[0][2], p[0][3],
       p[1][0], -p[1][1], -p[1][2], p[1][3],
@@ -287,7 +287,7 @@ export class Stage {
     this.camera.projectionMatrixInverse.copy(this.camera.projectionMatrix).invert();
   }
 
-  /** Back to a camera that can be moved; where it is stays. */
+  /** Makes the camera movable again, at its current position. */
   leave(): void {
     if (!this.looking) return;
     this.looking = null;
@@ -341,6 +341,6 @@ export class Stage {
     s.makeSafe();
     this.camera.position.setFromSpherical(s).applyMatrix4(UP_TO_Z).add(this.controls.target);
     this.controls.update();
-    this.stir();
+    this.requestMotionFrame();
   }
 }

@@ -5,7 +5,7 @@ import { build } from "esbuild";
 const { outputFiles } = await build({ entryPoints: ["src/pace.ts"], bundle: true, format: "esm", write: false });
 const { Pace } = await import(`data:text/javascript;base64,${Buffer.from(outputFiles[0].contents).toString("base64")}`);
 
-/** Draws frames of a motion; `cost(level)` is what one takes, and a display shows the next at a beat. */
+/** Draws frames of a motion; `cost(level)` is the time of one, and the display shows frames at fixed intervals. */
 function move(pace, clock, frames, cost, beat = 1000 / 60) {
   let level = pace.level;
   const levels = [];
@@ -17,27 +17,27 @@ function move(pace, clock, frames, cost, beat = 1000 / 60) {
   return levels;
 }
 
-test("a machine that keeps up draws everything", () => {
+test("a fast machine draws the finest level", () => {
   const levels = move(new Pace(5), { now: 0 }, 300, () => 9);
   assert.ok(levels.every((l) => l === 0));
 });
 
-test("a slow machine takes the finest level that keeps up", () => {
+test("a slow machine uses the finest level that is fast enough", () => {
   const levels = move(new Pace(5), { now: 0 }, 120, (l) => [60, 30, 12, 11, 8][l]);
   assert.ok(levels.slice(40).every((l) => l === 2), `${levels}`);
 });
 
-test("where nothing keeps up, the finest of the fastest is taken", () => {
+test("if no level is fast enough, the finest of the fastest is used", () => {
   const levels = move(new Pace(5), { now: 0 }, 200, (l) => [90, 60, 31, 30, 29][l]);
   assert.ok(levels.slice(80).every((l) => l === 2), `${levels}`);
 });
 
-test("a display that shows thirty frames a second loses nothing", () => {
+test("a display with 30 frames per second uses the finest level", () => {
   const levels = move(new Pace(5), { now: 0 }, 200, () => 5, 1000 / 30);
   assert.ok(levels.slice(60).every((l) => l === 0), `${levels}`);
 });
 
-test("very slow frames are learnt from at once, and a machine that becomes faster is noticed", () => {
+test("very slow frames change the level at once, and a machine that becomes faster is detected", () => {
   const [pace, clock] = [new Pace(5), { now: 0 }];
   const slow = move(pace, clock, 30, (l) => [600, 500, 300, 100, 14][l]);
   assert.equal(slow.at(-1), 4);
@@ -49,7 +49,7 @@ test("very slow frames are learnt from at once, and a machine that becomes faste
   assert.equal(last, 0);
 });
 
-test("what is learnt is forgotten when something else is drawn", () => {
+test("measured times are discarded when other content is drawn", () => {
   const [pace, clock] = [new Pace(5), { now: 0 }];
   assert.equal(move(pace, clock, 120, (l) => [60, 12, 12, 12, 12][l]).at(-1), 1);
   pace.forget();

@@ -1,4 +1,4 @@
-/** A browser on the sample replica, and pictures as numbers. */
+/** Starts the sample server and a browser, and measures pictures. */
 
 import { spawn } from "node:child_process";
 import { mkdtempSync, rmSync } from "node:fs";
@@ -7,7 +7,7 @@ import { join } from "node:path";
 import { chromium } from "playwright-core";
 import { PNG } from "pngjs";
 
-/** Debian's Chromium draws WebGL in software only when told so. */
+/** Debian's Chromium draws WebGL in software only with these flags. */
 const FLAGS = [
   "--headless=new",
   "--no-sandbox",
@@ -21,7 +21,7 @@ const FLAGS = [
   "--disable-sync",
 ];
 
-/** Serves the sample until `close` is called; `tell` hands a line to it and waits for its answer. */
+/** Serves the sample until `close` is called; `send` writes a line to its input and waits for its answer. */
 export async function sample(...options) {
   const folder = mkdtempSync(join(tmpdir(), "artgs-view-"));
   const program = process.env.ARTGS_VIEW_SAMPLE ?? "../target/debug/examples/view_sample";
@@ -37,19 +37,19 @@ export async function sample(...options) {
     await ended;
     rmSync(folder, { recursive: true });
   };
-  const tell = (line) => {
+  const send = (line) => {
     const answered = new Promise((done) => child.stdout.once("data", done));
     child.stdin.write(`${line}\n`);
     return answered;
   };
-  return { folder, url, close, tell };
+  return { folder, url, close, send };
 }
 
 export function browse() {
   return chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: FLAGS });
 }
 
-/** Opens a page, waits until it is ready, and keeps what it complained of and what it asked for. */
+/** Opens a page, waits until it is ready, and records errors, warnings and requests. */
 export async function open(browser, address, options = {}) {
   const page = await browser.newPage({ viewport: { width: 800, height: 480 }, ...options });
   page.setDefaultTimeout(60_000);
@@ -65,14 +65,14 @@ export async function open(browser, address, options = {}) {
   return { page, complaints, requests };
 }
 
-/** What the canvas shows, once nothing changes any more. */
+/** The picture on the canvas once drawing has stopped. */
 export async function shot(page) {
   await page.evaluate(() => globalThis.artgs.settled());
   const data = await page.evaluate(() => document.querySelector("canvas").toDataURL("image/png"));
   return PNG.sync.read(Buffer.from(data.split(",")[1], "base64"));
 }
 
-/** Smallest box of the pixels that differ, and how many do. */
+/** Number and bounding box of the pixels that differ. */
 export function difference(a, b, threshold = 24) {
   const box = { count: 0, left: a.width, top: a.height, right: -1, bottom: -1 };
   for (let i = 0; i < a.width * a.height; i++) {
@@ -100,7 +100,7 @@ export function colour(picture, [x, y], radius = 3) {
   return sum.map((s) => s / n);
 }
 
-/** Pixels that are not the background of the corner. */
+/** Number of pixels that differ from the background, which is the colour of the corner. */
 export function drawn(picture) {
   const corner = [...picture.data.subarray(0, 3)];
   let count = 0;

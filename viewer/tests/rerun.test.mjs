@@ -8,10 +8,10 @@ let browser;
 before(async () => (browser = await browse()));
 after(() => browser?.close());
 
-/** Waits until the page shows a scene of that name that is no run. */
+/** Waits until the page shows a finished scene of that name. */
 const shows = (page, name) => page.waitForFunction((n) => document.querySelector("h1")?.textContent === n && globalThis.artgs?.setMode, name);
 
-test("what is corrected is run again: progress is shown, and then what was made", async () => {
+test("corrections start a run: the page shows its progress and then its result", async () => {
   const served = await sample();
   try {
     const { page, complaints } = await open(browser, served.url);
@@ -24,8 +24,8 @@ test("what is corrected is run again: progress is shown, and then what was made"
     writeFileSync(hold, "");
     await page.getByRole("button", { name: "Save and run again" }).click();
     await page.getByText(/Running.*articulate, step \d+ of 20/).waitFor();
-    assert.equal(await page.getByText("taken from the earlier run").count(), 1);
-    // A page that is opened meanwhile follows, too.
+    assert.equal(await page.getByText("reused from the earlier run").count(), 1);
+    // A page opened during the run follows it, too.
     const other = await open(browser, served.url);
     await other.page.getByText(/Running.*articulate/).waitFor();
     rmSync(hold);
@@ -44,7 +44,7 @@ test("what is corrected is run again: progress is shown, and then what was made"
   }
 });
 
-test("a run that fails says why, and the page goes back", async () => {
+test("the page shows why a run failed and can return", async () => {
   const served = await sample();
   try {
     const { page } = await open(browser, served.url);
@@ -54,16 +54,16 @@ test("a run that fails says why, and the page goes back", async () => {
     await page.getByRole("button", { name: "Back" }).click();
     await shows(page, "cabinet");
     assert.ok(drawn(await shot(page)) > 3000);
-    // What was corrected is not lost.
+    // The corrections are kept.
     assert.equal(await page.getByLabel("Centre of knob").inputValue(), "delete");
-    await page.getByText("Saved before, and not yet in what is shown.").waitFor();
+    await page.getByText("Corrections were saved earlier and are not applied yet.").waitFor();
     await page.close();
   } finally {
     await served.close();
   }
 });
 
-test("what was saved is there when the page is loaded again, and stays when it is saved again", async () => {
+test("saved corrections are loaded with the page and stay when saved again", async () => {
   const served = await sample();
   const file = join(served.folder, "corrections.json");
   const read = () => JSON.parse(readFileSync(file, "utf8"));
@@ -90,13 +90,13 @@ test("what was saved is there when the page is loaded again, and stays when it i
     assert.deepEqual(first.joints, [{ part: 1, type: "screw" }]);
     const middle = [-0.005, -0.27, 0.75];
     assert.ok(middle.every((x, k) => Math.abs(x - first.centres[0].position[k]) < 1e-6), `${first.centres[0].position}`);
-    // Elsewhere than where the page would put them by itself.
+    // Positions other than the default ones of the page.
     for (const c of first.centres) if (c.position) c.position = c.position.map((x) => x + 0.125);
     writeFileSync(file, JSON.stringify(first));
     await again();
     assert.deepEqual(await values(), ["move", "screw", "delete", "", "1", ""]);
     assert.ok(await page.getByLabel("Type of drawer").isDisabled());
-    await page.getByText("Saved before, and not yet in what is shown.").waitFor();
+    await page.getByText("Corrections were saved earlier and are not applied yet.").waitFor();
     await page.getByLabel("Show part centres").check();
     if (process.env.SHOTS) await page.screenshot({ path: `${process.env.SHOTS}/again.png` });
     await save();
@@ -108,13 +108,13 @@ test("what was saved is there when the page is loaded again, and stays when it i
     assert.deepEqual(second, first);
     assert.deepEqual(complaints, []);
 
-    // What the controls cannot say, or nobody can read, is told, and stays until someone saves.
+    // Corrections that the controls cannot express, and unreadable files, are reported and stay until the next save.
     writeFileSync(file, JSON.stringify({ ...first, joints: [{ part: 9, type: "screw" }] }));
     await again();
-    await page.getByText('are not shown here: {"part":9,"type":"screw"}. Saving replaces them.').waitFor();
+    await page.getByText('cannot be shown here: {"part":9,"type":"screw"}. Saving replaces them.').waitFor();
     writeFileSync(file, "{");
     await again();
-    await page.getByText(/are not shown here: .*corrections\.json.*Saving replaces them\./).waitFor();
+    await page.getByText(/cannot be shown here: .*corrections\.json.*Saving replaces them\./).waitFor();
     assert.deepEqual(await values(), ["", "", "", "", "", ""]);
     assert.equal(readFileSync(file, "utf8"), "{");
     await save();
@@ -125,7 +125,7 @@ test("what was saved is there when the page is loaded again, and stays when it i
   }
 });
 
-test("where no run can be started, the button says why", async () => {
+test("if no run can be started, the page says why", async () => {
   const served = await sample("--unable");
   try {
     const { page } = await open(browser, served.url);
@@ -137,14 +137,14 @@ test("where no run can be started, the button says why", async () => {
   }
 });
 
-test("parts are seen, moved and corrected before training, and then the run goes on", async () => {
+test("discovered parts can be shown, moved and corrected before training, and then the run continues", async () => {
   const served = await sample("--found");
   try {
     const { page, complaints } = await open(browser, served.url);
-    await page.getByText("Parts as they were found, before training").waitFor();
+    await page.getByText("Discovered parts, before training").waitFor();
     const enabled = await page.locator("input[name=mode]:enabled").evaluateAll((inputs) => inputs.map((i) => i.value));
     assert.deepEqual(enabled, ["points"]);
-    assert.ok((await page.locator(".slider .kind").first().textContent()).includes("87 % fits"));
+    assert.ok((await page.locator(".slider .kind").first().textContent()).includes("confidence 87 %"));
     const first = await shot(page);
     assert.ok(drawn(first) > 2000, `${drawn(first)} pixels`);
     if (process.env.SHOTS) await page.screenshot({ path: `${process.env.SHOTS}/found.png` });
@@ -154,14 +154,14 @@ test("parts are seen, moved and corrected before training, and then the run goes
     assert.ok(difference(first, opened).count > 1000);
     const still = await page.evaluate(() => artgs.onPage("part_2", [0.2, -0.02, -0.1]));
     assert.ok(colour(first, still, 6).every((c, k) => Math.abs(c - colour(opened, still, 6)[k]) < 2));
-    // In state B the points of B are where the joints take those of A.
+    // In state B the joints move the points of A onto those of B.
     await page.getByRole("button", { name: "State B" }).click();
     const second = await shot(page);
     await page.getByLabel("Colour points by part").uncheck();
     assert.ok(difference(second, await shot(page)).count > 500);
     await page.getByLabel("Show part centres").check();
     await page.getByRole("button", { name: "Add a centre" }).click();
-    await page.getByRole("button", { name: "Save and go on" }).click();
+    await page.getByRole("button", { name: "Save and continue" }).click();
     await shows(page, "cabinet again");
     const saved = JSON.parse(readFileSync(join(served.folder, "corrections.json"), "utf8"));
     assert.deepEqual(saved.centres.map((c) => c.action), ["add"]);

@@ -18,7 +18,7 @@ after(async () => {
   await served?.close();
 });
 
-/** Where a point of a link is on the canvas; the canvas begins at the corner of the page. */
+/** Canvas coordinates of a point of a link; the canvas starts at the corner of the page. */
 const onPage = (link, point) => view.page.evaluate(([l, p]) => artgs.onPage(l, p), [link, point]);
 const joint = (link) => view.page.evaluate((l) => artgs.joint(l), link);
 const call = (name, ...args) => view.page.evaluate(([n, a]) => artgs[n](...a), [name, args]);
@@ -30,7 +30,7 @@ async function rest() {
   await call("setMode", "textured");
 }
 
-test("loads without a complaint and without a request to anyone else", async () => {
+test("loads without errors and without requests to other hosts", async () => {
   const origin = new URL(served.url).origin;
   const foreign = view.requests.filter((r) => !r.startsWith(origin) && !r.startsWith("data:") && !r.startsWith("blob:"));
   assert.deepEqual(foreign, []);
@@ -40,7 +40,7 @@ test("loads without a complaint and without a request to anyone else", async () 
   assert.ok(counts.splats > 5000, `${counts.splats} Gaussians`);
 });
 
-test("every mode draws something, and something different", async () => {
+test("every mode draws a different picture", async () => {
   await rest();
   const pictures = [];
   for (const mode of ["splats", "textured", "mesh", "parts", "collision", "points"]) {
@@ -55,12 +55,12 @@ test("every mode draws something, and something different", async () => {
   }
 });
 
-test("parts have their colours: Gaussians, texture and part colours are where the door is", async () => {
+test("Gaussians, texture and part colours are drawn at the door", async () => {
   await rest();
   const at = await onPage("door", [0.7, -0.02, 0.1]);
   await call("setMode", "splats");
   const [r, g, b] = colour(await shot(view.page), at);
-  // 180, 70, 50 was scattered on the door.
+  // The Gaussians of the door have colours around 180, 70, 50.
   assert.ok(Math.abs(r - 180) < 25 && Math.abs(g - 70) < 25 && Math.abs(b - 50) < 25, `splats ${[r, g, b]}`);
   await call("setMode", "textured");
   const [tr, tg, tb] = colour(await shot(view.page), at, 12);
@@ -87,7 +87,7 @@ test("moving a slider moves the door's pixels and only those", async () => {
     await outline();
     const box = difference(before, after);
     const [xs, ys] = [0, 1].map((k) => corners.map((c) => c[k]));
-    // Gaussians reach beyond the corners.
+    // Gaussians extend beyond the corners of the mesh.
     const margin = mode === "splats" ? 24 : 3;
     assert.ok(box.count > 2000, `${mode}: ${box.count} pixels changed`);
     assert.ok(box.left >= Math.min(...xs) - margin && box.right <= Math.max(...xs) + margin, `${mode}: ${JSON.stringify(box)} ${xs}`);
@@ -117,7 +117,7 @@ async function drag(from, to, steps = 8) {
   await view.page.mouse.up();
 }
 
-test("dragging a part moves its joint so that the point held follows, and stops at the limits", async () => {
+test("dragging a part moves its joint so that the grabbed point follows, within the limits", async () => {
   for (const mode of ["mesh", "splats"]) {
     await rest();
     await call("setMode", mode);
@@ -192,15 +192,15 @@ test("the console and the controls agree", async () => {
   await call("setExploded", 0);
 });
 
-test("a machine that does not keep up draws motions coarsely and rest finely, and at rest nothing", async () => {
+test("a slow machine draws motions at a coarse level, then the finest, then nothing", async () => {
   await rest();
   await call("setMode", "mesh");
   const before = await shot(view.page);
   const frames = () => view.page.evaluate(() => artgs.stage.frames);
   const drawnBefore = await frames();
   await view.page.waitForTimeout(400);
-  assert.equal(await frames(), drawnBefore, "it draws though nothing changes");
-  // A machine that takes long over all but the coarsest.
+  assert.equal(await frames(), drawnBefore, "it draws although nothing changes");
+  // A machine that is slow at all levels but the coarsest.
   const moving = await view.page.evaluate(async () => {
     const { stage } = artgs;
     const draw = stage.draw;
@@ -223,13 +223,13 @@ test("a machine that does not keep up draws motions coarsely and rest finely, an
   assert.equal(difference(before, await shot(view.page)).count, 0);
 });
 
-test("a camera's photo lies over the replica as far as the wipe says", async () => {
+test("the wipe shows a camera's photo over a part of the replica", async () => {
   await rest();
   await view.page.locator("#camera").selectOption("0");
   await view.page.locator("#wipe").fill("0.25");
   await view.page.evaluate(() => artgs.settled());
   const canvas = await shot(view.page);
-  // The pose, worked out by hand: the object's point (0, 0, 0.5) is at the principal point (84, 60) of 160 x 120.
+  // The pose was computed by hand: the object's point (0, 0, 0.5) is at the principal point (84, 60) of 160 x 120.
   const at = await onPage("base", [0, 0, 0.5]);
   const scale = Math.min(canvas.width / 160, canvas.height / 120);
   const left = (canvas.width - 160 * scale) / 2;
@@ -253,7 +253,7 @@ test("a camera's photo lies over the replica as far as the wipe says", async () 
   await view.page.getByLabel("Show cameras").uncheck();
 });
 
-test("corrections are saved, and refused where they make no sense", async () => {
+test("corrections are saved, and invalid ones are refused", async () => {
   await rest();
   await view.page.getByLabel("Type of door").selectOption("prismatic");
   await view.page.getByLabel("Centre of drawer").selectOption("delete");
@@ -287,7 +287,7 @@ test("another origin can neither read nor write", async () => {
       const attempts = [
         fetch(`${url}scene.json`).then((r) => r.text()),
         fetch(`${url}corrections`, { method: "POST", headers: { "Content-Type": "application/json" }, body }).then((r) => r.text()),
-        // This one is sent without asking first, as that of a form is.
+        // This one is sent without a preflight request, like that of a form.
         fetch(`${url}corrections`, { method: "POST", mode: "no-cors", body }),
       ];
       return (await Promise.allSettled(attempts)).map((a) => a.status);
@@ -325,7 +325,7 @@ test("on a phone the canvas keeps its place and a finger moves a part", async ()
   await page.close();
 });
 
-test("the exported page works from disk and shows the same", async () => {
+test("the exported page works from disk and shows the same picture", async () => {
   await rest();
   const file = pathToFileURL(join(served.folder, "page.html")).href;
   const single = await open(browser, file);
@@ -347,7 +347,7 @@ test("the exported page works from disk and shows the same", async () => {
   assert.deepEqual(view.complaints.filter((c) => !c.includes("400")), []);
 });
 
-test("a capture before any reconstruction shows the points of both states and which moved", async () => {
+test("a capture before reconstruction shows the points of both states and marks moved ones", async () => {
   const { page, complaints } = await open(browser, pathToFileURL(join(served.folder, "capture.html")).href);
   const first = await shot(page);
   assert.ok(drawn(first) > 2000, `${drawn(first)} pixels`);

@@ -1,4 +1,4 @@
-//! All runs of a bench: which are still to be made, making them, scoring them.
+//! Runs of a benchmark: plans missing runs, executes them and scores the results.
 
 use crate::item::{Item, ItemError, Source, check_names};
 use crate::launch::{Ended, Tools};
@@ -13,11 +13,11 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// Tells the folder of a bench from any other.
+/// File that marks a folder as the output of a benchmark.
 const MARKER: &str = "bench.json";
 const RECORD: &str = "run.json";
 
-/// How a bench is run.
+/// Options of a benchmark.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Folder for everything.
@@ -26,37 +26,37 @@ pub struct Options {
     pub seeds: u64,
     /// Time after which a run counts as failed.
     pub timeout: Option<Duration>,
-    /// Runs at a time. Times and memory are honest only with one.
+    /// Runs at a time. Times and memory are comparable only with one.
     pub jobs: usize,
     /// Threads of a run; all cores if absent.
     pub threads: Option<usize>,
-    /// Device that trains, as `artgs reconstruct --device` reads it; the best there is if absent.
+    /// Device for training, as in `artgs reconstruct --device`; the best available one if absent.
     pub device: Option<String>,
-    /// Make runs again that were made with other settings, instead of refusing.
+    /// Repeat runs with other settings instead of refusing them.
     pub force: bool,
-    /// Make failed runs again.
+    /// Repeat failed runs.
     pub retry_failed: bool,
 }
 
-/// Why a bench did not start or could not go on. A failing run is no such reason.
+/// Why a benchmark did not start or could not continue. A failing run is no such reason.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
-    /// Objects that cannot be benched.
+    /// Objects that cannot be used.
     #[error(transparent)]
     Item(#[from] ItemError),
-    /// Variants that cannot be benched.
+    /// Variants that cannot be used.
     #[error(transparent)]
     Variant(#[from] VariantError),
-    /// The output folder belongs to something else.
-    #[error("{0} holds files that no bench wrote; give an empty folder to -o")]
+    /// The output folder contains other files.
+    #[error("{0} contains files that no benchmark wrote; give an empty folder to -o")]
     ForeignFolder(String),
-    /// Runs made with other settings.
+    /// Earlier runs have other settings.
     #[error(
         "{folder} was made with another {fields} ({runs} such runs); give the same settings, another folder to -o, \
-         or --force to make these runs again"
+         or --force to repeat these runs"
     )]
     OtherSettings {
-        /// The first such run.
+        /// Folder of the first such run.
         folder: String,
         /// What differs.
         fields: String,
@@ -66,7 +66,7 @@ pub enum BenchError {
     /// A file could not be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// A folder could not be made or removed.
+    /// A folder could not be created or removed.
     #[error("{path}: {source}")]
     Folder {
         /// The folder.
@@ -83,26 +83,26 @@ impl BenchError {
     }
 }
 
-/// What happens meanwhile.
+/// Progress of a benchmark.
 #[derive(Debug)]
 pub enum Event<'a> {
-    /// Runs of an earlier bench are taken over.
+    /// Runs of an earlier benchmark are reused.
     Kept {
-        /// How many.
+        /// Number of runs.
         runs: usize,
     },
-    /// A procedural object is photographed.
-    Photographing {
-        /// Its name.
+    /// The views of a procedural object are rendered.
+    Rendering {
+        /// Name of the object.
         object: &'a str,
     },
     /// A run starts.
     Started {
         /// Which.
         run: RunName<'a>,
-        /// Its place among the runs to be made, from 1.
+        /// Position among the runs to execute, from 1.
         number: usize,
-        /// Runs to be made.
+        /// Number of runs to execute.
         of: usize,
     },
     /// A run has ended.
@@ -133,12 +133,12 @@ impl std::fmt::Display for RunName<'_> {
     }
 }
 
-/// Records of a bench, those of earlier runs included.
+/// Records of a benchmark, those of earlier runs included.
 #[derive(Debug)]
 pub struct Finished {
     /// By variant, object, seed.
     pub records: Vec<Record>,
-    /// Runs that are missing because the bench was told to stop.
+    /// Runs that are missing because the benchmark was stopped.
     pub missing: usize,
 }
 
@@ -151,7 +151,7 @@ struct Prepared {
     error: Option<String>,
 }
 
-/// One run to be made, or made.
+/// One run, executed or not.
 struct Job<'a> {
     item: usize,
     variant: &'a Variant,
@@ -167,8 +167,8 @@ impl Job<'_> {
     }
 }
 
-/// Runs what is not there yet, and scores it. Runs that fail are records like others. `stop` ends the run in progress
-/// and the bench; a later one goes on from there.
+/// Executes and scores the missing runs. Failed runs have records, too. `stop` ends the run in progress and the benchmark;
+/// a later call resumes it.
 pub fn run(
     items: &[Item],
     variants: &[Variant],
@@ -186,7 +186,7 @@ pub fn run(
     for job in &jobs {
         if job.kept.is_some() { kept += 1 } else { wanted.push(job) }
     }
-    // Every object once before any a second time.
+    // All objects with the first seed, then all with the second.
     wanted.sort_by_key(|j| j.settings.seed);
     if kept > 0 {
         observe(Event::Kept { runs: kept });
@@ -195,18 +195,18 @@ pub fn run(
         write_atomic(&overlay_path(&options.out, variant), variant.overlay.as_bytes())?;
     }
     let prepared = prepare(items, &wanted, options, stop, observe)?;
-    let (next, made) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    let (next, finished) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
     let worker = || -> Result<(), BenchError> {
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
             let Some(job) = wanted.get(index).filter(|_| !stop.load(Ordering::Relaxed)) else { return Ok(()) };
             observe(Event::Started { run: job.name(), number: index + 1, of: wanted.len() });
             let start = Instant::now();
-            let Some(record) = make(job, &prepared[job.item], options, tools, stop)? else { return Ok(()) };
+            let Some(record) = execute(job, &prepared[job.item], options, tools, stop)? else { return Ok(()) };
             let seconds = start.elapsed().as_secs_f64();
             observe(Event::Finished { run: job.name(), outcome: &record.outcome, seconds });
-            if let Ok(mut made) = made.lock() {
-                made.push(record);
+            if let Ok(mut finished) = finished.lock() {
+                finished.push(record);
             }
         }
     };
@@ -214,18 +214,18 @@ pub fn run(
         let workers: Vec<_> = (0..options.jobs.max(1)).map(|_| scope.spawn(worker)).collect();
         workers.into_iter().try_for_each(|w| w.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
     })?;
-    let mut made = made.into_inner().unwrap_or_default();
+    let mut finished = finished.into_inner().unwrap_or_default();
     let of = |job: &Job<'_>| {
         let same =
             |r: &Record| (&r.variant, &r.object, r.seed) == (&job.variant.name, &job.object.name, job.settings.seed);
-        job.kept.clone().or_else(|| made.iter().position(same).map(|i| made.swap_remove(i)))
+        job.kept.clone().or_else(|| finished.iter().position(same).map(|i| finished.swap_remove(i)))
     };
     let total = jobs.len();
     let records: Vec<Record> = jobs.iter().filter_map(of).collect();
     Ok(Finished { missing: total - records.len(), records })
 }
 
-/// Makes the folder ours, or refuses it.
+/// Marks the folder as the output of a benchmark; refuses a folder with other files.
 fn claim(out: &Path) -> Result<(), BenchError> {
     let marker = out.join(MARKER);
     let empty = std::fs::read_dir(out).map(|mut entries| entries.next().is_none()).unwrap_or(!out.exists());
@@ -240,7 +240,7 @@ fn overlay_path(out: &Path, variant: &Variant) -> PathBuf {
     out.join("variants").join(format!("{}.toml", variant.name))
 }
 
-/// Every run with what is there of it, by variant, object, seed.
+/// All runs with their existing records, by variant, object, seed.
 fn plan<'a>(items: &'a [Item], variants: &'a [Variant], options: &Options) -> Result<Vec<Job<'a>>, BenchError> {
     let (mut jobs, mut others) = (Vec::new(), Vec::new());
     for variant in variants {
@@ -288,12 +288,12 @@ fn settings(item: &Item, variant: &Variant, options: &Options, seed: u64) -> Run
     }
 }
 
-/// The record of a finished run; one that cannot be read counts as unfinished.
+/// The record of a finished run; an unreadable one counts as unfinished.
 fn read_record(folder: &Path) -> Option<Record> {
     serde_json::from_slice(&std::fs::read(folder.join(RECORD)).ok()?).ok()
 }
 
-/// Photographs what has to be, and looks at the captures that are wanted.
+/// Renders missing captures of procedural objects and reads facts of the needed captures.
 fn prepare(
     items: &[Item],
     wanted: &[&Job<'_>],
@@ -311,13 +311,13 @@ fn prepare(
             Source::Folder(path) => (path.clone(), None),
             Source::Procedural { settings, write } => {
                 let capture = options.out.join("captures").join(&item.name);
-                let error = photograph(&capture, settings, write, || {
-                    observe(Event::Photographing { object: &item.name });
+                let error = render(&capture, settings, write, || {
+                    observe(Event::Rendering { object: &item.name });
                 })?;
                 (capture, error)
             }
         };
-        // A capture that cannot be read is told by the run itself.
+        // The run itself reports a capture that cannot be read.
         let loaded = if error.is_none() { artgs_io::load_capture(&capture).ok() } else { None };
         let facts = loaded.map(|c| Facts::of(&c, item.noise.clone())).unwrap_or_default();
         all.push(Prepared { capture, facts, error });
@@ -325,24 +325,24 @@ fn prepare(
     Ok(all)
 }
 
-/// Photographs into a folder unless that was done with the same settings. The reason, if the object cannot be.
-fn photograph(
+/// Renders into a folder unless that was done with the same settings. Returns why the object cannot be rendered, if so.
+fn render(
     capture: &Path,
     settings: &str,
-    write: &crate::item::Photographer,
-    tell: impl Fn(),
+    write: &crate::item::Renderer,
+    report: impl Fn(),
 ) -> Result<Option<String>, BenchError> {
     let done = capture.with_file_name(format!("{}.settings", file_name(capture)));
     if std::fs::read_to_string(&done).is_ok_and(|text| text == settings) && capture.is_dir() {
         return Ok(None);
     }
-    tell();
+    report();
     remove(&done, |path| std::fs::remove_file(path))?;
     remove(capture, |path| std::fs::remove_dir_all(path))?;
     let written = catch_unwind(AssertUnwindSafe(|| write(capture)));
     match written.unwrap_or_else(|_| Err("the program crashed".into())) {
         Ok(()) => Ok(write_atomic(&done, settings.as_bytes()).map(|()| None)?),
-        Err(reason) => Ok(Some(format!("could not be photographed: {reason}"))),
+        Err(reason) => Ok(Some(format!("could not be rendered: {reason}"))),
     }
 }
 
@@ -359,8 +359,8 @@ fn remove(path: &Path, how: impl Fn(&Path) -> std::io::Result<()>) -> Result<(),
     }
 }
 
-/// Makes and scores a run, and leaves its record; none if the bench was told to stop.
-fn make(
+/// Executes and scores a run and writes its record; none if the benchmark was stopped.
+fn execute(
     job: &Job<'_>,
     prepared: &Prepared,
     options: &Options,
@@ -368,17 +368,17 @@ fn make(
     stop: &AtomicBool,
 ) -> Result<Option<Record>, BenchError> {
     let folder = options.out.join(&job.folder);
-    // What an unfinished run left would make the times of this one too short.
+    // Files of an unfinished run would be reused and make the times of this one too short.
     remove(&folder, |path| std::fs::remove_dir_all(path))?;
     let log = folder.with_file_name(format!("{}.log", file_name(&folder)));
     let ended = match &prepared.error {
-        Some(reason) => Ended::Badly(reason.clone()),
+        Some(reason) => Ended::Failed(reason.clone()),
         None => tools.run(&arguments(job, prepared, options, &folder), &log, options.timeout, stop),
     };
     let outcome = match ended {
         Ended::Stopped => return Ok(None),
-        Ended::Badly(reason) => Outcome::Failed(reason),
-        Ended::Well => {
+        Ended::Failed(reason) => Outcome::Failed(reason),
+        Ended::Success => {
             let measured = catch_unwind(AssertUnwindSafe(|| (tools.measure)(&folder, &prepared.capture)));
             match measured.unwrap_or_else(|_| Err("scoring crashed".into())) {
                 Ok(measured) => Outcome::Done(measured),

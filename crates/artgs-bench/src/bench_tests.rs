@@ -1,11 +1,11 @@
 use super::*;
 use crate::testing::write_truth;
-use artgs_core::Replica;
+use artgs_core::{Replica, State};
 use artgs_io::{load_ground_truth, write_mesh_ply, write_replica};
 use std::sync::Arc;
 
-/// A capture that is nothing but its truth, and a program that answers every run with a perfect replica of it, a line
-/// in `calls`, and what `behaviour` (a shell script) does before.
+/// A capture that contains only its ground truth, and a program that answers every run with an exact replica and a line in
+/// `calls`, after it runs the shell script `behaviour`.
 struct Fake {
     root: tempfile::TempDir,
     tools: Tools,
@@ -82,7 +82,7 @@ fn full() -> Variant {
     Variant::preset("full", "default", "default settings")
 }
 
-/// Only what the run wrote; scoring takes seconds.
+/// Reads what the run wrote, without scoring, which takes seconds.
 fn quickly(folder: &Path, _: &Path) -> Result<crate::Measured, String> {
     let metrics = crate::measure::read_metrics(folder)?;
     artgs_io::read_replica(folder).map_err(|e| e.to_string())?;
@@ -93,9 +93,9 @@ fn perfect_replica(folder: &Path, gt: &Path) {
     let truth = load_ground_truth(gt).unwrap();
     let replica = Replica::new(&truth.joints);
     for (part, meshes) in replica.parts.iter().zip(std::iter::once(&truth.fixed).chain(&truth.movable)) {
-        (0..2).for_each(|s| write_mesh_ply(&folder.join(part.meshes.get(s)), &meshes[s]).unwrap());
+        State::ALL.iter().for_each(|s| write_mesh_ply(&folder.join(&part.meshes[*s]), &meshes[*s]).unwrap());
     }
-    (0..2).for_each(|s| write_mesh_ply(&folder.join(replica.whole.get(s)), &truth.whole[s]).unwrap());
+    State::ALL.iter().for_each(|s| write_mesh_ply(&folder.join(&replica.whole[*s]), &truth.whole[*s]).unwrap());
     write_replica(folder, &replica).unwrap();
     let metrics = json!({ "parts": 2, "gaussians": 5, "test": [{ "psnr": 30.0, "ssim": 0.9, "views": 2 }, null],
                           "total_seconds": 3.0, "peak_memory_mib": 99.0 });
@@ -130,14 +130,14 @@ fn runs_are_made_scored_and_not_made_again() {
     assert_eq!(fake.calls().len(), 4, "nothing is made again");
     assert_eq!(second.records, first.records, "records come back from files as they were");
 
-    // As if the bench had been killed during this run.
+    // As if the benchmark had been killed during this run.
     std::fs::remove_file(options.out.join("runs/full/two/seed_1/run.json")).unwrap();
     fake.forget_calls();
     assert_eq!(fake.run(&options).records, first.records);
     assert_eq!(fake.calls().len(), 1);
     assert!(fake.calls()[0].contains("captures/two") && fake.calls()[0].contains("--seed 1"));
 
-    // More seeds and variants join what is there.
+    // More seeds and variants are added to existing runs.
     fake.forget_calls();
     let more = Options { seeds: 3, jobs: 2, threads: None, ..options.clone() };
     let overlay = Variant::with_overlay("wide", "paper", "wider", "[discover]\nrounds = 7\n".into());
@@ -146,7 +146,7 @@ fn runs_are_made_scored_and_not_made_again() {
     let wide = fake.calls().into_iter().find(|c| c.contains("--preset paper")).unwrap();
     assert!(wide.contains("--config ") && wide.contains("variants/wide.toml"), "{wide}");
 
-    // Another device is another setting.
+    // Another device counts as another setting.
     let elsewhere = Options { device: Some("gpu:1".into()), ..options };
     let refused = fake.run_with(&[full()], &elsewhere).unwrap_err().to_string();
     assert!(refused.contains("device"), "{refused}");
@@ -190,10 +190,10 @@ fn other_settings_are_refused_unless_forced() {
     fake.run(&options);
     let other = Options { threads: Some(3), ..options.clone() };
     let refused = fake.run_with(&[full()], &other).unwrap_err();
-    let told = refused.to_string();
+    let message = refused.to_string();
     assert!(
-        refused.is_bad_input() && told.contains("another threads (2 such runs)") && told.contains("--force"),
-        "{told}"
+        refused.is_bad_input() && message.contains("another threads (2 such runs)") && message.contains("--force"),
+        "{message}"
     );
     fake.forget_calls();
     assert_eq!(fake.run(&Options { force: true, ..other }).records.len(), 2);
@@ -201,7 +201,7 @@ fn other_settings_are_refused_unless_forced() {
 }
 
 #[test]
-fn a_stopped_bench_goes_on_later() {
+fn a_stopped_benchmark_is_resumed() {
     let fake = Fake::new("");
     let options = fake.options();
     let stop = AtomicBool::new(false);
@@ -226,7 +226,7 @@ fn foreign_folders_are_refused() {
 }
 
 #[test]
-fn procedural_objects_are_photographed_once() {
+fn procedural_objects_are_rendered_once() {
     let fake = Fake::new("");
     let truth = fake.root.path().join("captures/one/gt");
     let options = Options { seeds: 1, ..fake.options() };
@@ -256,7 +256,7 @@ fn procedural_objects_are_photographed_once() {
     std::fs::remove_file(options.out.join("runs/full/procedural/seed_0/run.json")).unwrap();
     assert!(bench("10 views", false).records[0].measured().is_some());
     assert_eq!(shots.load(Ordering::Relaxed), 1);
-    assert_eq!(reasons(&bench("20 views", true)), ["could not be photographed: no film"]);
+    assert_eq!(reasons(&bench("20 views", true)), ["could not be rendered: no film"]);
     assert_eq!(shots.load(Ordering::Relaxed), 2);
 }
 

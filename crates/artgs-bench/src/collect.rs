@@ -1,4 +1,4 @@
-//! Records by variant and object, and what they amount to.
+//! Records by variant and object, with means and failures.
 
 use crate::item::Item;
 use crate::metric::{At, Metric};
@@ -8,7 +8,7 @@ use crate::stats::{Aggregate, aggregate};
 use crate::variant::Variant;
 use serde::Serialize;
 
-/// A variant as tables show it.
+/// A variant, as shown in tables.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct VariantInfo {
     /// Name.
@@ -17,7 +17,7 @@ pub struct VariantInfo {
     pub description: String,
 }
 
-/// An object as tables show it.
+/// An object, as shown in tables.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObjectInfo {
     /// Name.
@@ -37,7 +37,7 @@ impl ObjectInfo {
     }
 }
 
-/// How many runs of an object went wrong, and how.
+/// Number of failed runs of an object, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Failures {
     /// All runs.
@@ -51,15 +51,15 @@ pub struct Failures {
 }
 
 impl Failures {
-    /// Runs of the kinds that went wrong, in words; empty if none did.
-    pub fn told(&self) -> String {
+    /// Failures by kind as text; empty if there are none.
+    pub fn summary(&self) -> String {
         let kinds = [(self.failed, "failed"), (self.missing_part, "missing part"), (self.wrong_type, "wrong type")];
-        let told = kinds.iter().filter(|k| k.0 > 0).map(|(n, what)| format!("{n} {what}"));
-        told.collect::<Vec<_>>().join(", ")
+        let texts = kinds.iter().filter(|k| k.0 > 0).map(|(n, what)| format!("{n} {what}"));
+        texts.collect::<Vec<_>>().join(", ")
     }
 
-    /// Runs that are no success: failed, or with a part missing or a joint of the wrong type. A run with both of the
-    /// latter counts once where it can be told.
+    /// Runs without success: failed, with a missing part or with a joint of the wrong type. A run with both of the latter
+    /// may count twice, at most up to the number of runs.
     pub fn wrong(&self) -> usize {
         (self.failed + self.missing_part + self.wrong_type).min(self.runs)
     }
@@ -72,7 +72,7 @@ impl Failures {
     }
 }
 
-/// Everything that is tabulated.
+/// Data of all tables.
 #[derive(Clone, Debug)]
 pub struct Collected {
     /// Variants, in order.
@@ -84,7 +84,7 @@ pub struct Collected {
 }
 
 impl Collected {
-    /// Brings records together with what they are about.
+    /// Combines records with their objects and variants.
     pub fn new(items: &[Item], variants: &[Variant], records: Vec<Record>) -> Self {
         let variant = |v: &Variant| VariantInfo { name: v.name.clone(), description: v.description.clone() };
         let object = |item: &Item| ObjectInfo {
@@ -108,7 +108,7 @@ impl Collected {
         aggregate(&runs.filter_map(|m| metric.read(m, object.reported())).collect::<Vec<_>>())
     }
 
-    /// What went wrong with a variant on an object.
+    /// Failures of a variant on an object.
     pub fn failures(&self, variant: &str, object: &str) -> Failures {
         let mut failures = Failures::default();
         for record in self.runs(variant, object) {
@@ -123,7 +123,7 @@ impl Collected {
         failures
     }
 
-    /// What went wrong with a variant on all objects.
+    /// Failures of a variant on all objects.
     pub fn all_failures(&self, variant: &str) -> Failures {
         let mut all = Failures::default();
         self.objects.iter().for_each(|o| all.add(&self.failures(variant, &o.name)));
@@ -155,9 +155,9 @@ mod tests {
         assert!((angle.std.unwrap() - 0.02_f64.sqrt()).abs() < 1e-12);
         let failures = all.failures("full", "a");
         assert_eq!(failures, Failures { runs: 3, failed: 1, missing_part: 1, wrong_type: 1 });
-        assert_eq!(failures.told(), "1 failed, 1 missing part, 1 wrong type");
+        assert_eq!(failures.summary(), "1 failed, 1 missing part, 1 wrong type");
         assert_eq!(all.all_failures("full"), failures);
         assert_eq!(all.aggregate("full", &all.objects[0], Metric::Lpips), None);
-        assert_eq!(all.failures("paper", "a").told(), "");
+        assert_eq!(all.failures("paper", "a").summary(), "");
     }
 }

@@ -1,4 +1,4 @@
-//! Foreign text in Markdown and HTML.
+//! Escapes text for Markdown and HTML.
 
 /// Text for the content of an HTML element or a quoted attribute.
 pub(crate) fn html(text: &str) -> String {
@@ -10,7 +10,7 @@ pub(crate) fn html(text: &str) -> String {
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
             '\'' => out.push_str("&#39;"),
-            // What no document may hold, not even escaped.
+            // Characters that no document may contain, not even escaped.
             c if c.is_control() && !matches!(c, '\n' | '\t') => out.push('\u{fffd}'),
             c => out.push(c),
         }

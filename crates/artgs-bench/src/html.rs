@@ -1,4 +1,4 @@
-//! `index.html`: one file, well-formed, that refers to nothing outside itself.
+//! `index.html`: one well-formed file without references to other files.
 
 use crate::escape::html as escape;
 use crate::plot::Plot;
@@ -120,7 +120,7 @@ fn table(out: &mut String, table: &Table) {
     out.push_str("</tbody>\n</table>\n</div>\n");
 }
 
-/// True for `0.03±0.01 (1 F)` and for what stands where there is no number.
+/// True for `0.03±0.01 (1 F)` and for the placeholder of a missing number.
 fn is_number(cell: &str) -> bool {
     let (number, rest) = cell.split_once(' ').unwrap_or((cell, "("));
     let mean = number.split('±').next().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! What is reconstructed: captures in folders, or procedural objects still to be photographed.
+//! Objects to reconstruct: captures in folders, or procedural objects whose views are rendered first.
 
 use crate::paper::PaperObject;
 use artgs_io::FileError;
@@ -6,19 +6,19 @@ use artgs_io::ground_truth::read_true_joints;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Photographs an object into a folder, `gt` included; an error says why it could not.
-pub type Photographer = Box<dyn Fn(&Path) -> Result<(), String> + Send + Sync>;
+/// Renders the capture of an object into a folder, `gt` included; the error says why it cannot.
+pub type Renderer = Box<dyn Fn(&Path) -> Result<(), String> + Send + Sync>;
 
 /// Where a capture comes from.
 pub enum Source {
-    /// A capture with its truth under `gt`.
+    /// A capture with its ground truth under `gt`.
     Folder(PathBuf),
-    /// Something that photographs an object.
+    /// An object whose views are rendered.
     Procedural {
-        /// Everything that decides the pictures, so that they are taken again only if it changes.
+        /// All settings that affect the pictures; they are rendered again only if this text changes.
         settings: String,
-        /// Takes the pictures.
-        write: Photographer,
+        /// Renders the pictures.
+        write: Renderer,
     },
 }
 
@@ -40,9 +40,9 @@ pub struct Item {
     pub source: Source,
     /// True number of parts, the static one included; given to the method, as in the paper.
     pub parts: Option<usize>,
-    /// Object of the paper that it is or stands for.
+    /// Object of the paper that it is or that it replaces.
     pub stands_for: Option<&'static PaperObject>,
-    /// True if it is that object, so that numbers compare.
+    /// True if it is that object, so that numbers are comparable.
     pub same_object: bool,
     /// What degrades the capture, for plots: a number or a word.
     pub noise: Option<String>,
@@ -51,8 +51,8 @@ pub struct Item {
 /// Why a folder holds nothing to reconstruct and score.
 #[derive(Debug, thiserror::Error)]
 pub enum ItemError {
-    /// Neither a capture with truth nor a folder of such.
-    #[error("{0} is neither a capture with its truth (`gt/trans.json`) nor a folder of such captures")]
+    /// Neither a capture with ground truth nor a folder of such captures.
+    #[error("{0} is neither a capture with ground truth (`gt/trans.json`) nor a folder of such captures")]
     NoCapture(String),
     /// A name that cannot be a folder of the output.
     #[error("`{0}`: the name of an object may hold letters, digits, `.`, `_` and `-` only; rename the folder")]
@@ -60,7 +60,7 @@ pub enum ItemError {
     /// Two objects of one name.
     #[error("two objects are called `{0}`; rename one of the folders")]
     Twice(String),
-    /// The truth could not be read.
+    /// The ground truth could not be read.
     #[error(transparent)]
     Truth(#[from] FileError),
     /// A folder could not be listed.
@@ -75,7 +75,7 @@ pub enum ItemError {
 
 const TRUTH: &str = "gt/trans.json";
 
-/// The captures of a folder: itself if it has a truth, else those of its subfolders that have one, by name.
+/// The captures of a folder: the folder itself if it has ground truth, else its subfolders with ground truth, by name.
 pub fn items_of_folder(folder: &Path) -> Result<Vec<Item>, ItemError> {
     let list = |source| ItemError::List { path: folder.display().to_string(), source };
     if folder.join(TRUTH).is_file() {
@@ -109,7 +109,7 @@ fn item_of_capture(folder: &Path) -> Result<Item, ItemError> {
     })
 }
 
-/// Refuses names that are no folder names, and names used twice.
+/// Refuses names that cannot be folder names, and duplicate names.
 pub fn check_names(items: &[Item]) -> Result<(), ItemError> {
     for (index, item) in items.iter().enumerate() {
         check_name(&item.name)?;
@@ -120,7 +120,7 @@ pub fn check_names(items: &[Item]) -> Result<(), ItemError> {
     Ok(())
 }
 
-/// Refuses what cannot be the name of a folder everywhere.
+/// Refuses names that are not valid folder names on every system.
 pub(crate) fn check_name(name: &str) -> Result<(), ItemError> {
     let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
     let good = !name.is_empty() && !name.starts_with('.') && name.chars().all(allowed);
@@ -133,7 +133,7 @@ mod tests {
     use crate::testing::write_truth;
 
     #[test]
-    fn captures_are_found_in_order_and_counted_from_their_truth() {
+    fn captures_are_found_in_order_with_their_number_of_parts() {
         let root = tempfile::tempdir().unwrap();
         for (name, joints) in [("b", 2), ("a", 1)] {
             write_truth(&root.path().join(name).join("gt"), joints);

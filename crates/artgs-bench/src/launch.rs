@@ -1,4 +1,4 @@
-//! One run as a child process, so that its memory, its crash and its time are its own.
+//! Executes one run as a child process, so that its memory, time and crashes are separate.
 
 use crate::measure::Measure;
 use serde_json::Value;
@@ -10,12 +10,12 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Time between looks at a child.
+/// Time between checks of a child process.
 const POLL: Duration = Duration::from_millis(50);
 /// Longest reason kept, characters.
 const REASON: usize = 400;
 
-/// What runs are made and measured with.
+/// Program that executes runs and function that measures them.
 #[derive(Clone)]
 pub struct Tools {
     /// Path of an `artgs` executable.
@@ -24,12 +24,12 @@ pub struct Tools {
     pub measure: Measure,
 }
 
-/// How a child ended.
+/// How a child process ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Ended {
-    Well,
-    Badly(String),
-    /// Killed because the bench was told to stop.
+    Success,
+    Failed(String),
+    /// Killed because the benchmark was stopped.
     Stopped,
 }
 
@@ -38,7 +38,7 @@ impl Tools {
     pub(crate) fn run(&self, args: &[OsString], log: &Path, limit: Option<Duration>, stop: &AtomicBool) -> Ended {
         let mut child = match self.start(args, log) {
             Ok(child) => child,
-            Err(error) => return Ended::Badly(format!("{} cannot be started: {error}", self.program.display())),
+            Err(error) => return Ended::Failed(format!("{} cannot be started: {error}", self.program.display())),
         };
         let start = Instant::now();
         loop {
@@ -47,17 +47,17 @@ impl Tools {
                 return Ended::Stopped;
             }
             match child.try_wait() {
-                Ok(Some(status)) if status.success() => return Ended::Well,
-                Ok(Some(status)) => return Ended::Badly(reason(status, log)),
+                Ok(Some(status)) if status.success() => return Ended::Success,
+                Ok(Some(status)) => return Ended::Failed(reason(status, log)),
                 Ok(None) => {}
                 Err(error) => {
                     kill(&mut child);
-                    return Ended::Badly(format!("cannot be waited for: {error}"));
+                    return Ended::Failed(format!("cannot be waited for: {error}"));
                 }
             }
             if let Some(limit) = limit.filter(|limit| start.elapsed() > *limit) {
                 kill(&mut child);
-                return Ended::Badly(format!("stopped after the time limit of {} s", limit.as_secs_f64()));
+                return Ended::Failed(format!("stopped after the time limit of {} s", limit.as_secs_f64()));
             }
             std::thread::sleep(POLL);
         }
@@ -71,14 +71,14 @@ impl Tools {
         let err = out.try_clone()?;
         let mut command = Command::new(&self.program);
         command.args(args).stdin(Stdio::null()).stdout(out).stderr(err);
-        // Ctrl-C on a terminal then reaches the bench only, which knows that the child did not fail by itself.
+        // With its own group, Ctrl-C on a terminal reaches only the benchmark, which then knows that the child did not fail.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         command.spawn()
     }
 }
 
-/// A child that has ended meanwhile cannot be killed, which is as well.
+/// Errors are ignored: they mean that the child has already ended.
 fn kill(child: &mut Child) {
     let _ = child.kill();
     let _ = child.wait();
@@ -86,9 +86,9 @@ fn kill(child: &mut Child) {
 
 fn reason(status: ExitStatus, log: &Path) -> String {
     let bytes = std::fs::read(log).unwrap_or_default();
-    let said = last_words(&String::from_utf8_lossy(&bytes));
+    let message = last_message(&String::from_utf8_lossy(&bytes));
     let how = how_ended(status);
-    if said.is_empty() { how } else { format!("{how}: {said}") }
+    if message.is_empty() { how } else { format!("{how}: {message}") }
 }
 
 #[cfg(unix)]
@@ -111,7 +111,7 @@ fn exit_code(status: ExitStatus) -> String {
 }
 
 /// The message of the last error event; else of a panic; else the last line.
-fn last_words(log: &str) -> String {
+fn last_message(log: &str) -> String {
     let error = log.lines().rev().find_map(|line| {
         let event: Value = serde_json::from_str(line).ok()?;
         (event["event"] == "error").then(|| event["message"].as_str().map(String::from))?
@@ -122,9 +122,9 @@ fn last_words(log: &str) -> String {
         Some(format!("{place} {}", lines.next().unwrap_or_default()))
     };
     let last = || log.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or_default().to_string();
-    let said = error.or_else(panic).unwrap_or_else(last);
-    let said: String = said.split_whitespace().collect::<Vec<_>>().join(" ");
-    said.chars().take(REASON).collect()
+    let message = error.or_else(panic).unwrap_or_else(last);
+    let message: String = message.split_whitespace().collect::<Vec<_>>().join(" ");
+    message.chars().take(REASON).collect()
 }
 
 #[cfg(test)]
@@ -148,14 +148,14 @@ mod tests {
     #[test]
     fn success_and_output_are_kept() {
         let (ended, log) = shell("echo out; echo err >&2", None, false);
-        assert_eq!(ended, Ended::Well);
+        assert_eq!(ended, Ended::Success);
         assert!(log.contains("out") && log.contains("err"));
     }
 
     #[test]
-    fn failures_tell_how_and_why() {
+    fn failures_have_a_reason() {
         let bad = |script: &str| match shell(script, None, false).0 {
-            Ended::Badly(reason) => reason,
+            Ended::Failed(reason) => reason,
             other => panic!("{other:?}"),
         };
         assert_eq!(bad("exit 3"), "exit code 3");
@@ -169,14 +169,14 @@ mod tests {
         let nowhere = tools("/nowhere/artgs");
         let dir = tempfile::tempdir().unwrap();
         let ended = nowhere.run(&[], &dir.path().join("log"), None, &AtomicBool::new(false));
-        assert!(matches!(ended, Ended::Badly(reason) if reason.contains("/nowhere/artgs")));
+        assert!(matches!(ended, Ended::Failed(reason) if reason.contains("/nowhere/artgs")));
     }
 
     #[test]
     fn slow_and_unwanted_children_are_killed() {
         let start = Instant::now();
         let (ended, _) = shell("sleep 60", Some(Duration::from_millis(200)), false);
-        assert!(matches!(ended, Ended::Badly(reason) if reason.contains("time limit of 0.2 s")));
+        assert!(matches!(ended, Ended::Failed(reason) if reason.contains("time limit of 0.2 s")));
         assert_eq!(shell("sleep 60", None, true).0, Ended::Stopped);
         assert!(start.elapsed() < Duration::from_secs(20));
     }

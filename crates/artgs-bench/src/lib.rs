@@ -1,5 +1,5 @@
-//! Benchmarks: runs the method on many captures, each run a process of its own, scores the replicas, and puts means and
-//! spreads into the tables of the paper beside the numbers printed there.
+//! Benchmarks: runs the method on many captures, each run in its own process, scores the replicas, and writes tables with
+//! means and standard deviations beside the numbers printed in the paper.
 
 mod bench;
 mod collect;
@@ -25,7 +25,7 @@ mod variant;
 
 pub use bench::{BenchError, Event, Finished, Options, RunName, run};
 pub use collect::{Collected, Failures, ObjectInfo, VariantInfo};
-pub use item::{Item, ItemError, Photographer, Source, check_names, items_of_folder};
+pub use item::{Item, ItemError, Renderer, Source, check_names, items_of_folder};
 pub use launch::Tools;
 pub use measure::{Measure, measure};
 pub use plots::plots;

@@ -7,7 +7,7 @@ use std::fmt::Write;
 /// The report as Markdown: a title, how it was made, the tables.
 pub(crate) fn document(title: &str, intro: &[String], command: &str, tables: &[Table]) -> String {
     let mut out = format!("# {}\n\n", escape(title));
-    // Four spaces make code of any text that has no line breaks.
+    // Four spaces make a code block of text without line breaks.
     let line: String = command.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     let _ = writeln!(out, "Made by\n\n    {line}\n");
     for paragraph in intro {
@@ -26,7 +26,7 @@ fn table(out: &mut String, table: &Table) {
     out.push_str(&line(&mut table.head.iter().map(|h| escape(h))));
     out.push_str(&line(&mut table.head.iter().map(|_| "---".into())));
     for row in &table.rows {
-        // Our own rows stand out among the paper's.
+        // Rows of this benchmark are bold among those of the paper.
         let beside_others = table.rows.iter().any(|r| r.origin != row.origin);
         let cell = |c: &String| match row.origin {
             Origin::Ours if beside_others => format!("**{}**", escape(c)),

@@ -1,4 +1,4 @@
-//! Numbers of a finished run: what it wrote about itself, and scores against the truth.
+//! Numbers of a finished run: its own metrics, and scores against the ground truth.
 
 use crate::record::{Measured, RunMetrics};
 use artgs::evaluate::pictures::has_splats;
@@ -8,16 +8,16 @@ use serde_json::json;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Measures the replica in the first folder against the truth of the capture in the second; an error is the reason why
-/// it cannot be.
+/// Measures the replica in the first folder against the ground truth of the capture in the second; the error says why
+/// it cannot.
 pub type Measure = Arc<dyn Fn(&Path, &Path) -> Result<Measured, String> + Send + Sync>;
 
-/// Reads `metrics.json`, scores joints, surfaces and held-out pictures, and leaves the scores in `scores.json`.
+/// Reads `metrics.json`, scores joints, surfaces and held-out views, and writes the scores to `scores.json`.
 pub fn measure(folder: &Path, capture: &Path, lpips: Option<&Lpips>) -> Result<Measured, String> {
     let mut metrics = read_metrics(folder)?;
     let scores = artgs::run::evaluate(folder, &capture.join("gt")).map_err(|e| format!("cannot be scored: {e}"))?;
     let text = format!("{:#}\n", json!(scores));
-    // JSON has no infinity: what does not come back is not a number anyone can average.
+    // JSON has no infinity: scores that cannot be read back are not finite.
     serde_json::from_str::<Scores>(&text).map_err(|e| format!("scores are not finite: {e}"))?;
     write_atomic(&folder.join("scores.json"), text.as_bytes()).map_err(|e| e.to_string())?;
     if has_splats(folder) {
@@ -32,7 +32,7 @@ pub fn measure(folder: &Path, capture: &Path, lpips: Option<&Lpips>) -> Result<M
     Ok(Measured { metrics, scores })
 }
 
-/// What the run wrote about itself.
+/// The metrics that the run wrote.
 pub(crate) fn read_metrics(folder: &Path) -> Result<RunMetrics, String> {
     let path = folder.join("metrics.json");
     let bytes = std::fs::read(&path).map_err(|e| format!("{} cannot be read: {e}", path.display()))?;

@@ -1,4 +1,4 @@
-//! What is tabulated, and how it is read off the record of a run.
+//! Metrics of tables, and how they are read from the record of a run.
 
 use crate::record::Measured;
 use artgs::evaluate::{GeometryScore, MeshScore, Motion};
@@ -42,7 +42,7 @@ pub enum Metric {
     MotionDegrees,
     /// Motion error of parts that slide, scene units.
     MotionLength,
-    /// Motion error as the paper averages it: degrees and lengths mixed.
+    /// Motion error, averaged as in the paper: degrees and lengths together.
     PaperMotion,
     /// Chamfer distance x 1000.
     Cd(Surface, At),
@@ -132,7 +132,7 @@ impl Metric {
         matches!(self, Self::Psnr | Self::Ssim)
     }
 
-    /// The number, where the run has it and it is finite. `reported` is the state the paper reports for the object.
+    /// The number, if the run has it and it is finite. `reported` is the state the paper reports for the object.
     pub fn read(self, run: &Measured, reported: At) -> Option<f64> {
         let (scores, joints) = (&run.scores, &run.scores.joints);
         let joint = |i: usize| scores.parts.get(i).and_then(|p| p.joint);
@@ -167,7 +167,7 @@ impl Metric {
     }
 }
 
-/// Every metric of `results.json`, those of single joints aside.
+/// Every metric of `results.json` except those of single joints.
 pub fn all() -> Vec<Metric> {
     let mut list = vec![
         Metric::AxisAngle,

@@ -15,7 +15,7 @@ const SPREAD: f64 = 14.0;
 const CROWD: f64 = 44.0;
 /// Height of a line of the legend, pixels.
 const LEGEND_LINE: f64 = 14.0;
-/// Most points that are labelled; of more, only pointing at them tells.
+/// Plots with more points have no labels; their names are in tooltips.
 const LABELS: usize = 14;
 /// Font size of labels and their mean width per character, pixels.
 const FONT: f64 = 10.0;
@@ -30,7 +30,7 @@ pub struct Point {
     pub y: f64,
     /// Standard deviation.
     pub spread: Option<f64>,
-    /// What it is of.
+    /// Name of the object.
     pub label: String,
 }
 
@@ -92,7 +92,7 @@ fn decades(low: f64, high: f64) -> Vec<f64> {
     (first..=last.max(first + 1)).map(|e| 10_f64.powi(e)).collect()
 }
 
-/// A tick as people write it.
+/// Text of a tick.
 fn tick_text(value: f64) -> String {
     let text = if value.abs() >= 1.0 || value == 0.0 { format!("{value:.1}") } else { format!("{value:.6}") };
     text.trim_end_matches('0').trim_end_matches('.').to_string()
@@ -172,11 +172,11 @@ impl Plot {
                     line(out, (px - 3.0, high), (px + 3.0, high), color);
                     line(out, (px - 3.0, low), (px + 3.0, low), color);
                 }
-                let told = format!("{}, {}: {}", series.name, p.label, tick_text(p.y));
+                let tooltip = format!("{}, {}: {}", series.name, p.label, tick_text(p.y));
                 let _ = writeln!(
                     out,
                     "<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"3.5\" fill=\"{color}\" fill-opacity=\"0.8\"><title>{}</title></circle>",
-                    escape(&told)
+                    escape(&tooltip)
                 );
                 if labelled {
                     label(out, &p.label, (px, py), x.to, &mut taken);
@@ -185,7 +185,7 @@ impl Plot {
         }
     }
 
-    /// Pixels of the points of a series; series and points that share a place stand side by side.
+    /// Pixels of the points of a series; series and points at the same place are drawn side by side.
     fn places(&self, s: usize, x: &Scale, y: &Scale) -> Vec<(f64, f64)> {
         let shared = |points: &[Point], p: &Point| points.iter().filter(|o| o.x == p.x).count();
         let crowded = self.series.iter().any(|s| s.points.iter().any(|p| shared(&s.points, p) > 1));
@@ -226,7 +226,7 @@ impl Plot {
     }
 }
 
-/// Writes a label beside its point where there is room; otherwise pointing at the point still tells.
+/// Writes a label beside its point if there is space; otherwise the name is only in the tooltip.
 fn label(out: &mut String, name: &str, (x, y): (f64, f64), right: f64, taken: &mut Vec<[f64; 4]>) {
     let shown: String =
         if name.chars().count() > 22 { name.chars().take(21).chain(['…']).collect() } else { name.into() };

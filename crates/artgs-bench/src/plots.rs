@@ -1,17 +1,17 @@
-//! Which plots the records are good for.
+//! Plots of the records.
 
 use crate::collect::{Collected, ObjectInfo};
 use crate::metric::{At, Metric, Surface};
 use crate::plot::{Plot, Point, Series};
 
-/// Metrics shown against what a capture is like.
+/// Metrics plotted against properties of captures.
 const ERRORS: [(Metric, &str); 3] = [
     (Metric::AxisAngle, "axis angle error, deg"),
     (Metric::Cd(Surface::Movable, At::Reported), "CD-m x 1000"),
     (Metric::Cd(Surface::Whole, At::Reported), "CD-w x 1000"),
 ];
 
-/// A thing that captures differ in: a number, or else a name.
+/// A property in which captures differ: a number, or else a name.
 type Trait = fn(&Collected, &ObjectInfo) -> Option<String>;
 
 fn parts(_: &Collected, object: &ObjectInfo) -> Option<String> {

@@ -1,11 +1,11 @@
-//! What a run was made with and what came out of it: `run.json`.
+//! Settings and results of a run: `run.json`.
 
 use artgs::evaluate::Scores;
-use artgs_core::Capture;
+use artgs_core::{Capture, PerState};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// All that decides what a run computes. Two runs with equal settings need not both be made.
+/// All settings that affect the result of a run. A run with equal settings is reused.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunSettings {
     /// Version of the program.
@@ -16,7 +16,7 @@ pub struct RunSettings {
     pub overlay: String,
     /// Further arguments of `artgs reconstruct`.
     pub arguments: Vec<String>,
-    /// Where the capture comes from: a folder, or what a procedural object is photographed with.
+    /// Where the capture comes from: a folder, or the render settings of a procedural object.
     pub source: String,
     /// Number of parts given, the static part included; none if it is to be found.
     pub parts: Option<usize>,
@@ -24,7 +24,7 @@ pub struct RunSettings {
     pub seed: u64,
     /// Threads of the run; none for all cores.
     pub threads: Option<usize>,
-    /// Device asked for; none for the best there is.
+    /// Requested device; none for the best available one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
 }
@@ -47,14 +47,14 @@ impl RunSettings {
     }
 }
 
-/// What is known about a capture, for plots against it.
+/// Properties of a capture, for plots.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Facts {
     /// Training views per state, the smaller number.
     pub views: usize,
     /// Largest width of an image, pixels.
     pub size: usize,
-    /// What degrades the capture, if anything is known to.
+    /// What degrades the capture, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<String>,
 }
@@ -92,26 +92,27 @@ pub struct RunMetrics {
     /// Gaussians.
     pub gaussians: usize,
     /// Held-out pictures of start and end.
-    pub test: [Option<PictureScores>; 2],
+    #[serde(with = "artgs_core::state::array")]
+    pub test: PerState<Option<PictureScores>>,
     /// Wall-clock seconds of each stage.
     pub seconds: Vec<(String, f64)>,
     /// Wall-clock seconds of the reconstruction.
     pub total_seconds: f64,
-    /// What trained, at last.
+    /// Device that finished the training.
     #[serde(default)]
     pub device: Option<String>,
     /// Largest resident memory, MiB.
     pub peak_memory_mib: Option<f64>,
-    /// What was odd.
+    /// Warnings of the run.
     pub warnings: Vec<String>,
 }
 
 /// All numbers of a finished run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
-    /// Of the run itself.
+    /// Metrics that the run wrote.
     pub metrics: RunMetrics,
-    /// Against the truth.
+    /// Scores against the ground truth.
     pub scores: Scores,
 }
 
@@ -128,9 +129,9 @@ impl Measured {
 #[serde(rename_all = "snake_case")]
 #[expect(clippy::large_enum_variant, reason = "few of them, and the large one is the usual one")]
 pub enum Outcome {
-    /// With a replica, which was scored.
+    /// The replica was scored.
     Done(Measured),
-    /// Without; the reason.
+    /// There is no scored replica; the reason.
     Failed(String),
 }
 
@@ -143,11 +144,11 @@ pub struct Record {
     pub object: String,
     /// Seed.
     pub seed: u64,
-    /// What it was made with.
+    /// Settings of the run.
     pub settings: RunSettings,
-    /// About its capture.
+    /// Properties of its capture.
     pub facts: Facts,
-    /// What came out.
+    /// Result.
     pub outcome: Outcome,
     /// Folder of the run, relative to the folder of the bench.
     pub folder: PathBuf,
@@ -166,16 +167,17 @@ impl Record {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use artgs_core::State;
 
     #[test]
     fn metrics_are_read_with_and_without_optional_scores() {
         let text = r#"{"parts": 3, "gaussians": 9, "test": [{"psnr": 30.0, "ssim": 0.9, "views": 4}, null],
             "train": [null, null], "seconds": [["discover", 1.5]], "total_seconds": 2.0, "peak_memory_mib": null}"#;
         let metrics: RunMetrics = serde_json::from_str(text).unwrap();
-        assert_eq!(metrics.test[0].unwrap().flip, None);
-        assert_eq!((metrics.parts, metrics.seconds[0].1, metrics.test[1]), (3, 1.5, None));
+        assert_eq!(metrics.test[State::START].unwrap().flip, None);
+        assert_eq!((metrics.parts, metrics.seconds[0].1, metrics.test[State::END]), (3, 1.5, None));
         let more = text.replace("\"views\": 4", "\"flip\": 0.05, \"lpips\": 0.1");
         let metrics: RunMetrics = serde_json::from_str(&more).unwrap();
-        assert_eq!(metrics.test[0].unwrap().lpips, Some(0.1));
+        assert_eq!(metrics.test[State::START].unwrap().lpips, Some(0.1));
     }
 }

@@ -1,4 +1,4 @@
-//! The files of a bench that people and programs read.
+//! The report of a benchmark: `BENCHMARKS.md`, `results.json` and `index.html`.
 
 use crate::collect::{Collected, ObjectInfo};
 use crate::html::{self, Picture};
@@ -19,7 +19,7 @@ const TITLE: &str = "artgs benchmark";
 /// Value of `format` in `results.json`.
 const FORMAT: &str = "artgs-bench";
 
-/// How the bench was run, as the report tells it.
+/// How the benchmark was run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Circumstances {
     /// The command.
@@ -73,7 +73,7 @@ fn intro(all: &Collected, how: &Circumstances) -> Vec<String> {
     vec![format!("artgs {version}: {runs} runs, {failed} failed; {threads} threads, {alone}. {parts}{trained}")]
 }
 
-/// All records and what they amount to.
+/// All records with their means and failures.
 fn results(all: &Collected, how: &Circumstances) -> Value {
     let mut aggregates = Vec::new();
     for variant in &all.variants {

@@ -1,20 +1,20 @@
-//! A table before it is Markdown or HTML.
+//! Tables, independent of Markdown and HTML.
 
 use crate::collect::Failures;
 use crate::metric::Metric;
 use crate::stats::Aggregate;
 
-/// Cell of a number that there is not.
+/// Cell of a missing number.
 pub(crate) const NOTHING: &str = "-";
-/// Cell of a number of which every run failed.
+/// Cell of a number if every run failed.
 pub(crate) const FAILED: &str = "F";
 
 /// Where the numbers of a row come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
-    /// This bench, on the object that the table names.
+    /// This benchmark, on the object of the table.
     Ours,
-    /// This bench, on another object that stands for the one that the table names.
+    /// This benchmark, on another object that replaces the one of the table.
     StandIn,
     /// The paper.
     Paper,
@@ -52,7 +52,7 @@ impl Table {
         self.rows.push(Row { cells, origin });
     }
 
-    /// Leaves out columns after the first `keep` in which no row has a number or a word.
+    /// Removes empty columns after the first `keep`.
     pub(crate) fn without_empty_columns(mut self, keep: usize) -> Self {
         let used: Vec<bool> = (0..self.head.len())
             .map(|c| c < keep || self.rows.iter().any(|r| r.cells[c] != NOTHING && r.cells[c] != FAILED))
@@ -67,7 +67,7 @@ impl Table {
     }
 }
 
-/// A mean with its standard deviation, and how many runs went wrong: `0.03±0.01 (1 F)`.
+/// A mean with its standard deviation and the number of failed runs: `0.03±0.01 (1 F)`.
 pub(crate) fn number(value: Option<Aggregate>, failures: Failures, metric: Metric, more_digits: usize) -> String {
     let digits = metric.digits() + more_digits;
     match value {
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_tell_spread_and_failures() {
+    fn numbers_contain_spread_and_failures() {
         let a = |std, runs| Some(Aggregate { mean: 0.034, std, runs });
         let f = |runs, failed| Failures { runs, failed, ..Failures::default() };
         assert_eq!(number(a(None, 1), f(1, 0), Metric::AxisAngle, 0), "0.03");

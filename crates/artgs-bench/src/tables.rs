@@ -1,4 +1,4 @@
-//! The tables of a bench: every object, both states, the paper's tables, variants, failures.
+//! The tables of a benchmark: every object, both states, the paper's tables, variants, failures.
 
 use crate::collect::{Collected, Failures, ObjectInfo};
 use crate::metric::{At, Metric, Surface};
@@ -11,7 +11,7 @@ const CD_S: Metric = Metric::Cd(Surface::Fixed, At::Reported);
 const CD_M: Metric = Metric::Cd(Surface::Movable, At::Reported);
 const CD_W: Metric = Metric::Cd(Surface::Whole, At::Reported);
 
-/// What must be said wherever a stand-in is beside an object of the paper.
+/// Note of every table in which another object stands in for one of the paper.
 pub(crate) const STAND_IN: &str = "Rows marked \"stand-in\" are of another object, with joints like those of the paper's: \
     their numbers are not comparable with the paper's object by object.";
 
@@ -19,7 +19,7 @@ fn named(first: &[&str], metrics: &[Metric]) -> Vec<String> {
     first.iter().map(|s| (*s).to_string()).chain(metrics.iter().map(|m| m.label())).collect()
 }
 
-/// All tables that the records fill.
+/// All tables for which there are records.
 pub fn tables(all: &Collected) -> Vec<Table> {
     let mut tables = vec![every_object(all)];
     tables.extend(variants(all));
@@ -36,12 +36,12 @@ fn parts(object: &ObjectInfo) -> String {
     object.parts.map_or_else(|| NOTHING.into(), |k| k.to_string())
 }
 
-/// A digit more than the paper prints, of the numbers that come out below what it prints.
+/// One digit more than the paper for metrics whose values are often below its last digit.
 fn finer(metric: Metric) -> usize {
     usize::from(matches!(metric, Metric::AxisAngle | Metric::AxisPosition | Metric::MotionDegrees))
 }
 
-/// A cell for every metric, with as many more digits than the paper as asked for.
+/// A cell for every metric, with `more_digits` more digits than the paper.
 fn cells(
     all: &Collected,
     variant: &str,
@@ -54,8 +54,8 @@ fn cells(
     metrics.iter().map(cell).collect()
 }
 
-fn told(failures: &Failures) -> String {
-    Some(failures.told()).filter(|t| !t.is_empty()).unwrap_or_else(|| "none".into())
+fn summary(failures: &Failures) -> String {
+    Some(failures.summary()).filter(|t| !t.is_empty()).unwrap_or_else(|| "none".into())
 }
 
 /// Objects and variants as rows.
@@ -90,7 +90,7 @@ fn every_object(all: &Collected) -> Table {
             let mut row = vec![object.name.clone(), parts(object), variant.name.clone()];
             row.extend(cells(all, &variant.name, object, &metrics, finer));
             let failures = all.failures(&variant.name, &object.name);
-            row.push(if failures.runs == 0 { "not run".into() } else { told(&failures) });
+            row.push(if failures.runs == 0 { "not run".into() } else { summary(&failures) });
             table.push(Origin::Ours, row);
         }
     }
@@ -125,7 +125,7 @@ fn both_states(all: &Collected) -> Table {
     table
 }
 
-/// Means of a variant over objects, of their means over seeds; none before all of them have been run.
+/// Mean over objects of their means over seeds; none until all objects have runs.
 fn over_objects(all: &Collected, variant: &str, objects: &[&ObjectInfo], metric: Metric) -> Option<Aggregate> {
     if objects.iter().any(|o| all.failures(variant, &o.name).runs == 0) {
         return None;
@@ -166,13 +166,13 @@ fn variants(all: &Collected) -> Option<Table> {
         };
         let mut row = vec![variant.name.clone(), failures.runs.to_string()];
         row.extend(metrics.iter().map(cell));
-        row.extend([told(&failures), variant.description.clone()]);
+        row.extend([summary(&failures), variant.description.clone()]);
         table.push(Origin::Ours, row);
     }
     Some(table.without_empty_columns(2))
 }
 
-/// Our object for one of the paper's, of the kind asked for.
+/// The object of this benchmark for one of the paper: the same object, or one that stands in for it.
 fn ours<'a>(all: &'a Collected, paper: &PaperObject, same: bool) -> Option<&'a ObjectInfo> {
     all.objects.iter().find(|o| o.same_object == same && o.stands_for.is_some_and(|p| p.id == paper.id))
 }
@@ -181,7 +181,7 @@ fn any_of(all: &Collected, paper: &PaperObject) -> bool {
     [true, false].iter().any(|same| ours(all, paper, *same).is_some())
 }
 
-/// Where numbers on the object itself, and on its stand-in, come from.
+/// Same object or stand-in, with the origin of its rows and the mark of its names.
 const KINDS: [(bool, Origin, &str); 2] = [(true, Origin::Ours, ""), (false, Origin::StandIn, " (stand-in)")];
 
 fn note_stand_ins(table: &mut Table) {
@@ -227,7 +227,7 @@ fn paris(all: &Collected) -> Option<Table> {
     Some(table)
 }
 
-/// Objects that a column of means is over; the object itself for other columns.
+/// Objects of a column: all objects of a mean, else one.
 fn column_members(column: usize) -> Vec<&'static PaperObject> {
     let id = paper::PARIS_COLUMNS[column];
     let real = |o: &PaperObject| o.id.starts_with("paris/real_");
@@ -241,7 +241,7 @@ fn column_members(column: usize) -> Vec<&'static PaperObject> {
     }
 }
 
-/// Columns of means only where all their objects are there.
+/// Columns of means are shown only if all their objects are present.
 fn paris_column_is_shown(all: &Collected, column: usize) -> bool {
     column_members(column).iter().all(|o| any_of(all, o))
 }
@@ -322,7 +322,7 @@ fn ablation(all: &Collected) -> Vec<Table> {
     objects.filter(|o| several && any_of(all, o)).map(table).collect()
 }
 
-/// Runs without a replica, and why.
+/// Failed runs with reasons.
 fn failures(all: &Collected) -> Option<Table> {
     let head = ["Variant", "Object", "Seed", "Reason", "Log"].map(String::from).to_vec();
     let mut table = Table::new("Failed runs", head);

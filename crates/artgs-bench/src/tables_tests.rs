@@ -12,7 +12,7 @@ fn rows_of<'a>(table: &'a Table, words: &[&str]) -> Vec<&'a Row> {
     table.rows.iter().filter(starts).collect()
 }
 
-/// A fridge that is the paper's, a blade and both objects of the ablation that are not.
+/// The fridge of the paper, and stand-ins for a blade and both objects of the ablation.
 fn papery() -> Collected {
     let names = ["fridge", "blade", "storage", "oven"];
     let mut records = Vec::new();
@@ -36,9 +36,9 @@ fn the_papers_numbers_are_beside_ours_and_stand_ins_are_marked() {
     let paris = find(&tables, "PARIS");
     assert_eq!(paris.head, ["Metric", "Method", "Fridge", "Blade"]);
     let angle = rows_of(paris, &["Axis Ang"]);
-    let told: Vec<String> = angle.iter().map(|r| r.cells[1..].join(" ")).collect();
+    let cells: Vec<String> = angle.iter().map(|r| r.cells[1..].join(" ")).collect();
     assert_eq!(
-        told,
+        cells,
         [
             "Ditto 89.30 79.54",
             "PARIS* 2.93±5.3 41.28±31.4",

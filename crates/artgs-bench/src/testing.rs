@@ -3,6 +3,7 @@
 use crate::collect::{Collected, ObjectInfo, VariantInfo};
 use crate::record::{Facts, Measured, Outcome, PictureScores, Record, RunMetrics, RunSettings};
 use artgs::evaluate::{Counts, GeometryScore, JointMeans, MeshScore, Scores};
+use artgs_core::PerState;
 use serde_json::json;
 use std::path::Path;
 
@@ -26,7 +27,7 @@ pub(crate) fn measured(error: f64) -> Measured {
         metrics: RunMetrics {
             parts: 2,
             gaussians: 1000,
-            test: [picture(30.0), picture(32.0)],
+            test: PerState::new(picture(30.0), picture(32.0)),
             total_seconds: 90.0,
             device: Some("CPU (AVX2, 4 threads)".into()),
             peak_memory_mib: Some(512.0),
@@ -70,7 +71,7 @@ pub(crate) fn failed(variant: &str, object: &str, seed: u64, reason: &str) -> Re
     Record { outcome: Outcome::Failed(reason.into()), ..record(variant, object, seed, 0.0) }
 }
 
-/// Records with objects of two, three, ... parts that stand for nothing.
+/// Records of objects with two, three, ... parts that are not in the paper.
 pub(crate) fn collected(variants: &[&str], objects: &[&str], records: Vec<Record>) -> Collected {
     let variant = |name: &&str| VariantInfo { name: (*name).into(), description: format!("variant {name}") };
     let object = |(i, name): (usize, &&str)| ObjectInfo {

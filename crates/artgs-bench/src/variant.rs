@@ -1,8 +1,8 @@
-//! Settings under a name: rows of the tables.
+//! Named settings: rows of the tables.
 
 use crate::item::{ItemError, check_name};
 
-/// A way to run the method.
+/// Settings of the method under a name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Variant {
     /// Name, also of its folder.
@@ -18,7 +18,7 @@ pub struct Variant {
 }
 
 impl Variant {
-    /// A preset as it is.
+    /// A preset without changes.
     pub fn preset(name: &str, preset: &str, description: &str) -> Self {
         Self {
             name: name.into(),
@@ -35,7 +35,7 @@ impl Variant {
     }
 }
 
-/// Refuses names that are no folder names, and names used twice.
+/// Refuses names that cannot be folder names, and duplicate names.
 pub fn check_variants(variants: &[Variant]) -> Result<(), VariantError> {
     for (index, variant) in variants.iter().enumerate() {
         check_name(&variant.name).map_err(|_: ItemError| VariantError::Name(variant.name.clone()))?;

@@ -1,20 +1,21 @@
 //! Drives one joint of the URDF in Rapier from limit to limit while the others are locked at 0.
 //!
-//! What the joint carries is one rigid body on a joint of reduced coordinates, everything else is fixed. All hulls of the
-//! one collide with all of the other, those of the parent included. The force is that of a motor that wants a modest speed.
+//! The moving links are one rigid body on a joint in reduced coordinates, all other links are fixed. All hulls of the moving
+//! body collide with all fixed hulls, those of the parent included. A motor with limited force and moderate speed drives the
+//! joint.
 
 use crate::model::{Model, Motion, tensor};
 use crate::poses::{Scene, names, pose, vector};
 use crate::report::JointFinding;
 use crate::table::quantity;
 use crate::{CheckOptions, mass};
-use artgs_core::{Inertial, Rigid};
+use artgs_core::{Inertial, PerState, Rigid};
 use glam::{DMat3, DVec3};
 use rapier3d::prelude::*;
 
 const GRAVITY: f64 = 9.81;
 
-/// Looks at the joint of link `index`; none if it has none or no body to move.
+/// Checks the joint of link `index`; none if the link has no joint.
 pub(crate) fn joint(model: &Model, scene: &Scene, index: usize, options: &CheckOptions) -> Option<JointFinding> {
     let link = &model.links[index];
     let motion = link.motion.as_ref()?;
@@ -40,7 +41,7 @@ pub(crate) fn joint(model: &Model, scene: &Scene, index: usize, options: &CheckO
     let sound = lower < upper && (upper - lower).is_finite() && (motion.axis.length() - 1.0).abs() < 1e-3;
     let solid = mass::principal(load.inertia)[0] > 0.0 && load.mass > 0.0;
     if !sound || !solid || !load.center.is_finite() {
-        out.problems.push("cannot be driven: axis, limits, mass or inertia make no sense".into());
+        out.problems.push("cannot be driven: axis, limits, mass or inertia are invalid".into());
         return Some(out);
     }
     let poses = options.poses.max(2);
@@ -49,11 +50,11 @@ pub(crate) fn joint(model: &Model, scene: &Scene, index: usize, options: &CheckO
     let need = Need::of(model, index, motion, &load, options);
     out.force = need.force;
     match Rig::new(model, scene, index, &carried, motion, &load, &need, options) {
-        // From 0 to the lower limit, to the upper one and back, since gravity may help the one way only.
+        // From 0 to the lower limit, to the upper one and back, because gravity may help in one direction only.
         Some(mut rig) => [0, 1, 0].into_iter().for_each(|end| rig.drive(end, model, motion, options, &mut out)),
         None => out.problems.push("cannot be driven: the engine refuses the joint".into()),
     }
-    // What is thinner than the way from pose to pose shows only where it stopped the joint.
+    // The sweep misses obstacles thinner than the distance between poses; the range where one stopped the joint is swept again.
     for end in 0..2 {
         if out.blocked_by[end].is_none() {
             continue;
@@ -62,7 +63,7 @@ pub(crate) fn joint(model: &Model, scene: &Scene, index: usize, options: &CheckO
         let to = (out.stopped[end] + ahead).clamp(lower, upper);
         sweep([out.stopped[end], to], &mut out);
     }
-    judge(motion, options, &mut out);
+    add_problems(motion, options, &mut out);
     Some(out)
 }
 
@@ -90,7 +91,7 @@ fn sweep(
     }
 }
 
-/// What a joint moves, as one body in the frame of its first link.
+/// The links that a joint moves, as one body in the frame of the first of them.
 fn load(model: &Model, index: usize, carried: &[bool]) -> Inertial {
     let to_first = model.links[index].pose.inverse();
     let bodies: Vec<(Inertial, Rigid)> = (0..model.links.len())
@@ -114,7 +115,7 @@ fn offset(mass: f64, arm: DVec3) -> DMat3 {
     (DMat3::from_diagonal(DVec3::splat(arm.length_squared())) - outer) * mass
 }
 
-/// What it takes to move a joint.
+/// Force and speed for moving a joint.
 struct Need {
     force: f64,
     speed: f64,
@@ -122,7 +123,7 @@ struct Need {
 
 impl Need {
     fn of(model: &Model, index: usize, motion: &Motion, load: &Inertial, options: &CheckOptions) -> Self {
-        /// Share of the travel in which full speed is reached.
+        /// Share of the travel time in which full speed is reached.
         const START: f64 = 0.1;
         let at = &model.links[index].pose;
         let (axis, [lower, upper]) = (motion.axis, motion.limits);
@@ -148,16 +149,16 @@ impl Need {
     }
 }
 
-/// Lets hulls overlap a little before they touch, and disbelieves the engine where it takes hulls that are apart for deep in
-/// each other: its manifolds now and then extend a face far beyond its rim (seen: 4 mm apart, told 74 mm deep).
+/// Lets hulls overlap a little before they touch, and corrects false penetrations: contact manifolds of the engine sometimes
+/// extend a face far beyond its rim (example: a reported depth of 74 mm for hulls 4 mm apart).
 struct Touch {
     depth: Real,
 }
 
 impl PhysicsHooks for Touch {
     fn modify_solver_contacts(&self, context: &mut ContactModificationContext) {
-        let told = context.rigid().into_iter().flat_map(|m| m.solver_contacts.iter()).map(|c| c.dist);
-        let deepest = told.fold(0.0, Real::min);
+        let distances = context.rigid().into_iter().flat_map(|m| m.solver_contacts.iter()).map(|c| c.dist);
+        let deepest = distances.fold(0.0, Real::min);
         let least = if deepest < 0.0 { separation(context) } else { None };
         if let Some(manifold) = context.rigid_mut() {
             for contact in manifold.solver_contacts.iter_mut() {
@@ -201,7 +202,7 @@ impl Rig {
         let mut world = PhysicsWorld { gravity: Vector::Z * -GRAVITY as Real, ..PhysicsWorld::default() };
         let settings = &mut world.integration_parameters;
         settings.dt = options.step as Real;
-        // Contacts are judged anew at every step, and sooner than by the half centimetre that is the default.
+        // Contacts are computed at every step and at smaller distances than the default of 5 mm.
         settings.contact_recycling = false;
         settings.normalized_allowed_linear_error = 1e-4;
         settings.num_solver_iterations = 8;
@@ -251,8 +252,8 @@ impl Rig {
         found.map_or(f64::NAN, |link| f64::from(link.joint.coords()[self.axis as usize]))
     }
 
-    /// Sets the speed that the motor wants. As stiff as it gets: the force is what limits it.
-    fn want(&mut self, speed: f64) {
+    /// Sets the target speed of the motor. The motor is stiff: only its largest force limits it.
+    fn set_speed(&mut self, speed: f64) {
         const STIFF: Real = 1e4;
         let axis = self.axis;
         if let Some((multibody, id)) = self.world.multibody_joints.get_mut(self.handle)
@@ -266,7 +267,7 @@ impl Rig {
         self.world.step_with_events(&self.touch, &());
     }
 
-    /// Drives to a limit, 0 for the lower one, and holds there.
+    /// Drives to a limit (0: lower, 1: upper) and holds there.
     fn drive(&mut self, end: usize, model: &Model, motion: &Motion, options: &CheckOptions, out: &mut JointFinding) {
         /// Seconds without progress, of a thousandth of the range, after which a joint counts as stopped.
         const PATIENCE: f64 = 0.5;
@@ -274,7 +275,7 @@ impl Rig {
         let sign = if end == 0 { -1.0 } else { 1.0 };
         let near = 0.1 * tolerance(motion, options);
         let steps = |seconds: f64| (seconds / options.step).ceil() as usize;
-        self.want(sign * self.speed);
+        self.set_speed(sign * self.speed);
         let (mut best, mut since) = (self.value(), 0);
         for _ in 0..steps(10.0 * range / self.speed) {
             self.step();
@@ -290,19 +291,19 @@ impl Rig {
                 break;
             }
         }
-        // What was reached before and is not reached again counts as not reached.
+        // A limit that was reached before but is not reached again counts as not reached.
         let again = out.drift[end].is_some();
         out.stopped[end] = self.value();
         out.reached[end] = (out.stopped[end] - limit).abs() <= tolerance(motion, options);
         if !out.reached[end] {
             out.drift[end] = None;
-            out.blocked_by[end] = self.in_the_way().map(|i| model.links[i].name.clone());
+            out.blocked_by[end] = self.blocking_link().map(|i| model.links[i].name.clone());
             return;
         }
         if again {
             return;
         }
-        self.want(0.0);
+        self.set_speed(0.0);
         let from = self.value();
         let moved = (0..steps(options.hold)).map(|_| {
             self.step();
@@ -311,8 +312,8 @@ impl Rig {
         out.drift[end] = Some(moved.fold(0.0, |a, b| if b.is_nan() { f64::INFINITY } else { b.max(a) }));
     }
 
-    /// The link that pushes hardest.
-    fn in_the_way(&self) -> Option<usize> {
+    /// The link with the largest contact impulse.
+    fn blocking_link(&self) -> Option<usize> {
         let mut hardest: (Real, Option<usize>) = (0.0, None);
         for mover in &self.movers {
             for pair in self.world.narrow_phase.contact_pairs_with(*mover) {
@@ -327,33 +328,33 @@ impl Rig {
     }
 }
 
-/// What of the findings is wrong.
-fn judge(motion: &Motion, options: &CheckOptions, out: &mut JointFinding) {
-    let tell = |value: f64| quantity(motion.kind, value);
+/// Adds problems to the findings.
+fn add_problems(motion: &Motion, options: &CheckOptions, out: &mut JointFinding) {
+    let text = |value: f64| quantity(motion.kind, value);
     let unit = if motion.turns() { "N m" } else { "N" };
     let tolerance = tolerance(motion, options);
     let mut problems = Vec::new();
     for (end, name) in ["lower", "upper"].into_iter().enumerate() {
-        let (stopped, limit) = (tell(out.stopped[end]), tell(out.limits[end]));
+        let (stopped, limit) = (text(out.stopped[end]), text(out.limits[end]));
         if !out.reached[end] {
             let why = match &out.blocked_by[end] {
-                Some(link) => format!("`{link}` is in the way"),
+                Some(link) => format!("`{link}` blocks it"),
                 None => format!("{:.3} {unit} do not move it", out.force),
             };
             problems.push(format!("stops at {stopped} on the way to its {name} limit {limit}: {why}"));
         }
         if let Some(drift) = out.drift[end].filter(|d| *d > tolerance) {
-            problems.push(format!("drifts by {} while held at its {name} limit", tell(drift)));
+            problems.push(format!("drifts by {} while held at its {name} limit", text(drift)));
         }
     }
     if let Some([a, b]) = out.penetration_between.as_ref().filter(|_| out.penetration > options.penetration) {
-        let (depth, at) = (1e3 * out.penetration, tell(out.penetration_at));
-        problems.push(format!("at {at} `{a}` and `{b}` are {depth:.1} mm in each other"));
+        let (depth, at) = (1e3 * out.penetration, text(out.penetration_at));
+        problems.push(format!("at {at} `{a}` and `{b}` penetrate each other by {depth:.1} mm"));
     }
     let [least, most] = [out.stopped[0] - tolerance, out.stopped[1] + tolerance];
-    for (state, value) in artgs_core::STATE_NAMES.iter().zip(out.observed.iter().flatten()) {
+    for (state, value) in out.observed.iter().flat_map(PerState::enumerate) {
         if !(*value >= least && *value <= most) {
-            problems.push(format!("was observed at {} ({state}), which it cannot reach", tell(*value)));
+            problems.push(format!("was observed at {} ({}), which is not reachable", text(*value), state.name()));
         }
     }
     out.problems.extend(problems);

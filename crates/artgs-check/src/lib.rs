@@ -1,11 +1,11 @@
-//! Whether what was exported holds: opens every file with a reader that is not its writer's, compares the formats with
-//! each other, and drives every joint of the URDF in a physics engine.
+//! Checks exports: opens every file with an independent reader, compares the formats with each other, and drives every joint
+//! of the URDF in a physics engine.
 //!
 //! Readers: `urdf-rs`, `mjcf-rs`, `roxmltree` (SDF), `openusd` (usda, usdc, usdz), `gltf`, `tobj` for the meshes, `image`
-//! for textures. Two are our own, for want of others: PLY and SPZ of Gaussians. `openusd` also wrote the files it reads,
-//! so USD is checked for content here and by Pixar's library in `validate/`.
+//! for textures. PLY and SPZ of Gaussians are read by `artgs-io`, because no other reader is available. `openusd` also writes
+//! the USD files, so only their content is checked here; `validate/` checks them with Pixar's library.
 //!
-//! Physics: Rapier. One joint at a time moves, the rest is locked at 0; a screw is a hinge there, as it is in URDF.
+//! Physics: Rapier. One joint at a time moves, the rest is locked at 0; a screw is driven as a hinge, as in URDF.
 
 mod compare;
 mod drive;
@@ -21,30 +21,30 @@ mod table;
 pub use options::CheckOptions;
 pub use report::{CheckReport, FormatFinding, JointFinding, LinkFinding, StateFinding};
 
-use artgs_core::{JointKind, Replica};
+use artgs_core::{JointKind, PerState, Replica, State};
 use artgs_io::replica::ReplicaFileError;
 use model::Model;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// Why nothing could be checked.
+/// Why a check cannot run.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckError {
-    /// `replica.json` is missing, broken or of another version, or a mesh that it names is missing.
+    /// `replica.json` is missing, invalid or of another version, or one of its meshes is missing.
     #[error(transparent)]
     Replica(#[from] ReplicaFileError),
-    /// There is nothing to check.
-    #[error("{}: there are no exports; make them with `artgs export {} --to urdf,mjcf,usd`", dir.display(), out.display())]
+    /// There are no exports.
+    #[error("{}: no exports exist; create them with `artgs export {} --to urdf,mjcf,usd`", dir.display(), out.display())]
     NoExports {
-        /// Where exports would be.
+        /// The missing folder of exports.
         dir: PathBuf,
         /// The replica folder.
         out: PathBuf,
     },
 }
 
-/// Checks the replica folder `out` and everything below `out/exports`. What is wrong with an export is part of the report;
-/// an error is what keeps the check from starting.
+/// Checks the replica folder `out` and everything below `out/exports`. Problems of exports are in the report; an error means
+/// that the check cannot run.
 pub fn check(out: &Path, options: &CheckOptions) -> Result<CheckReport, CheckError> {
     let replica = artgs_io::read_replica(out)?;
     let mut opened = readers::open_all(&out.join("exports"));
@@ -58,66 +58,66 @@ pub fn check(out: &Path, options: &CheckOptions) -> Result<CheckReport, CheckErr
         }
     }
     let mut report = CheckReport { options: options.clone(), ..CheckReport::default() };
-    // What is driven is the URDF; that of the PartNet folder is its twin, and its frames lie down.
+    // The URDF is driven. That of the PartNet folder describes the same object with rotated frames.
     let first = opened.iter().find(|o| o.model.is_some()).filter(|o| o.finding.format == "urdf");
     match reference.filter(|_| first.is_some()) {
         Some(model) if !model.faults().is_empty() => {
-            report.notes.push("numbers that make no sense, see above: no joint was driven".into());
+            report.notes.push("invalid numbers, see above: no joint was driven".into());
         }
         Some(model) => physics(&model, options, &mut report),
-        None => report.notes.push("no URDF that opens: no joint was driven; export one with `--to urdf`".into()),
+        None => report.notes.push("no readable URDF: no joint was driven; export one with `--to urdf`".into()),
     }
     report.formats = opened.into_iter().map(|o| o.finding).collect();
     report.count();
     Ok(report)
 }
 
-/// Drives the URDF, of which `model` also has what only other formats tell.
+/// Drives the URDF. `model` is the URDF completed by values of other formats.
 fn physics(model: &Model, options: &CheckOptions, report: &mut CheckReport) {
     let (scene, flat) = poses::Scene::of(model);
-    let told = |i: usize| flat.iter().filter(move |(link, _)| *link == i).map(|(_, problem)| problem.clone());
+    let flat_hulls = |i: usize| flat.iter().filter(move |(link, _)| *link == i).map(|(_, problem)| problem.clone());
     let bodies = (0..model.links.len()).filter(|i| model.links[*i].is_body());
     report.links = bodies
         .map(|i| {
             let mut found = mass::link(&model.links[i], options);
-            found.problems.extend(told(i));
+            found.problems.extend(flat_hulls(i));
             found
         })
         .collect();
     if scene.is_empty() {
-        report.notes.push("no link has collision hulls: nothing can be in the way of a joint".into());
+        report.notes.push("no link has collision hulls: no collision can stop a joint".into());
     }
     if model.links.iter().any(|l| l.motion.as_ref().is_some_and(|m| m.pitch.is_some())) {
-        report.notes.push("screws were driven as hinges, as URDF has them".into());
+        report.notes.push("screws were driven as hinges, as in URDF".into());
     }
     let joints: Vec<usize> = (0..model.links.len()).filter(|i| model.links[*i].motion.is_some()).collect();
     report.joints = joints.into_par_iter().filter_map(|i| drive::joint(model, &scene, i, options)).collect();
     if report.joints.iter().any(|j| j.observed.is_none()) {
-        report.notes.push("observed values are in MJCF, USD and GLB only; export one to have them checked".into());
+        report.notes.push("only MJCF, USD and GLB contain observed values; export one of them to check these".into());
         return;
     }
-    report.states = (0..2).map(|state| poses::state(model, &scene, state, options)).collect();
+    report.states = State::ALL.iter().map(|state| poses::state(model, &scene, *state, options)).collect();
 }
 
-/// Whether an export is of this replica: as many parts, hinges that turned as far. Links are in another order in every
-/// format and may be called otherwise, so only what is sorted can be held against each other.
+/// Whether an export belongs to this replica: the same number of parts and the same rotations of hinges. Order and names of
+/// links differ between formats, so sorted values are compared.
 fn against_replica(replica: &Replica, model: &Model, options: &CheckOptions) -> Vec<String> {
     let (parts, links) = (replica.parts.len(), model.links.iter().filter(|l| l.is_body()).count());
     if parts != links {
         return vec![format!("{links} links, but the replica has {parts} parts; export again")];
     }
     let hinges = model.links.iter().filter_map(|l| l.motion.as_ref()).filter(|m| m.turns());
-    let Some(told) = hinges.map(|m| m.observed).collect::<Option<Vec<[f64; 2]>>>() else { return Vec::new() };
+    let Some(observed) = hinges.map(|m| m.observed).collect::<Option<Vec<PerState<f64>>>>() else { return Vec::new() };
     let joints = (0..parts).filter_map(|i| replica.joint(i)).filter(|j| j.kind != JointKind::Prismatic);
-    let sorted = |values: Vec<[f64; 2]>| {
-        let mut turned: Vec<f64> = values.iter().map(|[a, b]| (b - a).abs()).collect();
+    let sorted = |values: Vec<PerState<f64>>| {
+        let mut turned: Vec<f64> = values.iter().map(|v| (v[State::END] - v[State::START]).abs()).collect();
         turned.sort_by(f64::total_cmp);
         turned
     };
-    let (is, was) = (sorted(told), sorted(joints.map(|j| j.state_values.into()).collect()));
+    let (is, was) = (sorted(observed), sorted(joints.map(|j| j.state_values).collect()));
     if is.len() == was.len() && is.iter().zip(&was).all(|(a, b)| (a - b).abs() <= options.angle) {
         return Vec::new();
     }
-    let tell = |values: &[f64]| values.iter().map(|v| format!("{:.1}", v.to_degrees())).collect::<Vec<_>>().join(", ");
-    vec![format!("hinges turned by [{}] deg, in the replica by [{}] deg; export again", tell(&is), tell(&was))]
+    let text = |values: &[f64]| values.iter().map(|v| format!("{:.1}", v.to_degrees())).collect::<Vec<_>>().join(", ");
+    vec![format!("hinges turned by [{}] deg, in the replica by [{}] deg; export again", text(&is), text(&was))]
 }

@@ -1,11 +1,11 @@
-//! Whether a link has the mass and inertia of a body of its size.
+//! Checks that mass and inertia of a link are plausible for its size.
 
 use crate::CheckOptions;
 use crate::model::{Link, bounds, tensor};
 use crate::report::LinkFinding;
 use glam::DVec3;
 
-/// Looks at a link of the URDF.
+/// Checks a link of the URDF.
 pub(crate) fn link(link: &Link, options: &CheckOptions) -> LinkFinding {
     let (mass, moments) = link.inertial.map_or((0.0, [0.0; 3]), |i| (i.mass, principal(i.inertia)));
     let (link_name, hulls) = (link.name.clone(), link.hulls.len());
@@ -27,7 +27,7 @@ fn problems(link: &Link, moments: [f64; 3], options: &CheckOptions) -> Vec<Strin
     }
     let points = link.visuals.iter().chain(&link.hulls).flat_map(|s| &s.points).copied();
     let Some([low, high]) = bounds(points) else { return out };
-    /// Sheets are taken for this thick, metres.
+    /// Least assumed thickness of a link, metres.
     const THINNEST: f64 = 1e-3;
     let size = (high - low).max(DVec3::splat(THINNEST));
     let density = mass / (size.x * size.y * size.z);
@@ -43,21 +43,18 @@ fn problems(link: &Link, moments: [f64; 3], options: &CheckOptions) -> Vec<Strin
     if center.cmplt(low - slack).any() || center.cmpgt(high + slack).any() {
         out.push(format!("centre of mass {center} is outside of the link"));
     }
-    // All of the mass in the corner that is farthest, and in a needle of a thousandth of the size.
+    // Upper bound: all mass in the farthest corner. Lower bound: a needle of a thousandth of the size.
     let reach = (high - center).abs().max((low - center).abs()).length();
     if c > 1.01 * mass * reach * reach {
         out.push(format!("principal moment {c:.3e} kg m^2, {mass:.4} kg within {reach:.3} m have less"));
     }
     if c < 1e-6 * mass * size.length_squared() {
-        out.push(format!(
-            "principal moment {c:.3e} kg m^2 is that of a speck, the link is {:.3} m long",
-            size.length()
-        ));
+        out.push(format!("principal moment {c:.3e} kg m^2 is too small, the link is {:.3} m long", size.length()));
     }
     out
 }
 
-/// Eigenvalues of `ixx iyy izz ixy ixz iyz`, ascending: Jacobi's rotations until nothing is left off the diagonal.
+/// Eigenvalues of `ixx iyy izz ixy ixz iyz`, ascending, by Jacobi rotations until the matrix is diagonal.
 pub(crate) fn principal(inertia: [f64; 6]) -> [f64; 3] {
     let mut m = tensor(inertia).to_cols_array_2d();
     for round in 0..60 {
@@ -107,19 +104,19 @@ mod tests {
     }
 
     #[test]
-    fn absurd_bodies_are_told() {
+    fn implausible_bodies_are_reported() {
         let good = Inertial { mass: 100.0, center: DVec3::ZERO, inertia: [16.7, 16.7, 16.7, 0.0, 0.0, 0.0] };
         assert_eq!(cube(good), Vec::<String>::new());
-        let told = |inertial: Inertial, words: &str| {
+        let reports = |inertial: Inertial, words: &str| {
             let found = cube(inertial);
             assert!(found.len() == 1 && found[0].contains(words), "{found:?}");
         };
-        told(Inertial { mass: 0.0, ..good }, "mass 0 kg");
-        told(Inertial { inertia: [16.7, 16.7, -1.0, 0.0, 0.0, 0.0], ..good }, "must be above 0");
-        told(Inertial { inertia: [1.0, 1.0, 16.7, 0.0, 0.0, 0.0], ..good }, "exceeds the sum");
-        told(Inertial { mass: 1e6, inertia: good.inertia.map(|v| v * 1e4), ..good }, "kg/m^3");
-        told(Inertial { center: DVec3::new(0.0, 2.0, 0.0), ..good }, "outside");
-        told(Inertial { inertia: good.inertia.map(|v| v * 10.0), ..good }, "have less");
-        told(Inertial { inertia: good.inertia.map(|v| v * 1e-6), ..good }, "speck");
+        reports(Inertial { mass: 0.0, ..good }, "mass 0 kg");
+        reports(Inertial { inertia: [16.7, 16.7, -1.0, 0.0, 0.0, 0.0], ..good }, "must be above 0");
+        reports(Inertial { inertia: [1.0, 1.0, 16.7, 0.0, 0.0, 0.0], ..good }, "exceeds the sum");
+        reports(Inertial { mass: 1e6, inertia: good.inertia.map(|v| v * 1e4), ..good }, "kg/m^3");
+        reports(Inertial { center: DVec3::new(0.0, 2.0, 0.0), ..good }, "outside");
+        reports(Inertial { inertia: good.inertia.map(|v| v * 10.0), ..good }, "have less");
+        reports(Inertial { inertia: good.inertia.map(|v| v * 1e-6), ..good }, "too small");
     }
 }

@@ -1,4 +1,4 @@
-//! Meshes and textures that other files refer to.
+//! Meshes and textures referenced by other files.
 
 use crate::model::Shape;
 use crate::report::FormatFinding;
@@ -6,8 +6,8 @@ use artgs_core::Rigid;
 use glam::DVec3;
 use std::path::Path;
 
-/// Reads an OBJ and the textures of its materials, and places it in the link frame. What is wrong goes to the finding,
-/// with the file as `name` has it.
+/// Reads an OBJ with the textures of its materials into the link frame. Problems are added to the finding under the file name
+/// `name`.
 pub(crate) fn obj(path: &Path, name: &str, place: &Rigid, scale: DVec3, finding: &mut FormatFinding) -> Shape {
     match read(path, finding) {
         Ok(points) => Shape { points: points.into_iter().map(|p| place.apply(p * scale)).collect() },
@@ -20,7 +20,7 @@ pub(crate) fn obj(path: &Path, name: &str, place: &Rigid, scale: DVec3, finding:
 
 fn read(path: &Path, finding: &mut FormatFinding) -> Result<Vec<DVec3>, String> {
     if !path.is_file() {
-        return Err("there is no such file; export again".into());
+        return Err("the file does not exist; export again".into());
     }
     let options = tobj::LoadOptions { triangulate: true, ..tobj::LoadOptions::default() };
     let (models, materials) = tobj::load_obj(path, &options).map_err(|e| e.to_string())?;
@@ -39,15 +39,15 @@ fn read(path: &Path, finding: &mut FormatFinding) -> Result<Vec<DVec3>, String> 
         return Err("the mesh is empty".into());
     }
     let folder = path.parent().unwrap_or(Path::new("."));
-    // Hulls have no materials, which is no error to the reader.
+    // Hulls have no materials, which is no error.
     for material in materials.map_err(|e| format!("its materials: {e}"))? {
         let Some(texture) = material.diffuse_texture else { continue };
-        picture(&folder.join(&texture), finding).map_err(|e| format!("texture {texture}: {e}"))?;
+        image_file(&folder.join(&texture), finding).map_err(|e| format!("texture {texture}: {e}"))?;
     }
     Ok(points)
 }
 
-/// Refuses points that are not finite and indices beyond them.
+/// Refuses points that are not finite and indices out of range.
 pub(crate) fn triangles(points: &[DVec3], indices: &[u32]) -> Result<(), String> {
     if points.is_empty() || indices.is_empty() {
         return Err("the mesh is empty".into());
@@ -56,22 +56,22 @@ pub(crate) fn triangles(points: &[DVec3], indices: &[u32]) -> Result<(), String>
         return Err(format!("vertex {i} is not finite"));
     }
     match indices.iter().find(|i| **i as usize >= points.len()) {
-        Some(i) => Err(format!("a triangle names vertex {i} of {}", points.len())),
+        Some(i) => Err(format!("a triangle has index {i} of {} vertices", points.len())),
         None => Ok(()),
     }
 }
 
-/// Decodes a picture from a file.
-pub(crate) fn picture(path: &Path, finding: &mut FormatFinding) -> Result<(), String> {
+/// Decodes an image file.
+pub(crate) fn image_file(path: &Path, finding: &mut FormatFinding) -> Result<(), String> {
     let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
     decode(&bytes, finding)
 }
 
-/// Decodes a picture.
+/// Decodes an image.
 pub(crate) fn decode(bytes: &[u8], finding: &mut FormatFinding) -> Result<(), String> {
     let picture = image::load_from_memory(bytes).map_err(|e| format!("cannot be decoded: {e}"))?;
     if picture.width() == 0 || picture.height() == 0 {
-        return Err("the picture is empty".into());
+        return Err("the image is empty".into());
     }
     finding.textures += 1;
     Ok(())

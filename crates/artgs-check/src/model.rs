@@ -1,14 +1,14 @@
-//! What all formats tell about an object, in one frame: that of the object, +Z up, joints at 0.
+//! Model of an object, independent of the format: object's frame, +Z up, joints at 0.
 
-use artgs_core::{Inertial, Joint, JointKind, Rigid};
+use artgs_core::{Inertial, Joint, JointKind, PerState, Rigid};
 use glam::{DMat3, DVec3};
 
 /// A tree of links, parents before children.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Model {
     pub(crate) links: Vec<Link>,
-    /// Whether the format has a place for collision hulls.
-    pub(crate) tells_hulls: bool,
+    /// Whether the format contains collision hulls.
+    pub(crate) has_hulls: bool,
 }
 
 /// A rigid body, or the fixed root of URDF.
@@ -25,7 +25,7 @@ pub(crate) struct Link {
     pub(crate) hulls: Vec<Shape>,
 }
 
-/// How a link moves; the axis is in the link frame. What a format does not tell is none.
+/// Joint of a link; the axis is in the link frame. Values that a format lacks are none.
 #[derive(Clone, Debug)]
 pub(crate) struct Motion {
     pub(crate) name: String,
@@ -33,7 +33,7 @@ pub(crate) struct Motion {
     pub(crate) axis: DVec3,
     pub(crate) limits: [f64; 2],
     pub(crate) pitch: Option<f64>,
-    pub(crate) observed: Option<[f64; 2]>,
+    pub(crate) observed: Option<PerState<f64>>,
     pub(crate) effort: Option<f64>,
     pub(crate) velocity: Option<f64>,
     pub(crate) damping: Option<f64>,
@@ -47,7 +47,7 @@ pub(crate) struct Shape {
 }
 
 impl Motion {
-    /// A joint of which only name, kind and axis are known.
+    /// A joint with only name, kind and axis.
     pub(crate) fn new(name: &str, kind: JointKind, axis: DVec3) -> Self {
         let (pitch, observed, effort, velocity, damping, friction) = (None, None, None, None, None, None);
         Self {
@@ -67,15 +67,8 @@ impl Motion {
     /// Motion in the link frame when the joint goes from 0 to `value`.
     pub(crate) fn motion(&self, value: f64) -> Rigid {
         let (kind, axis, pitch) = (self.kind, self.axis, self.pitch.unwrap_or(0.0));
-        Joint {
-            kind,
-            axis,
-            origin: DVec3::ZERO,
-            pitch,
-            state_values: artgs_core::PerState::new(0.0, 0.0),
-            limits: self.limits,
-        }
-        .motion(value)
+        Joint { kind, axis, origin: DVec3::ZERO, pitch, state_values: PerState::new(0.0, 0.0), limits: self.limits }
+            .motion(value)
     }
 
     pub(crate) fn turns(&self) -> bool {
@@ -133,7 +126,7 @@ impl Model {
         poses
     }
 
-    /// For every link whether it moves along when the joint of link `root` does.
+    /// For every link whether the joint of link `root` moves it.
     pub(crate) fn carried(&self, root: usize) -> Vec<bool> {
         let mut out = vec![false; self.links.len()];
         for (i, link) in self.links.iter().enumerate() {
@@ -142,7 +135,7 @@ impl Model {
         out
     }
 
-    /// Every number that is not finite, and limits and axes that make no sense.
+    /// Numbers that are not finite, and invalid limits and axes.
     pub(crate) fn faults(&self) -> Vec<String> {
         self.links.iter().flat_map(|l| faults(l).into_iter().map(|f| format!("link `{}`: {f}", l.name))).collect()
     }

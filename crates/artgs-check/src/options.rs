@@ -1,25 +1,24 @@
-//! Every threshold of the check, in one place.
+//! Thresholds of the check.
 
 use serde::{Deserialize, Serialize};
 
-/// When a check fails. Lengths in metres, angles in radians.
+/// Thresholds of the check. Lengths in metres, angles in radians.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct CheckOptions {
-    /// A slide that stops this close to a limit has reached it.
+    /// Largest distance from a limit at which a slide has reached it.
     pub length: f64,
-    /// A hinge that stops this close to a limit has reached it.
+    /// Largest angle from a limit at which a hinge has reached it.
     pub angle: f64,
-    /// Largest penetration of hulls of two links, at any pose looked at.
+    /// Largest allowed penetration of hulls of two links, at any tested pose.
     pub penetration: f64,
-    /// Poses per joint at which penetration is looked for, both limits included: the 20 at which hulls are cleared when they
-    /// are made, and four between each two of those.
+    /// Poses per joint at which penetration is tested, both limits included: 20, and four between each two of those.
     pub poses: usize,
-    /// Formats may differ by this much: lengths and angles absolutely, masses, moments and forces by this share.
+    /// Largest difference between formats: absolute for lengths and angles, relative for masses, moments and forces.
     pub agreement: f64,
-    /// Overlaps shallower than this do not stop a joint: engines are not exact to it, and hulls that touch would jam.
+    /// Penetration that does not stop a joint: engines are less accurate, and touching hulls would block the joint.
     pub touch: f64,
-    /// Times the force that weight, friction, damping and inertia need with which a joint is driven.
+    /// Driving force, relative to the force that weight, friction, damping and inertia need.
     pub reserve: f64,
     /// Seconds from one limit to the other.
     pub travel: f64,
@@ -29,7 +28,7 @@ pub struct CheckOptions {
     pub friction: f64,
     /// Seconds per step of the engine.
     pub step: f64,
-    /// Mass over the volume of the box around a link, kg/m^3: least and most that is believed.
+    /// Least and largest plausible mass per volume of the box around a link, kg/m^3.
     pub density: [f64; 2],
 }
 

@@ -1,9 +1,9 @@
-//! Hulls of links and how deep they are in each other at given poses.
+//! Hulls of links and their penetration at given poses.
 
 use crate::CheckOptions;
 use crate::model::{Link, Model, bounds};
 use crate::report::StateFinding;
-use artgs_core::{Rigid, STATE_NAMES};
+use artgs_core::{Rigid, State};
 use glam::DVec3;
 use rapier3d::parry::bounding_volume::BoundingVolume as _;
 use rapier3d::parry::query::contact;
@@ -16,30 +16,30 @@ pub(crate) struct Scene {
     pub(crate) hulls: Vec<Vec<SharedShape>>,
 }
 
-/// A vector as the engine spells it.
+/// A vector of the engine.
 pub(crate) fn vector(v: DVec3) -> Vector {
     Vector::from_array(v.as_vec3().to_array())
 }
 
-/// A motion as the engine spells it.
+/// A pose of the engine.
 pub(crate) fn pose(motion: &Rigid) -> Pose {
     let q = motion.rotation.as_quat();
     Pose::from_parts(vector(motion.translation), Rotation::from_xyzw(q.x, q.y, q.z, q.w))
 }
 
 impl Scene {
-    /// The hull of every collision mesh, and what is wrong with meshes that have none, by link.
+    /// The hull of every collision mesh, and problems of meshes without a hull, with their links.
     pub(crate) fn of(model: &Model) -> (Self, Vec<(usize, String)>) {
         let mut flat = Vec::new();
         let mut hulls = Vec::new();
         for (i, link) in model.links.iter().enumerate() {
             let mut shapes = Vec::new();
-            // Meshes that could not be read are told of where they are read.
+            // Unreadable meshes are reported by their reader.
             for (k, shape) in link.hulls.iter().enumerate().filter(|(_, s)| !s.points.is_empty()) {
                 let points: Vec<Vector> = shape.points.iter().map(|p| vector(*p)).collect();
                 match hull(&points) {
                     Some(hull) => shapes.push(SharedShape::new(hull)),
-                    None => flat.push((i, format!("hull {k} is flat or broken: it has no volume"))),
+                    None => flat.push((i, format!("hull {k} is flat or invalid: it has no volume"))),
                 }
             }
             hulls.push(shapes);
@@ -51,8 +51,8 @@ impl Scene {
         self.hulls.iter().all(Vec::is_empty)
     }
 
-    /// Deepest penetration of two different links, and which, where `apart` says that a pair is to be looked at.
-    pub(crate) fn deepest(&self, poses: &[Rigid], apart: impl Fn(usize, usize) -> bool) -> (f64, Option<[usize; 2]>) {
+    /// Deepest penetration of two different links, with the links; only pairs for which `tested` is true.
+    pub(crate) fn deepest(&self, poses: &[Rigid], tested: impl Fn(usize, usize) -> bool) -> (f64, Option<[usize; 2]>) {
         let poses: Vec<Pose> = poses.iter().map(pose).collect();
         let boxes: Vec<Vec<_>> = self
             .hulls
@@ -62,7 +62,7 @@ impl Scene {
             .collect();
         let mut worst = (0.0, None);
         for a in 0..poses.len() {
-            for b in (a + 1..poses.len()).filter(|b| apart(a, *b)) {
+            for b in (a + 1..poses.len()).filter(|b| tested(a, *b)) {
                 for (i, first) in self.hulls[a].iter().enumerate() {
                     for (j, second) in self.hulls[b].iter().enumerate() {
                         if !boxes[a][i].intersects(&boxes[b][j]) {
@@ -83,7 +83,7 @@ impl Scene {
 
 /// The convex hull of points; none if it has no volume.
 fn hull(points: &[Vector]) -> Option<ConvexPolyhedron> {
-    /// Share of the cube of its size that a hull fills at least: a needle a thousandth as thick as long has more.
+    /// Least volume of a hull relative to the cube of its size: a needle with a ratio of a thousand has more.
     const THINNEST: f64 = 1e-7;
     if points.iter().any(|p| !p.is_finite()) {
         return None;
@@ -101,15 +101,15 @@ pub(crate) fn names(model: &Model, links: Option<[usize; 2]>) -> Option<[String;
     links.map(|pair| pair.map(|i| model.links[i].name.clone()))
 }
 
-/// An observed state, all joints at once.
-pub(crate) fn state(model: &Model, scene: &Scene, state: usize, options: &CheckOptions) -> StateFinding {
+/// Penetration in an observed state, all joints together.
+pub(crate) fn state(model: &Model, scene: &Scene, state: State, options: &CheckOptions) -> StateFinding {
     let value = |link: &Link| link.motion.as_ref().and_then(|m| m.observed).map_or(0.0, |o| o[state]);
     let values: Vec<f64> = model.links.iter().map(value).collect();
     let (penetration, pair) = scene.deepest(&model.poses(&values), |_, _| true);
     let between = names(model, pair);
     let mut problems = Vec::new();
     if let Some([a, b]) = between.as_ref().filter(|_| penetration > options.penetration) {
-        problems.push(format!("`{a}` and `{b}` are {:.1} mm in each other", 1e3 * penetration));
+        problems.push(format!("`{a}` and `{b}` penetrate each other by {:.1} mm", 1e3 * penetration));
     }
-    StateFinding { state: STATE_NAMES[state].into(), penetration, between, problems }
+    StateFinding { state: state.name().into(), penetration, between, problems }
 }

@@ -1,13 +1,13 @@
-//! What a check found, as data.
+//! Findings of a check as data.
 
 use crate::CheckOptions;
-use artgs_core::JointKind;
-use serde::Serialize;
+use artgs_core::{JointKind, PerState};
+use serde::{Serialize, Serializer};
 
 /// Findings of a check. Metres, radians, kilograms, seconds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct CheckReport {
-    /// What it was measured against.
+    /// Thresholds of the check.
     pub options: CheckOptions,
     /// Every file of `exports/` that describes the object or its Gaussians.
     pub formats: Vec<FormatFinding>,
@@ -15,9 +15,9 @@ pub struct CheckReport {
     pub links: Vec<LinkFinding>,
     /// Joints of the URDF, driven one at a time.
     pub joints: Vec<JointFinding>,
-    /// Both observed states, if a format tells them.
+    /// The observed states, if a format contains them.
     pub states: Vec<StateFinding>,
-    /// What was not looked at, and why. No failures.
+    /// What was not checked, and why. Notes are no failures.
     pub notes: Vec<String>,
     /// Number of problems.
     pub failures: usize,
@@ -30,21 +30,21 @@ pub struct FormatFinding {
     pub format: String,
     /// The file, below the replica folder.
     pub file: String,
-    /// Library that read it.
+    /// Library that reads it.
     pub reader: String,
-    /// Bodies; the fixed root of URDF is none.
+    /// Bodies, without the fixed root of URDF.
     pub links: usize,
-    /// Joints that move.
+    /// Movable joints.
     pub joints: usize,
-    /// Meshes that are drawn.
+    /// Visual meshes.
     pub meshes: usize,
-    /// Convex pieces to collide with.
+    /// Convex collision meshes.
     pub hulls: usize,
-    /// Textures that could be decoded.
+    /// Decoded textures.
     pub textures: usize,
     /// Gaussians.
     pub splats: usize,
-    /// What is wrong.
+    /// Problems, one sentence each.
     pub problems: Vec<String>,
 }
 
@@ -59,7 +59,7 @@ pub struct LinkFinding {
     pub moments: [f64; 3],
     /// Convex pieces.
     pub hulls: usize,
-    /// What is wrong.
+    /// Problems, one sentence each.
     pub problems: Vec<String>,
 }
 
@@ -74,43 +74,50 @@ pub struct JointFinding {
     pub kind: JointKind,
     /// Lower and upper limit.
     pub limits: [f64; 2],
-    /// Where it stopped when driven towards each.
+    /// Value at which it stopped when driven towards each limit.
     pub stopped: [f64; 2],
-    /// Whether that is the limit.
+    /// Whether each limit was reached.
     pub reached: [bool; 2],
-    /// Link that was in the way, where it was not reached; none if the force did not do.
+    /// Link that blocked the joint before each limit; none if the limit was reached or the force was too small.
     pub blocked_by: [Option<String>; 2],
-    /// Force (N) or torque (N m) it was driven with.
+    /// Driving force (N) or torque (N m).
     pub force: f64,
-    /// Movement while held at each limit; none where it was not reached.
+    /// Largest motion while held at each limit; none if the limit was not reached.
     pub drift: [Option<f64>; 2],
-    /// Deepest penetration of two links across the limits and just beyond where the joint was stopped, the others at 0.
+    /// Deepest penetration of two links within the limits and just beyond the value at which the joint was stopped, other
+    /// joints at 0.
     pub penetration: f64,
-    /// At which value.
+    /// Joint value of the deepest penetration.
     pub penetration_at: f64,
-    /// Between which links.
+    /// Links of the deepest penetration.
     pub penetration_between: Option<[String; 2]>,
-    /// Values in the observed states, if a format tells them.
-    pub observed: Option<[f64; 2]>,
-    /// What is wrong.
+    /// Values in the observed states, if a format contains them.
+    #[serde(serialize_with = "as_array")]
+    pub observed: Option<PerState<f64>>,
+    /// Problems, one sentence each.
     pub problems: Vec<String>,
 }
 
-/// The object as it was observed, all joints at once.
+/// The object in an observed state, all joints together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StateFinding {
     /// `start` or `end`.
     pub state: String,
     /// Deepest penetration of two links.
     pub penetration: f64,
-    /// Between which.
+    /// The two links.
     pub between: Option<[String; 2]>,
-    /// What is wrong.
+    /// Problems, one sentence each.
     pub problems: Vec<String>,
 }
 
+/// Writes `[start, end]` or null.
+fn as_array<S: Serializer>(values: &Option<PerState<f64>>, serializer: S) -> Result<S::Ok, S::Error> {
+    values.as_ref().map(PerState::as_slice).serialize(serializer)
+}
+
 impl CheckReport {
-    /// Whether nothing is wrong.
+    /// True if there are no problems.
     pub fn passed(&self) -> bool {
         self.failures == 0
     }

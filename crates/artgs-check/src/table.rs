@@ -1,12 +1,12 @@
 //! A report as text.
 
 use crate::report::{CheckReport, FormatFinding, JointFinding};
-use artgs_core::JointKind;
+use artgs_core::{JointKind, State};
 use std::fmt;
 
 /// A joint value in degrees or millimetres.
 pub(crate) fn quantity(kind: JointKind, value: f64) -> String {
-    // Zero has no sign.
+    // Adding zero converts -0 to 0.
     let round = |v: f64| (v * 10.0).round() / 10.0 + 0.0;
     match kind {
         JointKind::Prismatic => format!("{:.1} mm", round(1e3 * value)),
@@ -58,8 +58,8 @@ fn content(found: &FormatFinding) -> String {
         (found.textures, "textures"),
         (found.splats, "Gaussians"),
     ];
-    let told: Vec<String> = counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
-    told.join(", ")
+    let texts: Vec<String> = counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
+    texts.join(", ")
 }
 
 fn joint_row(found: &JointFinding) -> Vec<String> {
@@ -71,7 +71,7 @@ fn joint_row(found: &JointFinding) -> Vec<String> {
         verdict(&found.problems).into(),
         range(found.limits),
         range(found.stopped),
-        found.observed.map_or("unknown".into(), range),
+        found.observed.map_or("unknown".into(), |v| range([v[State::START], v[State::END]])),
         format!("{:.2} {unit}", found.force),
         format!("{:.2} mm", 1e3 * found.penetration),
         if found.drift.iter().all(Option::is_none) { "-".into() } else { quantity(found.kind, drift) },
@@ -125,7 +125,7 @@ impl fmt::Display for CheckReport {
             writeln!(f)?;
         }
         match self.failures {
-            0 => writeln!(f, "\nall of it holds"),
+            0 => writeln!(f, "\nall checks passed"),
             1 => writeln!(f, "\n1 problem"),
             n => writeln!(f, "\n{n} problems"),
         }

@@ -1,17 +1,18 @@
-//! Checks of a small cabinet, sound and spoilt.
+//! Checks of a small cabinet, with valid and damaged exports.
 
 #![allow(missing_docs, clippy::unwrap_used)]
 
 use artgs_check::{CheckError, CheckOptions, CheckReport, FormatFinding, check};
 use artgs_core::{
-    Asset, AssetJoint, AssetLink, Inertial, Joint, JointKind, Mesh, Replica, Splats, Texture, TexturedMesh,
+    Asset, AssetJoint, AssetLink, Inertial, Joint, JointKind, Mesh, PerState, Replica, Splats, State, Texture,
+    TexturedMesh,
 };
 use artgs_io::asset::{export_mjcf, export_partnet, export_sdf, export_urdf, glb, splats, usd};
 use glam::DVec3;
 use std::path::Path;
 use tempfile::TempDir;
 
-/// A link of boxes that weighs 2 kg like one box around them.
+/// A link of boxes with a mass of 2 kg and the inertia of one box around them.
 fn link(name: &str, parent: Option<usize>, origin: DVec3, boxes: &[Mesh], joint: Option<AssetJoint>) -> AssetLink {
     let mut mesh = Mesh::default();
     boxes.iter().for_each(|b| mesh.append(b));
@@ -45,7 +46,7 @@ fn joint(kind: JointKind, axis: DVec3, limits: [f64; 2], observed: [f64; 2]) -> 
         axis,
         pitch: 0.0,
         limits,
-        observed: observed.into(),
+        observed: PerState::new(observed[0], observed[1]),
         effort: 50.0,
         velocity: 3.0,
         damping: 0.2,
@@ -53,7 +54,7 @@ fn joint(kind: JointKind, axis: DVec3, limits: [f64; 2], observed: [f64; 2]) -> 
     }
 }
 
-/// A cabinet off the origin with a door above, a drawer below and a flap on the door that hinges level.
+/// A cabinet away from the origin with a door above, a drawer below and a flap with a horizontal hinge on the door.
 fn cabinet() -> Asset {
     let walls = [
         Mesh::cuboid([-0.5, -0.25, 0.0], [-0.48, 0.25, 1.0]),
@@ -79,7 +80,7 @@ fn cabinet() -> Asset {
     Asset { name: "cabinet".into(), links }
 }
 
-/// The replica that the asset could have come from.
+/// A replica that corresponds to the asset.
 fn write_replica(out: &Path, asset: &Asset) {
     let joints: Vec<Joint> = asset
         .movable()
@@ -95,7 +96,7 @@ fn write_replica(out: &Path, asset: &Asset) {
     let replica = Replica::new(&joints);
     artgs_io::write_replica(out, &replica).unwrap();
     let meshes = replica.parts.iter().map(|p| &p.meshes).chain([&replica.whole]);
-    for mesh in meshes.flat_map(|m| [m.get(0), m.get(1)]) {
+    for mesh in meshes.flat_map(|m| m.iter()) {
         artgs_io::write_atomic(&out.join(mesh), b"").unwrap();
     }
 }
@@ -106,7 +107,7 @@ fn folder(asset: &Asset) -> TempDir {
     dir
 }
 
-/// Exports to URDF alone.
+/// Exports only URDF.
 fn driven(asset: &Asset) -> CheckReport {
     let dir = folder(asset);
     export_urdf(&dir.path().join("exports/urdf"), asset).unwrap();
@@ -131,7 +132,7 @@ fn of<'a>(report: &'a CheckReport, format: &str) -> &'a FormatFinding {
     report.formats.iter().find(|f| f.format == format || f.file.ends_with(format)).unwrap()
 }
 
-fn told(problems: &[String], words: &str) {
+fn has_problem(problems: &[String], words: &str) {
     assert!(problems.iter().any(|p| p.contains(words)), "{words:?} is not in {problems:#?}");
 }
 
@@ -157,13 +158,13 @@ fn a_sound_cabinet_passes_in_every_format() {
         assert!((found.stopped[1] - upper).abs() < 2e-3 && found.force < 50.0 && found.force > 0.1, "{text}");
         assert!(found.drift.iter().all(|d| d.is_some_and(|d| d < 2e-3)), "{text}");
     }
-    assert_eq!(report.joints[1].observed, Some([0.0, 0.4]));
+    assert_eq!(report.joints[1].observed, Some(PerState::new(0.0, 0.4)));
     assert_eq!(report.states.len(), 2);
     assert!(
         text.contains("part_1_joint") && text.contains("0.0 deg to 91.7 deg") && text.contains("420.0 mm"),
         "{text}"
     );
-    assert!(text.ends_with("\nall of it holds\n"), "{text}");
+    assert!(text.ends_with("\nall checks passed\n"), "{text}");
     assert_eq!(report, check(dir.path(), &CheckOptions::default()).unwrap(), "twice the same");
     assert!(serde_json::to_string(&report).unwrap().contains("\"blocked_by\":[null,null]"));
 }
@@ -180,7 +181,7 @@ fn a_screw_and_links_without_texture_pass_too() {
 }
 
 #[test]
-fn a_drawer_whose_hull_overlaps_its_cabinet_is_told() {
+fn a_drawer_whose_hull_overlaps_its_cabinet_is_reported() {
     let mut asset = cabinet();
     // Two centimetres into the right wall, all the way.
     asset.links[2].collision[0] = Mesh::cuboid([-0.47, 0.0, -0.2], [0.5, 0.02, 0.2]);
@@ -189,10 +190,10 @@ fn a_drawer_whose_hull_overlaps_its_cabinet_is_told() {
     let drawer = &report.joints[1];
     assert!(drawer.penetration > 0.015 && drawer.penetration < 0.025, "{report}");
     assert_eq!(drawer.penetration_between, Some(["base".to_string(), "part_2".to_string()]));
-    // Its front would have to be a centimetre inside the wall; the side does not hold it, since it cannot give way.
+    // Its front would have to be a centimetre inside the wall; the side cannot push it out along the slide.
     assert_eq!((drawer.reached, drawer.blocked_by[0].as_deref()), ([false, true], Some("base")), "{report}");
     assert!((drawer.stopped[0] - 0.009).abs() < 1e-3, "{report}");
-    told(&drawer.problems, "`base` and `part_2` are 20.0 mm in each other");
+    has_problem(&drawer.problems, "`base` and `part_2` penetrate each other by 20.0 mm");
     assert!(report.joints[0].problems.is_empty() && !report.passed(), "{report}");
 }
 
@@ -210,7 +211,7 @@ fn limits_beyond_an_obstacle_are_blocked_by_its_name() {
     let mut asset = cabinet();
     // The back wall is 49 cm behind the joint, the drawer 45 cm deep.
     asset.links[2].joint.as_mut().unwrap().limits[0] = -0.2;
-    // A bar on the door that hangs before the drawer, 10 cm off.
+    // A bar on the door, 10 cm in front of the drawer.
     asset.links[1].collision.push(Mesh::cuboid([0.3, -0.14, -0.6], [0.7, -0.12, -0.25]));
     let report = driven(&asset);
     let drawer = &report.joints[1];
@@ -218,15 +219,15 @@ fn limits_beyond_an_obstacle_are_blocked_by_its_name() {
     assert_eq!(drawer.blocked_by, [Some("base".to_string()), Some("part_1".to_string())], "{report}");
     assert!((drawer.stopped[0] + 0.04).abs() < 5e-3, "{report}");
     assert!((drawer.stopped[1] - 0.1).abs() < 5e-3, "{report}");
-    told(&drawer.problems, "on the way to its upper limit 420.0 mm: `part_1` is in the way");
-    told(&drawer.problems, "on the way to its lower limit -200.0 mm: `base` is in the way");
+    has_problem(&drawer.problems, "on the way to its upper limit 420.0 mm: `part_1` blocks it");
+    has_problem(&drawer.problems, "on the way to its lower limit -200.0 mm: `base` blocks it");
     assert!(drawer.penetration > 0.01, "{report}");
 }
 
 #[test]
 fn what_is_thinner_than_the_way_between_two_poses_is_found() {
     let mut asset = cabinet();
-    // A fin that meets a bar between 199.3 and 202.9 mm; poses are at 199.0 and 203.4 mm.
+    // A fin that touches a bar between 199.3 and 202.9 mm; poses are at 199.0 and 203.4 mm.
     asset.links[2].collision.push(Mesh::cuboid([-0.1, 0.4482, -0.18], [0.1, 0.45, -0.1]));
     asset.links[0].collision.push(Mesh::cuboid([-0.1, -0.0129, 0.08], [0.1, -0.0111, 0.14]));
     let report = driven(&asset);
@@ -237,14 +238,14 @@ fn what_is_thinner_than_the_way_between_two_poses_is_found() {
 }
 
 #[test]
-fn a_joint_too_weak_for_its_weight_is_told() {
+fn a_joint_too_weak_for_its_weight_is_reported() {
     let mut asset = cabinet();
     asset.links[3].joint.as_mut().unwrap().effort = 0.2;
     let report = driven(&asset);
     let flap = &report.joints[2];
-    // It falls over by itself, and does not get up again.
+    // Gravity moves it to one limit, and the force cannot move it back.
     assert_eq!((flap.reached, flap.blocked_by.clone()), ([false, true], [None, None]), "{report}");
-    told(&flap.problems, "0.200 N m do not move it");
+    has_problem(&flap.problems, "0.200 N m do not move it");
 }
 
 #[test]
@@ -255,21 +256,21 @@ fn what_was_observed_must_be_within_reach() {
     assert!(text.contains("<key name=\"end\" qpos=\"1.5 1 0.4\"/>"), "{text}");
     std::fs::write(&path, text.replace("qpos=\"1.5 1 0.4\"", "qpos=\"1.5 1 0.5\"")).unwrap();
     let report = check(dir.path(), &CheckOptions::default()).unwrap();
-    told(&report.joints[1].problems, "was observed at 500.0 mm (end), which it cannot reach");
-    told(&of(&report, "usda").problems, "link `part_2`: value observed at the end is 0.4, in the urdf 0.5");
+    has_problem(&report.joints[1].problems, "was observed at 500.0 mm (end), which is not reachable");
+    has_problem(&of(&report, "usda").problems, "link `part_2`: value observed at the end is 0.4, in the urdf 0.5");
 }
 
-/// Spoils a file of a sound export and returns the report.
-fn spoilt(file: &str, spoil: impl FnOnce(&Path)) -> CheckReport {
+/// Changes a file of a valid export and returns the report.
+fn damaged(file: &str, changed: impl FnOnce(&Path)) -> CheckReport {
     let dir = all_formats(&cabinet());
     let path = dir.path().join("exports").join(file);
     assert!(path.is_file(), "{file}");
-    spoil(&path);
+    changed(&path);
     check(dir.path(), &CheckOptions::default()).unwrap()
 }
 
 fn replaced(file: &str, from: &str, to: &str) -> CheckReport {
-    spoilt(file, |path| {
+    damaged(file, |path| {
         let text = std::fs::read_to_string(path).unwrap();
         assert!(text.contains(from), "{from} is not in {text}");
         std::fs::write(path, text.replacen(from, to, 1)).unwrap();
@@ -285,9 +286,9 @@ fn halved(path: &Path) {
     std::fs::write(path, &bytes[..bytes.len() / 2]).unwrap();
 }
 
-/// Fails in this format and no other.
+/// Asserts that this format fails and no other.
 fn only(report: &CheckReport, format: &str, words: &str) {
-    told(&of(report, format).problems, words);
+    has_problem(&of(report, format).problems, words);
     let others = report
         .formats
         .iter()
@@ -299,24 +300,28 @@ fn only(report: &CheckReport, format: &str, words: &str) {
 
 #[test]
 fn files_that_are_missing_or_broken_are_named() {
-    let report = spoilt("urdf/meshes/part_1_collision_0.obj", removed);
-    only(&report, "urdf", "meshes/part_1_collision_0.obj: there is no such file");
-    only(&spoilt("mjcf/assets/part_1_visual.png", removed), "mjcf", "texture part_1_visual.png");
-    only(&spoilt("sdf/meshes/part_2_visual.png", halved), "sdf", "meshes/part_2_visual.obj: texture part_2_visual.png");
-    only(&spoilt("partnet/semantics.txt", removed), "partnet", "semantics.txt");
-    only(&spoilt("glb/cabinet.glb", halved), "glb", "does not open");
-    only(&spoilt("glb/cabinet_splats.glb", halved), "_splats.glb", "does not open");
-    only(&spoilt("usd/cabinet.usda", halved), "usda", "does not open");
-    only(&spoilt("usdz/cabinet.usdz", halved), "usdz", "does not open");
-    only(&spoilt("splats/flap.spz", halved), "flap.spz", "does not open");
-    only(&spoilt("splats/flap.ply", halved), "flap.ply", "does not open");
+    let report = damaged("urdf/meshes/part_1_collision_0.obj", removed);
+    only(&report, "urdf", "meshes/part_1_collision_0.obj: the file does not exist");
+    only(&damaged("mjcf/assets/part_1_visual.png", removed), "mjcf", "texture part_1_visual.png");
+    only(
+        &damaged("sdf/meshes/part_2_visual.png", halved),
+        "sdf",
+        "meshes/part_2_visual.obj: texture part_2_visual.png",
+    );
+    only(&damaged("partnet/semantics.txt", removed), "partnet", "semantics.txt");
+    only(&damaged("glb/cabinet.glb", halved), "glb", "does not open");
+    only(&damaged("glb/cabinet_splats.glb", halved), "_splats.glb", "does not open");
+    only(&damaged("usd/cabinet.usda", halved), "usda", "does not open");
+    only(&damaged("usdz/cabinet.usdz", halved), "usdz", "does not open");
+    only(&damaged("splats/flap.spz", halved), "flap.spz", "does not open");
+    only(&damaged("splats/flap.ply", halved), "flap.ply", "does not open");
     let broken = replaced("sdf/meshes/part_2_collision_1.obj", "f 1 ", "f 99 ");
     only(&broken, "sdf", "meshes/part_2_collision_1.obj");
     only(&replaced("urdf/meshes/base_visual.obj", "v -0.5", "v NaN"), "urdf", "vertex 0 is not finite");
 }
 
 #[test]
-fn formats_that_disagree_are_told_where() {
+fn formats_that_disagree_are_reported() {
     let report = replaced("mjcf/cabinet.xml", "range=\"0 1.6\"", "range=\"0 1.5\"");
     only(&report, "mjcf", "link `part_1`: upper limit is 1.5, in the urdf 1.6");
     let report = replaced("sdf/model.sdf", "<mass>2</mass>", "<mass>3</mass>");
@@ -328,19 +333,19 @@ fn formats_that_disagree_are_told_where() {
     let report = replaced("usd/cabinet.usda", "physics:mass = 2.0", "physics:mass = 2.5");
     only(&report, "usda", "mass is 2.5, in the urdf 2");
     let report = replaced("urdf/cabinet.urdf", "mass value=\"2\"", "mass value=\"NaN\"");
-    told(&of(&report, "urdf").problems, "link `base`: mass is NaN");
+    has_problem(&of(&report, "urdf").problems, "link `base`: mass is NaN");
     assert!(report.joints.is_empty() && report.to_string().contains("no joint was driven"), "{report}");
 }
 
 #[test]
-fn bodies_that_make_no_sense_are_told() {
-    let report = spoilt("urdf/meshes/flap_collision_0.obj", |path| {
+fn bodies_that_make_no_sense_are_reported() {
+    let report = damaged("urdf/meshes/flap_collision_0.obj", |path| {
         std::fs::write(path, "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n").unwrap();
     });
-    told(&report.links[3].problems, "hull 0 is flat or broken");
-    told(&of(&report, "mjcf").problems, "link `flap`: upper corner of the hulls is");
+    has_problem(&report.links[3].problems, "hull 0 is flat or invalid");
+    has_problem(&of(&report, "mjcf").problems, "link `flap`: upper corner of the hulls is");
     let report = replaced("urdf/cabinet.urdf", "izz=\"", "izz=\"1");
-    told(&report.links[0].problems, "no body has that");
+    has_problem(&report.links[0].problems, "no body has that");
 }
 
 #[test]
@@ -350,7 +355,7 @@ fn what_cannot_be_checked_is_refused_with_the_reason() {
     let dir = folder(&asset);
     let error = refused(&dir);
     assert!(matches!(error, CheckError::NoExports { .. }) && error.to_string().contains("artgs export"), "{error}");
-    let spoil = |from: &str, to: &str| {
+    let replica_with = |from: &str, to: &str| {
         let dir = all_formats(&asset);
         let path = dir.path().join("replica.json");
         let text = std::fs::read_to_string(&path).unwrap();
@@ -358,24 +363,24 @@ fn what_cannot_be_checked_is_refused_with_the_reason() {
         std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
         dir
     };
-    assert!(refused(&spoil("\"version\": 1", "\"version\": 7")).to_string().contains("version"));
+    assert!(refused(&replica_with("\"version\": 1", "\"version\": 7")).to_string().contains("version"));
     let dir = all_formats(&asset);
     std::fs::remove_file(dir.path().join("meshes/start/part_1.ply")).unwrap();
     assert!(refused(&dir).to_string().contains("there is no mesh meshes/start/part_1.ply"));
 }
 
 #[test]
-fn exports_of_another_replica_are_told() {
+fn exports_of_another_replica_are_reported() {
     let dir = all_formats(&cabinet());
     let mut other = cabinet();
-    other.links[1].joint.as_mut().unwrap().observed[1] = 1.2;
+    other.links[1].joint.as_mut().unwrap().observed[State::END] = 1.2;
     write_replica(dir.path(), &other);
     let report = check(dir.path(), &CheckOptions::default()).unwrap();
-    told(&of(&report, "glb").problems, "hinges turned by [45.8, 85.9] deg, in the replica by [45.8, 68.8] deg");
+    has_problem(&of(&report, "glb").problems, "hinges turned by [45.8, 85.9] deg, in the replica by [45.8, 68.8] deg");
     other.links.pop();
     write_replica(dir.path(), &other);
     let report = check(dir.path(), &CheckOptions::default()).unwrap();
-    told(&of(&report, "mjcf").problems, "4 links, but the replica has 3 parts");
+    has_problem(&of(&report, "mjcf").problems, "4 links, but the replica has 3 parts");
 }
 
 #[test]
@@ -390,5 +395,5 @@ fn without_a_urdf_nothing_is_driven_and_without_observations_that_is_said() {
     assert!(report.passed() && report.notes.iter().any(|n| n.contains("observed values")), "{report}");
     std::fs::create_dir_all(dir.path().join("exports/urdf")).unwrap();
     let report = check(dir.path(), &CheckOptions::default()).unwrap();
-    told(&of(&report, "urdf").problems, "the folder has no .urdf file");
+    has_problem(&of(&report, "urdf").problems, "the folder has no .urdf file");
 }

@@ -12,7 +12,7 @@ use artgs_core::{Asset, Capture, Mesh, Replica, Splats};
 use artgs_io::asset;
 use artgs_physical::decompose::Decomposer;
 use artgs_physical::stance::Stop;
-use artgs_physical::{Built, Collision, Parts, PhysicalConfig, Up, build};
+use artgs_physical::{BuiltAsset, Collision, Parts, PhysicalConfig, Up, build};
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -87,7 +87,8 @@ fn config(args: &Export) -> Result<PhysicalConfig, Failure> {
 }
 
 fn meshes(out: &Path, replica: &Replica) -> Result<Vec<Mesh>, Failure> {
-    let read = |part: &artgs_core::replica::Part| artgs_io::read_mesh_ply(&out.join(part.meshes.get(0)));
+    let read =
+        |part: &artgs_core::replica::Part| artgs_io::read_mesh_ply(&out.join(&part.meshes[artgs_core::State::START]));
     replica.parts.iter().map(read).collect::<Result<_, _>>().map_err(|e| Failure::BadInput(e.into()))
 }
 
@@ -238,8 +239,8 @@ struct TellLink {
 }
 
 impl Told {
-    fn of(built: &Built, up: &'static str, files: Vec<PathBuf>) -> Self {
-        let Built { asset, decisions, surfaces } = built;
+    fn of(built: &BuiltAsset, up: &'static str, files: Vec<PathBuf>) -> Self {
+        let BuiltAsset { asset, decisions, surfaces } = built;
         let link = |(i, link): (usize, &artgs_core::AssetLink)| {
             let surface = &surfaces[i];
             let [texels, seen] = surface.texels;
@@ -252,7 +253,7 @@ impl Told {
                 watertight: surface.closed,
                 surface_error: surface.error.most * decisions.scale,
                 photographed: (seen > 0).then(|| seen as f64 / texels as f64),
-                closed_state: decisions.closed_state[i].map(|s| artgs_core::STATE_NAMES[s]),
+                closed_state: decisions.closed_state[i].map(artgs_core::State::name),
                 limits: link.joint.map(|j| j.limits),
                 observed: link.joint.map(|j| j.observed.into()),
                 stops: decisions.ranges[i].as_ref().map(|r| [0, 1].map(|e| reason(&r.stops[e]))),

@@ -10,7 +10,7 @@ use crate::output::{note, say};
 use crate::rerun;
 use anyhow::Context;
 use artgs::discover::{DiscoverConfig, glimpse};
-use artgs_core::{Capture, Joint, JointEstimate, STATE_NAMES};
+use artgs_core::{Capture, Joint, JointEstimate, State};
 use artgs_physical::Up;
 use artgs_view::{CameraView, Cloud, Page, Placement, Server, ViewError, export_page};
 use glam::DVec3;
@@ -106,7 +106,7 @@ fn found(out: &Path, photos: Option<&Path>, style: Style) -> Result<Page, Failur
     let joints: Vec<(Joint, Option<f64>)> = found.parts.iter().enumerate().map(joint).collect();
     let placement = Placement::default();
     let mut page = Page::of_joints(&name, &joints, placement);
-    for (state, (cloud, labels)) in found.clouds.iter().zip(&found.labels).enumerate() {
+    for (state, (cloud, labels)) in State::ALL.into_iter().zip(found.clouds.iter().zip(&found.labels)) {
         // More parts than that are never asked for.
         let marks = labels.iter().map(|label| u8::try_from(*label).unwrap_or(u8::MAX)).collect();
         page.add_cloud(&points(state, cloud, marks), placement);
@@ -126,7 +126,7 @@ fn add_photos(page: &mut Page, out: &Path, photos: Option<&Path>, style: Style) 
     page.add_cameras(&cameras(&library::load(&folder)?, &folder), placement).map_err(failure)
 }
 
-fn points(state: usize, cloud: &artgs::discover::observe::Cloud, marks: Vec<u8>) -> Cloud {
+fn points(state: State, cloud: &artgs::discover::observe::Cloud, marks: Vec<u8>) -> Cloud {
     let colors = cloud.colors.iter().map(|c| c.to_array().map(|x| (255.0 * x).round().clamp(0.0, 255.0) as u8));
     Cloud { state, points: cloud.points.iter().map(|p| p.to_array()).collect(), colors: colors.collect(), marks }
 }
@@ -143,7 +143,7 @@ fn capture(folder: &Path, style: Style) -> Result<Page, Failure> {
     if seen.iter().all(|s| s.cloud.is_empty()) {
         note("the capture has no depth: no points are shown", style);
     }
-    for (state, seen) in seen.iter().enumerate() {
+    for (state, seen) in State::ALL.into_iter().zip(&seen) {
         let marks = seen.moved.iter().map(|moved| u8::from(*moved)).collect();
         page.add_cloud(&points(state, &seen.cloud, marks), placement);
     }
@@ -152,10 +152,10 @@ fn capture(folder: &Path, style: Style) -> Result<Page, Failure> {
 
 fn cameras(capture: &Capture, folder: &Path) -> Vec<CameraView> {
     let mut out = Vec::new();
-    for (state, views) in capture.states.iter().enumerate() {
+    for (state, views) in capture.states.enumerate() {
         let step = views.train.len().div_ceil(CAMERAS).max(1);
         out.extend(views.train.iter().step_by(step).map(|view| CameraView {
-            name: format!("{} {}", STATE_NAMES[state], stem(&view.name)),
+            name: format!("{} {}", state.name(), stem(&view.name)),
             state,
             camera: view.camera,
             photo: Some(folder.join(&view.name)).filter(|file| file.is_file()),

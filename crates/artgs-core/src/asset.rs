@@ -1,11 +1,11 @@
-//! A replica made fit for simulators: links in their own frames, metres, with what a capture does not show.
+//! A replica prepared for simulators: links in link frames, metres, with masses, hulls and joint dynamics.
 //!
 //! The object's frame has +Z up. Link frames are parallel to it at the zero pose; link 0 is fixed to the world.
 
 use crate::{Joint, JointKind, Mesh, PerState, Rigid, Splats, State};
 use glam::DVec3;
 
-/// An articulated object as simulators want it.
+/// An articulated object for simulators.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Asset {
     /// Name of the object: lower case letters, digits and `_`, a letter first.
@@ -17,17 +17,17 @@ pub struct Asset {
 /// A rigid body of an asset.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AssetLink {
-    /// Unique, spelt like the asset's name.
+    /// Unique name, of the same form as the asset's name.
     pub name: String,
-    /// Link it hangs on; none for the base.
+    /// Parent link; none for the base.
     pub parent: Option<usize>,
-    /// How it moves against its parent; none for the base.
+    /// Joint to the parent; none for the base.
     pub joint: Option<AssetJoint>,
     /// Origin of the link frame in the object's frame at the zero pose, metres; on the joint's axis.
     pub origin: DVec3,
-    /// What is drawn, link frame; may be empty.
+    /// Visual mesh, link frame; may be empty.
     pub visual: TexturedMesh,
-    /// Convex closed meshes to collide with, link frame, uncoloured; none if there is no volume.
+    /// Convex closed collision meshes, link frame, without colours; empty if the link has no volume.
     pub collision: Vec<Mesh>,
     /// Mass and inertia.
     pub inertial: Inertial,
@@ -38,9 +38,9 @@ pub struct AssetLink {
 /// A joint of an asset; its frame is that of the child link at value 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AssetJoint {
-    /// How the link moves.
+    /// Kind of motion.
     pub kind: JointKind,
-    /// Unit axis, link frame; the joint opens in its positive sense where that could be told.
+    /// Unit axis, link frame; positive values open the joint if the closed state is known.
     pub axis: DVec3,
     /// Metres along the axis per radian; 0 unless `kind` is `Screw`.
     pub pitch: f64,
@@ -58,7 +58,7 @@ pub struct AssetJoint {
     pub friction: f64,
 }
 
-/// A mesh with normals and, if it was baked, a texture.
+/// A mesh with normals and, optionally, a baked texture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TexturedMesh {
     /// Vertices with colours and triangles; vertices are split along seams of the texture.
@@ -68,11 +68,11 @@ pub struct TexturedMesh {
     /// Texture coordinates per vertex, (0, 0) at the top left corner of the texture, (1, 1) at the bottom right; empty
     /// without a texture.
     pub uvs: Vec<[f32; 2]>,
-    /// The picture, if there is one.
+    /// The texture, if there is one.
     pub texture: Option<Texture>,
 }
 
-/// An sRGB picture, rows from the top.
+/// An sRGB image, rows from the top.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Texture {
     /// Pixels per row.
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drawer_in_a_door_is_carried() {
+    fn a_drawer_in_a_door_moves_with_the_door() {
         let base = link(None, JointKind::Revolute, DVec3::Z, DVec3::ZERO);
         let door = link(Some(0), JointKind::Revolute, DVec3::Z, DVec3::new(1.0, 0.0, 0.0));
         let drawer = link(Some(1), JointKind::Prismatic, DVec3::X, DVec3::new(2.0, 0.0, 0.5));
@@ -165,7 +165,7 @@ mod tests {
         let zero = asset.poses(&[0.0; 3]);
         assert!((zero[2].translation - DVec3::new(2.0, 0.0, 0.5)).length() < 1e-12);
         let quarter = asset.poses(&[0.0, std::f64::consts::FRAC_PI_2, 0.25]);
-        // The door turns about (1, 0, 0); the drawer lies a metre from its axis and slides along what is +Y by now.
+        // The door turns about (1, 0, 0); the drawer is a metre from that axis, and its direction has turned to +Y.
         assert!((quarter[2].translation - DVec3::new(1.0, 1.25, 0.5)).length() < 1e-12);
         assert_eq!(asset.observed(State::END), [0.0, 0.5, 0.5]);
         assert_eq!(asset.movable().count(), 2);

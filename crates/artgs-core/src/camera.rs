@@ -22,7 +22,7 @@ pub struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// The same field of view sampled at another image size.
+    /// The same field of view at another image size.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let (sx, sy) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
         Self { fx: self.fx * sx, fy: self.fy * sy, cx: self.cx * sx, cy: self.cy * sy, width, height }
@@ -39,7 +39,7 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera at `eye` looking at `target`, image rows running against `up`.
+    /// A camera at `eye` looking at `target`; `up` points up in the image.
     pub fn look_at(intrinsics: Intrinsics, eye: DVec3, target: DVec3, up: DVec3) -> Self {
         let z = (target - eye).normalize();
         let x = z.cross(up).normalize_or(z.any_orthonormal_vector());
@@ -60,14 +60,14 @@ impl Camera {
         (DVec2::new(k.fx * p.x / p.z + k.cx, k.fy * p.y / p.z + k.cy), p.z)
     }
 
-    /// World point seen at pixel coordinates `pixel` at planar depth `depth`.
+    /// World point at pixel coordinates `pixel` and planar depth `depth`.
     pub fn unproject(&self, pixel: DVec2, depth: f64) -> DVec3 {
         let k = &self.intrinsics;
         let p = DVec3::new((pixel.x - k.cx) / k.fx * depth, (pixel.y - k.cy) / k.fy * depth, depth);
         self.world_to_camera.inverse().apply(p)
     }
 
-    /// The camera that sees only every `step`-th pixel in both directions, the first included.
+    /// The camera of an image with every `step`-th pixel in both directions, starting with the first.
     pub fn thinned(&self, step: usize) -> Self {
         let (k, s) = (self.intrinsics, step as f64);
         // The centre of pixel x is the centre of pixel x / step.
@@ -77,12 +77,12 @@ impl Camera {
         Self { intrinsics, ..*self }
     }
 
-    /// The same view sampled at another image size.
+    /// The same view at another image size.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         Self { intrinsics: self.intrinsics.resized(width, height), ..*self }
     }
 
-    /// The camera that sees a world moved by `motion` as this one sees it at rest: looks at `x` where `motion * x` is.
+    /// The camera in the frame before `motion`: it sees `x` where this camera sees `motion * x`.
     pub fn moved_with(&self, motion: &Rigid) -> Self {
         Self { world_to_camera: self.world_to_camera * *motion, ..*self }
     }
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_of_a_thinned_camera_look_where_they_did() {
+    fn pixels_of_a_thinned_camera_keep_their_rays() {
         let k = Intrinsics { fx: 300.0, fy: 280.0, cx: 101.25, cy: 90.5, width: 203, height: 180 };
         let camera = Camera::look_at(k, DVec3::new(2.0, -1.0, 0.7), DVec3::ZERO, DVec3::Z);
         let thin = camera.thinned(3);

@@ -1,4 +1,4 @@
-//! What the user photographed: posed RGBA images, with or without depth, of one object in two states.
+//! A capture: posed RGBA images, with or without depth, of one object in its observed states.
 
 use crate::{Camera, DepthMap, PerState};
 use glam::DVec3;
@@ -6,13 +6,13 @@ use glam::DVec3;
 /// One posed image.
 #[derive(Clone, Debug)]
 pub struct View {
-    /// Path of the image relative to the capture, for messages.
+    /// Path of the image relative to the capture, used in messages.
     pub name: String,
     /// Pose and intrinsics; its size is the size of the images.
     pub camera: Camera,
     /// Straight (un-premultiplied) RGBA, row-major, `[height * width]`; alpha is the object mask.
     pub rgba: Vec<[u8; 4]>,
-    /// Planar depth, `[height * width]`. Held-out views, which only score pictures, may go without.
+    /// Planar depth, `[height * width]`. Held-out views need none.
     pub depth: Option<DepthMap>,
 }
 
@@ -26,28 +26,28 @@ impl View {
 /// All views of the object in one state.
 #[derive(Clone, Debug, Default)]
 pub struct StateViews {
-    /// Views the method may learn from.
+    /// Training views.
     pub train: Vec<View>,
-    /// Held-out views, only for scoring pictures; may be empty.
+    /// Held-out views, used only for scores; may be empty.
     pub test: Vec<View>,
 }
 
-/// Two states of one object in one world frame.
+/// The states of one object in one world frame.
 #[derive(Clone, Debug, Default)]
 pub struct Capture {
     /// Views of every state.
     pub states: PerState<StateViews>,
-    /// What was odd but usable, one sentence each.
+    /// Warnings, one sentence each.
     pub warnings: Vec<String>,
 }
 
 impl Capture {
-    /// True if every training view of both states has depth.
+    /// True if every training view of every state has depth.
     pub fn has_depth(&self) -> bool {
         self.states.iter().all(|s| s.train.iter().all(|v| v.depth.is_some()))
     }
 
-    /// Largest distance of a training camera of either state from their mean, scene units (ArtGS' `cameras_extent`).
+    /// Largest distance of a training camera of any state from the mean of all, scene units (ArtGS' `cameras_extent`).
     pub fn camera_extent(&self) -> f64 {
         let eyes: Vec<DVec3> = self.states.iter().flat_map(|s| &s.train).map(|v| v.camera.position()).collect();
         let mean = eyes.iter().sum::<DVec3>() / eyes.len().max(1) as f64;

@@ -1,7 +1,7 @@
-//! Depth images, as compact as the files they come from.
+//! Depth images, stored as 16-bit counts like the files they come from.
 
-/// Planar depth of a view, row-major: whole counts, so many to a scene unit; 0 where there is none.
-/// 16 bits a pixel, because the depth of a few hundred fine views fills memory otherwise.
+/// Planar depth of a view, row-major: integer counts, `per_unit` of them per scene unit; 0 for missing depth. A pixel has
+/// 16 bits, because the depth of a few hundred large views would otherwise fill the memory.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DepthMap {
     counts: Vec<u16>,
@@ -9,13 +9,13 @@ pub struct DepthMap {
 }
 
 impl DepthMap {
-    /// From counts; `per_unit` (positive) of them make a scene unit.
+    /// From counts; `per_unit` (positive) counts are one scene unit.
     pub fn new(counts: Vec<u16>, per_unit: f32) -> Self {
         Self { counts, per_unit }
     }
 
-    /// Nearest to the given depths in scene units. Those that are not positive and finite become 0. The largest sets the
-    /// unit: errors are below a hundred-thousandth of it.
+    /// Rounds depths in scene units to counts. Depths that are not positive and finite become 0. The largest depth defines
+    /// the unit, so errors are below a hundred-thousandth of it.
     pub fn nearest(depths: &[f32]) -> Self {
         let valid = |d: &f32| *d > 0.0 && d.is_finite();
         let largest = depths.iter().copied().filter(valid).fold(0.0, f32::max);
@@ -29,7 +29,7 @@ impl DepthMap {
         &self.counts
     }
 
-    /// Counts to a scene unit.
+    /// Counts per scene unit.
     pub fn per_unit(&self) -> f32 {
         self.per_unit
     }
@@ -73,12 +73,12 @@ mod tests {
     }
 
     #[test]
-    fn any_depths_are_kept_nearly() {
+    fn depths_are_rounded_with_small_errors() {
         let depths = [0.0, 3.7, -1.0, f32::NAN, 1e-9, 0.25, f32::INFINITY];
         let map = DepthMap::nearest(&depths);
         assert_eq!((map.at(0), map.at(2), map.at(3), map.at(6)), (0.0, 0.0, 0.0, 0.0));
         assert!((map.at(1) - 3.7).abs() < 4e-5 && (map.at(5) - 0.25).abs() < 4e-5);
-        assert!(map.counts()[4] == 1, "there is a surface, however near");
+        assert!(map.counts()[4] == 1, "a surface very near the camera stays a surface");
         assert_eq!(DepthMap::nearest(&[0.0]).at(0), 0.0);
     }
 }

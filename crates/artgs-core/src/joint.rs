@@ -86,7 +86,7 @@ pub struct JointEstimate {
     /// Root mean square distance between the registered surfaces, scene units; none where too little of the part was
     /// seen to register it.
     pub rms: Option<f64>,
-    /// How certain the joint is, 0 to 1; none where nothing tells.
+    /// How certain the joint is, 0 to 1; none where nothing shows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub confidence: Option<f64>,
 }

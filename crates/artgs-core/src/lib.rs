@@ -1,4 +1,4 @@
-//! Nouns: plain data with small mathematics, shared by every other crate. No files, threads or random numbers.
+//! Data types and basic geometry shared by all other crates. No files, threads or random numbers.
 //!
 //! Frames, units and orders are fixed in `CONVENTIONS.md` at the root of the repository.
 

@@ -15,7 +15,7 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// True if there is nothing to see.
+    /// True if there are no triangles.
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }
@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_box_is_closed_and_looks_outwards() {
+    fn a_box_is_closed_and_oriented_outwards() {
         let mesh = Mesh::cuboid([0.0, 1.0, 2.0], [1.0, 3.0, 5.0]);
         let at = |i: u32| DVec3::from_array(mesh.vertices[i as usize].map(f64::from));
         let six: f64 = mesh.triangles.iter().map(|t| at(t[0]).dot(at(t[1]).cross(at(t[2])))).sum();

@@ -1,4 +1,4 @@
-//! The result: parts, joints and where their meshes are. Serialises to `replica.json`, version 1.
+//! The result of a reconstruction: parts, joints and paths of meshes. Serialises to `replica.json`, version 1.
 
 use crate::{Joint, JointKind, PerState, Rigid, State};
 use glam::DVec3;
@@ -34,7 +34,7 @@ struct Limits {
     upper: f64,
 }
 
-/// A joint as `replica.json` spells it.
+/// A joint in the form of `replica.json`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JointRecord {
     #[serde(rename = "type")]
@@ -84,13 +84,12 @@ pub struct Part {
     pub id: usize,
     /// `base` or `part_1`, ...
     pub name: String,
-    /// Part it is attached to; none for the base.
+    /// Parent part; none for the base.
     pub parent: Option<usize>,
-    /// How it moves against its parent; none for the base.
+    /// Joint to the parent; none for the base.
     pub joint: Option<JointRecord>,
-    /// How well the joint is borne out by what was measured, 0 to 1: where the joint takes the part's points from one
-    /// observed state to the other and they are in view there, the share of them that is on a surface and not in empty
-    /// space. None if that is not known.
+    /// Joint confidence, 0 to 1: the share of the part's points, moved by the joint from one observed state to the other and
+    /// visible there, that lie on a surface and not in empty space. None if unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub confidence: Option<f64>,
     /// Meshes in world coordinates of each state.
@@ -114,7 +113,7 @@ pub struct Replica {
 
 impl Replica {
     /// A replica whose meshes lie at the standard paths `meshes/STATE/{whole,part_I}.ply`.
-    /// `joints[i]` belongs to part `i + 1`; every part hangs on the base.
+    /// `joints[i]` belongs to part `i + 1`; the parent of every part is the base.
     pub fn new(joints: &[Joint]) -> Self {
         let file = |name: &str| PerState::from_fn(|state| format!("meshes/{}/{name}.ply", state.name()));
         let part = |id: usize| Part {
@@ -139,15 +138,20 @@ impl Replica {
         self.parts.get(part)?.joint.map(Joint::from)
     }
 
-    /// Motion of a part from start to end in the world: that of its joint, then those of the parts it hangs on. The
-    /// joint is where it is at the start state; parts without one stay.
+    /// Motion of a part from start to end in the world: the motion of its joint, then those of its ancestors. The
+    /// joint is in its position at the start state; parts without a joint do not move.
     pub fn world_motion(&self, part: usize) -> Rigid {
         let own = self.joint(part).map_or(Rigid::IDENTITY, |joint| joint.start_to_end());
-        // Valid replicas name earlier parts only, so that this ends.
+        // In valid replicas a parent precedes its children, so the recursion ends.
         match self.parts.get(part).and_then(|p| p.parent).filter(|parent| *parent < part) {
             Some(parent) => self.world_motion(parent) * own,
             None => own,
         }
+    }
+
+    /// Motion of a part from the start to `state` in the world; the identity for the start.
+    pub fn motion_to(&self, part: usize, state: State) -> Rigid {
+        if state == State::START { Rigid::IDENTITY } else { self.world_motion(part) }
     }
 
     /// Checks format, version, numbering, parents, and that every joint is finite with a unit axis and ordered limits.
@@ -206,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drawer_in_a_door_slides_and_is_carried() {
+    fn a_drawer_in_a_door_slides_and_moves_with_the_door() {
         let slide = Joint::from_motion(JointKind::Prismatic, &Rigid::shift(DVec3::new(0.0, 0.2, 0.0)));
         let hinge = sample().joint(1).unwrap();
         let mut r = Replica::new(&[hinge, slide]);
@@ -225,7 +229,7 @@ mod tests {
         let mut r = sample();
         r.parts[1].confidence = Some(1.5);
         assert!(matches!(r.validate(), Err(ReplicaError::Part { part: 1, .. })));
-        for spoil in [
+        for edit in [
             (|j: &mut Joint| j.axis = DVec3::ZERO) as fn(&mut Joint),
             |j| j.limits[1] = f64::NAN,
             |j| j.limits = [1.0, 0.0],
@@ -233,7 +237,7 @@ mod tests {
         ] {
             let mut r = sample();
             let mut joint = r.joint(1).unwrap();
-            spoil(&mut joint);
+            edit(&mut joint);
             r.parts[1].joint = Some(joint.into());
             assert!(matches!(r.validate(), Err(ReplicaError::Part { part: 1, .. })));
         }

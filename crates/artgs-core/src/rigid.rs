@@ -28,7 +28,7 @@ pub struct Screw {
 }
 
 impl Rigid {
-    /// The motion that moves nothing.
+    /// The identity.
     pub const IDENTITY: Self = Self { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
 
     /// From a rotation matrix and a translation.
@@ -57,7 +57,7 @@ impl Rigid {
         self.rotation * direction
     }
 
-    /// The motion that undoes this one.
+    /// The inverse motion.
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.conjugate();
         Self { rotation, translation: -(rotation * self.translation) }

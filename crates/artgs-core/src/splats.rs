@@ -1,4 +1,4 @@
-//! 3D Gaussians as the optimiser stores them.
+//! 3D Gaussians in the parameters of the optimiser.
 
 /// A set of 3D Gaussians in raw (pre-activation) parameters, structure of arrays, `n` each.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,7 +18,7 @@ pub struct Splats {
 }
 
 impl Splats {
-    /// An empty set that will hold harmonics of the given degree.
+    /// An empty set with harmonics of the given degree.
     pub fn empty(sh_degree: usize) -> Self {
         Self { sh_degree, ..Self::default() }
     }
@@ -40,7 +40,7 @@ impl Splats {
 
     /// Appends copies of the Gaussians `indices` of `other`, which must store the same degree.
     pub fn extend_from(&mut self, other: &Self, indices: impl IntoIterator<Item = usize>) {
-        assert_eq!(self.sh_degree, other.sh_degree, "sets of different degree do not mix");
+        assert_eq!(self.sh_degree, other.sh_degree, "sets have different degrees");
         let stride = self.sh_stride();
         for i in indices {
             self.means.push(other.means[i]);

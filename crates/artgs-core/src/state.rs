@@ -211,6 +211,24 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for PerState<T> {
     }
 }
 
+/// Serialises values as the array `[start, end]`; for `#[serde(with = "artgs_core::state::array")]`.
+pub mod array {
+    use super::{COUNT, PerState};
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    /// Writes `[start, end]`.
+    pub fn serialize<T: Serialize, S: Serializer>(values: &PerState<T>, serializer: S) -> Result<S::Ok, S::Error> {
+        values.0.serialize(serializer)
+    }
+
+    /// Reads `[start, end]`.
+    pub fn deserialize<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<PerState<T>, D::Error> {
+        <[T; COUNT]>::deserialize(deserializer).map(PerState)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

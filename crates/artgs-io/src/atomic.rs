@@ -1,11 +1,11 @@
-//! Whole files or none: every writer of this crate goes through [`write_atomic`].
+//! Atomic writes: every writer of this crate uses [`write_atomic`].
 
 use crate::FileError;
 use std::io::Write;
 use std::path::Path;
 
-/// Writes a file by way of a temporary name in the same folder, so that neither a reader nor an interrupted run ever
-/// meets half of it. Makes missing parent folders and replaces an existing file.
+/// Writes a file under a temporary name in the same folder and renames it, so that no reader and no interrupted run sees a
+/// partial file. Creates missing parent folders and replaces an existing file.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     let fail = |source| FileError::Write { path: path.into(), source };
     let folder = match path.parent() {
@@ -39,7 +39,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refusal_names_the_file() {
+    fn an_error_names_the_file() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("file"), b"").unwrap();
         let message = write_atomic(&dir.path().join("file/under.txt"), b"x").unwrap_err().to_string();

@@ -1,11 +1,11 @@
-//! What can go wrong with a single file.
+//! Errors of single files.
 
 use std::path::{Path, PathBuf};
 
 /// A file that could not be read, written or understood. Every message names the file.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
-    /// The operating system refused to read it.
+    /// The operating system cannot read it.
     #[error("{}: cannot be read: {source}", path.display())]
     Read {
         /// The file.
@@ -13,7 +13,7 @@ pub enum FileError {
         /// Why.
         source: std::io::Error,
     },
-    /// The operating system refused to write it.
+    /// The operating system cannot write it.
     #[error("{}: cannot be written: {source}", path.display())]
     Write {
         /// The file.
@@ -21,7 +21,7 @@ pub enum FileError {
         /// Why.
         source: std::io::Error,
     },
-    /// Its content is not what the format or this program demands.
+    /// Its content does not conform to the format.
     #[error("{}: {reason}", path.display())]
     Malformed {
         /// The file.

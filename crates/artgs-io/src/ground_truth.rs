@@ -1,35 +1,35 @@
-//! The benchmark's true joints and meshes: `gt/trans.json` and `gt/{start,end}/*_rotate.ply`.
+//! Ground-truth joints and meshes of a capture: `gt/trans.json` and `gt/{start,end}/*_rotate.ply`.
 //!
-//! Beyond the benchmark's entries of `trans_info`, an entry may be a screw (`"type": "screw"`, `"screw": {"l", "r",
-//! "pitch"}`: degrees and slide per radian, scene units) and may sit on another movable part (`"parent"`: the
-//! `part_id` of that part, which is its place in the list plus 2).
+//! In addition to the entries of the benchmark's `trans_info`, an entry may be a screw (`"type": "screw"`, `"screw": {"l", "r",
+//! "pitch"}`: degrees and slide per radian, scene units) and may have another movable part as parent (`"parent"`: the
+//! `part_id` of that part, which is its index in the list plus 2).
 //!
-//! For scoring only: nothing that reconstructs may call this.
+//! Only for scores: the reconstruction must not use this.
 
 use crate::error::read_bytes;
 use crate::{FileError, read_mesh_ply};
-use artgs_core::{Joint, JointKind, Mesh, Rigid, STATE_NAMES};
+use artgs_core::{Joint, JointKind, Mesh, PerState, Rigid, State};
 use glam::DVec3;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// The true articulated object.
+/// The ground truth of an articulated object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GroundTruth {
-    /// Joints of the movable parts, in the order of `trans_info`, where they are at the start state. Value 0 there.
+    /// Joints of the movable parts, in the order of `trans_info`, in their positions at the start state. Values are 0 there.
     pub joints: Vec<Joint>,
-    /// Index into `joints` of the movable part that carries each part; None: the static part.
+    /// Index into `joints` of the parent of each part; None: the static part.
     pub parents: Vec<Option<usize>>,
     /// The whole object at start and end, world frame.
-    pub whole: [Mesh; 2],
+    pub whole: PerState<Mesh>,
     /// The static part at start and end.
-    pub fixed: [Mesh; 2],
+    pub fixed: PerState<Mesh>,
     /// Movable parts at start and end, in the order of `joints`.
-    pub movable: Vec<[Mesh; 2]>,
+    pub movable: Vec<PerState<Mesh>>,
 }
 
 impl GroundTruth {
-    /// World motion of a movable part from start to end: its joint's motion, carried along by its parents.
+    /// World motion of a movable part from start to end: the motion of its joint, then those of its ancestors.
     pub fn start_to_end(&self, part: usize) -> Rigid {
         let own = self.joints[part].start_to_end();
         self.parents[part].map_or(own, |parent| self.start_to_end(parent) * own)
@@ -39,11 +39,10 @@ impl GroundTruth {
 /// Reads a `gt` folder. Degrees become radians, axis directions are normalised; a zero axis is an error.
 pub fn load_ground_truth(gt_dir: &Path) -> Result<GroundTruth, FileError> {
     let (joints, parents): (Vec<_>, Vec<_>) = read_joints(&gt_dir.join("trans.json"))?.into_iter().unzip();
-    let mesh = |state: usize, name: &str| read_mesh_ply(&mesh_path(gt_dir, state, name));
-    let both = |name: &str| Ok([mesh(0, name)?, mesh(1, name)?]);
+    let both = |name: &str| PerState::from_fn(|state| read_mesh_ply(&mesh_path(gt_dir, state, name))).transpose();
     let movable = (0..joints.len()).map(|i| {
         let numbered = format!("_dynamic_{i}");
-        let single = joints.len() == 1 && !mesh_path(gt_dir, 0, &numbered).is_file();
+        let single = joints.len() == 1 && !mesh_path(gt_dir, State::START, &numbered).is_file();
         both(if single { "_dynamic" } else { &numbered })
     });
     let movable = movable.collect::<Result<_, _>>()?;
@@ -51,17 +50,17 @@ pub fn load_ground_truth(gt_dir: &Path) -> Result<GroundTruth, FileError> {
 }
 
 /// `_rotate` in the names means turned to z-up.
-fn mesh_path(gt_dir: &Path, state: usize, name: &str) -> PathBuf {
-    let state = STATE_NAMES[state];
+fn mesh_path(gt_dir: &Path, state: State, name: &str) -> PathBuf {
+    let state = state.name();
     gt_dir.join(state).join(format!("{state}{name}_rotate.ply"))
 }
 
-/// Reads the joints of a `gt` folder and nothing else.
+/// Reads only the joints of a `gt` folder.
 pub fn read_true_joints(gt_dir: &Path) -> Result<Vec<Joint>, FileError> {
     Ok(read_joints(&gt_dir.join("trans.json"))?.into_iter().map(|(joint, _)| joint).collect())
 }
 
-/// Joints and the parents they sit on.
+/// Joints and their parents.
 fn read_joints(path: &Path) -> Result<Vec<(Joint, Option<usize>)>, FileError> {
     let bytes = read_bytes(path)?;
     let root: Value = serde_json::from_slice(&bytes).map_err(|e| FileError::malformed(path, e.to_string()))?;
@@ -69,7 +68,7 @@ fn read_joints(path: &Path) -> Result<Vec<(Joint, Option<usize>)>, FileError> {
         Some(Value::Array(list)) => {
             let entry = |(i, v)| Ok((joint(v)?, parent(v, i, list.len())?));
             let named = |(i, v)| entry((i, v)).map_err(|e: String| format!("trans_info[{i}]: {e}"));
-            list.iter().enumerate().map(named).collect::<Result<Vec<_>, _>>().and_then(without_circles)
+            list.iter().enumerate().map(named).collect::<Result<Vec<_>, _>>().and_then(without_cycles)
         }
         Some(one @ Value::Object(_)) => joint(one).map(|j| vec![(j, None)]).map_err(|e| format!("trans_info: {e}")),
         _ => Err("key `trans_info` must be an object or a list of objects".to_string()),
@@ -77,7 +76,7 @@ fn read_joints(path: &Path) -> Result<Vec<(Joint, Option<usize>)>, FileError> {
     joints.map_err(|reason| FileError::malformed(path, reason))
 }
 
-/// Index of the part that carries part `index` of `count`.
+/// Parent of part `index` of `count`.
 fn parent(info: &Value, index: usize, count: usize) -> Result<Option<usize>, String> {
     let Some(parent) = info.get("parent").filter(|v| !v.is_null()) else { return Ok(None) };
     match parent.as_u64() {
@@ -87,15 +86,15 @@ fn parent(info: &Value, index: usize, count: usize) -> Result<Option<usize>, Str
     }
 }
 
-/// Refuses parts that carry each other.
-fn without_circles(joints: Vec<(Joint, Option<usize>)>) -> Result<Vec<(Joint, Option<usize>)>, String> {
+/// Refuses cycles of parents.
+fn without_cycles(joints: Vec<(Joint, Option<usize>)>) -> Result<Vec<(Joint, Option<usize>)>, String> {
     for start in 0..joints.len() {
         let mut above = joints[start].1;
         for _ in 0..joints.len() {
             above = above.and_then(|p| joints[p].1);
         }
         if above.is_some() {
-            return Err(format!("trans_info[{start}]: key `parent` leads around in a circle"));
+            return Err(format!("trans_info[{start}]: key `parent` is part of a cycle"));
         }
     }
     Ok(joints)
@@ -125,7 +124,7 @@ fn joint(info: &Value) -> Result<Joint, String> {
         axis: direction / axis_length,
         origin: vector(axis, "o")?,
         pitch,
-        state_values: artgs_core::PerState::new(0.0, moved),
+        state_values: PerState::new(0.0, moved),
         limits: [moved.min(0.0), moved.max(0.0)],
     })
 }
@@ -151,9 +150,9 @@ mod tests {
     fn folder(trans: &str, parts: &[&str]) -> tempfile::TempDir {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("trans.json"), trans).unwrap();
-        for state in 0..2 {
+        for state in State::ALL {
             for (i, name) in ["", "_static"].iter().chain(parts).enumerate() {
-                write_mesh_ply(&mesh_path(dir.path(), state, name), &point((10 * state + i) as f32)).unwrap();
+                write_mesh_ply(&mesh_path(dir.path(), state, name), &point((10 * state.index() + i) as f32)).unwrap();
             }
         }
         dir
@@ -170,13 +169,13 @@ mod tests {
         let truth = load_ground_truth(dir.path()).unwrap();
         let joint = truth.joints[0];
         assert_eq!((joint.kind, joint.axis, joint.origin), (JointKind::Revolute, -DVec3::Z, DVec3::new(1.0, 2.0, 3.0)));
-        assert!((joint.state_values[1] + std::f64::consts::FRAC_PI_2).abs() < 1e-12 && joint.limits[1] == 0.0);
+        assert!((joint.state_values[State::END] + std::f64::consts::FRAC_PI_2).abs() < 1e-12 && joint.limits[1] == 0.0);
         // -90 degrees about -z takes the x direction to y.
         let moved = joint.start_to_end().apply(DVec3::new(2.0, 2.0, 0.0));
         assert!((moved - DVec3::new(1.0, 3.0, 0.0)).length() < 1e-12, "{moved}");
         assert_eq!(
-            (&truth.whole[1], &truth.fixed[0], &truth.movable),
-            (&point(10.0), &point(1.0), &vec![[point(2.0), point(12.0)]])
+            (&truth.whole[State::END], &truth.fixed[State::START], &truth.movable),
+            (&point(10.0), &point(1.0), &vec![PerState::new(point(2.0), point(12.0))])
         );
     }
 
@@ -186,7 +185,7 @@ mod tests {
         let truth = load_ground_truth(dir.path()).unwrap();
         let shift = truth.joints[1].start_to_end().translation;
         assert!((shift - DVec3::new(0.0, 0.25, 0.0)).length() < 1e-12, "{shift}");
-        assert_eq!(truth.movable[1], [point(3.0), point(13.0)]);
+        assert_eq!(truth.movable[1], PerState::new(point(3.0), point(13.0)));
         std::fs::remove_file(dir.path().join("end/end_dynamic_1_rotate.ply")).unwrap();
         assert!(load_ground_truth(dir.path()).unwrap_err().to_string().contains("end_dynamic_1_rotate.ply"));
     }

@@ -38,17 +38,17 @@ fn open(path: &Path, bytes: &[u8]) -> Result<impl ImageDecoder, FileError> {
     let decoder = PngDecoder::new(Cursor::new(bytes)).map_err(|e| unreadable(path, &e))?;
     if decoder.total_bytes() > LARGEST {
         let (width, height) = decoder.dimensions();
-        let reason = format!("it claims {width}x{height} pixels, more than fit in 1 GiB; make it smaller");
+        let reason = format!("the header states {width}x{height} pixels, which need more than 1 GiB; reduce the size");
         return Err(FileError::malformed(path, reason));
     }
     Ok(decoder)
 }
 
-/// Largest size of a decoded image, bytes: a header that claims more is damaged or hostile.
+/// Largest size of a decoded image, bytes: a header with a larger size is damaged or malicious.
 const LARGEST: u64 = 1 << 30;
 
 fn unreadable(path: &Path, error: &ImageError) -> FileError {
-    FileError::malformed(path, format!("not a whole, readable PNG ({error}); write it again"))
+    FileError::malformed(path, format!("not a complete, readable PNG ({error}); write it again"))
 }
 
 /// Reads a PNG of any colour type as straight 8-bit RGBA.
@@ -58,7 +58,7 @@ pub fn read_rgba(path: &Path) -> Result<RgbaImage, FileError> {
     let ((width, height), color) = (decoder.dimensions(), decoder.color_type());
     let (has_alpha, was_16_bit) = (color.has_alpha(), color.bytes_per_pixel() / color.channel_count() > 1);
     let pixels = if color == ColorType::Rgba8 {
-        // Straight into its place: copies of hundreds of images leave memory in pieces.
+        // Decoded without a copy: copies of hundreds of images fragment the memory.
         let mut pixels = vec![[0; 4]; width as usize * height as usize];
         decoder.read_image(pixels.as_flattened_mut()).map_err(|e| unreadable(path, &e))?;
         pixels
@@ -98,7 +98,7 @@ fn png(path: &Path, width: u32, height: u32, bytes: &[u8], color: ExtendedColorT
     if bytes.len() as u64 != expected || expected == 0 {
         return Err(FileError::malformed(
             path,
-            format!("{} bytes of pixels do not make {width}x{height}", bytes.len()),
+            format!("{} bytes of pixels do not match {width}x{height}", bytes.len()),
         ));
     }
     let mut png = Vec::new();
@@ -108,7 +108,7 @@ fn png(path: &Path, width: u32, height: u32, bytes: &[u8], color: ExtendedColorT
     Ok(png)
 }
 
-/// The bytes of an 8-bit RGB PNG, row-major, to go into the file `path`.
+/// The bytes of an 8-bit RGB PNG, row-major, for the file `path`.
 pub(crate) fn rgb_png(path: &Path, width: u32, height: u32, pixels: &[[u8; 3]]) -> Result<Vec<u8>, FileError> {
     png(path, width, height, pixels.as_flattened(), ExtendedColorType::Rgb8)
 }
@@ -169,13 +169,13 @@ mod tests {
     }
 
     #[test]
-    fn a_header_that_claims_too_much_is_refused() {
+    fn a_header_with_a_huge_size_is_refused() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("huge.png");
         write_rgb(&path, 1, 1, &[[1; 3]]).unwrap();
         let mut bytes = std::fs::read(&path).unwrap();
         bytes[16..24].copy_from_slice(&[0, 1, 0, 0, 0, 1, 0, 0]);
-        // The checksum of the header chunk must fit its new content.
+        // The checksum of the header chunk must match its new content.
         let mut crc = u32::MAX;
         for byte in &bytes[12..29] {
             crc ^= u32::from(*byte);

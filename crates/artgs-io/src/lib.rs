@@ -1,4 +1,4 @@
-//! Bytes: reads captures, writes and reads images, meshes, splats, replicas and URDF. One file per format.
+//! File formats: reads captures; reads and writes images, meshes, splats and replicas; writes exports. One module per format.
 //!
 //! Axis flips and unit conversions of foreign formats happen here and nowhere else; see `CONVENTIONS.md`.
 

@@ -38,8 +38,8 @@ pub fn write_mesh_ply(path: &Path, mesh: &Mesh) -> Result<(), FileError> {
     write_atomic(path, &out)
 }
 
-/// Reads a mesh from any PLY: polygons are cut into fans, unknown properties are skipped, colours are taken from
-/// `red green blue` if all three are there. Indices out of range and vertices that are not finite are errors.
+/// Reads a mesh from any PLY: polygons become fans, unknown properties are skipped, colours are read from
+/// `red green blue` if all three exist. Indices out of range and vertices that are not finite are errors.
 pub fn read_mesh_ply(path: &Path) -> Result<Mesh, FileError> {
     let bytes = read_bytes(path)?;
     read_ply(&bytes).and_then(|elements| mesh(&elements)).map_err(|reason| FileError::malformed(path, reason))

@@ -100,13 +100,13 @@ pub(crate) fn read_ply(bytes: &[u8]) -> Result<Vec<Element>, String> {
     let mut rows = match encoding {
         Encoding::Ascii => {
             let text =
-                std::str::from_utf8(body).map_err(|_| "an ASCII PLY holds bytes that are not text".to_string())?;
+                std::str::from_utf8(body).map_err(|_| "an ASCII PLY contains bytes that are not text".to_string())?;
             Rows::Ascii(text.split_whitespace())
         }
         Encoding::Binary { big } => Rows::Binary { bytes: body, big },
     };
     for element in elements.iter_mut().filter(|e| !e.columns.is_empty()) {
-        // A header may claim any count; memory is reserved for what the file can hold.
+        // The header may state any count; memory is reserved only for as many values as the file can contain.
         let capacity = element.count.min(body.len());
         element.columns.iter_mut().for_each(|c| c.values.reserve(capacity));
         for row in 0..element.count {
@@ -178,7 +178,7 @@ fn read_header(bytes: &[u8]) -> Result<(Encoding, Vec<Element>, &[u8]), String> 
         let words: Vec<&str> = line.split_whitespace().collect();
         if number == 1 {
             if words != ["ply"] {
-                return Err("not a PLY file (it does not begin with `ply`)".into());
+                return Err("not a PLY file (it does not start with `ply`)".into());
             }
             continue;
         }
@@ -199,7 +199,7 @@ fn read_header(bytes: &[u8]) -> Result<(Encoding, Vec<Element>, &[u8]), String> 
                 elements.push(Element { name: (*name).into(), count, columns: Vec::new() });
             }
             ["property", shape @ ..] => {
-                let element = elements.last_mut().ok_or_else(|| bad("a property before any element"))?;
+                let element = elements.last_mut().ok_or_else(|| bad("a property precedes all elements"))?;
                 element.columns.push(column(shape).map_err(|e| bad(&e))?);
             }
             _ => return Err(bad("not understood")),
@@ -252,7 +252,7 @@ mod tests {
             ("ply\nformat ascii 1.0\n", "end_header"),
             ("ply\nelement v 1\nend_header\n", "format"),
             ("ply\nformat ascii 1.0\nelement v -1\nend_header\n", "line 3"),
-            ("ply\nformat ascii 1.0\nproperty float x\nend_header\n", "before any element"),
+            ("ply\nformat ascii 1.0\nproperty float x\nend_header\n", "precedes all elements"),
             ("ply\nformat ascii 1.0\nelement v 1\nproperty quad x\nend_header\n1\n", "quad"),
             ("ply\nformat ascii 1.0\nelement v 2\nproperty float x\nend_header\n1\n", "row 1: the file ends early"),
             ("ply\nformat ascii 1.0\nelement v 1\nproperty float x\nend_header\none\n", "\"one\""),

@@ -1,5 +1,5 @@
-//! 3D Gaussians as the PLY that 3DGS tools and viewers share: raw parameters, `f_rest` channel-major.
-//! One property is our own and ignored by viewers: `part`, the part of each Gaussian.
+//! 3D Gaussians as PLY in the layout of 3DGS tools and viewers: raw parameters, `f_rest` channel-major.
+//! The additional property `part` is the part of each Gaussian; viewers ignore it.
 
 use crate::error::read_bytes;
 use crate::ply::{Element, read_ply};
@@ -160,14 +160,14 @@ mod tests {
         let path = dir.path().join("s.ply");
         write_splat_ply(&path, &sample(1, 1), None, "world").unwrap();
         let good = std::fs::read(&path).unwrap();
-        let spoil = |from: &str, to: &str| {
+        let edited = |from: &str, to: &str| {
             let end = good.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
             let header = String::from_utf8(good[..end].to_vec()).unwrap().replace(from, to);
             std::fs::write(&path, [header.as_bytes(), &good[end..]].concat()).unwrap();
             read_splat_ply(&path).unwrap_err().to_string()
         };
-        assert!(spoil("float rot_3", "float rut_3").contains("`rot_3`"));
-        assert!(spoil("f_rest_8", "other").contains("8 properties"));
+        assert!(edited("float rot_3", "float rut_3").contains("`rot_3`"));
+        assert!(edited("f_rest_8", "other").contains("8 properties"));
         let mut splats = sample(0, 2);
         splats.means[1][2] = f32::NAN;
         write_splat_ply(&path, &splats, None, "world").unwrap();

@@ -1,12 +1,12 @@
-//! What a capture contains, in numbers: for people (`Display`) and programs (`Serialize`).
+//! Statistics of a capture: as text (`Display`) and as JSON (`Serialize`).
 
-use artgs_core::{Capture, DepthMap, STATE_NAMES, View};
+use artgs_core::{Capture, DepthMap, PerState, State, View};
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt;
 
-/// Every how many pixels, in x and y, depth is sampled for bounding boxes.
+/// Stride in x and y, pixels, at which depth is sampled for bounding boxes.
 const STRIDE: usize = 2;
 
 /// An axis-aligned box in the world frame, scene units.
@@ -31,7 +31,7 @@ impl Bounds {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// Volume of what they share over that of both together, [0, 1]; boxes without volume share nothing.
+    /// Intersection over union of the volumes, [0, 1]; 0 for boxes without volume.
     pub fn shared_volume(&self, other: &Self) -> f64 {
         let volume = |size: DVec3| size.max(DVec3::ZERO).element_product();
         let common = volume(self.max.min(other.max) - self.min.max(other.min));
@@ -39,24 +39,25 @@ impl Bounds {
         if both > 0.0 { common / both } else { 0.0 }
     }
 
-    /// True if they share a point.
+    /// True if the boxes intersect.
     pub fn intersects(&self, other: &Self) -> bool {
         self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
     }
 }
 
-/// What a capture contains.
+/// Statistics of a capture.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CaptureSummary {
     /// Start and end.
-    pub states: [StateSummary; 2],
-    /// Volume that the object boxes of both states share over that of both together, [0, 1]; none without depth.
+    #[serde(with = "artgs_core::state::array")]
+    pub states: PerState<StateSummary>,
+    /// Intersection over union of the object boxes of both states, [0, 1]; none without depth.
     pub shared_volume: Option<f64>,
-    /// Distance between the points that the training cameras of each state look at, scene units.
+    /// Distance between the visual centres of the training cameras of both states, scene units.
     pub gaze_distance: Option<f64>,
     /// Largest distance of a training camera from their mean, scene units.
     pub camera_extent: f64,
-    /// What was odd but usable.
+    /// Warnings.
     pub warnings: Vec<String>,
 }
 
@@ -71,7 +72,7 @@ pub struct StateSummary {
     pub test: SplitSummary,
     /// Box of the back-projected training depth; none without depth.
     pub object_box: Option<Bounds>,
-    /// Nearest and farthest training camera from the object: the centre of its box, else where the cameras look.
+    /// Nearest and farthest training camera from the object: the centre of its box, else the visual centre.
     pub camera_distance: Option<[f64; 2]>,
 }
 
@@ -101,27 +102,27 @@ pub struct DepthSummary {
     pub valid_fraction: f64,
 }
 
-/// Counts and measures what was loaded.
+/// Computes the statistics of a capture.
 pub fn summarize(capture: &Capture) -> CaptureSummary {
-    let state = |s: usize| {
-        let views = &capture.states[s];
+    let summary = |state: State| {
+        let views = &capture.states[state];
         let object_box = depth_bounds(&views.train);
         let center = object_box.map(|b| (b.min + b.max) * 0.5).or(visual_center(&views.train).map(|c| c.point));
         StateSummary {
-            name: STATE_NAMES[s].into(),
+            name: state.name().into(),
             train: summarize_split(&views.train),
             test: summarize_split(&views.test),
             object_box,
             camera_distance: center.and_then(|c| range(views.train.iter().map(|v| (v.camera.position() - c).length()))),
         }
     };
-    let states = [state(0), state(1)];
-    let boxes = states[0].object_box.zip(states[1].object_box);
-    let gaze = visual_center(&capture.states[0].train).zip(visual_center(&capture.states[1].train));
+    let states = PerState::from_fn(summary);
+    let boxes = PerState::try_from_fn(|state| states[state].object_box);
+    let gaze = PerState::try_from_fn(|state| visual_center(&capture.states[state].train));
     CaptureSummary {
         states,
-        shared_volume: boxes.map(|(a, b)| a.shared_volume(&b)),
-        gaze_distance: gaze.map(|(a, b)| (a.point - b.point).length()),
+        shared_volume: boxes.map(|b| b[State::START].shared_volume(&b[State::END])),
+        gaze_distance: gaze.map(|c| (c[State::START].point - c[State::END].point).length()),
         camera_extent: capture.camera_extent(),
         warnings: capture.warnings.clone(),
     }
@@ -181,7 +182,7 @@ pub fn depth_bounds(views: &[View]) -> Option<Bounds> {
     boxes.into_iter().flatten().reduce(|a, b| a.union(&b))
 }
 
-/// Where cameras look.
+/// The common point at which cameras look.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VisualCenter {
     /// The point nearest to all optical axes in the least-squares sense, world frame.
@@ -258,7 +259,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn boxes_share_what_both_fill() {
+    fn shared_volume_is_intersection_over_union() {
         let cube = |at: f64, size: f64| Bounds { min: DVec3::splat(at), max: DVec3::splat(at + size) };
         assert_eq!(cube(0.0, 2.0).shared_volume(&cube(0.0, 2.0)), 1.0);
         assert!((cube(0.0, 2.0).shared_volume(&cube(1.0, 2.0)) - 1.0 / 15.0).abs() < 1e-12);

@@ -1,4 +1,4 @@
-//! Named tensors of 32-bit floats from `safetensors` files, for the weights of networks that users bring along.
+//! Named tensors of 32-bit floats from `safetensors` files, for network weights supplied by users.
 
 use crate::FileError;
 use crate::error::read_bytes;

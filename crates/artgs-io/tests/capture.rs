@@ -1,4 +1,4 @@
-//! Tiny captures in both layouts: what loads, what warns, and that every refusal names file, frame and key.
+//! Tiny captures in both layouts: loading, warnings, and errors that name file, frame and key.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
@@ -367,7 +367,7 @@ fn bad_depth() {
 
     let folder = Folder::new();
     for view in 0..VIEWS {
-        // Depth where the object is not counts as none.
+        // Depth outside the mask is ignored.
         let off = disc().iter().map(|p| if p[3] == 0 { 2000 } else { 0 }).collect();
         let off = DepthMap::new(off, 1000.0);
         write_depth(&folder.path(&format!("start/train/depth/{view:04}.png")), W, H, &off).unwrap();

@@ -1,8 +1,8 @@
-//! Whole datasets, where they are at hand: `ARTGS_DATASETS` or `../shared/datasets` beside the repository.
+//! Tests on complete datasets, if available: `ARTGS_DATASETS` or `../shared/datasets` beside the repository.
 
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "helpers of tests are tests")]
 
-use artgs_core::{Capture, View};
+use artgs_core::{Capture, State, View};
 use artgs_io::summary::depth_bounds;
 use artgs_io::{load_capture, load_ground_truth, summarize};
 use glam::{DVec2, DVec3};
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 const NAMES: [&str; 4] =
     ["mini_fridge_habitat_200", "mini_table_calvin_A_200", "table_calvin_A3_wb", "storage_45940_wb"];
 
-/// Those of the known datasets that are there; says so if there are none.
+/// The available datasets; prints a note if there are none.
 fn datasets() -> Vec<PathBuf> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/datasets");
     let root = std::env::var_os("ARTGS_DATASETS").map_or(beside, PathBuf::from);
@@ -26,8 +26,8 @@ fn load(dir: &Path) -> Capture {
     load_capture(dir).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Of the depth points of `from` that land on smooth surface in `to`, how many there are and the fraction whose depth
-/// there agrees within `within`.
+/// Number of depth points of `from` that project onto a smooth surface in `to`, and the fraction whose depth agrees within
+/// `within`.
 fn agreement(from: &View, to: &View, within: f64) -> (usize, f64) {
     let (w, _) = from.size();
     let (w2, h2) = to.size();
@@ -41,8 +41,8 @@ fn agreement(from: &View, to: &View, within: f64) -> (usize, f64) {
             continue;
         }
         let at = |du: usize, dv: usize| f64::from(target.at((v as usize + dv - 1) * w2 + u as usize + du - 1));
-        // A slanted surface changes depth within a pixel, so the neighbourhood must span the point's depth; edges, where
-        // it changes a lot, and points behind what is seen say nothing.
+        // The depth of an inclined surface changes within a pixel, so the neighbourhood must contain the point's depth. Points
+        // at depth edges and occluded points are ignored.
         let around: Vec<f64> = (0..9).map(|k| at(k % 3, k / 3)).collect();
         let (low, high) = around.iter().fold((f64::MAX, f64::MIN), |(a, b), d| (a.min(*d), b.max(*d)));
         if low == 0.0 || high - low > 0.05 || z > high + 0.03 {
@@ -54,7 +54,7 @@ fn agreement(from: &View, to: &View, within: f64) -> (usize, f64) {
     (seen, agree as f64 / seen.max(1) as f64)
 }
 
-/// The other view whose camera looks most alike.
+/// The other view with the most similar camera.
 fn neighbour(views: &[View], of: usize) -> &View {
     let gaze = |v: &View| v.camera.world_to_camera.inverse().turn(DVec3::Z);
     let others = views.iter().enumerate().filter(|(i, _)| *i != of).map(|(_, v)| v);
@@ -81,7 +81,7 @@ fn depth_fills_the_true_mesh() {
     for dir in datasets() {
         let (capture, truth) = (load(&dir), load_ground_truth(&dir.join("gt")).unwrap());
         assert_eq!(truth.joints.len(), truth.movable.len());
-        for s in 0..2 {
+        for s in State::ALL {
             let vertices = truth.whole[s].vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)));
             let mesh = artgs_io::summary::Bounds::of(vertices).unwrap();
             let seen = depth_bounds(&capture.states[s].train).unwrap();
@@ -89,10 +89,11 @@ fn depth_fills_the_true_mesh() {
             eprintln!("{}: boxes differ by {off:.4}", dir.display());
             assert!(off < 0.05, "{}: depth {seen:?}, mesh {mesh:?}", dir.display());
         }
-        // The true joints carry the parts from where they are at the start to where they are at the end.
-        for (joint, [start, end]) in truth.joints.iter().zip(&truth.movable) {
+        // The ground-truth joints move the parts from the start to the end.
+        for (joint, meshes) in truth.joints.iter().zip(&truth.movable) {
+            let (start, end) = (&meshes[State::START], &meshes[State::END]);
             let moved = start.moved(&joint.start_to_end());
-            // Vertices of both meshes are the same in another order.
+            // Both meshes have the same vertices in different orders.
             let far = |a: &[f32; 3]| {
                 let distance = |b: &[f32; 3]| (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max);
                 end.vertices.iter().map(distance).fold(f32::MAX, f32::min)

@@ -1,4 +1,4 @@
-//! Prints the convex pieces of every mesh named on the command line.
+//! Prints the convex pieces of the given meshes.
 #![allow(clippy::print_stdout, reason = "an example")]
 use artgs_physical::decompose::{DecomposeOptions, decompose};
 

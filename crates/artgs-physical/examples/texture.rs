@@ -1,12 +1,12 @@
-//! Looks at closed, simplified, textured parts beside the photos they come from.
+//! Compares closed, simplified, textured parts with the photos of the capture.
 //!
 //! `cargo run --release -p artgs-physical --example texture -- REPLICA CAPTURE OUT [budget]`
 //! writes an OBJ, an MTL and a PNG per part, `compare.png` (photo, textured mesh, shaded mesh; two cameras per state) and
-//! `back.png` (from where no camera stood).
+//! `back.png` (from a direction without cameras).
 #![allow(clippy::print_stdout, missing_docs)]
 
 use anyhow::{Context, Result};
-use artgs_core::{Camera, Capture, Mesh, Replica, Rigid, Texture, TexturedMesh, View};
+use artgs_core::{Camera, Capture, Mesh, Replica, State, Texture, TexturedMesh, View};
 use artgs_physical::PhysicalConfig;
 use artgs_physical::bake::visible;
 use artgs_physical::looks::surfaces;
@@ -26,7 +26,7 @@ fn main() -> Result<()> {
     let capture = artgs_io::load_capture(Path::new(capture_dir))?;
     let mut meshes = Vec::new();
     for part in &replica.parts {
-        meshes.push(artgs_io::read_mesh_ply(&replica_dir.join(part.meshes.get(0)))?);
+        meshes.push(artgs_io::read_mesh_ply(&replica_dir.join(&part.meshes[State::START]))?);
     }
     let clock = Instant::now();
     let config = PhysicalConfig { triangles: budget, ..PhysicalConfig::default() };
@@ -71,8 +71,8 @@ fn write_obj(out: &Path, name: &str, mesh: &TexturedMesh) -> Result<()> {
 
 /// Two cameras of each state, a row each: photo, textured, shaded.
 fn compare(out: &Path, replica: &Replica, capture: &Capture, parts: &[TexturedMesh]) -> Result<()> {
-    let moved = |state: usize| -> Vec<TexturedMesh> {
-        let at = |id: usize| if state == 0 { Rigid::IDENTITY } else { replica.world_motion(id) };
+    let moved = |state: State| -> Vec<TexturedMesh> {
+        let at = |id: usize| replica.motion_to(id, state);
         let one = |(id, part): (usize, &TexturedMesh)| {
             let turn = |n: &[f32; 3]| at(id).turn(DVec3::from_array(n.map(f64::from))).as_vec3().to_array();
             let normals = part.normals.iter().map(turn).collect();
@@ -81,7 +81,7 @@ fn compare(out: &Path, replica: &Replica, capture: &Capture, parts: &[TexturedMe
         parts.iter().enumerate().map(one).collect()
     };
     let mut rows = Vec::new();
-    for state in 0..2 {
+    for state in State::ALL {
         let meshes = moved(state);
         let views = &capture.states[state].train;
         for view in [facing(views), &views[views.len() / 3]] {
@@ -91,11 +91,11 @@ fn compare(out: &Path, replica: &Replica, capture: &Capture, parts: &[TexturedMe
             rows.push(vec![photo, draw(&camera, &meshes, true), draw(&camera, &meshes, false)]);
         }
     }
-    let (w, h) = capture.states[0].train[0].size();
+    let (w, h) = capture.states[State::START].train[0].size();
     write_rows(&out.join("compare.png"), 2 * w, 2 * h, &rows)?;
 
-    let meshes = moved(1);
-    let view = facing(&capture.states[1].train);
+    let meshes = moved(State::END);
+    let view = facing(&capture.states[State::END].train);
     let middle = parts[0].mesh.vertices.iter().map(|v| Vec3::from_array(*v)).sum::<Vec3>().as_dvec3()
         / parts[0].mesh.vertices.len() as f64;
     let eye = view.camera.position() - middle;
@@ -107,7 +107,7 @@ fn compare(out: &Path, replica: &Replica, capture: &Capture, parts: &[TexturedMe
     write_rows(&out.join("back.png"), 2 * w, 2 * h, &rows)
 }
 
-/// The view whose object covers most pixels: it looks at the front.
+/// The view in which the object covers the most pixels: it shows the front.
 fn facing(views: &[View]) -> &View {
     let cover = |v: &&View| v.rgba.iter().filter(|p| p[3] > 0).count();
     views.iter().max_by_key(cover).unwrap_or(&views[0])
@@ -117,7 +117,7 @@ fn over_grey([r, g, b, a]: [u8; 4]) -> [u8; 3] {
     [r, g, b].map(|c| ((u32::from(c) * u32::from(a) + 60 * (255 - u32::from(a))) / 255) as u8)
 }
 
-/// What a camera sees of the meshes, textured or as grey plaster; the inside of surfaces is magenta.
+/// Renders the meshes with texture or in grey; the inside of surfaces is magenta.
 fn draw(camera: &Camera, meshes: &[TexturedMesh], textured: bool) -> Vec<[u8; 3]> {
     let plain: Vec<&Mesh> = meshes.iter().map(|m| &m.mesh).collect();
     let color = |hit: &artgs_physical::bake::Hit| -> [u8; 3] {

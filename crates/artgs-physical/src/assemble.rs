@@ -1,41 +1,39 @@
-//! From parts in the capture's frame to links in their own: units, upward axis, zero pose, names, hulls, masses, limits.
+//! Converts parts in the capture's frame to links in link frames: units, upward axis, zero pose, names, hulls, masses, limits.
 
 use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest};
 use crate::config::{Collision, PhysicalConfig};
-use crate::decompose::{DecomposeOptions, Decomposer, by_other_means, decompose};
+use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with};
 use crate::looks::PartSurface;
 use crate::mass::inertial;
 use crate::stance::{Range, closed_state, extend};
 use crate::topology::{bounds, points};
-use artgs_core::{Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, Replica, Rigid, TexturedMesh};
+use artgs_core::{Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, PerState, Replica, Rigid, State, TexturedMesh};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// What was decided about an asset, beyond what it holds itself.
+/// Decisions about an asset that the asset itself does not contain.
 #[derive(Clone, Debug, Default)]
 pub struct Decisions {
-    /// State in which each part is closed, where that could be told.
-    pub closed_state: Vec<Option<usize>>,
-    /// Limits of each joint and why they are there.
+    /// State in which each part is closed; none if unknown.
+    pub closed_state: Vec<Option<State>>,
+    /// Limits of each joint with their reasons.
     pub ranges: Vec<Option<Range>>,
-    /// What was cut off convex pieces over the observed range.
+    /// Cuts of convex pieces over the observed range.
     pub clearance: Clearance,
-    /// Deepest penetration that is left at any of the poses looked at, metres.
+    /// Deepest remaining penetration over all tested poses, metres.
     pub penetration: f64,
-    /// From the capture's frame at the start state to each link's frame: first this scale, then the motion.
+    /// Scale from the capture's frame at the start state to each link's frame; applied before `to_link`.
     pub scale: f64,
-    /// See `scale`.
+    /// Motion from the scaled capture's frame to each link's frame.
     pub to_link: Vec<Rigid>,
 }
 
-/// Poses per joint at which nothing may be in another's way while the others are at zero. Twenty were too few: a lip of a few
-/// millimetres passes between them.
+/// Tested poses per joint while the others are at zero. Twenty are too few: a lip of a few millimetres passes between them.
 pub const POSES: usize = 121;
-/// The same while the others are in an observed state.
+/// Tested poses per joint while the others are in an observed state.
 pub const POSES_WITH_OTHERS: usize = 31;
 
-/// Links of an asset from a valid replica and the surfaces of its parts. Fails only where another program is asked for convex
-/// pieces and has none. Splats are left to the caller, who knows where they were fitted.
+/// Assembles an asset from a valid replica and the surfaces of its parts, without splats. Fails only if `decomposer` fails.
 pub fn assemble(
     name: &str,
     replica: &Replica,
@@ -45,7 +43,8 @@ pub fn assemble(
 ) -> Result<(Asset, Decisions), String> {
     let meshes: Vec<&Mesh> = surfaces.iter().map(|s| &s.visual.mesh).collect();
     let diagonal = config.scale * diagonal(&meshes);
-    let closed: Vec<Option<usize>> = (0..replica.parts.len()).map(|part| told_closed(replica, &meshes, part)).collect();
+    let closed: Vec<Option<State>> =
+        (0..replica.parts.len()).map(|part| closed_state_of(replica, &meshes, part)).collect();
     let frames = frames(replica, &closed, config);
     let names = names(replica);
     let wall = config.wall_share * diagonal;
@@ -58,14 +57,14 @@ pub fn assemble(
         AssetLink { name, parent, joint, origin, visual, collision: Vec::new(), inertial, splats: None }
     };
     let links: Vec<AssetLink> = (0..replica.parts.len()).into_par_iter().map(link).collect();
-    let mut asset = Asset { name: spelt(name, "replica"), links };
+    let mut asset = Asset { name: to_identifier(name, "replica"), links };
     let to_link = frames.iter().map(|f| Rigid::shift(-f.origin) * f.from_start).collect();
     let mut decisions = Decisions { closed_state: closed, scale: config.scale, to_link, ..Decisions::default() };
     collide(&mut asset, &mut decisions, diagonal, config, decomposer)?;
     Ok((asset, decisions))
 }
 
-/// Hulls without conflict over the observed range, limits, and hulls without conflict over those.
+/// Computes hulls that do not collide over the observed range, then limits, then hulls that do not collide within them.
 fn collide(
     asset: &mut Asset,
     decisions: &mut Decisions,
@@ -85,7 +84,7 @@ fn collide(
         thinnest,
     };
     let convex = |link: &AssetLink| match decomposer {
-        Some(other) => by_other_means(&link.visual.mesh, other, &options),
+        Some(other) => decompose_with(&link.visual.mesh, other, &options),
         None => Ok(decompose(&link.visual.mesh, &options)),
     };
     let mut pieces: Pieces = asset.links.par_iter().map(convex).collect::<Result<_, _>>()?;
@@ -96,7 +95,7 @@ fn collide(
             joint.limits = range.limits;
         }
     }
-    // Joints that move at once are left to the engine: what touches there is in the way indeed.
+    // Poses in which several joints move are not cleared: contacts there are real.
     let wide = stances(asset);
     clear(&mut pieces, &wide, &spacing);
     let left = |stance: &Vec<Rigid>| deepest(&pieces, stance, 0.0, |_, _| true).0;
@@ -109,21 +108,15 @@ fn collide(
     Ok(())
 }
 
-/// Link poses in which nothing may penetrate: both observed states, and every joint at many values across its limits
+/// Link poses in which no penetration is allowed: both observed states, and every joint at many values across its limits
 /// while the others are at zero or in either observed state.
 pub fn stances(asset: &Asset) -> Vec<Vec<Rigid>> {
     let zero = vec![0.0; asset.links.len()];
-    let mut out = vec![
-        asset.poses(&asset.observed(artgs_core::State::START)),
-        asset.poses(&asset.observed(artgs_core::State::END)),
-        asset.poses(&zero),
-    ];
+    let observed = State::ALL.map(|state| asset.observed(state));
+    let mut out: Vec<Vec<Rigid>> = observed.iter().chain([&zero]).map(|values| asset.poses(values)).collect();
     for (i, _, joint) in asset.movable() {
-        for (others, poses) in [
-            (&zero, POSES),
-            (&asset.observed(artgs_core::State::START), POSES_WITH_OTHERS),
-            (&asset.observed(artgs_core::State::END), POSES_WITH_OTHERS),
-        ] {
+        let with_others = observed.iter().map(|values| (values, POSES_WITH_OTHERS));
+        for (others, poses) in std::iter::once((&zero, POSES)).chain(with_others) {
             for step in 0..poses {
                 let mut values = others.clone();
                 let [lower, upper] = joint.limits;
@@ -135,7 +128,7 @@ pub fn stances(asset: &Asset) -> Vec<Vec<Rigid>> {
     out
 }
 
-/// Where a link's frame is.
+/// Frame and joint of a link.
 struct Frame {
     /// From the scaled capture at the start state to the object's frame at the zero pose.
     from_start: Rigid,
@@ -144,7 +137,7 @@ struct Frame {
     joint: Option<AssetJoint>,
 }
 
-fn frames(replica: &Replica, closed: &[Option<usize>], config: &PhysicalConfig) -> Vec<Frame> {
+fn frames(replica: &Replica, closed: &[Option<State>], config: &PhysicalConfig) -> Vec<Frame> {
     let upright = Rigid { rotation: config.up.upright(), translation: DVec3::ZERO };
     let mut out: Vec<Frame> = Vec::new();
     for (i, part) in replica.parts.iter().enumerate() {
@@ -154,17 +147,18 @@ fn frames(replica: &Replica, closed: &[Option<usize>], config: &PhysicalConfig) 
             continue;
         };
         let joint = metric(joint, config.scale);
-        let zero = joint.state_values[closed[i].unwrap_or(0)];
-        // Opening counts positive: from the closed state towards the other.
-        let away = joint.state_values[usize::from(closed[i].unwrap_or(0) == 0)] - zero;
+        let zero_state = closed[i].unwrap_or(State::START);
+        let zero = joint.state_values[zero_state];
+        // Positive values open: from the closed state towards the other.
+        let away = joint.state_values[zero_state.other()] - zero;
         let sign = if away < 0.0 { -1.0 } else { 1.0 };
-        let from_start = carried * joint.motion(zero - joint.state_values[0]);
+        let from_start = carried * joint.motion(zero - joint.state_values[State::START]);
         let ordered = |[a, b]: [f64; 2]| [a.min(b), a.max(b)];
-        // Adding zero turns -0 into 0.
+        // Adding zero converts -0 to 0.
         let observed = joint.state_values.map(|v| sign * (v - zero) + 0.0);
         let given = ordered(joint.limits.map(|v| sign * (v - zero)));
-        let seen = ordered(observed.into());
-        /// Joints narrower than this (radians or metres) are widened: engines refuse `lower = upper`.
+        let seen = ordered([observed[State::START], observed[State::END]]);
+        /// Least range of a joint, radians or metres: engines refuse `lower = upper`.
         const NARROWEST: f64 = 1e-4;
         let limits = [given[0].min(seen[0]).min(0.0), given[1].max(seen[1]).max(seen[0] + NARROWEST)];
         let asset_joint = AssetJoint {
@@ -185,17 +179,17 @@ fn frames(replica: &Replica, closed: &[Option<usize>], config: &PhysicalConfig) 
 
 /// A joint in metres.
 fn metric(joint: Joint, scale: f64) -> Joint {
-    let values = |v: [f64; 2]| if joint.kind == JointKind::Prismatic { v.map(|x| x * scale) } else { v };
+    let value = |v: f64| if joint.kind == JointKind::Prismatic { v * scale } else { v };
     Joint {
         origin: joint.origin * scale,
         pitch: joint.pitch * scale,
-        state_values: values(joint.state_values.into()).into(),
-        limits: values(joint.limits),
+        state_values: joint.state_values.map(value),
+        limits: joint.limits.map(value),
         ..joint
     }
 }
 
-/// What drives and slows a joint. A hinge's part is taken for a plate a third of the diagonal wide.
+/// Effort, speed, damping and friction of a joint. The part of a hinge is modelled as a plate a third of the diagonal wide.
 fn dynamics(joint: AssetJoint, mass: f64, diagonal: f64, config: &PhysicalConfig) -> AssetJoint {
     const GRAVITY: f64 = 9.81;
     let arm = diagonal / 3.0;
@@ -217,19 +211,19 @@ fn dynamics(joint: AssetJoint, mass: f64, diagonal: f64, config: &PhysicalConfig
     }
 }
 
-fn told_closed(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<usize> {
-    /// A difference below this share of the diagonal tells nothing...
-    const TELLING: f64 = 0.01;
-    /// ...unless it is this share of the way that the part goes.
-    const TELLING_OF_WAY: f64 = 0.15;
+fn closed_state_of(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<State> {
+    /// Least difference, as a share of the diagonal, that is significant, ...
+    const SIGNIFICANT: f64 = 0.01;
+    /// ... or as a share of the mean motion of the part, whichever is smaller.
+    const SIGNIFICANT_OF_MOTION: f64 = 0.15;
     let parent = replica.parts[part].parent?;
-    // Against its carrier, in the carrier's frame.
+    // Compared with its parent, in the parent's frame.
     let joint = replica.joint(part)?;
     let end = meshes[part].moved(&joint.start_to_end());
-    let ways = points(meshes[part]).zip(points(&end)).map(|(a, b)| a.distance(b));
-    let way = ways.sum::<f64>() / end.vertices.len().max(1) as f64;
-    let telling = (TELLING * diagonal(meshes)).min(TELLING_OF_WAY * way);
-    closed_state([meshes[part], &end], [meshes[parent], meshes[parent]], telling)
+    let distances = points(meshes[part]).zip(points(&end)).map(|(a, b)| a.distance(b));
+    let mean_motion = distances.sum::<f64>() / end.vertices.len().max(1) as f64;
+    let significant = (SIGNIFICANT * diagonal(meshes)).min(SIGNIFICANT_OF_MOTION * mean_motion);
+    closed_state(PerState::new(meshes[part], &end), PerState::new(meshes[parent], meshes[parent]), significant)
 }
 
 /// Diagonal of the box around all meshes.
@@ -250,11 +244,11 @@ fn moved(visual: &TexturedMesh, motion: &Rigid, scale: f64) -> TexturedMesh {
     out
 }
 
-/// Unique names that every format can hold.
+/// Unique names that are valid in every format.
 fn names(replica: &Replica) -> Vec<String> {
     let mut out: Vec<String> = Vec::new();
     for (i, part) in replica.parts.iter().enumerate() {
-        let wanted = spelt(&part.name, "part");
+        let wanted = to_identifier(&part.name, "part");
         let taken = |name: &String| out.contains(name) || name == "world";
         let name = if taken(&wanted) { format!("{wanted}_{i}") } else { wanted };
         out.push(if taken(&name) { format!("link_{i}") } else { name });
@@ -263,7 +257,7 @@ fn names(replica: &Replica) -> Vec<String> {
 }
 
 /// Lower case letters, digits and `_`, a letter first.
-pub fn spelt(text: &str, otherwise: &str) -> String {
+pub fn to_identifier(text: &str, otherwise: &str) -> String {
     let mut out = String::new();
     for c in text.chars().map(|c| c.to_ascii_lowercase()) {
         match c {

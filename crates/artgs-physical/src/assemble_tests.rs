@@ -5,7 +5,7 @@ use crate::looks::surfaces;
 fn cuboid(low: DVec3, high: DVec3) -> Mesh {
     let [low, high] = [low, high].map(|p| p.as_vec3().to_array());
     let mut mesh = Mesh { colors: vec![[90, 60, 30]; 8], ..Mesh::cuboid(low, high) };
-    // Corners alone would be a poor sample of the surface.
+    // The corners alone are too few samples of the surface.
     for _ in 0..3 {
         mesh = finer(&mesh);
     }
@@ -30,8 +30,8 @@ fn finer(mesh: &Mesh) -> Mesh {
     out
 }
 
-/// A box with a hollow that is open towards -Y, a drawer that is open at the start and shut at the end, and a door on top of
-/// the front that is shut at the start.
+/// A box with an opening towards -Y, a drawer that is open at the start and closed at the end, and a door on the front that
+/// is closed at the start.
 fn replica() -> (Replica, Vec<Mesh>) {
     let mut base = cuboid(DVec3::new(-0.5, 0.0, 0.0), DVec3::new(-0.45, 0.6, 1.0));
     base.append(&cuboid(DVec3::new(0.45, 0.0, 0.0), DVec3::new(0.5, 0.6, 1.0)));
@@ -49,13 +49,13 @@ fn replica() -> (Replica, Vec<Mesh>) {
     (replica, vec![base, drawer, door])
 }
 
-/// Where a vertex of the start state is in the object's frame, by the asset at the given joint values.
+/// Position of a point of the start state in the object's frame when the asset has the given joint values.
 fn placed(asset: &Asset, decisions: &Decisions, link: usize, point: DVec3, values: &[f64]) -> DVec3 {
     asset.poses(values)[link].apply(decisions.to_link[link].apply(point * decisions.scale))
 }
 
 #[test]
-fn observed_states_are_where_they_were_and_opening_is_positive() {
+fn observed_states_keep_their_positions_and_positive_values_open() {
     let (replica, meshes) = replica();
     for (up, scale) in [(Up::Z, 1.0), (Up::Y, 2.5)] {
         let config = PhysicalConfig { up, scale, ..PhysicalConfig::default() };
@@ -65,22 +65,25 @@ fn observed_states_are_where_they_were_and_opening_is_positive() {
         let names: Vec<&str> = asset.links.iter().map(|l| l.name.as_str()).collect();
         assert_eq!(names, ["base", "drawer_lower", "world_2"]);
         let upright = |p: DVec3| scale * if up == Up::Z { p } else { DVec3::new(p.x, -p.z, p.y) };
-        for state in 0..2 {
-            let values = asset.observed(artgs_core::State::ALL[state]);
+        for state in State::ALL {
+            let values = asset.observed(state);
             for link in 0..3 {
                 let point = DVec3::new(0.3, -0.1, 0.6);
-                let motion = if state == 0 { Rigid::IDENTITY } else { replica.world_motion(link) };
+                let motion = replica.motion_to(link, state);
                 let (found, want) = (placed(&asset, &decisions, link, point, &values), upright(motion.apply(point)));
-                assert!(found.distance(want) < 1e-9, "{up:?} state {state} link {link}: {found} {want}");
+                assert!(found.distance(want) < 1e-9, "{up:?} {state:?} link {link}: {found} {want}");
             }
         }
         if up == Up::Z {
-            // The drawer is shut at the end, the door at the start.
-            assert_eq!(decisions.closed_state, [None, Some(1), Some(0)]);
+            // The drawer is closed at the end, the door at the start.
+            assert_eq!(decisions.closed_state, [None, Some(State::END), Some(State::START)]);
             let [drawer, door] = [1, 2].map(|i| asset.links[i].joint.unwrap());
-            assert!((drawer.observed[0] - 0.3).abs() < 1e-12 && drawer.observed[1] == 0.0, "{drawer:?}");
+            let near = |v: PerState<f64>, start: f64, end: f64| {
+                (v[State::START] - start).abs() < 1e-12 && (v[State::END] - end).abs() < 1e-12
+            };
+            assert!(near(drawer.observed, 0.3, 0.0), "{drawer:?}");
             assert!((drawer.axis - DVec3::NEG_Y).length() < 1e-12);
-            assert!(door.observed[0] == 0.0 && (door.observed[1] - 1.2).abs() < 1e-12);
+            assert!(near(door.observed, 0.0, 1.2), "{door:?}");
         }
         for (_, link, joint) in asset.movable() {
             let [low, high] = joint.limits;
@@ -92,7 +95,7 @@ fn observed_states_are_where_they_were_and_opening_is_positive() {
 }
 
 #[test]
-fn nothing_is_in_the_way_at_any_pose() {
+fn no_pose_has_collisions() {
     let (replica, meshes) = replica();
     let config = PhysicalConfig::default();
     let (asset, decisions) =
@@ -100,7 +103,7 @@ fn nothing_is_in_the_way_at_any_pose() {
     assert!(decisions.penetration < 1e-4, "{}", decisions.penetration);
     let reached = stances(&asset);
     assert_eq!(reached.len(), 3 + 2 * (POSES + 2 * POSES_WITH_OTHERS));
-    // The back wall stops the drawer well before it would leave through it.
+    // The back wall limits the drawer.
     let drawer = asset.links[1].joint.unwrap();
     assert!(drawer.limits[0] > -0.1, "{drawer:?}");
     let none = PhysicalConfig { collision: Collision::None, ..config.clone() };
@@ -120,14 +123,14 @@ fn a_part_without_a_surface_is_a_light_link() {
 }
 
 #[test]
-fn names_are_spelt_for_every_format() {
-    assert_eq!(spelt("Tür links!", "part"), "t_r_links");
-    assert_eq!(spelt("3 doors", "part"), "part_3_doors");
-    assert_eq!(spelt("---", "part"), "part");
+fn names_are_to_identifier_for_every_format() {
+    assert_eq!(to_identifier("Tür links!", "part"), "t_r_links");
+    assert_eq!(to_identifier("3 doors", "part"), "part_3_doors");
+    assert_eq!(to_identifier("---", "part"), "part");
 }
 
 #[test]
-fn another_program_may_make_the_pieces_and_may_fail() {
+fn a_decomposer_makes_the_pieces_or_fails() {
     let (replica, meshes) = replica();
     let config = PhysicalConfig::default();
     let surfaces = surfaces(&replica, &meshes, None, &config);

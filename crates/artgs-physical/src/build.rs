@@ -1,4 +1,4 @@
-//! The whole way from a replica to an asset.
+//! Builds an asset from a replica.
 
 use crate::assemble::{Decisions, assemble};
 use crate::config::PhysicalConfig;
@@ -6,7 +6,7 @@ use crate::decompose::Decomposer;
 use crate::looks::{PartSurface, surfaces};
 use artgs_core::{Asset, Capture, Mesh, Replica, Rigid, Splats};
 
-/// What a replica folder holds.
+/// Parts of a replica folder.
 #[derive(Clone, Debug)]
 pub struct Parts<'a> {
     /// A valid replica.
@@ -17,26 +17,26 @@ pub struct Parts<'a> {
     pub splats: Option<&'a [Splats]>,
 }
 
-/// An asset with how it came to be.
+/// An asset with the decisions and surfaces behind it.
 #[derive(Clone, Debug, Default)]
-pub struct Built {
-    /// For the writers.
+pub struct BuiltAsset {
+    /// The asset to export.
     pub asset: Asset,
     /// Limits, zero poses, clearances.
     pub decisions: Decisions,
-    /// Surfaces before they were put into link frames.
+    /// Surfaces of the parts before the motion into link frames.
     pub surfaces: Vec<PartSurface>,
 }
 
-/// Makes an asset. With a capture, textures are baked from its training views. Convex pieces are ours
-/// unless another program is to make them, which may fail.
+/// Builds an asset. With a capture, textures are baked from its training views. Convex pieces come from V-HACD, or from
+/// `decomposer` if given; an error is that of the decomposer.
 pub fn build(
     name: &str,
     parts: &Parts,
     capture: Option<&Capture>,
     config: &PhysicalConfig,
     decomposer: Option<&Decomposer>,
-) -> Result<Built, String> {
+) -> Result<BuiltAsset, String> {
     let surfaces = surfaces(parts.replica, parts.meshes, capture, config);
     let (mut asset, decisions) = assemble(name, parts.replica, &surfaces, config, decomposer)?;
     if let Some(splats) = parts.splats {
@@ -47,7 +47,7 @@ pub fn build(
             link.splats = (!moved.is_empty()).then_some(moved);
         }
     }
-    Ok(Built { asset, decisions, surfaces })
+    Ok(BuiltAsset { asset, decisions, surfaces })
 }
 
 /// From the canonical frame, midway between the states, to the start state.

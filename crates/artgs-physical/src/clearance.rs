@@ -1,8 +1,8 @@
-//! Cuts convex pieces so that none is in another link's way, wherever the joints go.
+//! Cuts convex pieces so that no two links collide at any joint values.
 //!
-//! Convex pieces of measured surfaces overlap by a voxel where parts touch, and by more where a piece bridges a hollow.
-//! Joints are never moved for that: what is in the way is cut off along a face of the other piece, the face that costs
-//! the least volume. Pieces only shrink, so this ends.
+//! Convex pieces of measured surfaces overlap by a voxel where parts touch, and by more where a piece covers a cavity.
+//! Joints stay unchanged: the overlap is cut off along the face of the other piece that removes the least volume. Pieces
+//! only shrink, so the process terminates.
 
 use crate::hull::{Hull, pose};
 use artgs_core::Rigid;
@@ -11,14 +11,14 @@ use parry3d::math::Pose3;
 use parry3d::shape::Shape;
 use std::collections::BTreeSet;
 
-/// What was cut.
+/// Result of [`clear`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Clearance {
-    /// Deepest penetration met before cutting.
+    /// Deepest penetration found before cutting.
     pub deepest: f64,
     /// Number of cuts.
     pub cuts: usize,
-    /// Pieces of which nothing was left.
+    /// Pieces that were removed completely.
     pub lost: usize,
     /// Volume before and after, all links.
     pub volume: [f64; 2],
@@ -27,19 +27,19 @@ pub struct Clearance {
 /// Pieces of every link, link frames.
 pub type Pieces = Vec<Vec<Hull>>;
 
-/// Distances that [`clear`] keeps.
+/// Distances for [`clear`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spacing {
-    /// Distance that different links keep: engines put margins around hulls.
+    /// Least distance of different links: engines put margins around hulls.
     pub gap: f64,
-    /// Shortfall that counts as none.
+    /// Shortfall that is ignored.
     pub tolerance: f64,
-    /// What is thinner than this after a cut goes.
+    /// Pieces thinner than this after a cut are removed.
     pub thinnest: f64,
 }
 
 /// Cuts `pieces` until in every one of `stances` (link poses in the object's frame, one per link) no two links are closer
-/// than the gap. Most joints rest in most stances: each pair of links is looked at once per pose against each other.
+/// than the gap. Two links have the same relative pose in many stances: each relative pose is tested once.
 pub fn clear(pieces: &mut Pieces, stances: &[Vec<Rigid>], spacing: &Spacing) -> Clearance {
     let volume = |pieces: &Pieces| pieces.iter().flatten().map(Hull::volume).sum::<f64>();
     let count = |pieces: &Pieces| pieces.iter().map(Vec::len).sum::<usize>();
@@ -63,15 +63,15 @@ pub fn clear(pieces: &mut Pieces, stances: &[Vec<Rigid>], spacing: &Spacing) -> 
     out
 }
 
-/// Tells poses apart.
+/// Key for distinct poses.
 fn bits(pose: &Rigid) -> [u64; 7] {
     let ([x, y, z, w], [tx, ty, tz]) = (pose.rotation.to_array(), pose.translation.to_array());
     [x, y, z, w, tx, ty, tz].map(f64::to_bits)
 }
 
-/// Cuts the pieces of two links, of which the second is posed in the frame of the first.
+/// Cuts the pieces of two links; `b_to_a` is the pose of the second link in the frame of the first.
 fn clear_pair([first, second]: &mut [Vec<Hull>; 2], b_to_a: &Rigid, spacing: &Spacing, out: &mut Clearance) {
-    /// One cut parts two pieces; where rounding denies that, one of them goes.
+    /// One cut separates two pieces; if rounding prevents that repeatedly, one of them is removed.
     const MOST_TRIES: usize = 8;
     let (rest, moved) = (pose(&Rigid::IDENTITY), pose(b_to_a));
     let mut i = 0;
@@ -129,7 +129,7 @@ pub fn deepest(pieces: &Pieces, stance: &[Rigid], gap: f64, of: impl Fn(usize, u
     worst
 }
 
-/// A piece at its place, with the box around it.
+/// A posed piece with its bounding box.
 struct Placed<'a> {
     hull: &'a Hull,
     pose: &'a Pose3,
@@ -156,11 +156,11 @@ enum Cut {
 
 /// The cut that separates two pieces at the least cost in volume.
 fn part(a: &Hull, b: &Hull, b_to_a: &Rigid, spacing: &Spacing) -> Cut {
-    /// Faces with the least depth are tried out.
+    /// Number of faces, those with the least depth, that are tried.
     const TRIED: usize = 6;
     let a_to_b = b_to_a.inverse();
     let Spacing { gap, thinnest, .. } = *spacing;
-    // Outside of a face of the one there is nothing of itself, so what is left of the other a gap beyond it is free.
+    // A piece lies on one side of each of its faces, so the rest of the other piece, cut a gap beyond the face, is free.
     let faces = |own: &Hull, other: &Hull, to_other: &Rigid| {
         let planes = own.planes().into_iter().map(|plane| {
             let plane = plane.moved(to_other);
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tight_drawer_is_shaved_not_moved() {
+    fn a_tight_drawer_is_cut_and_not_moved() {
         let wall = |x: f64| cuboid(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 0.1, 1.0, 1.0));
         let drawer = cuboid(DVec3::new(-0.01, -0.2, 0.0), DVec3::new(1.01, 0.9, 0.5));
         let mut pieces = vec![vec![wall(-0.1), wall(1.0)], vec![drawer]];
@@ -209,7 +209,7 @@ mod tests {
         for stance in &stances {
             assert!(deepest(&pieces, stance, SPACING.gap, |_, _| true).0 <= 1e-4);
         }
-        // Only the slivers of a hundredth on both sides went, of one or the other.
+        // Only slivers of a hundredth on both sides were removed.
         assert!(done.volume[0] - done.volume[1] < 0.03, "{done:?}");
     }
 
@@ -227,8 +227,8 @@ mod tests {
     }
 
     #[test]
-    fn what_takes_the_place_of_a_lost_piece_is_looked_at_from_the_start() {
-        // The first plug vanishes in the far wall; the long one behind it also stands in the near wall.
+    fn the_successor_of_a_removed_piece_is_tested_against_all_pieces() {
+        // The first plug is removed at the far wall; the long one behind it also penetrates the near wall.
         let walls = vec![cuboid(DVec3::ZERO, DVec3::ONE), cuboid(DVec3::new(3.0, 0.0, 0.0), DVec3::new(4.0, 1.0, 1.0))];
         let plug = cuboid(DVec3::new(3.4, 0.4, 0.4), DVec3::new(3.41, 0.41, 0.41));
         let long = cuboid(DVec3::new(0.9, 0.4, 0.4), DVec3::new(2.0, 0.6, 0.6));
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_piece_that_fills_another_goes() {
+    fn a_piece_inside_another_is_removed() {
         let plug = cuboid(DVec3::splat(0.2), DVec3::splat(0.21));
         let mut pieces = vec![vec![cuboid(DVec3::ZERO, DVec3::ONE)], vec![plug]];
         let done = clear(&mut pieces, &[vec![Rigid::IDENTITY; 2]], &SPACING);

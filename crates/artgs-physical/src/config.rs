@@ -1,14 +1,14 @@
-//! Everything physical that a capture does not tell. The only place where such defaults are.
+//! Physical properties that a capture does not contain. All their defaults are here.
 
 use glam::DQuat;
 
 /// Which axis of the capture points up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Up {
-    /// +Z, as in exports.
+    /// +Z, the upward axis of exports.
     #[default]
     Z,
-    /// +Y; the replica is turned so that +Z is.
+    /// +Y; the replica is rotated to +Z up.
     Y,
 }
 
@@ -25,14 +25,14 @@ impl Up {
 /// How parts collide.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Collision {
-    /// Convex pieces from V-HACD, cut so that no part is in another's way.
+    /// Convex pieces from V-HACD, cut so that parts do not collide.
     #[default]
     Hulls,
-    /// Nothing collides.
+    /// No collision shapes.
     None,
 }
 
-/// Settings of [`crate::build()`]. Lengths ending in `_share` are shares of the object's diagonal, so that they fit a
+/// Settings of [`crate::build()`]. Fields ending in `_share` are shares of the object's diagonal, so that they fit a
 /// stapler as well as a fridge; everything else is in metres, kilograms, seconds and radians.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhysicalConfig {
@@ -40,55 +40,55 @@ pub struct PhysicalConfig {
     pub scale: f64,
     /// Upward axis of the capture.
     pub up: Up,
-    /// Density of what parts are made of, kg/m^3: that of particle board.
+    /// Density of the material, kg/m^3; the default is that of particle board.
     pub density: f64,
-    /// Thickness of walls: what is open or hollow weighs as a shell of it.
+    /// Thickness of walls: open or hollow parts have the mass of a shell of this thickness.
     pub wall_share: f64,
     /// How parts collide.
     pub collision: Collision,
     /// Voxel of the convex decomposition.
     pub hull_voxel_share: f64,
-    /// Greatest concavity that a convex piece may hide, as V-HACD measures it.
+    /// Largest concavity of a convex piece, as V-HACD measures it.
     pub concavity: f64,
-    /// Most convex pieces of a link.
+    /// Largest number of convex pieces of a link.
     pub most_hulls: u32,
-    /// Distance that convex pieces of different links keep from each other: engines put margins around them.
+    /// Least distance between convex pieces of different links: engines put margins around them.
     pub gap_share: f64,
-    /// What may be missing of that distance.
+    /// Shortfall of that distance that is ignored.
     pub contact_share: f64,
-    /// Convex pieces thinner than this go: engines see contacts at slivers where there are none.
+    /// Convex pieces thinner than this are removed: engines report false contacts at slivers.
     pub thinnest_share: f64,
     /// Lowest mass of a link, kg.
     pub least_mass: f64,
-    /// Extend limits beyond the observed values until something is touched or support is lost.
+    /// Extend limits beyond the observed values until a contact or the loss of support.
     pub extend_limits: bool,
-    /// A hinge is extended by this much at each end at most, radians.
+    /// Largest extension of a hinge at each end, radians.
     pub most_turn: f64,
-    /// A hinge's whole range is extended to this much at most, radians.
+    /// Largest range of a hinge after extension, radians.
     pub widest_turn: f64,
-    /// A slide is extended at each end by this share of what was observed at most.
+    /// Largest extension of a slide at each end, as a share of its observed range.
     pub most_slide: f64,
-    /// Share of a sliding part's length that must stay within what it slides in.
+    /// Share of a sliding part's length that must stay inside its parent.
     pub least_support: f64,
-    /// Share of an extension that is given back as a margin before contact.
+    /// Share of an extension that is kept as a margin before a contact.
     pub margin: f64,
-    /// Greatest force of a slide (N).
+    /// Least effort of a slide, N.
     pub force: f64,
-    /// Greatest torque of a hinge (N m).
+    /// Least effort of a hinge, N m.
     pub torque: f64,
-    /// Greatest speed of a slide (m/s).
+    /// Largest speed of a slide, m/s.
     pub speed: f64,
-    /// Greatest speed of a hinge (rad/s).
+    /// Largest speed of a hinge, rad/s.
     pub turn_rate: f64,
-    /// Seconds after which a free part has lost most of its speed: damping is inertia over it.
+    /// Time constant of free motion, seconds: damping is inertia divided by it.
     pub settle: f64,
     /// Dry friction as a share of the part's weight (slides), or of its weight at a tenth of the diagonal (hinges).
     pub friction: f64,
-    /// Triangles of a link that are drawn, at most.
+    /// Largest number of visual triangles of a link.
     pub triangles: usize,
     /// Texels along the object's diagonal.
     pub texels: f64,
-    /// Greatest side of a texture, pixels.
+    /// Largest side of a texture, pixels.
     pub texture_side: u32,
 }
 

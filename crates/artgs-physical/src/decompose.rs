@@ -1,4 +1,4 @@
-//! Convex decomposition of surfaces: V-HACD on the voxels of the surface alone, so that what is hollow stays hollow.
+//! Convex decomposition of surfaces: V-HACD on the voxels of the surface only, so that cavities stay empty.
 
 use crate::hull::{Hull, from_parry};
 use crate::topology::{points, vertex_normals};
@@ -13,23 +13,23 @@ use parry3d::transformation::voxelization::FillMode;
 pub struct DecomposeOptions {
     /// Edge of a voxel, in units of the mesh.
     pub voxel: f64,
-    /// Greatest concavity of a piece, relative, as V-HACD measures it.
+    /// Largest relative concavity of a piece, as V-HACD measures it.
     pub concavity: f64,
-    /// Most pieces.
+    /// Largest number of pieces.
     pub most: u32,
-    /// Most corners of a piece, about; engines dislike more than 64.
+    /// Approximate largest number of corners of a piece; some engines fail above 64.
     pub corners: usize,
-    /// Surfaces count as this thick, inwards: a sheet alone has no volume.
+    /// Inward thickness of surfaces: a sheet alone has no volume.
     pub skin: f64,
-    /// Pieces thinner than this are left out.
+    /// Pieces thinner than this are removed.
     pub thinnest: f64,
 }
 
-/// Another program's decomposition of a mesh: the corners of each piece, or why there is none. For those who know better tools.
+/// Decomposition of a mesh by another program: the corners of each piece, or the reason of a failure.
 pub type Decomposer<'a> = dyn Fn(&Mesh) -> Result<Vec<Vec<DVec3>>, String> + Sync + 'a;
 
-/// Pieces made by another program, those without volume left out, largest first.
-pub fn by_other_means(mesh: &Mesh, other: &Decomposer, options: &DecomposeOptions) -> Result<Vec<Hull>, String> {
+/// Pieces of `other`, without those that have no volume, largest first.
+pub fn decompose_with(mesh: &Mesh, other: &Decomposer, options: &DecomposeOptions) -> Result<Vec<Hull>, String> {
     if mesh.is_empty() {
         return Ok(Vec::new());
     }
@@ -65,7 +65,7 @@ pub fn decompose(mesh: &Mesh, options: &DecomposeOptions) -> Vec<Hull> {
     let corners = parts.compute_exact_convex_hulls(&points, &mesh.triangles);
     let hull = |(points, _): &(Vec<Vec3>, Vec<[u32; 3]>)| {
         let points: Vec<_> = points.iter().map(|p| from_parry(*p)).collect();
-        // Flat pieces need corners along their rims, which few of the directions reach.
+        // Flat pieces need corners along their rims, which are extreme in few of the directions.
         Hull::of(&points, options.thinnest)?.coarser(2 * options.corners, options.thinnest)
     };
     let mut hulls: Vec<Hull> = corners.iter().filter_map(hull).collect();
@@ -73,7 +73,7 @@ pub fn decompose(mesh: &Mesh, options: &DecomposeOptions) -> Vec<Hull> {
     hulls
 }
 
-/// The surface and a copy of it, moved against its normals.
+/// The surface and a copy moved against its normals.
 fn with_inside(mesh: &Mesh, depth: f64) -> Mesh {
     let moved = points(mesh).zip(vertex_normals(mesh)).map(|(p, n)| (p - n * depth).as_vec3().to_array());
     let inside = Mesh { vertices: moved.collect(), colors: Vec::new(), ..mesh.clone() };
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_makes_nothing_and_a_sheet_a_plate() {
+    fn an_empty_mesh_has_no_pieces_and_a_sheet_becomes_a_plate() {
         let options =
             DecomposeOptions { voxel: 0.02, concavity: 0.004, most: 32, corners: 32, skin: 0.01, thinnest: 1e-3 };
         assert!(decompose(&Mesh::default(), &options).is_empty());
@@ -130,7 +130,7 @@ mod tests {
             colors: vec![],
             triangles: vec![[0, 1, 2]],
         };
-        // A sheet is as thick as its skin.
+        // A sheet gets the thickness `skin`.
         let sheet = decompose(&flat, &options);
         assert!((sheet.iter().map(Hull::volume).sum::<f64>() - 0.005).abs() < 1e-3, "{sheet:?}");
     }

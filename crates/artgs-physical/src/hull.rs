@@ -21,7 +21,7 @@ impl Plane {
         self.normal.dot(point) - self.offset
     }
 
-    /// The same plane moved.
+    /// The plane moved rigidly.
     pub fn moved(&self, motion: &Rigid) -> Self {
         let normal = motion.turn(self.normal);
         Self { normal, offset: self.offset + normal.dot(motion.translation) }
@@ -37,8 +37,8 @@ pub struct Hull {
 }
 
 impl Hull {
-    /// Convex hull of points; none if they do not span space, or only by less than `thinnest`. Corners are at least half of
-    /// that apart: engines see contacts where there are none at the needles between closer ones.
+    /// Convex hull of points; none if it has no volume or is thinner than `thinnest`. Corners are at least half of that apart:
+    /// engines report false contacts at the needles between closer corners.
     pub fn of(points: &[DVec3], thinnest: f64) -> Option<Self> {
         if points.len() < 4 || points.iter().any(|p| !p.is_finite()) {
             return None;
@@ -51,8 +51,8 @@ impl Hull {
         (thickness >= thinnest && hull.volume() > 0.0).then_some(hull)
     }
 
-    /// The hull of those corners that lie farthest in evenly spread directions and along the edges of the box around it:
-    /// inside this one, with some `2 / 3` of `directions` corners at most.
+    /// The hull of the corners that are extreme in evenly spread directions and along the edges of the bounding box:
+    /// inside this hull, with at most about `2 / 3` of `directions` corners.
     pub fn coarser(self, directions: usize, thinnest: f64) -> Option<Self> {
         if self.points.len() <= directions {
             return Some(self);
@@ -77,18 +77,18 @@ impl Hull {
         &self.points
     }
 
-    /// The shape as the collision library knows it.
+    /// The shape for the collision library.
     pub fn shape(&self) -> &ConvexPolyhedron {
         &self.shape
     }
 
-    /// As a closed mesh without colours.
+    /// The hull as a closed mesh without colours.
     pub fn mesh(&self) -> Mesh {
         let vertices = self.points.iter().map(|p| p.as_vec3().to_array()).collect();
         Mesh { vertices, colors: Vec::new(), triangles: self.triangles.clone() }
     }
 
-    /// Planes of the faces, triangles too small for a normal left out.
+    /// Planes of the faces, without triangles too small for a normal.
     pub fn planes(&self) -> Vec<Plane> {
         let plane = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|i| self.points[i as usize]);
@@ -113,7 +113,7 @@ impl Hull {
         self.triangles.iter().map(six).sum::<f64>() / 6.0
     }
 
-    /// What lies inside the plane; none if nothing thicker than `thinnest` is left.
+    /// The part inside the plane; none if it is thinner than `thinnest`.
     pub fn clipped(&self, plane: &Plane, thinnest: f64) -> Option<Self> {
         let mut kept: Vec<DVec3> = self.points.iter().copied().filter(|p| plane.distance(*p) <= 0.0).collect();
         if kept.len() == self.points.len() {
@@ -123,7 +123,7 @@ impl Hull {
             for (i, j) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
                 let (a, b) = (self.points[i as usize], self.points[j as usize]);
                 let (da, db) = (plane.distance(a), plane.distance(b));
-                // Every edge is met twice, once each way; one of them is enough.
+                // Every edge occurs twice, once in each direction; one is enough.
                 if da <= 0.0 && db > 0.0 {
                     kept.push(a + (b - a) * (da / (da - db)));
                 }
@@ -153,17 +153,17 @@ fn apart(points: &[DVec3], least: f64) -> Vec<DVec3> {
     kept
 }
 
-/// A point as the collision library spells it; its version of the vector crate is another.
+/// A point as a vector of the collision library, which uses another version of the vector crate.
 pub fn to_parry(p: DVec3) -> Vec3 {
     Vec3::from_array(p.as_vec3().to_array())
 }
 
-/// A point of the collision library.
+/// From a point of the collision library.
 pub fn from_parry(p: Vec3) -> DVec3 {
     DVec3::from_array(p.to_array().map(f64::from))
 }
 
-/// A motion as the collision library spells it.
+/// A motion as a pose of the collision library.
 pub fn pose(motion: &Rigid) -> Pose3 {
     let q = motion.rotation.as_quat();
     Pose3::from_parts(to_parry(motion.translation), Rot3::from_xyzw(q.x, q.y, q.z, q.w))

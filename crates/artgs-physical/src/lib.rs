@@ -1,4 +1,4 @@
-//! What a capture does not tell and simulators need: closed meshes, textures, convex hulls, masses, joint limits.
+//! Adds what simulators need to a replica: closed meshes, textures, convex hulls, masses, joint limits.
 
 pub mod assemble;
 pub mod bake;
@@ -17,6 +17,6 @@ mod topology;
 pub mod unwrap;
 
 pub use assemble::{Decisions, assemble};
-pub use build::{Built, Parts, build};
+pub use build::{BuiltAsset, Parts, build};
 pub use config::{Collision, PhysicalConfig, Up};
 pub use looks::PartSurface;

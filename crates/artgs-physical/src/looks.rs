@@ -1,4 +1,4 @@
-//! Fused part meshes made fit to be drawn and to weigh something: closed, simplified, textured from the photos.
+//! Prepares fused part meshes for display and mass computation: closed, simplified, textured from the photos.
 
 use crate::bake::{BakeOptions, BakeView, bake, depth_of};
 use crate::config::PhysicalConfig;
@@ -7,28 +7,28 @@ use crate::shade::{CREASE, with_normals};
 use crate::simplify::{SurfaceError, simplify, smoothed};
 use crate::topology::{bounds, points};
 use crate::unwrap::{UnwrapOptions, unwrap};
-use artgs_core::{Capture, DepthMap, Mesh, Replica, Rigid, TexturedMesh};
+use artgs_core::{Capture, DepthMap, Mesh, PerState, Replica, Rigid, State, TexturedMesh};
 use glam::DVec3;
 use rayon::prelude::*;
 
 /// A part's surface at the start state, frame and unit of the capture.
 #[derive(Clone, Debug, Default)]
 pub struct PartSurface {
-    /// What is drawn.
+    /// Visual mesh.
     pub visual: TexturedMesh,
-    /// True if it encloses its volume.
+    /// True if the mesh is closed.
     pub closed: bool,
     /// Triangles of the fused mesh.
     pub fused: usize,
-    /// Distance between what is drawn and the fused mesh once closed, units of the capture.
+    /// Distance between the visual mesh and the closed fused mesh, units of the capture.
     pub error: SurfaceError,
-    /// Texels of the surface, and how many of them a photo shows.
+    /// Texels of the surface, and those of them that a photo shows.
     pub texels: [usize; 2],
-    /// What was odd, one sentence each.
+    /// Warnings, one sentence each.
     pub warnings: Vec<String>,
 }
 
-/// Voxels are this much longer than the edges of the meshes that marching cubes makes of them.
+/// Edge length of a voxel relative to the mean edge of marching cubes meshes.
 const VOXEL_PER_EDGE: f64 = 1.4;
 
 /// Surfaces of all parts of a valid replica. `meshes[i]` is the fused mesh of part `i` at the start state; without a capture
@@ -39,9 +39,8 @@ pub fn surfaces(
     capture: Option<&Capture>,
     config: &PhysicalConfig,
 ) -> Vec<PartSurface> {
-    // Views without depth are told by the meshes what hides what.
-    let hidden: Vec<Vec<Option<DepthMap>>> =
-        [0, 1].iter().map(|s| rendered_depth(replica, meshes, capture, *s)).collect();
+    // Views without depth use the rendered depth of all meshes.
+    let hidden = PerState::from_fn(|state| rendered_depth(replica, meshes, capture, state));
     (0..meshes.len()).map(|part| surface(part, replica, meshes, capture, &hidden, config)).collect()
 }
 
@@ -50,7 +49,7 @@ fn surface(
     replica: &Replica,
     meshes: &[Mesh],
     capture: Option<&Capture>,
-    hidden: &[Vec<Option<DepthMap>>],
+    hidden: &PerState<Vec<Option<DepthMap>>>,
     config: &PhysicalConfig,
 ) -> PartSurface {
     let fused = &meshes[part];
@@ -99,14 +98,12 @@ fn views<'a>(
     part: usize,
     replica: &Replica,
     capture: Option<&'a Capture>,
-    hidden: &'a [Vec<Option<DepthMap>>],
+    hidden: &'a PerState<Vec<Option<DepthMap>>>,
 ) -> Vec<BakeView<'a>> {
     let Some(capture) = capture else { return Vec::new() };
-    let motions = [Rigid::IDENTITY, replica.world_motion(part)];
-    let states = motions.iter().zip(&capture.states).zip(hidden);
-    let of_state = |((motion, state), hidden): ((&Rigid, &'a artgs_core::StateViews), &'a Vec<Option<DepthMap>>)| {
-        let motion = *motion;
-        state.train.iter().zip(hidden).map(move |(v, hidden)| BakeView {
+    let of_state = |state: State| {
+        let motion = replica.motion_to(part, state);
+        capture.states[state].train.iter().zip(&hidden[state]).map(move |(v, hidden)| BakeView {
             camera: v.camera.moved_with(&motion),
             rgba: &v.rgba,
             depth: v.depth.as_ref().or(hidden.as_ref()),
@@ -114,23 +111,22 @@ fn views<'a>(
             weight: 1.0,
         })
     };
-    states.flat_map(of_state).collect()
+    State::ALL.into_iter().flat_map(of_state).collect()
 }
 
-/// Depth of the meshes in those training views of a state that have none of their own.
+/// Rendered depth of the meshes in those training views of a state that have no depth.
 fn rendered_depth(
     replica: &Replica,
     meshes: &[Mesh],
     capture: Option<&Capture>,
-    state: usize,
+    state: State,
 ) -> Vec<Option<DepthMap>> {
     let Some(capture) = capture else { return Vec::new() };
     let views = &capture.states[state].train;
     if views.iter().all(|v| v.depth.is_some()) {
         return vec![None; views.len()];
     }
-    let at = |part: usize| if state == 0 { Rigid::IDENTITY } else { replica.world_motion(part) };
-    let posed: Vec<Mesh> = meshes.iter().enumerate().map(|(i, m)| m.moved(&at(i))).collect();
+    let posed: Vec<Mesh> = meshes.iter().enumerate().map(|(i, m)| m.moved(&replica.motion_to(i, state))).collect();
     let posed: Vec<&Mesh> = posed.iter().collect();
     views.par_iter().map(|v| v.depth.is_none().then(|| depth_of(&v.camera, &posed))).collect()
 }
@@ -142,7 +138,7 @@ fn texel_density(views: &[BakeView], mesh: &Mesh) -> Option<f64> {
     views.iter().map(density).reduce(f64::max).filter(|d| d.is_finite() && *d > 0.0)
 }
 
-/// What a carried part passes through on its way from start to end, in the world at the start state.
+/// The volume that a child part sweeps on its way from start to end, world frame at the start state.
 struct Passage {
     low: DVec3,
     high: DVec3,
@@ -152,15 +148,15 @@ struct Passage {
 impl Passage {
     /// None if the part has no joint or no surface.
     fn of(mesh: &Mesh, replica: &Replica, part: usize) -> Option<Self> {
-        /// Positions looked at on the way.
+        /// Tested positions on the way.
         const STOPS: u32 = 8;
         /// Measured surfaces overlap a little where parts touch.
         const SHRINK: f64 = 0.03;
         let joint = replica.joint(part)?;
         let [low, high] = bounds(mesh)?;
         let shrink = SHRINK * (high - low);
-        let [start, end] = joint.state_values.into();
-        let stop = |i| joint.motion((end - start) * f64::from(i) / f64::from(STOPS)).inverse();
+        let travel = joint.state_values[State::END] - joint.state_values[State::START];
+        let stop = |i| joint.motion(travel * f64::from(i) / f64::from(STOPS)).inverse();
         Some(Self { low: low + shrink, high: high - shrink, back: (0..=STOPS).map(stop).collect() })
     }
 

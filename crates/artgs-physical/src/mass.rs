@@ -21,22 +21,22 @@ impl Moments {
         self.second * (1.0 / self.mass) - outer(center, center)
     }
 
-    /// True if a body inside the mesh can have these moments. Surfaces that cross themselves enclose some of their volume
-    /// inside out, and with little volume left nothing about it holds.
+    /// True if a body inside the mesh can have these moments. Self-intersecting surfaces enclose some volume inside out; if
+    /// little volume remains, the moments are meaningless.
     fn is_plausible(&self, mesh: &Mesh) -> bool {
         let Some([low, high]) = bounds(mesh) else { return false };
         let (center, c) = (self.first / self.mass, self.covariance());
         let spread = DVec3::new(c.x_axis.x, c.y_axis.y, c.z_axis.z);
         let minor = spread.x * spread.y - c.x_axis.y * c.y_axis.x;
         let definite = spread.x > 0.0 && minor > 0.0 && c.determinant() > 0.0;
-        // No body spreads wider than half of it at either end.
+        // The variance is largest with half of the mass at each end.
         let fits = spread.cmple(0.25 * (high - low) * (high - low)).all();
         definite && fits && center.cmpge(low).all() && center.cmple(high).all()
     }
 }
 
-/// What a link weighs: a closed surface as if filled, but never more than a shell of thickness `wall` would; an open one as
-/// that shell. Lengths in metres, density in kg/m^3. An empty mesh weighs `least`.
+/// Mass and inertia of a link: a closed surface as a solid, but with at most the mass of a shell of thickness `wall`; an open
+/// surface as that shell. Lengths in metres, density in kg/m^3. An empty mesh has mass `least`.
 pub fn inertial(mesh: &Mesh, closed: bool, wall: f64, density: f64, least: f64) -> Inertial {
     let shell = shell(mesh);
     let mut moments = scaled(&shell, wall);
@@ -51,7 +51,7 @@ pub fn inertial(mesh: &Mesh, closed: bool, wall: f64, density: f64, least: f64) 
     }
     let mass = (moments.mass * density).max(least);
     let center = moments.first / moments.mass;
-    // About the centre, per mass; a body cannot be thinner than its walls.
+    // About the centre, per mass; a body is at least as thick as its walls.
     let covariance = moments.second * (1.0 / moments.mass) - outer(center, center);
 
     let covariance = covariance + DMat3::from_diagonal(DVec3::splat(wall * wall / 12.0 * 0.1));
@@ -112,7 +112,7 @@ mod tests {
     fn a_thick_walled_box_is_solid() {
         let mesh = cuboid(DVec3::new(1.0, 2.0, 3.0), DVec3::new(2.0, 4.0, 6.0));
         let found = inertial(&mesh, true, 10.0, 2.0, 0.01);
-        // The floor on thickness adds to all three; take walls of no consequence away from it.
+        // The lower bound on thickness adds to all three moments; this wall is thin enough to ignore it.
         let extra = found.mass * 2.0 * (100.0 / 120.0);
         assert!((found.mass - 12.0).abs() < 1e-5 && (found.center - DVec3::new(1.5, 3.0, 4.5)).length() < 1e-6);
         for (i, want) in [13.0, 10.0, 5.0].iter().enumerate() {

@@ -4,11 +4,12 @@ use crate::topology::{NONE, Sets, corner_angle, corners, cross, ends, next, twin
 use artgs_core::{Mesh, TexturedMesh};
 use glam::DVec3;
 
-/// Crease angle that keeps the edges of boxes and rounds the rest, radians.
+/// Crease angle that keeps edges of boxes sharp and others smooth, radians.
 pub const CREASE: f64 = 40.0 * std::f64::consts::PI / 180.0;
 
 /// The mesh with a normal per vertex; vertices are split along edges whose triangles differ by more than `crease` radians.
-/// Triangles count by area and angle, so that large flat ones stay flat beside bevels. Positions, triangles and their order stay; without texture coordinates.
+/// Triangles are weighted by area and angle, so that large flat ones stay flat beside bevels. Positions, triangles and their
+/// order stay; texture coordinates are empty.
 pub fn with_normals(mesh: &Mesh, crease: f64) -> TexturedMesh {
     let twins = twins(mesh);
     let points: Vec<[DVec3; 3]> = mesh.triangles.iter().map(|t| corners(mesh, *t)).collect();
@@ -17,7 +18,7 @@ pub fn with_normals(mesh: &Mesh, crease: f64) -> TexturedMesh {
     let mut fans = Sets::new(twins.len());
     for (h, twin) in twins.iter().enumerate().filter(|(_, t)| **t != NONE) {
         let (n, m) = (flat[h / 3], flat[*twin as usize / 3]);
-        // Triangles without area follow their neighbours.
+        // Degenerate triangles follow their neighbours.
         if n.dot(m) >= crease.cos() || n == DVec3::ZERO || m == DVec3::ZERO {
             fans.join(h as u32, next(*twin));
             fans.join(next(h as u32), *twin);

@@ -1,4 +1,4 @@
-//! Fewer triangles with a stated error.
+//! Mesh simplification with a measured error.
 
 use crate::repair::trimesh;
 use crate::topology::{corners, open_edges, point, split_to_manifold};
@@ -15,22 +15,22 @@ use rayon::prelude::*;
 pub struct SurfaceError {
     /// Largest over all samples.
     pub max: f64,
-    /// 99 of 100 samples are within this.
+    /// 99th percentile.
     pub most: f64,
     /// Mean over all samples.
     pub mean: f64,
 }
 
-/// What [`simplify`] makes.
+/// Result of [`simplify`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Simplified {
-    /// The mesh; closed if the one it was made of was.
+    /// The mesh; closed if the original is closed.
     pub mesh: Mesh,
-    /// Measured against the surface it was made of.
+    /// Error against the original.
     pub error: SurfaceError,
 }
 
-/// Samples of each surface that the error is measured at.
+/// Samples of each surface for measuring the error.
 const SAMPLES: usize = 60_000;
 
 /// Reduces a mesh to about `budget` triangles; where that would move more than a hundredth of the surface by more than
@@ -42,7 +42,7 @@ pub fn simplify(mesh: &Mesh, budget: usize, max_error: f64) -> Simplified {
     }
     let mut bound = max_error;
     let mut simplified = Simplified::default();
-    // The library bounds an estimate of the error; what was measured has the last word.
+    // The library limits only an estimate of the error, so the measured error decides.
     for _ in 0..3 {
         let simpler = collapsed(mesh, budget, bound);
         let error = surface_error(mesh, &simpler);
@@ -63,7 +63,7 @@ fn collapsed(mesh: &Mesh, budget: usize, max_error: f64) -> Mesh {
     let kept = meshopt::simplify(indices, &adapter, 3 * budget, max_error as f32, options, None);
     let closed = open_edges(&mesh.triangles) == 0;
     let mut simpler = crate::repair::reduced(mesh, kept.as_chunks::<3>().0);
-    // Thin places may have collapsed onto themselves.
+    // Thin parts may have collapsed.
     if closed && open_edges(&simpler.triangles) > 0 {
         simpler = split_to_manifold(&simpler, 1e-3);
     }
@@ -101,7 +101,7 @@ fn samples(mesh: &Mesh) -> Vec<DVec3> {
         let [a, b, c] = corners(mesh, *t);
         while step > 0.0 && carried >= step {
             carried -= step;
-            // The additive recurrence of the plastic number fills a square evenly; its diagonal half is the triangle.
+            // The additive recurrence of the plastic number covers a square evenly; folding it gives the triangle.
             let i = points.len() as f64;
             let (mut u, mut v) = ((i * 0.754_877_666_246_693).fract(), (i * 0.569_840_290_998_053).fract());
             if u + v > 1.0 {
@@ -113,8 +113,8 @@ fn samples(mesh: &Mesh) -> Vec<DVec3> {
     points
 }
 
-/// Evens out the steps of marching cubes: Taubin's two passes (0.5, -0.53), which do not shrink, `rounds` times, no vertex
-/// moved by more than `reach` (scene units). Borders stay.
+/// Smooths the steps of marching cubes: Taubin's two passes (0.5, -0.53), which do not shrink, `rounds` times; no vertex
+/// moves by more than `reach` (scene units). Borders stay.
 pub fn smoothed(mesh: &Mesh, rounds: usize, reach: f64) -> Mesh {
     let around = Around::new(mesh);
     let was: Vec<DVec3> = (0..mesh.vertices.len() as u32).map(|v| point(mesh, v)).collect();
@@ -184,7 +184,7 @@ mod tests {
         assert!((done.error.max - deepest).abs() < 0.3 * deepest, "{:?}, {deepest}", done.error);
         assert!(done.error.mean > 0.2 * sagitta && done.error.mean < 2.0 * sagitta, "{:?}, {sagitta}", done.error);
         assert!(done.error.max <= 0.02);
-        // A tight error costs triangles, whatever the budget.
+        // A small error bound needs more triangles than the budget.
         let careful = simplify(&fine, 100, 0.002);
         assert!(careful.error.most <= 0.002 && careful.mesh.triangles.len() > 2000);
     }

@@ -1,46 +1,46 @@
-//! Which observed state is the closed one, and how far joints go beyond what was observed.
+//! Determines the closed state of parts and extends joint limits beyond the observed range.
 
 use crate::clearance::{Pieces, deepest};
 use crate::config::PhysicalConfig;
 use crate::hull::{Hull, to_parry};
-use artgs_core::{Asset, JointKind, Mesh};
+use artgs_core::{Asset, JointKind, Mesh, PerState, State};
 use glam::DVec3;
 use parry3d::query::PointQuery as _;
 
-/// The state, 0 or 1, in which a part lies closer to what carries it; none if they are alike within `telling`. `part`
-/// and `carrier` are the surfaces in both states, in one frame. Drawers and doors stand out when open.
-pub fn closed_state(part: [&Mesh; 2], carrier: [&Mesh; 2], telling: f64) -> Option<usize> {
-    let tucked = [0, 1].map(|s| standing_out(part[s], carrier[s]));
-    let [Some(start), Some(end)] = tucked else { return None };
-    if (start - end).abs() < telling {
+/// The state in which a part lies closer to its parent; none if the distances differ by less than `significant`. `part` and
+/// `parent` are the surfaces in both states, in one frame. Open drawers and doors protrude.
+pub fn closed_state(part: PerState<&Mesh>, parent: PerState<&Mesh>, significant: f64) -> Option<State> {
+    let distances = PerState::try_from_fn(|state| protrusion(part[state], parent[state]))?;
+    let (start, end) = (distances[State::START], distances[State::END]);
+    if (start - end).abs() < significant {
         return None;
     }
-    Some(usize::from(end < start))
+    Some(if end < start { State::END } else { State::START })
 }
 
-/// Mean distance of a surface's vertices from the convex hull of another.
-fn standing_out(part: &Mesh, carrier: &Mesh) -> Option<f64> {
+/// Mean distance of the vertices of a part from the convex hull of its parent.
+fn protrusion(part: &Mesh, parent: &Mesh) -> Option<f64> {
     const SAMPLE: usize = 4000;
     let sampled = |mesh: &Mesh| -> Vec<DVec3> {
         let stride = mesh.vertices.len().div_ceil(SAMPLE).max(1);
         mesh.vertices.iter().step_by(stride).map(|v| DVec3::from_array(v.map(f64::from))).collect()
     };
-    let hull = Hull::of(&sampled(carrier), 0.0)?;
+    let hull = Hull::of(&sampled(parent), 0.0)?;
     let points = sampled(part);
     let far = |p: &DVec3| f64::from(hull.shape().distance_to_local_point(to_parry(*p), true));
     (!points.is_empty()).then(|| points.iter().map(far).sum::<f64>() / points.len() as f64)
 }
 
-/// Why a joint's limit is where it is.
+/// Reason of a joint limit.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Stop {
-    /// It was observed there; further was not tried or nothing more was free.
+    /// The observed value: not extended, or no extension is free.
     Observed,
-    /// Another link is in the way.
+    /// Contact with this link.
     Contact(String),
-    /// A slide would leave what it slides in.
+    /// A slide would lose its support.
     Support,
-    /// As far as a limit is ever extended.
+    /// The largest allowed extension.
     Reach,
 }
 
@@ -49,24 +49,25 @@ pub enum Stop {
 pub struct Range {
     /// Lower and upper limit.
     pub limits: [f64; 2],
-    /// Reason of each.
+    /// Reasons of both.
     pub stops: [Stop; 2],
 }
 
-/// Extends the limits of every joint from the observed values until another link is touched, in either observed state
-/// of the others, or a slide loses its support. Entry `i` belongs to link `i`; the base has none. `pieces` must not touch
+/// Extends the limits of every joint from the observed values until a contact with another link, in any observed state of
+/// the others, or until a slide loses its support. Entry `i` belongs to link `i`; the base has none. `pieces` must not touch
 /// each other over the observed range; lengths in metres. `closed[i]` is the state in which link `i` is closed, if known;
 /// its joint is at 0 there.
 pub fn extend(
     asset: &Asset,
     pieces: &Pieces,
-    closed: &[Option<usize>],
+    closed: &[Option<State>],
     diagonal: f64,
     config: &PhysicalConfig,
 ) -> Vec<Option<Range>> {
     let range = |link: usize| {
         let joint = asset.links[link].joint?;
-        let observed = [joint.observed[0].min(joint.observed[1]), joint.observed[0].max(joint.observed[1])];
+        let (start, end) = (joint.observed[State::START], joint.observed[State::END]);
+        let observed = [start.min(end), start.max(end)];
         if !config.extend_limits {
             return Some(Range { limits: observed, stops: [Stop::Observed, Stop::Observed] });
         }
@@ -74,13 +75,13 @@ pub fn extend(
         let most = match joint.kind {
             JointKind::Prismatic => config.most_slide * span,
             JointKind::Revolute => config.most_turn.min(0.5 * (config.widest_turn - span)),
-            // How far a thread goes on cannot be seen.
+            // The length of a thread is not visible.
             JointKind::Screw => 0.0,
         };
         let mut out = Range { limits: observed, stops: [Stop::Observed, Stop::Observed] };
         for (end, sign) in [(0, -1.0), (1, 1.0)] {
-            // Beyond the closed state the least contact counts. Away from it pieces only rub along each other, by what the
-            // decomposition adds to them, until something is truly in the way.
+            // Beyond the closed state any contact stops the joint. In the opening direction pieces may overlap by the error
+            // of the decomposition before a contact counts.
             let opens = closed[link].is_some() && observed[end] != 0.0;
             let gap = config.gap_share * diagonal;
             let contact = if opens { gap + config.hull_voxel_share * diagonal } else { 0.5 * gap };
@@ -94,8 +95,8 @@ pub fn extend(
     (0..asset.links.len()).map(range).collect()
 }
 
-/// How far a joint can go on from `from` towards `from + most`, and what stops it: another link that is short of the gap by
-/// more than `contact`.
+/// Free range of a joint from `from` towards `from + most`, and the reason of its end: for a contact, another link that is
+/// closer than the gap by more than `contact`.
 fn free_way(
     asset: &Asset,
     pieces: &Pieces,
@@ -110,8 +111,8 @@ fn free_way(
     let mut free = 0.0;
     for step in 1..=STEPS {
         let way = most * step as f64 / STEPS as f64;
-        for state in 0..2 {
-            let mut values = asset.observed(artgs_core::State::ALL[state]);
+        for state in State::ALL {
+            let mut values = asset.observed(state);
             values[link] = from + way;
             let (depth, [a, b]) = deepest(pieces, &asset.poses(&values), gap, |a, b| carried[a] != carried[b]);
             if depth > contact {
@@ -138,7 +139,7 @@ fn carried(asset: &Asset, link: usize) -> Vec<bool> {
     out
 }
 
-/// True if at least the wanted share of a sliding link lies within the extent of its carrier along the slide, or more
+/// True if at least the configured share of a sliding link lies within the extent of its parent along the slide, or more
 /// than at `before`.
 fn supported(asset: &Asset, pieces: &Pieces, link: usize, before: f64, value: f64, config: &PhysicalConfig) -> bool {
     let (Some(parent), Some(joint)) = (asset.links[link].parent, asset.links[link].joint) else { return true };
@@ -174,7 +175,7 @@ mod tests {
             axis,
             pitch: 0.0,
             limits: [0.0, open],
-            observed: artgs_core::PerState::new(0.0, open),
+            observed: PerState::new(0.0, open),
             effort: 1.0,
             velocity: 1.0,
             damping: 0.0,
@@ -204,10 +205,11 @@ mod tests {
     #[test]
     fn drawers_stop_before_the_back_and_before_they_fall_out() {
         let (asset, pieces) = cabinet();
-        let ranges = extend(&asset, &pieces, &[None, Some(0), Some(0)], 1.7, &PhysicalConfig::default());
+        let ranges =
+            extend(&asset, &pieces, &[None, Some(State::START), Some(State::START)], 1.7, &PhysicalConfig::default());
         assert_eq!(ranges[0], None);
         let drawer = ranges[1].clone().unwrap();
-        // 15 cm behind it, of which a tenth is left.
+        // 15 cm are free behind it; a tenth is kept as a margin.
         assert_eq!(drawer.stops[0], Stop::Contact("base".into()));
         assert!((-0.15..-0.12).contains(&drawer.limits[0]), "{drawer:?}");
         // A quarter of 80 cm stays inside.
@@ -218,19 +220,24 @@ mod tests {
         assert!(door.limits[0] > -0.1 && door.limits[1] > 1.2, "{door:?}");
         let fixed = PhysicalConfig { extend_limits: false, ..PhysicalConfig::default() };
         assert_eq!(
-            extend(&asset, &pieces, &[None, Some(0), Some(0)], 1.7, &fixed)[1].clone().unwrap().limits,
+            extend(&asset, &pieces, &[None, Some(State::START), Some(State::START)], 1.7, &fixed)[1]
+                .clone()
+                .unwrap()
+                .limits,
             [0.0, 0.5]
         );
     }
 
     #[test]
-    fn the_closed_state_is_the_tucked_one() {
+    fn the_closed_state_protrudes_less() {
         let base = cuboid([-0.5, 0.0, 0.0], [0.5, 1.0, 1.0]).mesh();
         let at = |y: f64| cuboid([-0.4, y, 0.0], [0.4, y + 0.8, 0.4]).mesh();
         let (shut, open) = (at(0.1), at(-0.5));
-        assert_eq!(closed_state([&shut, &open], [&base, &base], 0.01), Some(0));
-        assert_eq!(closed_state([&open, &shut], [&base, &base], 0.01), Some(1));
-        assert_eq!(closed_state([&shut, &shut], [&base, &base], 0.01), None);
-        assert_eq!(closed_state([&shut, &Mesh::default()], [&base, &base], 0.01), None);
+        let empty = Mesh::default();
+        let closed = |start, end| closed_state(PerState::new(start, end), PerState::new(&base, &base), 0.01);
+        assert_eq!(closed(&shut, &open), Some(State::START));
+        assert_eq!(closed(&open, &shut), Some(State::END));
+        assert_eq!(closed(&shut, &shut), None);
+        assert_eq!(closed(&shut, &empty), None);
     }
 }

@@ -1,17 +1,17 @@
-//! Which triangles meet at which edges, and meshes cut so that at most two do.
+//! Adjacency of triangles, and splitting of meshes into manifolds.
 
 use artgs_core::Mesh;
 use glam::DVec3;
 
-/// No twin, no index.
+/// Marks a missing twin or index.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// A vertex as doubles.
+/// A vertex in double precision.
 pub(crate) fn point(mesh: &Mesh, vertex: u32) -> DVec3 {
     DVec3::from_array(mesh.vertices[vertex as usize].map(f64::from))
 }
 
-/// All vertices as doubles.
+/// All vertices in double precision.
 pub(crate) fn points(mesh: &Mesh) -> impl Iterator<Item = DVec3> + '_ {
     mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)))
 }
@@ -21,7 +21,7 @@ pub(crate) fn bounds(mesh: &Mesh) -> Option<[DVec3; 2]> {
     points(mesh).map(|p| [p, p]).reduce(|[low, high], [p, _]| [low.min(p), high.max(p)])
 }
 
-/// Corners of a triangle as doubles.
+/// Corners of a triangle in double precision.
 pub(crate) fn corners(mesh: &Mesh, triangle: [u32; 3]) -> [DVec3; 3] {
     triangle.map(|v| point(mesh, v))
 }
@@ -37,7 +37,7 @@ pub(crate) fn ends(triangles: &[[u32; 3]], h: u32) -> [u32; 2] {
     [t[h as usize % 3], t[next(h) as usize % 3]]
 }
 
-/// Half-edges sorted by the edge they run along, whichever way.
+/// Half-edges sorted by their edge, in either direction.
 fn by_edge(triangles: &[[u32; 3]]) -> Vec<(u64, u32)> {
     let key = |h: u32| {
         let [a, b] = ends(triangles, h);
@@ -49,7 +49,7 @@ fn by_edge(triangles: &[[u32; 3]]) -> Vec<(u64, u32)> {
 }
 
 /// The half-edge that runs the other way along the same edge, for every half-edge; [`NONE`] at borders. Where more than two
-/// triangles meet, those are joined that have solid between them, so that what touches along an edge comes apart.
+/// triangles meet, pairs with solid between them are joined, so that solids that touch along an edge are separated.
 pub(crate) fn twins(mesh: &Mesh) -> Vec<u32> {
     let mut twins = vec![NONE; 3 * mesh.triangles.len()];
     let mut join = |a: u32, b: u32| {
@@ -90,7 +90,7 @@ fn pair_around(mesh: &Mesh, run: &[(u64, u32)], forward: &dyn Fn(u32) -> bool, j
     }
 }
 
-/// Smallest member of every element's set.
+/// Disjoint sets; the root of a set is its smallest member.
 pub(crate) struct Sets(Vec<u32>);
 
 impl Sets {
@@ -113,8 +113,8 @@ impl Sets {
 }
 
 /// The same triangles with vertices split until every vertex has one fan of triangles, each of which meets the next at an
-/// edge; unused vertices are dropped. With a `nudge`, copies are pulled towards their own fan by so much of the way, so that
-/// they stay apart when others weld them.
+/// edge; unused vertices are removed. A `nudge` above 0 moves copies towards their own fan by that share of the distance, so
+/// that other programs do not weld them.
 pub(crate) fn split_to_manifold(mesh: &Mesh, nudge: f64) -> Mesh {
     let twins = twins(mesh);
     let mut fans = Sets::new(twins.len());
@@ -153,7 +153,7 @@ pub(crate) fn split_to_manifold(mesh: &Mesh, nudge: f64) -> Mesh {
     out
 }
 
-/// Where two pairs of triangles still share both ends of their edge, one pair gets a vertex of its own in the middle.
+/// If two pairs of triangles still share both ends of their edge, one pair gets its own vertex in the middle.
 fn part_double_edges(mesh: &mut Mesh, twins: Vec<u32>, nudge: f64) {
     let mut touched = vec![false; mesh.triangles.len()];
     let mut middles = Vec::new();
@@ -177,8 +177,8 @@ fn part_double_edges(mesh: &mut Mesh, twins: Vec<u32>, nudge: f64) {
     }
 }
 
-/// Puts a vertex in the middle of an edge, given as its one or two half-edges, whose triangles are halved: the first halves
-/// keep their places, with the half-edge where it was, the others come last. Returns the vertex.
+/// Splits an edge, given as its one or two half-edges, at its middle and halves their triangles. The first halves keep their
+/// indices and half-edges, the second halves are appended. Returns the new vertex.
 fn split_edge(mesh: &mut Mesh, edge: &[u32]) -> u32 {
     let [a, b] = ends(&mesh.triangles, edge[0]);
     let middle = mesh.vertices.len() as u32;
@@ -199,7 +199,7 @@ fn split_edge(mesh: &mut Mesh, edge: &[u32]) -> u32 {
 
 /// Halves edges, longest first, until none is longer than `longest` (scene units, positive).
 pub(crate) fn refine(mesh: &mut Mesh, longest: f64) {
-    // Every round halves many edges; thirty would take a mesh from a kilometre to a micrometre.
+    // Every round halves many edges; thirty rounds reduce a kilometre to a micrometre.
     for _ in 0..30 {
         let twins = twins(mesh);
         let length = |h: u32| {
@@ -254,7 +254,7 @@ pub(crate) fn open_edges(triangles: &[[u32; 3]]) -> usize {
 
 /// Volume inside a closed mesh, scene units cubed; negative if it is inside out.
 pub(crate) fn signed_volume(mesh: &Mesh) -> f64 {
-    // About the first vertex, so that what lies far from the origin loses no digits.
+    // Relative to the first vertex, so that meshes far from the origin lose no digits.
     let Some(o) = mesh.triangles.first().map(|t| point(mesh, t[0])) else { return 0.0 };
     let six = |t: &[u32; 3]| {
         let [a, b, c] = corners(mesh, *t).map(|p| p - o);
@@ -278,7 +278,7 @@ pub(crate) fn components(twins: &[u32]) -> Vec<u32> {
     (0..twins.len() as u32 / 3).map(|t| sets.find(t)).collect()
 }
 
-/// Unit normals of the vertices, triangles weighted by their angle at the vertex; zero where nothing is.
+/// Unit normals of the vertices, triangles weighted by their angle at the vertex; zero for unused vertices.
 pub(crate) fn vertex_normals(mesh: &Mesh) -> Vec<DVec3> {
     let mut normals = vec![DVec3::ZERO; mesh.vertices.len()];
     for t in &mesh.triangles {
@@ -328,7 +328,7 @@ pub(crate) mod testing {
         mesh
     }
 
-    /// A sphere about the origin: a cube of `n` by `n` quads a face, blown up.
+    /// A sphere around the origin: a cube of `n` by `n` quads per face, projected to the sphere.
     pub(crate) fn sphere(radius: f64, n: u32) -> Mesh {
         let mut mesh = open_box(DVec3::splat(2.0), n, [true; 6]);
         for v in &mut mesh.vertices {

@@ -1,4 +1,4 @@
-//! Texture atlases: charts of a surface laid flat beside each other.
+//! Texture atlases: unwraps a surface into charts.
 
 use artgs_core::{Mesh, TexturedMesh};
 use uvunwrap::{Atlas, Density, MeshInput, Options};
@@ -6,7 +6,7 @@ use uvunwrap::{Atlas, Density, MeshInput, Options};
 /// Settings of [`unwrap`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnwrapOptions {
-    /// Texels per scene unit that are wanted; fewer where the atlas would get too large.
+    /// Requested texels per scene unit; fewer if the atlas would become too large.
     pub texels_per_unit: f64,
     /// Largest width and height of the atlas, texels.
     pub max_side: u32,
@@ -20,14 +20,14 @@ impl Default for UnwrapOptions {
     }
 }
 
-/// What [`unwrap`] makes.
+/// Result of [`unwrap`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Unwrapped {
     /// The mesh with texture coordinates and without a texture; vertices are split along seams.
     pub mesh: TexturedMesh,
     /// Width and height of the atlas, texels.
     pub size: [u32; 2],
-    /// Texels per scene unit that fitted.
+    /// Texels per scene unit of the atlas.
     pub texels_per_unit: f64,
     /// Number of charts.
     pub charts: u32,
@@ -37,7 +37,7 @@ pub struct Unwrapped {
 #[derive(Debug, thiserror::Error)]
 pub enum UnwrapError {
     /// The mesh or a setting is unusable.
-    #[error("the surface cannot be laid flat: {0}")]
+    #[error("the surface cannot be unwrapped: {0}")]
     Failed(#[from] uvunwrap::Error),
     /// Too many charts.
     #[error("{charts} charts do not fit in {side}x{side} texels; simplify the mesh, or allow a larger atlas")]
@@ -49,22 +49,22 @@ pub enum UnwrapError {
     },
 }
 
-/// Lays a mesh flat. Charts do not overlap; normals and colours are kept; positions and the order of triangles stay.
+/// Unwraps a mesh. Charts do not overlap; normals and colours are kept; positions and the order of triangles stay.
 pub fn unwrap(mesh: &TexturedMesh, options: &UnwrapOptions) -> Result<Unwrapped, UnwrapError> {
     let mut density = options.texels_per_unit;
-    let mut atlas = laid_flat(mesh, options, density)?;
+    let mut atlas = unwrapped_at(mesh, options, density)?;
     for _ in 0..6 {
         let side = atlas.width.max(atlas.height);
         if side <= options.max_side {
             return Ok(collect(mesh, &atlas));
         }
         density *= 0.95 * f64::from(options.max_side) / f64::from(side);
-        atlas = laid_flat(mesh, options, density)?;
+        atlas = unwrapped_at(mesh, options, density)?;
     }
     Err(UnwrapError::TooLarge { charts: atlas.chart_count, side: options.max_side })
 }
 
-fn laid_flat(mesh: &TexturedMesh, options: &UnwrapOptions, texels_per_unit: f64) -> Result<Atlas, UnwrapError> {
+fn unwrapped_at(mesh: &TexturedMesh, options: &UnwrapOptions, texels_per_unit: f64) -> Result<Atlas, UnwrapError> {
     let input = MeshInput::new(&mesh.mesh.vertices, mesh.mesh.triangles.as_flattened());
     let density = Density::Fixed { texels_per_unit: texels_per_unit as f32, page_size: None };
     let settings =

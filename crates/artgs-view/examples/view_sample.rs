@@ -1,14 +1,14 @@
-//! `view_sample DIR`: writes a small replica folder to DIR, the page of it to DIR/page.html and that of its capture alone
-//! to DIR/capture.html, prints the address of a server for it, and serves until standard input ends. The tests of the page
-//! run it.
+//! `view_sample DIR`: writes a small replica folder to DIR, its page to DIR/page.html and the page of its capture only to
+//! DIR/capture.html, prints the URL of a server for it, and serves until standard input ends. The tests of the page use it.
 //!
-//! A run that the page starts turns the door red, unless corrections delete part 3: then it fails; it does not end before a file `hold` in DIR is gone. `view_sample DIR --found`
-//! shows parts before training first, and `view_sample DIR --unable` says that no run can be started.
+//! A run started from the page turns the door red; it fails if corrections delete part 3, and it does not end while a file
+//! `hold` exists in DIR. `view_sample DIR --found` first shows discovered parts before training. With `view_sample DIR
+//! --unable` no run can be started.
 //!
-//! `view_sample OUT --exported`: the same for a replica folder that exists and was exported.
+//! `view_sample OUT --exported`: the same for an existing, exported replica folder.
 //!
-//! `view_sample DIR --live`: serves a run that does what the lines of standard input say: `steps STAGE FROM TO`, `splats COUNT`
-//! (the first `COUNT` links of the sample; labelled from two on), `finish` or `fail WHY`. Each is answered `ok` when it is done.
+//! `view_sample DIR --live`: serves a run controlled by lines on standard input: `steps STAGE FROM TO`, `splats COUNT`
+//! (the first `COUNT` links of the sample; labelled from two on), `finish` or `fail WHY`. Each line is answered with `ok`.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "a fixture that fails loudly")]
 
@@ -42,12 +42,12 @@ fn main() {
         corrected: None,
     };
     export_page(&capture, &out.join("capture.html")).unwrap();
-    let told = |flag: &str| std::env::args().any(|a| a == flag);
-    let shown = if told("--found") { common::found_page() } else { page.clone() };
+    let has_flag = |flag: &str| std::env::args().any(|a| a == flag);
+    let shown = if has_flag("--found") { common::found_page() } else { page.clone() };
     let folder = out.clone();
     let again = move |live: &Arc<Live>| made_again(live, &folder, &page);
     let rerun: Result<Box<Rerun<'static>>, String> =
-        if told("--unable") { Err("there are no photos".into()) } else { Ok(Box::new(again)) };
+        if has_flag("--unable") { Err("there are no photos".into()) } else { Ok(Box::new(again)) };
     let server = Server::bind(shown, Some(0), Some(out)).unwrap().with_rerun(rerun);
     println!("{}", server.url());
     let stop = AtomicBool::new(false);
@@ -58,7 +58,7 @@ fn main() {
     });
 }
 
-/// What stands for a run.
+/// Simulates a run.
 fn made_again(live: &Live, folder: &Path, page: &Page) -> Result<Page, String> {
     live.stage_started("discover");
     live.stage_finished("discover", 0.0, true);
@@ -71,7 +71,7 @@ fn made_again(live: &Live, folder: &Path, page: &Page) -> Result<Page, String> {
     }
     let corrections = artgs_io::read_corrections(folder).map_err(|e| e.to_string())?.unwrap_or_default();
     if corrections.centres.contains(&CentreEdit::Delete { part: 3 }) {
-        return Err("the knob cannot be spared".into());
+        return Err("the knob is required".into());
     }
     let mut page = page.clone();
     page.scene.name = "cabinet again".into();
@@ -80,7 +80,7 @@ fn made_again(live: &Live, folder: &Path, page: &Page) -> Result<Page, String> {
 }
 
 fn follow() {
-    // Half of the sample's metres are a unit of its capture, which lies on its side.
+    // A unit of the capture is half a metre of the sample, and the capture lies on its side.
     let rotation = glam::DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
     let placement = Placement { scale: 0.5, rotation };
     let live = Arc::new(Live::new("cabinet", placement));
@@ -90,14 +90,14 @@ fn follow() {
     std::thread::scope(|scope| {
         scope.spawn(|| server.run(&stop));
         for line in std::io::stdin().lines() {
-            obey(&live, &placement, &line.unwrap());
+            execute(&live, &placement, &line.unwrap());
             println!("ok");
         }
         stop.store(true, Ordering::Relaxed);
     });
 }
 
-fn obey(live: &Live, placement: &Placement, line: &str) {
+fn execute(live: &Live, placement: &Placement, line: &str) {
     let words: Vec<&str> = line.split(' ').collect();
     let number = |i: usize| words[i].parse::<usize>().unwrap();
     match words[0] {

@@ -1,14 +1,14 @@
-//! The built page, as `viewer/` has it committed.
+//! The built page from `dist/`.
 
-/// Page with places for title and script.
+/// HTML of the page.
 pub(crate) const HTML: &str = include_str!("../dist/index.html");
-/// Script of the page, one file with all it needs.
+/// Script of the page with all its dependencies.
 pub(crate) const SCRIPT: &str = include_str!("../dist/viewer.js");
 /// Style of the page.
 pub(crate) const STYLE: &str = include_str!("../dist/viewer.css");
 
-/// What the page may load: itself. Workers of the splat sorter are blobs, its code is a data address, files of an
-/// exported page are blobs.
+/// Content security policy: the page may load only itself. Workers of the splat sorter are blobs, its code is a data URL,
+/// files of an exported page are blobs.
 pub(crate) const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval' blob: data:; \
     worker-src blob: data:; connect-src 'self' blob: data:; img-src 'self' blob: data:; \
     style-src 'self' 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";

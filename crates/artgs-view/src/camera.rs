@@ -1,7 +1,7 @@
 //! Cameras of a capture in the object's frame.
 
 use crate::scene::SceneCamera;
-use artgs_core::{Camera, Rigid};
+use artgs_core::{Camera, Rigid, State};
 use glam::DQuat;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -25,22 +25,22 @@ impl Default for Placement {
 /// A camera of a capture with its pictures.
 #[derive(Clone, Debug)]
 pub struct CameraView {
-    /// What to call it, for example the name of the photo.
+    /// Name, for example that of the photo.
     pub name: String,
-    /// 0 = start, 1 = end.
-    pub state: usize,
+    /// State in which the photo was taken.
+    pub state: State,
     /// Capture's frame and unit.
     pub camera: Camera,
-    /// Photo, PNG or JPEG, if it is to be shown.
+    /// Photo, PNG or JPEG, to show.
     pub photo: Option<PathBuf>,
-    /// Picture of the replica at this camera, if there is one; the page draws the replica itself otherwise.
+    /// Rendering of the replica at this camera; without one the page draws the replica itself.
     pub rendering: Option<PathBuf>,
-    /// Mask of the photo, white where the object is, if it is to be shown.
+    /// Mask of the photo to show, white on the object.
     pub mask: Option<PathBuf>,
 }
 
 impl CameraView {
-    /// As the page wants it, without files.
+    /// The camera in the form of `scene.json`, without files.
     pub(crate) fn placed(&self, placement: &Placement) -> SceneCamera {
         let Rigid { rotation, translation } = self.camera.world_to_camera.inverse();
         let turn = glam::DMat3::from_quat(placement.rotation * rotation);
@@ -49,7 +49,7 @@ impl CameraView {
         let k = &self.camera.intrinsics;
         SceneCamera {
             name: self.name.clone(),
-            state: self.state,
+            state: self.state.index(),
             pose,
             intrinsics: [k.fx, k.fy, k.cx, k.cy],
             size: [k.width, k.height],
@@ -71,7 +71,7 @@ mod tests {
     fn a_camera_in_a_capture_with_y_up_and_in_centimetres() {
         let intrinsics = Intrinsics { fx: 50.0, fy: 60.0, cx: 20.0, cy: 15.0, width: 40, height: 30 };
         let camera = Camera::look_at(intrinsics, DVec3::new(0.0, 100.0, 200.0), DVec3::new(0.0, 100.0, 0.0), DVec3::Y);
-        let view = CameraView { name: "a".into(), state: 1, camera, photo: None, rendering: None, mask: None };
+        let view = CameraView { name: "a".into(), state: State::END, camera, photo: None, rendering: None, mask: None };
         let placed = view.placed(&Placement { scale: 0.01, rotation: DQuat::from_rotation_x(FRAC_PI_2) });
         let expected = [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, -2.0], [0.0, -1.0, 0.0, 1.0]];
         for (row, expected) in placed.pose.iter().zip(&expected) {

@@ -1,19 +1,20 @@
-//! Points of an observed state, as bytes for the page.
+//! Points of an observed state, encoded for the page.
 
 use crate::Placement;
+use artgs_core::State;
 use glam::DVec3;
 
 /// Points of an observed state before any reconstruction.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Cloud {
-    /// 0 = start, 1 = end.
-    pub state: usize,
+    /// State in which the points were observed.
+    pub state: State,
     /// Capture's frame and unit.
     pub points: Vec<[f32; 3]>,
     /// sRGB, one per point.
     pub colors: Vec<[u8; 3]>,
-    /// Part of every point, 0 for what stays; before parts are known, 1 for what the other state does not have. Empty if
-    /// that was not looked at.
+    /// Part of every point, 0 for the static part; before parts are known, 1 for points that the other state lacks. Empty if
+    /// unknown.
     pub marks: Vec<u8>,
 }
 
@@ -39,8 +40,12 @@ mod tests {
 
     #[test]
     fn positions_then_colours() {
-        let cloud =
-            Cloud { state: 0, points: vec![[1.0, 2.0, 3.0], [0.0; 3]], colors: vec![[9, 8, 7]], marks: vec![1] };
+        let cloud = Cloud {
+            state: State::START,
+            points: vec![[1.0, 2.0, 3.0], [0.0; 3]],
+            colors: vec![[9, 8, 7]],
+            marks: vec![1],
+        };
         let bytes = cloud.bytes(&Placement { scale: 2.0, ..Placement::default() });
         assert_eq!(bytes.len(), 32);
         assert_eq!(bytes[8..12], 6f32.to_le_bytes());

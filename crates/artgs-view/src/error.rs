@@ -1,29 +1,29 @@
-//! What can go wrong on the way to a page.
+//! Errors of pages and servers.
 
 use artgs_io::FileError;
 use std::path::PathBuf;
 
-/// A page that cannot be put together, served or written.
+/// A page that cannot be built, served or written.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
-    /// A file cannot be read, written or understood.
+    /// A file cannot be read, written or parsed.
     #[error(transparent)]
     File(#[from] FileError),
     /// `replica.json` cannot be used.
     #[error(transparent)]
     Replica(#[from] artgs_io::replica::ReplicaFileError),
-    /// The replica was not exported in the formats that the page shows.
-    #[error("{}: there is no {missing}; run `artgs export {} --to urdf,splats` first", out.display(), out.display())]
+    /// The replica was not exported in the formats that the page needs.
+    #[error("{}: {missing} is missing; run `artgs export {} --to urdf,splats` first", out.display(), out.display())]
     NotExported {
         /// The replica folder.
         out: PathBuf,
-        /// What was looked for, relative to the folder.
+        /// The missing files, relative to the folder.
         missing: &'static str,
     },
-    /// The port is taken, or loopback refused.
+    /// The port is in use, or loopback cannot be opened.
     #[error("cannot listen on 127.0.0.1:{port}: {reason}; choose another with --port")]
     Listen {
-        /// The port asked for.
+        /// The requested port.
         port: u16,
         /// Why.
         reason: String,

@@ -1,9 +1,9 @@
-//! Who may ask what: the page of this server, on this machine.
+//! Accepts only requests from the page of this server on this machine.
 //!
-//! A server on loopback can be reached by every page that the user's browser has open. Names that an attacker points at
-//! loopback are told by `Host`, requests that another page sends by `Origin` and `Sec-Fetch-Site`.
+//! Every page that is open in the user's browser can reach a server on loopback. `Host` reveals names that an attacker
+//! resolves to loopback; `Origin` and `Sec-Fetch-Site` reveal requests from other pages.
 
-/// What a request says of itself; header values as sent.
+/// Headers of a request that identify its sender.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Asked<'a> {
     pub(crate) host: Option<&'a str>,

@@ -1,7 +1,7 @@
-//! As much of HTTP/1.1 as a page on loopback needs: one request per connection, bodies of known length.
+//! The subset of HTTP/1.1 that a page on loopback needs: one request per connection, bodies of known length.
 //!
-//! Small servers that keep connections share a few threads among them, and a browser that opens six at once then waits
-//! for ever; here a connection has a thread of its own and ends with the answer.
+//! Small servers with persistent connections and few threads block a browser that opens six connections; here every
+//! connection has its own thread and ends with the answer.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -11,22 +11,22 @@ use std::time::Duration;
 /// Bytes of a request without its body.
 const MOST_HEAD: usize = 16 << 10;
 const MOST_HEADERS: usize = 64;
-/// A peer that is silent for so long is gone.
+/// A silent peer is disconnected after this time.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// What was asked.
+/// A request.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Request {
     pub(crate) method: String,
     /// Path with the query.
     pub(crate) target: String,
-    /// As sent; names may be spelt in any case.
+    /// As sent; names are case-insensitive.
     pub(crate) headers: Vec<(String, String)>,
     pub(crate) body: Vec<u8>,
 }
 
 impl Request {
-    /// Value of a header; none where it is missing, empty where it is there more than once, so that it fits nothing.
+    /// Value of a header; none if missing, empty if it occurs several times, so that it matches nothing.
     pub(crate) fn header(&self, name: &str) -> Option<&str> {
         let mut found = self.headers.iter().filter(|(n, _)| n.eq_ignore_ascii_case(name));
         let (_, value) = found.next()?;
@@ -38,7 +38,7 @@ impl Request {
         self.target.split('?').next().unwrap_or("")
     }
 
-    /// A number of the query; 0 where it is missing or none.
+    /// A number of the query; 0 if missing or invalid.
     pub(crate) fn number(&self, key: &str) -> u64 {
         let query = self.target.split_once('?').map_or("", |(_, query)| query);
         let value = query.split('&').find_map(|pair| pair.strip_prefix(key)?.strip_prefix('='));
@@ -46,13 +46,13 @@ impl Request {
     }
 }
 
-/// Where the bytes of an answer come from.
+/// Content of an answer.
 pub(crate) enum Body {
     Bytes(Vec<u8>),
     File(File, u64),
 }
 
-/// What is answered.
+/// An answer.
 pub(crate) struct Answer {
     pub(crate) status: u16,
     pub(crate) kind: &'static str,
@@ -71,7 +71,7 @@ impl Answer {
     }
 }
 
-/// Reads a request; `most` bounds the bytes of its body. An `Err` inside is what to answer instead.
+/// Reads a request; `most` bounds the bytes of its body. An inner `Err` is the answer to an invalid request.
 pub(crate) fn read(stream: &mut TcpStream, most: usize) -> io::Result<Result<Request, Answer>> {
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
@@ -98,7 +98,7 @@ pub(crate) fn read(stream: &mut TcpStream, most: usize) -> io::Result<Result<Req
     }
 }
 
-/// Length of the head and what it says, once all of it is there.
+/// Length of the head and its content, once it is complete.
 fn head(bytes: &[u8]) -> Result<Option<(usize, Request)>, String> {
     let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
     let mut parsed = httparse::Request::new(&mut headers);
@@ -141,7 +141,7 @@ fn body(
     Ok(Ok(bytes))
 }
 
-/// Writes an answer with more headers, and ends the connection.
+/// Writes an answer with additional headers and closes the connection.
 pub(crate) fn write(stream: &mut TcpStream, answer: Answer, headers: &[(&str, &str)]) -> io::Result<()> {
     let length = match &answer.body {
         Body::Bytes(bytes) => bytes.len() as u64,
@@ -163,7 +163,7 @@ pub(crate) fn write(stream: &mut TcpStream, answer: Answer, headers: &[(&str, &s
     }
     stream.flush()?;
     stream.shutdown(std::net::Shutdown::Write)?;
-    // Bytes that were sent but not read here would reset the connection before the answer arrives.
+    // Unread bytes of the peer would reset the connection before the answer arrives.
     stream.set_read_timeout(Some(Duration::from_millis(500)))?;
     io::copy(&mut stream.take(1 << 20), &mut io::sink()).map(|_| ())
 }
@@ -191,7 +191,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn heads_come_in_pieces_and_doubled_headers_fit_nothing() {
+    fn heads_may_be_partial_and_repeated_headers_match_nothing() {
         let text = b"POST /a/b?c=d HTTP/1.1\r\nHost: x:1\r\nORIGIN: a\r\nOrigin: b\r\n\r\nrest";
         assert_eq!(head(&text[..30]).unwrap(), None);
         let (length, request) = head(text).unwrap().unwrap();

@@ -1,5 +1,6 @@
-//! The browser viewer: what the page shows ([`Page`]), a server for it on loopback ([`Server`]), and the same as one
-//! file ([`export_page`]). [`Live`] is a run under way, which a server shows, too, and starts where it is given a [`Rerun`]. The page itself is built from `viewer/` and is part of this crate.
+//! The browser viewer: data of the page ([`Page`]), a server on loopback ([`Server`]), and export to one file
+//! ([`export_page`]). [`Live`] is the state of a running reconstruction, which the server shows; with a [`Rerun`] the page can
+//! start one. The page is built from `viewer/` and embedded in this crate.
 
 mod bundle;
 mod camera;

@@ -1,7 +1,7 @@
-//! A run under way, for a page that looks on: the thread that trains writes, those of the server read.
+//! State of a running reconstruction for the page: the training thread writes it, server threads read it.
 //!
-//! It costs next to nothing while no page is open, and little while one is: Gaussians are asked for only once a page has
-//! taken the last ones, and so seldom that training waits for at most a hundredth of the time.
+//! Without an open page the cost is negligible. With one, Gaussians are requested only after the page has loaded the previous
+//! ones, and so rarely that training waits for at most 1 % of the time.
 
 use crate::Placement;
 use artgs_core::Splats;
@@ -11,17 +11,17 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Least time between two sets of Gaussians.
+/// Least interval between two versions of the Gaussians.
 const PERIOD: Duration = Duration::from_secs(2);
-/// Time between two sets of Gaussians, relative to how long training waited for one, and to how long one core packed it.
+/// Interval between two versions, relative to the time that training waited for one, and to the time for packing it.
 const WAIT_SHARE: u32 = 100;
 const PACK_SHARE: u32 = 50;
-/// A page that has not asked for so long is gone.
+/// A page without requests for this time counts as closed.
 const PRESENCE: Duration = Duration::from_secs(6);
-/// Most points of the curves; with more, pairs of them become one.
+/// Largest number of points of the curves; with more, pairs are merged.
 const MOST_POINTS: usize = 2000;
 
-/// What a page shows of a run.
+/// State of a run for the page.
 #[derive(Debug)]
 pub struct Live {
     name: String,
@@ -30,7 +30,7 @@ pub struct Live {
     now: Mutex<Now>,
 }
 
-/// How Gaussians are coloured.
+/// Colouring of the Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Tint {
     Photo = 0,
@@ -43,21 +43,21 @@ struct Now {
     progress: Progress,
     curves: Curves,
     shown: Option<Arc<Shown>>,
-    /// When a page last asked.
+    /// Time of the last request of a page.
     polled: Option<Instant>,
-    /// Since when training is asked for Gaussians.
+    /// Time since which Gaussians are requested from training.
     asked: Option<Instant>,
-    /// When it gave the last ones, and how long it is left alone from then.
+    /// Time of the last version, and the interval until the next request.
     given: Option<(Instant, Duration)>,
     end: Option<Result<(), String>>,
-    /// A page knows of the end.
-    told: bool,
+    /// A page has received the end of the run.
+    end_sent: bool,
 }
 
 #[derive(Clone, Debug, Serialize)]
 struct Stage {
     name: String,
-    /// Wall-clock seconds, once it is done.
+    /// Wall-clock seconds of a finished stage.
     seconds: Option<f64>,
     reused: bool,
 }
@@ -69,14 +69,14 @@ struct Progress {
     gaussians: Option<usize>,
 }
 
-/// Gaussians as they were at a step.
+/// A version of the Gaussians.
 #[derive(Debug)]
 struct Shown {
     version: u64,
     splats: Splats,
     labels: Vec<u16>,
-    /// SPZ by [`Tint`], made when first asked for.
-    packed: [OnceLock<Vec<u8>>; 2],
+    /// SPZ by [`Tint`], packed on the first request.
+    packed: [OnceLock<Option<Vec<u8>>>; 2],
 }
 
 /// Means over one or more steps.
@@ -111,7 +111,7 @@ impl Mean {
 }
 
 impl Point {
-    /// This and the next one as one; none where a stage ends between them.
+    /// Merges this point and the next one; none if they are in different stages.
     fn and(self, next: Self) -> Option<Self> {
         (self.stage == next.stage).then(|| Self {
             loss: self.loss.and(next.loss),
@@ -127,11 +127,11 @@ impl Serialize for Point {
     }
 }
 
-/// Loss and quality by step; what is older is coarser.
+/// Loss and PSNR by step; older steps are merged.
 #[derive(Debug)]
 struct Curves {
     points: VecDeque<Point>,
-    /// Steps that make a point, and how many the last point has.
+    /// Steps per point, and steps in the last point.
     stride: usize,
     filled: usize,
     seq: u64,
@@ -176,7 +176,7 @@ impl Curves {
         self.stride *= 2;
     }
 
-    /// Points that are complete and were not before step `since`, and the number to ask with next.
+    /// Complete points after step `since`, and the value of `since` for the next request.
     fn since(&self, since: u64) -> (Vec<Point>, u64) {
         let complete = self.points.len() - usize::from(self.filled < self.stride && !self.points.is_empty());
         let new: Vec<Point> = self.points.iter().take(complete).filter(|p| p.seq > since).copied().collect();
@@ -186,12 +186,12 @@ impl Curves {
 }
 
 impl Live {
-    /// Before the first stage of the run that makes `name`; `placement` leads from the capture's frame to the page's.
+    /// A run for the object `name` before its first stage; `placement` maps the capture's frame to the page's.
     pub fn new(name: &str, placement: Placement) -> Self {
         Self { name: name.into(), placement, begun: Instant::now(), now: Mutex::default() }
     }
 
-    /// Of the object.
+    /// Name of the object.
     pub(crate) fn name(&self) -> &str {
         &self.name
     }
@@ -200,26 +200,26 @@ impl Live {
         self.placement
     }
 
-    /// Nothing that holds the lock can leave things half done, whatever happened to the thread.
+    /// A poisoned lock is used: no code that holds it can leave inconsistent data.
     fn now(&self) -> MutexGuard<'_, Now> {
         self.now.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A stage begins.
+    /// Reports the start of a stage.
     pub fn stage_started(&self, stage: &str) {
         let mut now = self.now();
         now.stages.push(Stage { name: stage.into(), seconds: None, reused: false });
         now.progress = Progress { gaussians: now.progress.gaussians, ..Progress::default() };
     }
 
-    /// A stage is done after `seconds`; `reused` if an earlier run had done it.
+    /// Reports the end of a stage after `seconds`; `reused`: an earlier run computed it.
     pub fn stage_finished(&self, stage: &str, seconds: f64, reused: bool) {
         if let Some(s) = self.now().stages.iter_mut().rev().find(|s| s.name == stage) {
             (s.seconds, s.reused) = (Some(seconds), reused);
         }
     }
 
-    /// A stage is `step` of `total` steps along.
+    /// Reports step `step` of `total` of a stage.
     pub fn event(
         &self,
         stage: &str,
@@ -229,7 +229,7 @@ impl Live {
         gaussians: Option<usize>,
     ) {
         let mut now = self.now();
-        // Trainings within a stage may have names of their own.
+        // Trainings within a stage may have their own names.
         if now.stages.last().is_none_or(|s| s.name != stage) {
             now.stages.push(Stage { name: stage.into(), seconds: None, reused: false });
         }
@@ -240,8 +240,8 @@ impl Live {
         }
     }
 
-    /// True if it is time for [`Live::update_splats`]: a page is open, has what it was given, and enough time has passed.
-    /// The time from then on is what looking on costs. Made to be asked after every step.
+    /// True if [`Live::update_splats`] should be called: a page is open, has loaded the previous version, and enough time has
+    /// passed. The time from here to the update counts as waiting time of the training. Call it after every step.
     pub fn wants_splats(&self) -> bool {
         let mut now = self.now();
         let present = now.polled.is_some_and(|at| at.elapsed() < PRESENCE);
@@ -252,8 +252,8 @@ impl Live {
         wanted
     }
 
-    /// Takes Gaussians over, capture's frame, with their parts `[n]` (or none). Does nothing unless
-    /// [`Live::wants_splats`]. Colours that change with the direction are left out.
+    /// Stores a copy of the Gaussians, capture's frame, with their parts `[n]` (or none), and only colours of degree 0. Does
+    /// nothing unless [`Live::wants_splats`].
     pub fn update_splats(&self, splats: &Splats, labels: &[u16]) {
         if !self.wants_splats() {
             return;
@@ -280,18 +280,18 @@ impl Live {
         self.now().end.is_none()
     }
 
-    /// The run is over; `Err` says why it failed.
+    /// Reports the end of the run; `Err` says why it failed.
     pub fn finish(&self, outcome: Result<(), String>) {
         self.now().end.get_or_insert(outcome);
     }
 
-    /// Waits until the page knows that the run is over, at most `longest` and not at all if no page is open.
-    pub fn wait_told(&self, longest: Duration) {
+    /// Waits until the page has received the end of the run, at most `longest`, and not at all if no page is open.
+    pub fn wait_until_end_is_shown(&self, longest: Duration) {
         let begun = Instant::now();
         loop {
             let now = self.now();
             let present = now.polled.is_some_and(|at| at.elapsed() < PRESENCE);
-            if now.told || !present || begun.elapsed() >= longest {
+            if now.end_sent || !present || begun.elapsed() >= longest {
                 return;
             }
             drop(now);
@@ -303,7 +303,7 @@ impl Live {
     pub(crate) fn json(&self, since: u64) -> String {
         let mut now = self.now();
         now.polled = Some(Instant::now());
-        now.told |= now.end.is_some();
+        now.end_sent |= now.end.is_some();
         let (points, next) = now.curves.since(since);
         let (state, message) = match &now.end {
             None => ("running", Value::Null),
@@ -320,7 +320,7 @@ impl Live {
         .to_string()
     }
 
-    /// The latest Gaussians as SPZ; none before the first, or where they cannot be written.
+    /// The latest Gaussians as SPZ; none before the first version, or if they cannot be packed.
     pub(crate) fn spz(&self, tint: Tint) -> Option<Vec<u8>> {
         let shown = self.now().shown.clone()?;
         let begun = Instant::now();
@@ -332,13 +332,13 @@ impl Live {
         if packed_here && let Some((_, rest)) = &mut self.now().given {
             *rest = (*rest).max(begun.elapsed() * PACK_SHARE);
         }
-        (!bytes.is_empty()).then(|| bytes.clone())
+        bytes.clone()
     }
 }
 
 impl Shown {
-    /// Nothing where a Gaussian is not finite: the next ones may be.
-    fn pack(&self, tint: Tint) -> Vec<u8> {
+    /// None if a Gaussian is not finite; a later version may be.
+    fn pack(&self, tint: Tint) -> Option<Vec<u8>> {
         let packed = match tint {
             Tint::Photo => artgs_io::asset::spz::spz_bytes(&self.splats),
             Tint::Parts => {
@@ -348,11 +348,11 @@ impl Shown {
                 artgs_io::asset::spz::spz_bytes(&Splats { sh, ..self.splats.clone() })
             }
         };
-        packed.unwrap_or_default()
+        packed.ok()
     }
 }
 
-/// Harmonics of degree 0 with which a Gaussian has a colour, sRGB.
+/// Harmonics of degree 0 of a colour, sRGB.
 fn constant_harmonics(color: [u8; 3]) -> [f32; 3] {
     const BASIS: f32 = 0.282_094_8;
     color.map(|c| (f32::from(c) / 255.0 - 0.5) / BASIS)

@@ -25,18 +25,18 @@ fn unpacked(bytes: &[u8]) -> Splats {
 #[test]
 fn gaussians_are_asked_for_only_while_a_page_looks_and_has_the_last_ones() {
     let live = Live::new("lamp", Placement::default());
-    assert!(!live.wants_splats(), "nobody looks");
+    assert!(!live.wants_splats(), "no page is open");
     live.update_splats(&splats(10, 0), &[]);
     assert_eq!(live.spz(Tint::Photo), None);
     assert_eq!(read(&live, 0)["splats"], 0);
     assert!(live.wants_splats() && live.wants_splats());
     live.update_splats(&splats(10, 1), &[0, 1, 1, 2, 0, 0, 0, 0, 0, 0]);
     assert!(!live.wants_splats());
-    let told = read(&live, 0);
-    assert_eq!((&told["splats"], &told["parts"]), (&1.into(), &3.into()));
+    let json = read(&live, 0);
+    assert_eq!((&json["splats"], &json["parts"]), (&1.into(), &3.into()));
     let rest = live.now().given.unwrap().1;
     assert!(rest >= PERIOD, "{rest:?}");
-    // The time has passed, but the page has not taken them yet.
+    // The interval has passed, but the page has not loaded the version yet.
     live.now().given = Some((Instant::now(), Duration::ZERO));
     assert!(!live.wants_splats());
     assert_eq!(unpacked(&live.spz(Tint::Photo).unwrap()).len(), 10);
@@ -44,7 +44,7 @@ fn gaussians_are_asked_for_only_while_a_page_looks_and_has_the_last_ones() {
     live.now().given = Some((Instant::now(), Duration::ZERO));
     assert!(live.wants_splats());
     live.now().polled = Instant::now().checked_sub(PRESENCE);
-    assert!(!live.wants_splats(), "the page is gone");
+    assert!(!live.wants_splats(), "the page is closed");
 }
 
 #[test]
@@ -99,7 +99,7 @@ fn curves_come_once_and_stay_bounded() {
     assert_eq!(second["points"], json!([[1, 1, null, null]]));
     assert_eq!(second["stages"][0], json!({"name": "single", "seconds": 1.5, "reused": false}));
     assert_eq!(second["stages"][1]["name"], "articulate");
-    // A page of an earlier run that asks with what it knows.
+    // A page of an earlier run requests with its last `since`.
     assert_eq!(read(&live, 1000)["since"], 4);
 
     let steps = 9 * MOST_POINTS;
@@ -114,25 +114,25 @@ fn curves_come_once_and_stay_bounded() {
 }
 
 #[test]
-fn the_end_is_told() {
+fn the_end_is_sent() {
     let live = Live::new("lamp", Placement::default());
-    live.wait_told(Duration::from_secs(60));
+    live.wait_until_end_is_shown(Duration::from_secs(60));
     assert_eq!(read(&live, 0)["state"], "running");
     live.finish(Err("no depth".into()));
     live.finish(Ok(()));
-    let told = read(&live, 0);
-    assert_eq!((&told["state"], &told["message"]), (&"failed".into(), &"no depth".into()));
-    live.wait_told(Duration::from_secs(60));
+    let json = read(&live, 0);
+    assert_eq!((&json["state"], &json["message"]), (&"failed".into(), &"no depth".into()));
+    live.wait_until_end_is_shown(Duration::from_secs(60));
 }
 
 /// `cargo test -p artgs-view --release -- --ignored --nocapture cost`
 #[test]
-#[ignore = "tells times"]
+#[ignore = "measures times"]
 #[allow(clippy::print_stdout, reason = "its purpose")]
 fn cost_of_a_snapshot() {
     let live = Live::new("lamp", Placement::default());
     let (mut given, labels) = (splats(60_000, 3), vec![1; 60_000]);
-    // Nothing that is easily packed.
+    // Data that compresses badly.
     let noise = |i: usize| ((i as f32 * 12.989).sin() * 43_758.547).fract();
     given.means.as_flattened_mut().iter_mut().enumerate().for_each(|(i, v)| *v = noise(i));
     given.rotations.as_flattened_mut().iter_mut().enumerate().for_each(|(i, v)| *v = noise(i + 1));

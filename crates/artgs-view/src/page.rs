@@ -1,4 +1,4 @@
-//! What a page shows: a scene and the files it names. Only those are ever served or written into a page.
+//! A page: a scene and the files it names. Only these files are served or written into an exported page.
 
 use crate::camera::{CameraView, Placement};
 use crate::scene::{self, Scene, SceneCloud, SceneJoint, SceneLink, SceneMesh};
@@ -10,12 +10,12 @@ use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
-/// Where the bytes of a file are.
+/// Content of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// On disk, read whenever it is asked for.
+    /// On disk, read on every request.
     Path(PathBuf),
-    /// Here.
+    /// In memory.
     Bytes(Vec<u8>),
 }
 
@@ -34,13 +34,13 @@ impl Source {
 pub struct Page {
     /// `scene.json`.
     pub scene: Scene,
-    /// Everything `scene` names.
+    /// All files that `scene` names.
     pub files: BTreeMap<String, Source>,
-    /// What was corrected already in what is shown, and how many movable parts were found before that.
+    /// Corrections already applied to the shown replica, and the number of movable parts before them.
     pub corrected: Option<(Corrections, usize)>,
 }
 
-/// Colours of parts: the base grey, the others well apart for most eyes (after Okabe and Ito), then again.
+/// Colours of movable parts, distinguishable with colour vision deficiencies (after Okabe and Ito), repeated.
 const COLOURS: [[u8; 3]; 7] =
     [[230, 159, 0], [86, 180, 233], [0, 158, 115], [204, 121, 167], [213, 94, 0], [240, 228, 66], [0, 114, 178]];
 
@@ -68,8 +68,8 @@ impl Page {
         Self { scene, files: BTreeMap::new(), corrected: None }
     }
 
-    /// A replica folder: `exports/urdf/*.urdf` with its meshes, `exports/splats/` and `metrics.json`. Refuses a folder
-    /// without a valid `replica.json` or without that export.
+    /// The page of a replica folder: `exports/urdf/*.urdf` with its meshes, `exports/splats/` and `metrics.json`. Refuses a
+    /// folder without a valid `replica.json` or without these exports.
     pub fn of_replica(out: &Path) -> Result<Self, ViewError> {
         let replica = artgs_io::read_replica(out)?;
         let folder = out.join("exports/urdf");
@@ -102,8 +102,8 @@ impl Page {
         Ok(page)
     }
 
-    /// Parts that were found, before there are surfaces of them: a base, and a link for every joint with how sure it is.
-    /// Joints are in the capture's frame and unit, as in a replica.
+    /// The page of discovered parts before training: a base, and a link for every joint with its confidence. Joints are in the
+    /// capture's frame and unit, as in a replica.
     pub fn of_joints(name: &str, joints: &[(Joint, Option<f64>)], placement: Placement) -> Self {
         let mut page = Self::empty(name);
         page.place(placement);
@@ -120,27 +120,27 @@ impl Page {
         page.scene.links.push(link(0, DVec3::ZERO, None));
         for (k, (joint, confidence)) in joints.iter().enumerate() {
             let length = if joint.kind == JointKind::Prismatic { placement.scale } else { 1.0 };
-            let told = SceneJoint {
+            let scene_joint = SceneJoint {
                 kind: joint.kind,
                 axis: (placement.rotation * joint.axis).to_array(),
                 pitch: placement.scale * joint.pitch,
                 limits: joint.limits.map(|v| length * v),
-                observed: joint.state_values.map(|v| length * v).into(),
+                observed: joint.state_values.map(|v| length * v),
                 effort: 0.0,
                 confidence: *confidence,
             };
             let origin = placement.rotation * (placement.scale * joint.origin);
-            page.scene.links.push(link(k + 1, origin, Some(told)));
+            page.scene.links.push(link(k + 1, origin, Some(scene_joint)));
         }
         page
     }
 
-    /// Tells where the capture is in the object's frame; without it the page takes no positions for corrections.
+    /// Sets the transform from the capture's frame to the object's; without it corrections cannot contain positions.
     pub fn place(&mut self, placement: Placement) {
         self.scene.placement = Some(placement);
     }
 
-    /// Adds cameras of the capture; `placement` leads from its frame to the object's.
+    /// Adds cameras of the capture; `placement` maps its frame to the object's.
     pub fn add_cameras(&mut self, cameras: &[CameraView], placement: Placement) -> Result<(), ViewError> {
         self.scene.placement = Some(placement);
         for view in cameras {
@@ -154,12 +154,12 @@ impl Page {
         Ok(())
     }
 
-    /// Adds the points of an observed state; `placement` leads from the capture's frame to the object's.
+    /// Adds the points of an observed state; `placement` maps the capture's frame to the object's.
     pub fn add_cloud(&mut self, cloud: &Cloud, placement: Placement) {
         self.scene.placement = Some(placement);
         let file = format!("clouds/{}.points", self.scene.clouds.len());
         self.files.insert(file.clone(), Source::Bytes(cloud.bytes(&placement)));
-        self.scene.clouds.push(SceneCloud { state: cloud.state, count: cloud.points.len(), file });
+        self.scene.clouds.push(SceneCloud { state: cloud.state.index(), count: cloud.points.len(), file });
     }
 
     /// The text of `scene.json`.
@@ -219,7 +219,7 @@ impl Page {
     }
 }
 
-/// Names of the links that the export calls watertight; none without its notes.
+/// Names of the watertight links according to `export.json`; none without that file.
 fn closed_links(notes: &Path) -> Result<Vec<String>, FileError> {
     if !notes.is_file() {
         return Ok(Vec::new());
@@ -243,7 +243,7 @@ fn first_urdf(folder: &Path) -> Option<PathBuf> {
     found.into_iter().next()
 }
 
-/// Texture of an OBJ by way of its MTL, beside the OBJ.
+/// Texture of an OBJ according to its MTL in the same folder.
 fn texture_of(obj: &Path) -> Result<Option<PathBuf>, FileError> {
     let material = obj.with_extension("mtl");
     if !material.is_file() {

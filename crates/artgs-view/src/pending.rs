@@ -1,9 +1,10 @@
-//! Saved corrections that what is shown was not made with: what the page's controls begin with.
+//! Saved corrections that are not applied to the shown replica; the page loads them into its controls.
 
 use artgs_io::{CentreEdit, Corrections};
 
-/// The corrections that [`Corrections::after`] makes `all` of, in numbers of the parts that `earlier` ones left of `found`
-/// movable parts; none if there are no such ones, as where an earlier one was taken back by hand.
+/// The inverse of [`Corrections::after`]: the corrections that, applied after `earlier`, result in `all`. Parts are numbered
+/// as they remain of `found` movable parts after `earlier`. None if there are none, for example if a user removed one of
+/// `earlier` from the file.
 pub(crate) fn pending(all: &Corrections, earlier: &Corrections, found: usize) -> Option<Corrections> {
     let further = all.centres.strip_prefix(earlier.centres.as_slice())?;
     let known = found + earlier.centres.iter().filter(|e| matches!(e, CentreEdit::Add { .. })).count();
@@ -29,7 +30,7 @@ pub(crate) fn pending(all: &Corrections, earlier: &Corrections, found: usize) ->
     (sorted(rest.after(earlier, found)) == sorted(all.clone())).then_some(rest)
 }
 
-/// The order of joints means nothing.
+/// The order of joints has no meaning.
 fn sorted(mut corrections: Corrections) -> Corrections {
     corrections.joints.sort_by_key(|mark| mark.part);
     corrections
@@ -42,7 +43,7 @@ mod tests {
     use artgs_io::JointMark;
 
     #[test]
-    fn undoes_after_and_only_that() {
+    fn is_the_inverse_of_after() {
         let at = |x: f64| [x, 0.0, 0.0];
         let mark = |part, kind| JointMark { part, kind };
         let earlier = Corrections {
@@ -62,7 +63,7 @@ mod tests {
         assert_eq!(pending(&all, &earlier, 3), Some(later.clone()));
         assert_eq!(pending(&earlier, &earlier, 3), Some(Corrections::default()));
         assert_eq!(pending(&later, &Corrections::default(), 3), Some(later));
-        // Neither a centre nor a joint of the earlier ones can be taken back by later ones.
+        // Later corrections cannot withdraw a centre or a joint of earlier ones.
         let fewer = Corrections { centres: vec![], ..earlier.clone() };
         assert_eq!(pending(&fewer, &earlier, 3), None);
         let unmarked = Corrections { joints: vec![mark(2, JointKind::Screw)], ..earlier.clone() };

@@ -1,17 +1,17 @@
-//! `scene.json`: all the page knows of what it shows. `viewer/README.md` describes the fields for readers of the page.
+//! `scene.json`: the data of the page. `viewer/README.md` describes the fields.
 //!
 //! Frames: the object's, +Z up, metres; link frames are parallel to it at the zero pose.
 
-use artgs_core::JointKind;
+use artgs_core::{JointKind, PerState};
 use serde::Serialize;
 use serde_json::Value;
 
-/// Spelling of `format` in `scene.json`.
+/// Value of `format` in `scene.json`.
 pub(crate) const FORMAT: &str = "artgs-scene";
-/// Version of `scene.json` that the page of this crate reads.
+/// Version of `scene.json`.
 pub(crate) const VERSION: u32 = 1;
 
-/// What the page shows. Files are names under which a [`Page`](crate::Page) has them.
+/// Content of the page. Files are names in [`Page::files`](crate::Page::files).
 #[derive(Clone, Debug, Serialize)]
 pub struct Scene {
     /// `artgs-scene`.
@@ -34,15 +34,15 @@ pub struct Scene {
     /// From the capture's frame to the object's, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub placement: Option<crate::Placement>,
-    /// True if the server takes corrections.
+    /// True if the server accepts corrections.
     pub corrections: bool,
-    /// True if the page is to follow a run, see [`Live`](crate::Live).
+    /// True if the page follows a run, see [`Live`](crate::Live).
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub live: bool,
-    /// Of a page that follows a run: when that is over, this server has something else to show.
+    /// True if the server shows another page after the run.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub returns: bool,
-    /// Whether the server makes anew what depends on corrections; none if it was never asked to.
+    /// Whether the server can start a run that applies corrections; none for a server without runs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rerun: Option<SceneRerun>,
 }
@@ -59,15 +59,15 @@ pub struct SceneRerun {
 pub struct SceneLink {
     /// Unique name.
     pub name: String,
-    /// Index of the link it hangs on; none for the base.
+    /// Index of the parent link; none for the base.
     pub parent: Option<usize>,
     /// Origin of the link frame in the object's frame at the zero pose, metres.
     pub origin: [f64; 3],
-    /// How it moves against its parent; none if it does not.
+    /// Joint to the parent; none if the link is fixed.
     pub joint: Option<SceneJoint>,
-    /// What is drawn.
+    /// Visual mesh.
     pub mesh: Option<SceneMesh>,
-    /// Convex meshes to collide with, OBJ, link frame.
+    /// Convex collision meshes, OBJ, link frame.
     pub collision: Vec<String>,
     /// Gaussians, SPZ or 3DGS PLY, link frame.
     pub splats: Option<String>,
@@ -82,7 +82,7 @@ pub struct SceneMesh {
     pub file: String,
     /// PNG, its first row at v = 1.
     pub texture: Option<String>,
-    /// True if it is known to be closed, so that nobody sees its inside.
+    /// True if it is known to be closed, so that its inside is never visible.
     pub closed: bool,
 }
 
@@ -97,11 +97,12 @@ pub struct SceneJoint {
     pub pitch: f64,
     /// Lower and upper limit, radians or metres.
     pub limits: [f64; 2],
-    /// Values in the two observed states.
-    pub observed: [f64; 2],
+    /// Values in the observed states.
+    #[serde(with = "artgs_core::state::array")]
+    pub observed: PerState<f64>,
     /// Largest force (N) or torque (N m); 0 if unknown.
     pub effort: f64,
-    /// How sure the joint is, 0 to 1, if that is known.
+    /// Joint confidence, 0 to 1; none if unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub confidence: Option<f64>,
 }
@@ -109,7 +110,7 @@ pub struct SceneJoint {
 /// A camera of the capture.
 #[derive(Clone, Debug, Serialize)]
 pub struct SceneCamera {
-    /// What to call it.
+    /// Name.
     pub name: String,
     /// 0 = start, 1 = end.
     pub state: usize,
@@ -121,9 +122,9 @@ pub struct SceneCamera {
     pub size: [u32; 2],
     /// Photo.
     pub photo: Option<String>,
-    /// Picture of the replica at this camera; without one the page draws the replica itself.
+    /// Rendering of the replica at this camera; without one the page draws the replica itself.
     pub rendering: Option<String>,
-    /// Mask of the photo: white where the object is.
+    /// Mask of the photo, white on the object.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mask: Option<String>,
 }
@@ -136,6 +137,6 @@ pub struct SceneCloud {
     /// Number of points.
     pub count: usize,
     /// Little endian: `count` times x y z (f32, object's frame, metres), then `count` times r g b mark (u8; the mark is
-    /// the index of the point's link, or before there are links 1 for what moved).
+    /// the index of the point's link; before parts are known, 1 for moved points).
     pub file: String,
 }

@@ -1,8 +1,8 @@
-//! The page over HTTP, on loopback only.
+//! Serves the page over HTTP, on loopback only.
 //!
 //! `GET` of `/`, the script, the style, `/scene.json` and the files that the scene names; of a run, `/live.json`,
 //! `/live/splats.spz` and `/live/parts.spz`; `GET` and `POST` of `/corrections` and, to start a run, `POST` of `/rerun`. Paths
-//! are looked up among those names, so no path reaches the file system.
+//! are looked up among those names, so no request path reaches the file system.
 
 use crate::bundle::{HTML, POLICY, SCRIPT, STYLE};
 use crate::guard::{Asked, refusal};
@@ -18,38 +18,38 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Port that is tried first.
+/// Default port.
 pub const DEFAULT_PORT: u16 = 8765;
-/// Connections answered at once; a page needs six.
+/// Largest number of simultaneous connections; a page needs six.
 const MOST_CONNECTIONS: usize = 64;
-/// Bytes of corrections; 256 of either kind fit.
+/// Largest size of a request body, bytes; 256 corrections of each kind fit.
 const MOST_BYTES: usize = 1 << 16;
-/// How often the end is looked for, and a new connection.
+/// Interval at which the server polls for new connections and for its end.
 const BEAT: Duration = Duration::from_millis(10);
 
-/// Makes anew what the page shows, tells how that goes, and returns what there is to show then or why it failed.
+/// A run started from the page: reports its progress and returns the new page, or the reason of its failure.
 pub type Rerun<'a> = dyn Fn(&Arc<Live>) -> Result<Page, String> + Send + Sync + 'a;
 
-/// A page that can be asked for.
+/// A server for one page.
 pub struct Server {
     listener: TcpListener,
     port: u16,
     shown: Mutex<Shown>,
     corrections: Option<PathBuf>,
-    /// What a page can start, or why it cannot.
+    /// The run that the page can start, or why it cannot.
     rerun: Option<Result<Box<Rerun<'static>>, String>>,
 }
 
-/// What is to be seen.
+/// Content that the server shows.
 struct Shown {
     page: Arc<Page>,
-    /// The run that is under way, or the last one.
+    /// The active run, or the last one.
     live: Option<Arc<Live>>,
 }
 
 impl Server {
-    /// Listens on 127.0.0.1: at `port` (0: any free one), or without one at [`DEFAULT_PORT`] or, if that is taken, any.
-    /// `corrections` is the folder to write `corrections.json` into; without it nothing can be written.
+    /// Listens on 127.0.0.1: at `port` (0: any free one); without `port` at [`DEFAULT_PORT`] or, if that is in use, at any.
+    /// `corrections` is the folder for `corrections.json`; without it the server accepts no corrections.
     pub fn bind(mut page: Page, port: Option<u16>, corrections: Option<PathBuf>) -> Result<Self, ViewError> {
         let listen = |port: u16| TcpListener::bind((Ipv4Addr::LOCALHOST, port));
         let refused = |port: u16| move |e: std::io::Error| ViewError::Listen { port, reason: e.to_string() };
@@ -64,7 +64,7 @@ impl Server {
         Ok(Self { listener, port, shown, corrections, rerun: None })
     }
 
-    /// Listens like [`Server::bind`] for a page that follows a run; nothing can be written.
+    /// Listens like [`Server::bind`] with a page that follows a run, without corrections.
     pub fn bind_live(live: Arc<Live>, port: Option<u16>) -> Result<Self, ViewError> {
         let mut page = Page::empty(live.name());
         page.place(live.placement());
@@ -74,7 +74,7 @@ impl Server {
         Ok(server)
     }
 
-    /// The same server, at which the page can start a run; `Err` says why there is none to be had.
+    /// Lets the page start a run; `Err` says why no run can be started.
     pub fn with_rerun(mut self, rerun: Result<Box<Rerun<'static>>, String>) -> Self {
         self.rerun = Some(rerun);
         let page = Page::clone(&self.shown().page);
@@ -82,7 +82,7 @@ impl Server {
         self
     }
 
-    /// Shows another page to those who ask from now on.
+    /// Replaces the page for later requests.
     fn show(&self, mut page: Page) {
         page.scene.corrections = self.corrections.is_some();
         let refused = self.rerun.as_ref().map(|r| r.as_ref().err().cloned());
@@ -90,19 +90,18 @@ impl Server {
         self.shown().page = Arc::new(page);
     }
 
-    /// Does a job, to its end, while pages follow it; then they see what it made. None if another one is under way, else
-    /// whether it went well.
+    /// Executes a run while pages follow it; then they show its result. None if another run is active, else the outcome.
     pub fn follow(&self, job: &Rerun<'_>) -> Option<Result<(), String>> {
         let live = self.begin()?;
-        Some(self.carry_on(&live, job))
+        Some(self.execute(&live, job))
     }
 
-    /// True while a run is under way.
+    /// True while a run is active.
     pub fn is_busy(&self) -> bool {
         self.shown().live.as_ref().is_some_and(|live| live.is_running())
     }
 
-    /// Takes the place of the one job that there is at a time.
+    /// Marks a run as active; none if one already is.
     fn begin(&self) -> Option<Arc<Live>> {
         let mut shown = self.shown();
         if shown.live.as_ref().is_some_and(|live| live.is_running()) {
@@ -114,31 +113,31 @@ impl Server {
         Some(live)
     }
 
-    fn carry_on(&self, live: &Arc<Live>, job: &Rerun<'_>) -> Result<(), String> {
-        // Whatever happens to a run, the server goes on.
+    fn execute(&self, live: &Arc<Live>, job: &Rerun<'_>) -> Result<(), String> {
+        // A panic of the run must not end the server.
         let made = catch_unwind(AssertUnwindSafe(|| job(live)));
-        let made = made.unwrap_or_else(|_| Err("the run broke off because of a mistake in this program".into()));
+        let made = made.unwrap_or_else(|_| Err("the run stopped because of an error in this program".into()));
         let outcome = made.map(|page| self.show(page));
         live.finish(outcome.clone());
         outcome
     }
 
-    /// Nothing that holds the lock can leave things half done, whatever happened to the thread.
+    /// A poisoned lock is used: no code that holds it can leave inconsistent data.
     fn shown(&self) -> MutexGuard<'_, Shown> {
         self.shown.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Where the page is.
+    /// URL of the page.
     pub fn url(&self) -> String {
         format!("http://127.0.0.1:{}/", self.port)
     }
 
-    /// Answers until `stop` is set, and then until the last answer is out.
+    /// Answers requests until `stop` is set, then finishes open answers.
     pub fn run(&self, stop: &AtomicBool) {
         let open = AtomicUsize::new(0);
         std::thread::scope(|scope| {
             while !stop.load(Ordering::Relaxed) {
-                // Whatever else fails is a matter of one connection: the next may do.
+                // Other errors concern only one connection.
                 let Ok((stream, _)) = self.listener.accept() else {
                     std::thread::sleep(BEAT);
                     continue;
@@ -146,7 +145,7 @@ impl Server {
                 let busy = open.fetch_add(1, Ordering::Relaxed) >= MOST_CONNECTIONS;
                 let open = &open;
                 scope.spawn(move || {
-                    // A peer that goes away is no failure of ours.
+                    // A peer may disconnect at any time.
                     let _ = self.serve(stream, busy);
                     open.fetch_sub(1, Ordering::Relaxed);
                 });
@@ -157,11 +156,11 @@ impl Server {
     fn serve(&self, mut stream: TcpStream, busy: bool) -> std::io::Result<()> {
         stream.set_nonblocking(false)?;
         stream.set_nodelay(true)?;
-        let mut begun = None;
+        let mut started = None;
         let answer = match busy {
             true => Answer::text(503, "too many connections"),
             false => http::read(&mut stream, MOST_BYTES)?
-                .map_or_else(|refused| refused, |request| self.respond(&request, &mut begun)),
+                .map_or_else(|refused| refused, |request| self.respond(&request, &mut started)),
         };
         let headers = [
             ("Content-Security-Policy", POLICY),
@@ -172,21 +171,21 @@ impl Server {
         ];
         let written = http::write(&mut stream, answer, &headers);
         drop(stream);
-        // The thread of the request that started it is as good as any.
-        if let (Some(live), Some(Ok(job))) = (begun, &self.rerun) {
-            // Pages are told by `live`.
-            let _ = self.carry_on(&live, job);
+        // The run uses the thread of the request that started it.
+        if let (Some(live), Some(Ok(job))) = (started, &self.rerun) {
+            // Pages read the outcome from `live`.
+            let _ = self.execute(&live, job);
         }
         written
     }
 
-    fn respond(&self, request: &Request, begun: &mut Option<Arc<Live>>) -> Answer {
+    fn respond(&self, request: &Request, started: &mut Option<Arc<Live>>) -> Answer {
         let asked = Asked {
             host: request.header("Host"),
             origin: request.header("Origin"),
             site: request.header("Sec-Fetch-Site"),
         };
-        // A link elsewhere may lead here: that loads the page, but tells the other page nothing.
+        // A link on another site may open the page: the other site learns nothing from that.
         let opened = request.header("Sec-Fetch-Mode") == Some("navigate") && request.path() == "/";
         let asked = if opened { Asked { site: None, ..asked } } else { asked };
         if let Some(reason) = refusal(&asked, self.port) {
@@ -199,7 +198,7 @@ impl Server {
                     (Arc::clone(&shown.page), shown.live.clone())
                 };
                 match live {
-                    Some(live) if path.starts_with("/live") => look(&live, request),
+                    Some(live) if path.starts_with("/live") => live_answer(&live, request),
                     Some(live) if path == "/scene.json" && live.is_running() && !page.scene.live => {
                         Answer::bytes(following(&live).scene_json().as_bytes(), "application/json")
                     }
@@ -208,29 +207,29 @@ impl Server {
                 }
             }
             ("POST", "/corrections") => self.correct(request),
-            ("POST", "/rerun") => self.start(request, begun),
+            ("POST", "/rerun") => self.start(request, started),
             _ => Answer::text(405, "only GET, POST /corrections and POST /rerun"),
         }
     }
 
-    /// Starts the run, unless one is under way.
-    fn start(&self, request: &Request, begun: &mut Option<Arc<Live>>) -> Answer {
+    /// Starts the run, unless one is active.
+    fn start(&self, request: &Request, started: &mut Option<Arc<Live>>) -> Answer {
         match &self.rerun {
-            None => return Answer::text(403, "this page starts no runs"),
+            None => return Answer::text(403, "this server starts no runs"),
             Some(Err(reason)) => return Answer::text(403, reason),
-            Some(Ok(_)) if !is_json(request) => return Answer::text(415, "a run is asked for by application/json"),
+            Some(Ok(_)) if !is_json(request) => return Answer::text(415, "a run is requested with application/json"),
             Some(Ok(_)) => {}
         }
-        *begun = self.begin();
-        match begun {
+        *started = self.begin();
+        match started {
             Some(_) => Answer::text(202, "started"),
-            None => Answer::text(409, "a run is under way"),
+            None => Answer::text(409, "a run is active"),
         }
     }
 
-    /// The corrections in the folder that the page was not made with, as further ones of what it shows.
+    /// The saved corrections that are not applied to the shown replica.
     fn saved(&self, page: &Page) -> Answer {
-        let Some(folder) = &self.corrections else { return Answer::text(404, "this page takes no corrections") };
+        let Some(folder) = &self.corrections else { return Answer::text(404, "this server accepts no corrections") };
         let all = match read_corrections(folder) {
             Ok(all) => all,
             Err(e) => return Answer::text(500, &e.to_string()),
@@ -242,17 +241,17 @@ impl Server {
         };
         match further {
             Some(further) => Answer::bytes(further.text().as_bytes(), "application/json"),
-            None => Answer::text(409, "corrections.json takes back corrections that what is shown was made with"),
+            None => Answer::text(409, "corrections.json lacks corrections that are already applied to the shown replica"),
         }
     }
 
     fn correct(&self, request: &Request) -> Answer {
-        let Some(folder) = &self.corrections else { return Answer::text(403, "this page takes no corrections") };
+        let Some(folder) = &self.corrections else { return Answer::text(403, "this server accepts no corrections") };
         if !is_json(request) {
             return Answer::text(415, "corrections are application/json");
         }
         if self.is_busy() {
-            return Answer::text(409, "a run is under way; corrections can be saved when it is over");
+            return Answer::text(409, "a run is active; corrections can be saved after it");
         }
         let earlier = self.shown().page.corrected.clone();
         let written = Corrections::parse(&request.body)
@@ -264,13 +263,13 @@ impl Server {
     }
 }
 
-/// A form of another page cannot send this type without asking first, which is refused.
+/// Forms of other pages cannot send this type without a preflight request, which is refused.
 fn is_json(request: &Request) -> bool {
     let kind = request.header("Content-Type").unwrap_or("").split(';').next().unwrap_or("").trim();
     kind.eq_ignore_ascii_case("application/json")
 }
 
-/// The page of a run after which the server has something else to show.
+/// The page of a run after which the server shows another page.
 fn following(live: &Live) -> Page {
     let mut page = Page::empty(live.name());
     page.place(live.placement());
@@ -287,21 +286,21 @@ fn get(page: &Page, path: &str) -> Answer {
         "/scene.json" => Answer::bytes(page.scene_json().as_bytes(), "application/json"),
         _ => match path.strip_prefix("/files/").and_then(|name| Some((name, page.files.get(name)?))) {
             Some((name, source)) => file(name, source),
-            None => Answer::text(404, "there is no such file"),
+            None => Answer::text(404, "the file does not exist"),
         },
     }
 }
 
-fn look(live: &Live, request: &Request) -> Answer {
+fn live_answer(live: &Live, request: &Request) -> Answer {
     let splats = |tint| match live.spz(tint) {
         Some(bytes) => Answer::bytes(&bytes, "application/octet-stream"),
-        None => Answer::text(404, "there are no Gaussians to show yet"),
+        None => Answer::text(404, "no Gaussians are available yet"),
     };
     match request.path() {
         "/live.json" => Answer::bytes(live.json(request.number("since")).as_bytes(), "application/json"),
         "/live/splats.spz" => splats(Tint::Photo),
         "/live/parts.spz" => splats(Tint::Parts),
-        _ => Answer::text(404, "there is no such file"),
+        _ => Answer::text(404, "the file does not exist"),
     }
 }
 

@@ -1,4 +1,4 @@
-//! The page as one file that needs no server.
+//! Exports the page to one file that needs no server.
 
 use crate::bundle::{HTML, POLICY, SCRIPT, STYLE};
 use crate::{Page, ViewError};
@@ -14,7 +14,7 @@ use std::path::Path;
 const LINK: &str = "<link rel=\"stylesheet\" href=\"viewer.css\">";
 const CODE: &str = "<script type=\"module\" src=\"viewer.js\"></script>";
 
-/// Writes a page with style, script, scene and files inside, gzipped and in base 64; it can be opened from disk.
+/// Writes a page with embedded style, script, scene and files (gzip, base 64). It can be opened from disk.
 pub fn export_page(page: &Page, file: &Path) -> Result<(), ViewError> {
     let mut page = page.clone();
     page.scene.corrections = false;
@@ -23,7 +23,7 @@ pub fn export_page(page: &Page, file: &Path) -> Result<(), ViewError> {
     for (name, source) in &page.files {
         data += &element(name, &source.read()?, file)?;
     }
-    // No frame-ancestors in an element; scripts and styles are inline here.
+    // A meta element does not support frame-ancestors; scripts and styles are inline here.
     let policy = POLICY.replace("; frame-ancestors 'none'", "").replace("'self'", "'unsafe-inline'");
     let head = format!("<meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\">\n<style>{STYLE}</style>");
     let code = format!("{data}<script type=\"module\">{SCRIPT}</script>");
@@ -31,7 +31,7 @@ pub fn export_page(page: &Page, file: &Path) -> Result<(), ViewError> {
     Ok(write_atomic(file, html.as_bytes())?)
 }
 
-/// An element that browsers do not run, with the file in it.
+/// An inert script element that contains a file.
 fn element(name: &str, bytes: &[u8], page: &Path) -> Result<String, FileError> {
     let fail = |source| FileError::Write { path: page.into(), source };
     let mut encoder = GzEncoder::new(Vec::new(), Compression::default());
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_built_page_has_the_places_to_fill() {
+    fn the_built_page_has_the_replaced_lines() {
         assert_eq!((HTML.matches(LINK).count(), HTML.matches(CODE).count()), (1, 1));
         assert!(!SCRIPT.contains("</script") && !STYLE.contains("</style"));
         assert!(!SCRIPT.contains("sourceMappingURL"));

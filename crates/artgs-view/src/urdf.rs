@@ -1,10 +1,10 @@
 //! Links, joints and files of an exported URDF.
 //!
-//! Limitations: reads what `artgs export` writes, so frames parallel to each other (no `rpy`) and mesh files relative to
-//! the URDF. Pitch of a screw and the observed states are in comments; without them a joint turns, and was observed at
-//! its limits.
+//! Limitations: reads only files of `artgs export`: parallel frames (no `rpy`) and mesh files relative to the URDF. The pitch
+//! of a screw and the observed states are in comments; without them a joint is revolute or prismatic and its observed values
+//! are its limits.
 
-use artgs_core::JointKind;
+use artgs_core::{JointKind, PerState};
 use artgs_io::FileError;
 use glam::DVec3;
 use roxmltree::{Document, Node};
@@ -22,18 +22,18 @@ pub(crate) struct Link {
     pub(crate) collision: Vec<PathBuf>,
 }
 
-/// A joint as its link sees it.
+/// A joint in the frame of its link.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Joint {
     pub(crate) kind: JointKind,
     pub(crate) axis: DVec3,
     pub(crate) pitch: f64,
     pub(crate) limits: [f64; 2],
-    pub(crate) observed: [f64; 2],
+    pub(crate) observed: PerState<f64>,
     pub(crate) effort: f64,
 }
 
-/// Name of the robot and its links, the base first, parents before children. The root link without a body is left out.
+/// Name of the robot and its links, the base first, parents before children. The root link without a body is omitted.
 pub(crate) fn read(path: &Path) -> Result<(String, Vec<Link>), FileError> {
     let text = std::fs::read_to_string(path).map_err(|source| FileError::Read { path: path.into(), source })?;
     parse(&text).map_err(|reason| FileError::malformed(path, reason))
@@ -46,7 +46,7 @@ fn parse(text: &str) -> Result<(String, Vec<Link>), String> {
     let mut left: Vec<Node> = elements(robot, "link").collect();
     let mut links: Vec<Link> = Vec::new();
     let mut roots: Vec<(String, DVec3)> = Vec::new();
-    // Parents may come after children; every round places the links whose parents have a place.
+    // Parents may follow children in the file; every round adds the links whose parents are known.
     while !left.is_empty() {
         let before = left.len();
         let mut waiting = Vec::new();
@@ -72,7 +72,7 @@ fn parse(text: &str) -> Result<(String, Vec<Link>), String> {
             links.push(link(node, parent, at + shift(*joint)?, motion(*joint)?)?);
         }
         if waiting.len() == before {
-            return Err(format!("link `{}` hangs on nothing", waiting[0].attribute("name").unwrap_or("")));
+            return Err(format!("link `{}` has no parent", waiting[0].attribute("name").unwrap_or("")));
         }
         left = waiting;
     }
@@ -128,13 +128,13 @@ fn motion(joint: Node) -> Result<Option<Joint>, String> {
         return Err(format!("joint `{name}`: lower limit {} above upper limit {}", limits[0], limits[1]));
     }
     let pitch = note(joint, "screw: slides ").and_then(|t| row::<1>(t.split(' ').next()?).ok()).map(|[p]| p);
-    let observed = note(joint, "observed: ").map_or(Ok(limits), row)?;
+    let [start, end] = note(joint, "observed: ").map_or(Ok(limits), row)?;
     let kind = if pitch.is_some() { JointKind::Screw } else { kind };
     let effort = number("effort").unwrap_or(0.0);
-    Ok(Some(Joint { kind, axis, pitch: pitch.unwrap_or(0.0), limits, observed, effort }))
+    Ok(Some(Joint { kind, axis, pitch: pitch.unwrap_or(0.0), limits, observed: PerState::new(start, end), effort }))
 }
 
-/// What follows `start` in a comment of a joint.
+/// Text after `start` in a comment of a joint.
 fn note<'a>(joint: Node<'a, '_>, start: &str) -> Option<&'a str> {
     joint.children().filter(Node::is_comment).find_map(|c| c.text()?.trim().strip_prefix(start))
 }
@@ -154,7 +154,7 @@ fn attribute(node: Node, key: &str) -> Result<String, String> {
     node.attribute(key).map(str::to_string).ok_or_else(|| format!("<{}> has no `{key}`", node.tag_name().name()))
 }
 
-/// Finite numbers parted by blanks.
+/// Finite numbers separated by blanks.
 fn row<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let numbers: Option<Vec<f64>> =
         text.split_whitespace().map(|t| t.parse().ok().filter(|v: &f64| v.is_finite())).collect();
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn parents_come_first_and_comments_tell_of_screws() {
+    fn parents_come_first_and_comments_contain_screws() {
         let (name, links) = robot(
             r#"type="revolute"><origin xyz="0 2 0"/><axis xyz="0 0 -2"/><limit lower="-1" upper="3" effort="5"/>
                <!-- observed: 0 2.5 --><!-- screw: slides -0.01 m per radian along its axis -->"#,
@@ -192,7 +192,7 @@ mod tests {
             axis: DVec3::NEG_Z,
             pitch: -0.01,
             limits: [-1.0, 3.0],
-            observed: [0.0, 2.5],
+            observed: PerState::new(0.0, 2.5),
             effort: 5.0,
         };
         assert_eq!(joint, expected);
@@ -208,7 +208,7 @@ mod tests {
         assert!(slide("<origin rpy=\"0 1 0\"/>").contains("rpy"));
         assert!(robot("type=\"floating\">").unwrap_err().contains("floating"));
         let lost = HEAD.replace("parent link=\"world\"", "parent link=\"base\"") + "</robot>";
-        assert!(parse(&lost).unwrap_err().contains("`base` hangs on nothing"));
+        assert!(parse(&lost).unwrap_err().contains("`base` has no parent"));
         for bad in ["../b.obj", "/b.obj", "package://b.obj/../../c"] {
             let text = HEAD.replace("m/b.obj", bad) + "</robot>";
             assert!(parse(&text).unwrap_err().contains("inside the folder"), "{bad}");

@@ -1,10 +1,10 @@
-//! The server answers its own page, and nobody else.
+//! The server answers only its own page.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod common;
 
-use artgs_core::{Joint, JointKind, Splats};
+use artgs_core::{Joint, JointKind, PerState, Splats, State};
 use artgs_io::{CentreEdit, Corrections};
 use artgs_view::{Live, Page, Placement, Server, ViewError, export_page};
 use glam::{DQuat, DVec3};
@@ -81,7 +81,7 @@ fn the_page_its_scene_and_its_files() {
 }
 
 #[test]
-fn a_run_under_way_is_told_to_its_own_page_alone() {
+fn only_the_page_of_the_server_can_read_a_run() {
     let live = Arc::new(Live::new("lamp", Placement::default()));
     let server = Server::bind_live(Arc::clone(&live), Some(0)).unwrap();
     asking(&server, |send| {
@@ -97,8 +97,8 @@ fn a_run_under_way_is_told_to_its_own_page_alone() {
         );
         assert_eq!(status(&send(&get("/live/splats.spz"))), "404");
         live.event("single", [1, 10], Some(0.5), Some(20.0), Some(1));
-        let told = body("/live.json?since=0");
-        assert_eq!((&told["since"], &told["points"][0][3]), (&1.into(), &20.0.into()));
+        let answer = body("/live.json?since=0");
+        assert_eq!((&answer["since"], &answer["points"][0][3]), (&1.into(), &20.0.into()));
         assert_eq!(body("/live.json?since=1")["points"], serde_json::json!([]));
         let mut splats = Splats::empty(0);
         splats.extend_from(common::cabinet().links[1].splats.as_ref().unwrap(), 0..9);
@@ -138,7 +138,7 @@ fn a_run_is_started_by_the_own_page_one_at_a_time_and_its_result_shown() {
         while !gate.load(Ordering::SeqCst) {
             std::thread::sleep(Duration::from_millis(5));
         }
-        assert!(nth < 2, "a third run is a mistake");
+        assert!(nth < 2, "a third run panics");
         if nth == 1 { Err("no depth".into()) } else { Ok(Page { scene: scene_called("after", &made), ..made.clone() }) }
     };
     let server = Server::bind(page, Some(0), Some(dir.path().into())).unwrap().with_rerun(Ok(Box::new(job)));
@@ -182,13 +182,13 @@ fn a_run_is_started_by_the_own_page_one_at_a_time_and_its_result_shown() {
         assert_eq!((&scene["name"], &scene["corrections"]), (&"after".into(), &true.into()));
         assert_eq!(scene["rerun"], serde_json::json!({ "refused": null }));
 
-        // One that fails, or breaks, leaves what was there.
+        // A run that fails or panics leaves the page unchanged.
         assert_eq!(status(&send(&post("/rerun", JSON, "{}"))), "202");
         over("failed");
         assert_eq!(json("/live.json")["message"], "no depth");
         assert_eq!(status(&send(&post("/rerun", JSON, "{}"))), "202");
         over("failed");
-        assert!(json("/live.json")["message"].as_str().unwrap().contains("broke off"));
+        assert!(json("/live.json")["message"].as_str().unwrap().contains("error in this program"));
         assert_eq!((json("/scene.json")["name"].as_str(), asked.load(Ordering::SeqCst)), (Some("after"), 3));
         assert_eq!(status(&send(&post("/corrections", JSON, saved))), "200");
     });
@@ -205,12 +205,12 @@ fn a_page_that_can_start_no_run_says_why() {
     let dir = tempfile::tempdir().unwrap();
     common::write_replica_folder(dir.path());
     let server = Server::bind(common::found_page(), Some(0), Some(dir.path().into())).unwrap();
-    let server = server.with_rerun(Err("the photos are gone".into()));
+    let server = server.with_rerun(Err("the photos are missing".into()));
     asking(&server, |send| {
         let scene = send(&get("/scene.json"));
-        assert!(scene.contains(r#""rerun":{"refused":"the photos are gone"}"#), "{scene}");
+        assert!(scene.contains(r#""rerun":{"refused":"the photos are missing"}"#), "{scene}");
         let answer = send(&post("/rerun", JSON, "{}"));
-        assert!(status(&answer) == "403" && answer.contains("the photos are gone"), "{answer}");
+        assert!(status(&answer) == "403" && answer.contains("the photos are missing"), "{answer}");
         assert!(!server.is_busy());
     });
 }
@@ -226,17 +226,17 @@ fn corrections_of_what_was_corrected_follow_the_earlier_ones() {
     asking(&server, |send| {
         let body = r#"{"format":"artgs-corrections","version":1,"centres":[{"action":"delete","part":2}]}"#;
         assert_eq!(status(&send(&post("/corrections", "Content-Type: application/json\r\n", body))), "200");
-        // The page that is loaded again begins with its own, in its own numbers.
-        let told = send(&get("/corrections"));
-        let told = Corrections::parse(told.split("\r\n\r\n").nth(1).unwrap().as_bytes()).unwrap();
-        assert_eq!(told, Corrections { centres: vec![CentreEdit::Delete { part: 2 }], joints: vec![] });
+        // A page loaded later gets its own corrections, with its own numbers of parts.
+        let answer = send(&get("/corrections"));
+        let answer = Corrections::parse(answer.split("\r\n\r\n").nth(1).unwrap().as_bytes()).unwrap();
+        assert_eq!(answer, Corrections { centres: vec![CentreEdit::Delete { part: 2 }], joints: vec![] });
     });
     let read = artgs_io::read_corrections(dir.path()).unwrap().unwrap();
     assert_eq!(read.centres, [CentreEdit::Delete { part: 1 }, CentreEdit::Delete { part: 3 }]);
 }
 
 #[test]
-fn corrections_that_cannot_be_told_stay_and_say_why() {
+fn corrections_that_cannot_be_shown_stay_and_the_answer_says_why() {
     with_server(false, |_, send| assert_eq!(status(&send(&get("/corrections"))), "404"));
     let dir = tempfile::tempdir().unwrap();
     common::write_replica_folder(dir.path());
@@ -245,10 +245,11 @@ fn corrections_that_cannot_be_told_stay_and_say_why() {
     let server = Server::bind(page, Some(0), Some(dir.path().into())).unwrap();
     let file = dir.path().join("corrections.json");
     asking(&server, |send| {
-        assert!(send(&get("/corrections")).contains(r#""centres": []"#), "there is no file");
-        for (text, code, words) in
-            [("{", "500", "corrections.json"), (r#"{"format":"artgs-corrections","version":1}"#, "409", "takes back")]
-        {
+        assert!(send(&get("/corrections")).contains(r#""centres": []"#), "the file does not exist");
+        for (text, code, words) in [
+            ("{", "500", "corrections.json"),
+            (r#"{"format":"artgs-corrections","version":1}"#, "409", "lacks corrections"),
+        ] {
             std::fs::write(&file, text).unwrap();
             let answer = send(&get("/corrections"));
             assert!(status(&answer) == code && answer.contains(words), "{answer}");
@@ -264,18 +265,18 @@ fn found_parts_are_placed_like_their_points() {
         axis: DVec3::Y,
         origin: DVec3::new(1.0, 2.0, 3.0),
         pitch: 0.0,
-        state_values: artgs_core::PerState::new(0.0, 4.0),
+        state_values: PerState::new(0.0, 4.0),
         limits: [0.0, 4.0],
     };
     let upright = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
     let page = Page::of_joints("x", &[(joint, Some(0.5))], Placement { scale: 0.1, rotation: upright });
     let [base, part] = &page.scene.links[..] else { panic!("two links") };
     assert!(base.joint.is_none() && part.parent == Some(0));
-    let told = part.joint.as_ref().unwrap();
+    let answer = part.joint.as_ref().unwrap();
     let near = |a: [f64; 3], b: [f64; 3]| DVec3::from(a).distance(DVec3::from(b)) < 1e-12;
-    assert!(near(part.origin, [0.1, -0.3, 0.2]) && near(told.axis, [0.0, 0.0, 1.0]), "{part:?}");
-    assert!((told.limits[1] - 0.4).abs() < 1e-12 && (told.observed[1] - 0.4).abs() < 1e-12);
-    assert_eq!(told.confidence, Some(0.5));
+    assert!(near(part.origin, [0.1, -0.3, 0.2]) && near(answer.axis, [0.0, 0.0, 1.0]), "{part:?}");
+    assert!((answer.limits[1] - 0.4).abs() < 1e-12 && (answer.observed[State::END] - 0.4).abs() < 1e-12);
+    assert_eq!(answer.confidence, Some(0.5));
 }
 
 #[test]

@@ -18,14 +18,14 @@ pub enum Table {
 /// An object of the paper.
 #[derive(Debug, PartialEq, Eq)]
 pub struct PaperObject {
-    /// Name by which users and suites refer to it: `paris/fridge`.
+    /// Identifier in commands and suites, for example `paris/fridge`.
     pub id: &'static str,
-    /// Name as the tables print it.
+    /// Name in the tables.
     pub name: &'static str,
     /// Where its numbers are.
     pub table: Table,
-    /// State whose surfaces the paper scores. It does not say so: found by comparing its two PARIS tables. For objects
-    /// of several parts it is unknown, so the mean of both is taken.
+    /// State whose surfaces the paper scores. The paper does not state it; it follows from its two PARIS tables. For objects
+    /// with several parts it is unknown, and the mean of both states is used.
     pub reported: At,
 }
 

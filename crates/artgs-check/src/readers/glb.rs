@@ -1,10 +1,10 @@
-//! Binary glTF. Gaussians are in an extension that the `gltf` crate refuses: of those files it reads the container, and
-//! the accessors are looked at here.
+//! Binary glTF. The `gltf` crate refuses the extension for Gaussians: of those files it reads only the container, and this
+//! module checks the accessors.
 
 use crate::meshes;
 use crate::model::{Link, Model, Motion, Shape};
 use crate::report::FormatFinding;
-use artgs_core::{Inertial, JointKind, Rigid};
+use artgs_core::{Inertial, JointKind, PerState, Rigid};
 use glam::{DMat4, DQuat, DVec3};
 use gltf::animation::util::ReadOutputs;
 use serde_json::Value;
@@ -111,7 +111,7 @@ fn motion(notes: &Value) -> Option<Motion> {
     Some(Motion {
         limits: row(&notes["limits"])?,
         pitch: number("pitch").filter(|_| kind == JointKind::Screw),
-        observed: Some(row(&notes["observed"])?),
+        observed: row(&notes["observed"]).map(|[start, end]| Some(PerState::new(start, end)))?,
         effort: Some(number("effort")?),
         velocity: Some(number("velocity")?),
         damping: Some(number("damping")?),
@@ -120,7 +120,7 @@ fn motion(notes: &Value) -> Option<Motion> {
     })
 }
 
-/// Whether every joint has a clip that goes from its lower to its upper limit.
+/// Checks that every joint has a clip from its lower to its upper limit.
 fn clips(document: &gltf::Document, buffers: &[gltf::buffer::Data], model: &Model, finding: &mut FormatFinding) {
     for link in &model.links {
         let Some(motion) = &link.motion else { continue };
@@ -211,7 +211,7 @@ fn view_span(view: &Value, binary: &[u8]) -> Option<(usize, usize)> {
     (to <= binary.len()).then_some((from, to))
 }
 
-/// Refuses views and accessors beyond the bytes, on which readers of pictures would trip.
+/// Refuses views and accessors out of range, on which image readers panic.
 fn bounds(json: &Value, binary: &[u8]) -> Result<(), String> {
     let all = |name: &str| json[name].as_array().cloned().unwrap_or_default();
     for (i, view) in all("bufferViews").iter().enumerate() {
@@ -223,7 +223,7 @@ fn bounds(json: &Value, binary: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// Counts Gaussians and looks for numbers that are not finite.
+/// Counts Gaussians and reports numbers that are not finite.
 fn splats(json: &Value, binary: &[u8], finding: &mut FormatFinding) -> Result<(), String> {
     finding.reader = "gltf (container)".into();
     let meshes = json["meshes"].as_array().ok_or("there are no meshes")?;

@@ -1,10 +1,10 @@
-//! MJCF. `mjcf-rs` resolves defaults; what it has no field for is read from the XML.
+//! MJCF. `mjcf-rs` resolves defaults; fields that it lacks are read from the XML.
 
 use super::{folder, numbers};
 use crate::meshes;
 use crate::model::{Link, Model, Motion, moments};
 use crate::report::FormatFinding;
-use artgs_core::{Inertial, JointKind, Rigid};
+use artgs_core::{Inertial, JointKind, PerState, Rigid, State};
 use glam::{DMat3, DQuat, DVec3};
 use mjcf_rs::body::{Body, InertiaSpec, Joint, JointType};
 use mjcf_rs::equality::Equality;
@@ -15,7 +15,7 @@ pub(super) fn read(path: &Path, finding: &mut FormatFinding) -> Result<Option<Mo
     let text = std::fs::read_to_string(path).map_err(|e| e.to_string())?;
     let tree = roxmltree::Document::parse(&text).map_err(|e| e.to_string())?;
     let scene = mjcf_rs::Model::from_file(path).map_err(|e| e.to_string())?;
-    let mut model = Model { links: Vec::new(), tells_hulls: true };
+    let mut model = Model { links: Vec::new(), has_hulls: true };
     let mut keys = Keys::of(&scene)?;
     for (id, entry) in scene.bodies_iter() {
         let body = &entry.body;
@@ -37,16 +37,16 @@ pub(super) fn read(path: &Path, finding: &mut FormatFinding) -> Result<Option<Mo
     keys.finish()?;
     for texture in &scene.assets.textures {
         let Some(file) = scene.resolve_texture_file(texture, folder(path)) else { continue };
-        if let Err(reason) = meshes::picture(&file, finding) {
+        if let Err(reason) = meshes::image_file(&file, finding) {
             finding.problems.push(format!("texture {}: {reason}", texture.file.as_deref().unwrap_or_default()));
         }
     }
     Ok(Some(model))
 }
 
-/// The keyframes `start` and `end`, eaten value by value in the order of the joints.
+/// The keyframes `start` and `end`, consumed value by value in the order of the joints.
 struct Keys {
-    values: Option<[Vec<f64>; 2]>,
+    values: Option<PerState<Vec<f64>>>,
     at: usize,
 }
 
@@ -54,26 +54,23 @@ impl Keys {
     fn of(scene: &mjcf_rs::Model) -> Result<Self, String> {
         let key = |name: &str| scene.keyframes.iter().find(|k| k.name.as_deref() == Some(name)).map(|k| k.qpos.clone());
         let joints: usize = scene.bodies_iter().map(|(_, e)| e.body.joints.len()).sum();
-        let values = match (key("start"), key("end")) {
-            (Some(a), Some(b)) => Some([a, b]),
-            (None, None) if joints == 0 => None,
-            _ => return Err("the keyframes `start` and `end` are not both there".into()),
-        };
+        let values = PerState::try_from_fn(|state| key(state.name()));
+        if values.is_none() && joints > 0 {
+            return Err("the keyframes `start` and `end` are incomplete".into());
+        }
         Ok(Self { values, at: 0 })
     }
 
-    fn next(&mut self) -> Result<Option<[f64; 2]>, String> {
-        let Some([a, b]) = &self.values else { return Ok(None) };
-        let (Some(a), Some(b)) = (a.get(self.at), b.get(self.at)) else {
-            return Err("a keyframe has fewer values than there are joints".into());
-        };
+    fn next(&mut self) -> Result<Option<PerState<f64>>, String> {
+        let Some(values) = &self.values else { return Ok(None) };
+        let next = PerState::try_from_fn(|state| values[state].get(self.at).copied());
         self.at += 1;
-        Ok(Some([*a, *b]))
+        next.map(Some).ok_or_else(|| "a keyframe has fewer values than there are joints".into())
     }
 
     fn finish(&self) -> Result<(), String> {
         match &self.values {
-            Some([a, b]) if a.len() != self.at || b.len() != self.at => {
+            Some(values) if values.iter().any(|v| v.len() != self.at) => {
                 Err("a keyframe has more values than there are joints".into())
             }
             _ => Ok(()),
@@ -114,14 +111,14 @@ fn motion(
         (JointType::Hinge, None) => JointKind::Revolute,
         (JointType::Slide, None) => JointKind::Prismatic,
         (JointType::Hinge, Some(_)) => JointKind::Screw,
-        (other, _) => return Err(format!("joint `{name}` is of type {other:?}, which is not written")),
+        (other, _) => return Err(format!("joint `{name}` is of type {other:?}, which artgs does not write")),
     };
     let observed = keys.next()?;
     let pitch = thread.map(|t| pitch(scene, t, joint)).transpose()?;
     if let (Some(pitch), Some(slid), Some(turned)) = (pitch, slid, observed)
-        && (0..2).any(|s| (slid[s] - pitch * turned[s]).abs() > 1e-6)
+        && State::ALL.iter().any(|s| (slid[*s] - pitch * turned[*s]).abs() > 1e-6)
     {
-        return Err(format!("joint `{name}`: a keyframe does not follow the thread"));
+        return Err(format!("joint `{name}`: a keyframe violates the coupling of the screw"));
     }
     let element = tree.descendants().find(|n| n.has_tag_name("joint") && n.attribute("name") == Some(name));
     let force = element.and_then(|n| n.attribute("actuatorfrcrange")).map(numbers::<2>).transpose()?;
@@ -140,25 +137,25 @@ fn motion(
     }))
 }
 
-/// Metres per radian of a thread.
+/// Metres per radian of a screw.
 fn pitch(scene: &mjcf_rs::Model, thread: &Joint, joint: &Joint) -> Result<f64, String> {
     let coupling = scene.equality.iter().find_map(|e| match e {
         Equality::Joint(e) if Some(&e.joint1) == thread.name.as_ref() && e.joint2 == joint.name => Some(e.polycoef[1]),
         _ => None,
     });
-    coupling.ok_or_else(|| format!("joint {:?} is coupled to none", thread.name))
+    coupling.ok_or_else(|| format!("joint {:?} has no coupling", thread.name))
 }
 
 fn add_shapes(path: &Path, scene: &mjcf_rs::Model, body: &Body, link: &mut Link, finding: &mut FormatFinding) {
     for geom in &body.geoms {
         let mesh = geom.mesh.as_deref().and_then(|name| scene.assets.mesh(name));
         let Some(file) = mesh.and_then(|m| scene.resolve_mesh_file(m, folder(path))) else {
-            finding.problems.push(format!("geom {:?} names no mesh that is there", geom.name));
+            finding.problems.push(format!("geom {:?} has no existing mesh", geom.name));
             continue;
         };
         let scale = mesh.map_or(DVec3::ONE, |m| DVec3::from_array(m.scale));
         let name = file.strip_prefix(folder(path)).unwrap_or(&file).display().to_string();
-        // A texture stands with the assets, not in the OBJ, so those of the MTL are not counted.
+        // MJCF refers to textures in its assets, so those of the MTL are not counted.
         let textures = finding.textures;
         let shape = meshes::obj(&file, &name, &rigid(&geom.pose), scale, finding);
         finding.textures = textures;

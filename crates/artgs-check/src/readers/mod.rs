@@ -1,4 +1,4 @@
-//! Every format read by somebody else's reader, as far as there is one.
+//! Readers of all formats, mostly independent libraries.
 
 mod glb;
 mod mjcf;
@@ -12,10 +12,10 @@ use crate::report::FormatFinding;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-/// A file that was tried.
+/// An export file with its finding.
 pub(crate) struct Opened {
     pub(crate) finding: FormatFinding,
-    /// None if it did not open or holds no model.
+    /// None if it does not open or contains no model.
     pub(crate) model: Option<Model>,
 }
 
@@ -61,9 +61,9 @@ fn finding(folder: &str, name: &str, format: &str, library: &str) -> FormatFindi
 }
 
 fn open(path: &Path, mut finding: FormatFinding, reader: Reader) -> Opened {
-    // `openusd` indexes out of bounds on some broken crate files; a broken export must not end the check.
+    // `openusd` indexes out of bounds on some broken crate files; a damaged export must not end the check.
     let read = catch_unwind(AssertUnwindSafe(|| reader(path, &mut finding)));
-    let model = match read.unwrap_or_else(|_| Err("the reader gave up; the file is broken".into())) {
+    let model = match read.unwrap_or_else(|_| Err("the reader crashed; the file is damaged".into())) {
         Ok(model) => model,
         Err(reason) => {
             finding.problems.push(format!("does not open: {reason}"));
@@ -80,7 +80,7 @@ fn open(path: &Path, mut finding: FormatFinding, reader: Reader) -> Opened {
     Opened { finding, model }
 }
 
-/// Files with an ending, sorted.
+/// Files with an extension, sorted.
 fn files(dir: &Path, ending: &str) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(dir).into_iter().flatten().flatten().map(|e| e.path());
     let mut out: Vec<PathBuf> = entries.filter(|p| p.is_file() && p.extension().is_some_and(|e| e == ending)).collect();
@@ -93,7 +93,7 @@ fn folder(path: &Path) -> &Path {
     path.parent().unwrap_or(Path::new("."))
 }
 
-/// Exactly `N` numbers parted by blanks.
+/// Exactly `N` numbers separated by blanks.
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let values: Result<Vec<f64>, _> = text.split_whitespace().map(str::parse).collect();
     values.ok().and_then(|v| v.try_into().ok()).ok_or_else(|| format!("{text:?} is not {N} numbers"))
@@ -111,7 +111,7 @@ mod tests {
         }
         let opened = open(Path::new("broken.usdc"), finding("usd", "broken.usdc", "usdc", "openusd"), trips);
         assert!(opened.model.is_none());
-        assert_eq!(opened.finding.problems, ["does not open: the reader gave up; the file is broken"]);
+        assert_eq!(opened.finding.problems, ["does not open: the reader crashed; the file is damaged"]);
     }
 
     #[test]

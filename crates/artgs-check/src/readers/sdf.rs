@@ -1,4 +1,4 @@
-//! SDFormat, whose frames are resolved here: every pose is relative to a link, a joint or the model.
+//! SDFormat. This module resolves the frames: every pose is relative to a link, a joint or the model.
 
 use super::urdf::rigid;
 use super::{folder, numbers};
@@ -18,15 +18,15 @@ pub(super) fn read(path: &Path, finding: &mut FormatFinding) -> Result<Option<Mo
     config(path, finding);
     let links: Vec<Node> = object.children().filter(|n| n.has_tag_name("link")).collect();
     let joints: Vec<Node> = object.children().filter(|n| n.has_tag_name("joint")).collect();
-    let mut model = Model { links: Vec::new(), tells_hulls: true };
+    let mut model = Model { links: Vec::new(), has_hulls: true };
     for link in &links {
         let name = named(*link)?;
         let joint = joints.iter().find(|j| text_of(**j, "child") == Ok(name));
-        let Some(joint) = joint else { return Err(format!("link `{name}` hangs on no joint")) };
-        let mother = text_of(*joint, "parent")?;
-        let parent = model.links.iter().position(|l| l.name == mother);
-        if parent.is_none() && mother != "world" {
-            return Err(format!("link `{name}` stands before its parent `{mother}`"));
+        let Some(joint) = joint else { return Err(format!("link `{name}` has no joint")) };
+        let parent_name = text_of(*joint, "parent")?;
+        let parent = model.links.iter().position(|l| l.name == parent_name);
+        if parent.is_none() && parent_name != "world" {
+            return Err(format!("link `{name}` precedes its parent `{parent_name}`"));
         }
         let mut out = Link::new(name, parent, frame(object, name, 0)?);
         out.inertial = Some(inertial(*link)?);
@@ -82,7 +82,7 @@ fn frame(object: Node, name: &str, depth: usize) -> Result<Rigid, String> {
     let (own, relative) = pose(node)?;
     let above = match relative {
         Some(other) => frame(object, other, depth + 1)?,
-        // Joints are placed against their child unless told otherwise.
+        // By default the pose of a joint is relative to its child.
         None if node.has_tag_name("joint") => frame(object, text_of(node, "child")?, depth + 1)?,
         None => Rigid::IDENTITY,
     };
@@ -109,7 +109,7 @@ fn motion(joint: Node) -> Result<Option<Motion>, String> {
         Some("revolute") => JointKind::Revolute,
         Some("prismatic") => JointKind::Prismatic,
         Some("screw") => JointKind::Screw,
-        other => return Err(format!("joint `{name}` is of type {other:?}, which is not written")),
+        other => return Err(format!("joint `{name}` is of type {other:?}, which artgs does not write")),
     };
     let pitch = match kind {
         JointKind::Screw => Some(number(joint, "screw_thread_pitch")? / std::f64::consts::TAU),

@@ -11,7 +11,7 @@ use std::path::Path;
 /// Reads a URDF and its meshes.
 pub(super) fn read(path: &Path, finding: &mut FormatFinding) -> Result<Option<Model>, String> {
     let robot = urdf_rs::read_file(path).map_err(|e| e.to_string())?;
-    let mut model = Model { links: Vec::new(), tells_hulls: true };
+    let mut model = Model { links: Vec::new(), has_hulls: true };
     for index in order(&robot)? {
         let link = &robot.links[index];
         let joint = robot.joints.iter().find(|j| j.child.link == link.name);
@@ -23,7 +23,7 @@ pub(super) fn read(path: &Path, finding: &mut FormatFinding) -> Result<Option<Mo
         let place = |s: &urdf_rs::Geometry, at: &urdf_rs::Pose, f: &mut FormatFinding| shape(path, s, at, f);
         out.visuals = link.visual.iter().map(|v| place(&v.geometry, &v.origin, finding)).collect();
         out.hulls = link.collision.iter().map(|c| place(&c.geometry, &c.origin, finding)).collect();
-        // The reader gives a link without mass one of 0.
+        // The reader sets a missing mass to 0.
         if link.inertial.mass.value != 0.0 || !out.visuals.is_empty() || !out.hulls.is_empty() {
             out.inertial = Some(inertial(&link.inertial));
         }
@@ -32,7 +32,7 @@ pub(super) fn read(path: &Path, finding: &mut FormatFinding) -> Result<Option<Mo
     Ok(Some(model))
 }
 
-/// Reads `mobility.urdf`; links are called as `semantics.txt` has them.
+/// Reads `mobility.urdf`; names of links are those of `semantics.txt`.
 pub(super) fn read_partnet(path: &Path, finding: &mut FormatFinding) -> Result<Option<Model>, String> {
     let Some(mut model) = read(path, finding)? else { return Ok(None) };
     let semantics =
@@ -103,7 +103,7 @@ fn motion(joint: &urdf_rs::Joint) -> Result<Option<Motion>, String> {
         urdf_rs::JointType::Fixed => return Ok(None),
         urdf_rs::JointType::Revolute => JointKind::Revolute,
         urdf_rs::JointType::Prismatic => JointKind::Prismatic,
-        ref other => return Err(format!("joint `{}` is of type {other:?}, which is not written", joint.name)),
+        ref other => return Err(format!("joint `{}` is of type {other:?}, which artgs does not write", joint.name)),
     };
     let limit = &joint.limit;
     Ok(Some(Motion {
@@ -127,11 +127,11 @@ fn inertial(given: &urdf_rs::Inertial) -> Inertial {
 
 fn shape(path: &Path, geometry: &urdf_rs::Geometry, at: &urdf_rs::Pose, finding: &mut FormatFinding) -> Shape {
     let urdf_rs::Geometry::Mesh { filename, scale } = geometry else {
-        finding.problems.push("a shape is no mesh; only meshes are written".into());
+        finding.problems.push("a shape is no mesh; artgs writes only meshes".into());
         return Shape::default();
     };
     if Path::new(filename).is_absolute() || filename.contains("://") {
-        finding.problems.push(format!("{filename}: is no relative path, so the folder cannot be moved"));
+        finding.problems.push(format!("{filename}: is not a relative path, so the folder cannot be moved"));
     }
     let scale = scale.as_ref().map_or(DVec3::ONE, |s| DVec3::from_array(s.0));
     meshes::obj(&folder(path).join(filename), filename, &placed(at), scale, finding)

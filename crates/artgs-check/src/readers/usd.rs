@@ -4,7 +4,7 @@ use super::folder;
 use crate::meshes;
 use crate::model::{Link, Model, Motion, Shape, moments};
 use crate::report::FormatFinding;
-use artgs_core::{Inertial, JointKind, Rigid};
+use artgs_core::{Inertial, JointKind, PerState, Rigid};
 use glam::{DMat3, DQuat, DVec3};
 use openusd::gf;
 use openusd::sdf::{AssetPath, Value};
@@ -13,7 +13,7 @@ use openusd::usd::{Prim, PrimPredicate, Stage};
 use std::io::Read;
 use std::path::Path;
 
-/// Reads a stage. One that holds Gaussians is looked at for those alone: the rest is that of the stage it refers to.
+/// Reads a stage. Of a stage with Gaussians only these are checked: it references the stage with everything else.
 pub(super) fn read(path: &Path, finding: &mut FormatFinding) -> Result<Option<Model>, String> {
     let name = path.to_str().ok_or("the path is not UTF-8")?;
     let stage = Stage::open(name).map_err(|e| format!("{e:#}"))?;
@@ -28,7 +28,7 @@ pub(super) fn read(path: &Path, finding: &mut FormatFinding) -> Result<Option<Mo
         return Ok(None);
     }
     units(&stage, finding);
-    let mut model = Model { links: Vec::new(), tells_hulls: true };
+    let mut model = Model { links: Vec::new(), has_hulls: true };
     let joints: Vec<Joint> = prims.iter().filter_map(|p| Joint::of(p).transpose()).collect::<Result<_, _>>()?;
     let bodies: Vec<&Prim> = prims.iter().filter(|p| has(p, "PhysicsRigidBodyAPI")).collect();
     let roots = prims.iter().filter(|p| has(p, "PhysicsArticulationRootAPI")).count();
@@ -90,11 +90,11 @@ fn target(prim: &Prim, name: &str) -> Option<String> {
     prim.relationship(name).targets().ok()?.first().map(ToString::to_string)
 }
 
-/// A joint with the paths of what it joins.
+/// A joint with the paths of its bodies.
 struct Joint {
     parent: Option<String>,
     child: String,
-    /// Its frame in that of the parent and of the child.
+    /// Joint frame in the frames of parent and child.
     frames: [Rigid; 2],
     motion: Option<Motion>,
 }
@@ -113,7 +113,7 @@ impl Joint {
         };
         let frames =
             [frame("physics:localPos0", "physics:localRot0")?, frame("physics:localPos1", "physics:localRot1")?];
-        let child = target(prim, "physics:body1").ok_or_else(|| format!("{} joins nothing", prim.path()))?;
+        let child = target(prim, "physics:body1").ok_or_else(|| format!("{} has no body", prim.path()))?;
         let motion = kind.map(|kind| motion(prim, kind, &frames[1])).transpose()?;
         Ok(Some(Self { parent: target(prim, "physics:body0"), child, frames, motion }))
     }
@@ -134,7 +134,7 @@ fn motion(prim: &Prim, kind: JointKind, frame: &Rigid) -> Result<Motion, String>
     let path = prim.path().to_string();
     let name = path.rsplit('/').next().unwrap_or_default().to_owned();
     let pitch = get::<f64>(prim, "artgs:pitch")?.map(|p| p / unit);
-    let observed = get::<gf::Vec2d>(prim, "artgs:observed")?.map(|v| [v.x * unit, v.y * unit]);
+    let observed = get::<gf::Vec2d>(prim, "artgs:observed")?.map(|v| PerState::new(v.x * unit, v.y * unit));
     Ok(Motion {
         limits: [float(prim, "physics:lowerLimit")? * unit, float(prim, "physics:upperLimit")? * unit],
         pitch,
@@ -159,12 +159,12 @@ fn link(
     let at: gf::Vec3d = need(body, "xformOp:translate")?;
     let rotation = quaternion(need(body, "xformOp:orient")?);
     let pose = Rigid { rotation, translation: DVec3::new(at.x, at.y, at.z) };
-    let joint = joints.iter().find(|j| j.child == path).ok_or_else(|| format!("{path} hangs on no joint"))?;
+    let joint = joints.iter().find(|j| j.child == path).ok_or_else(|| format!("{path} has no joint"))?;
     let parent = match &joint.parent {
-        Some(mother) => {
-            let called = mother.rsplit('/').next().unwrap_or_default();
+        Some(path_of_parent) => {
+            let called = path_of_parent.rsplit('/').next().unwrap_or_default();
             let found = model.links.iter().position(|l| l.name == called);
-            Some(found.ok_or_else(|| format!("{path} stands before its parent {mother}"))?)
+            Some(found.ok_or_else(|| format!("{path} precedes its parent {path_of_parent}"))?)
         }
         None => None,
     };
@@ -208,13 +208,13 @@ fn shape(mesh: &Prim) -> Result<Shape, String> {
     if counts.iter().any(|c| *c != 3) || counts.len() * 3 != corners.len() {
         return Err("faces are not all triangles".into());
     }
-    // What is negative is beyond the points, too.
+    // Negative indices become out of range.
     let corners: Vec<u32> = corners.into_iter().map(|i| u32::try_from(i).unwrap_or(u32::MAX)).collect();
     meshes::triangles(&points, &corners)?;
     Ok(Shape { points })
 }
 
-/// Decodes what shaders refer to, from the folder or from the package.
+/// Decodes textures of shaders, from the folder or from the package.
 fn textures(path: &Path, prims: &[Prim], finding: &mut FormatFinding) {
     for prim in prims.iter().filter(|p| is(p, "Shader")) {
         let Ok(Some(file)) = get::<AssetPath>(prim, "inputs:file") else { continue };
@@ -240,7 +240,7 @@ fn unpacked(path: &Path, name: &str) -> Result<Vec<u8>, String> {
     Ok(out)
 }
 
-/// Whether the stage shows Gaussians; counts them and looks for numbers that are not finite.
+/// Whether the stage has Gaussians; counts them and reports numbers that are not finite.
 fn gaussians(prims: &[Prim], finding: &mut FormatFinding) -> Result<bool, String> {
     let fields: Vec<&Prim> = prims.iter().filter(|p| is(p, "ParticleField3DGaussianSplat")).collect();
     for prim in &fields {

@@ -1,18 +1,17 @@
-//! What every writer demands of an asset, so that no simulator meets a number it chokes on.
+//! Checks of an asset that every writer runs, so that exports contain no values that simulators reject.
 
 use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, TexturedMesh};
 use glam::DVec3;
 use std::collections::BTreeSet;
 
-/// Names that formats use for the ground and the joint that ties the base to it.
+/// Names that formats reserve for the ground and for the joint between ground and base.
 const TAKEN: [&str; 2] = ["world", "world_joint"];
 /// How far a unit vector may be off 1, and an observed value off its limits (radians or metres).
 const TOLERANCE: f64 = 1e-6;
 
-/// Refuses an asset that formats cannot express or simulators reject. The message names the link and the field: names
-/// that are doubtful or taken, numbers that are not finite, a zero axis, lower >= upper, observed values outside, a mass
-/// or moment that is not above 0, moments against the triangle inequality, meshes that are inconsistent, hulls without
-/// volume, nothing to draw or to collide with.
+/// Refuses an asset that formats cannot express or simulators reject; the message names the link and the field. Checked are:
+/// names (form and uniqueness), finite numbers, unit axes, lower < upper, observed values within the limits, positive
+/// masses and moments, the triangle inequality of moments, consistent meshes, hulls with volume, and that there is a mesh.
 pub fn check_asset(asset: &Asset) -> Result<(), String> {
     check_name(&asset.name).map_err(|e| format!("asset: name {e}"))?;
     if asset.links.iter().all(|l| l.visual.mesh.is_empty() && l.collision.is_empty()) {
@@ -89,7 +88,8 @@ fn check_joint(joint: &AssetJoint) -> Result<(), String> {
         return Err(format!("joint.limits: lower {lower} must be below upper {upper}"));
     }
     finite("joint.observed", observed.as_slice())?;
-    for (field, value) in [("joint.observed", observed[0]), ("joint.observed", observed[1]), ("joint.limits", 0.0)] {
+    let values = observed.iter().map(|v| ("joint.observed", *v));
+    for (field, value) in values.chain([("joint.limits", 0.0)]) {
         if value < lower - TOLERANCE || value > upper + TOLERANCE {
             return Err(format!("{field}: {value} is not within the limits {lower} to {upper}"));
         }
@@ -117,14 +117,14 @@ fn check_inertial(inertial: &Inertial) -> Result<(), String> {
     if a <= 1e-12 * c || c <= 0.0 {
         return Err(format!("inertial.inertia: principal moments {a}, {b}, {c} must be above 0"));
     }
-    // Rounding leaves a plate, whose moments meet the bound, a little beyond it.
+    // The moments of a plate are equal to the bound; rounding may exceed it slightly.
     if a + b < c * (1.0 - 1e-9) {
         return Err(format!("inertial.inertia: principal moment {c} exceeds the sum of {a} and {b}; no body has that"));
     }
     Ok(())
 }
 
-/// The inertia with its moments raised by up to a millionth where a plate, rounded, would violate the triangle inequality,
+/// The inertia with moments raised by up to a millionth if a plate would violate the triangle inequality by rounding,
 /// which MuJoCo refuses.
 pub(super) fn sound_inertia(inertia: [f64; 6]) -> [f64; 6] {
     let [a, b, c] = principal_moments(inertia);
@@ -153,7 +153,7 @@ fn check_mesh(mesh: &Mesh) -> Result<(), String> {
     }
     let n = mesh.vertices.len();
     if let Some(t) = mesh.triangles.iter().find(|t| t.iter().any(|i| *i as usize >= n)) {
-        return Err(format!("triangle {t:?} points beyond the {n} vertices"));
+        return Err(format!("triangle {t:?} has an index beyond the {n} vertices"));
     }
     Ok(())
 }
@@ -173,14 +173,14 @@ fn check_visual(visual: &TexturedMesh) -> Result<(), String> {
     }
     let Some(t) = texture else { return Ok(()) };
     if t.rgb.is_empty() || t.rgb.len() as u64 != u64::from(t.width) * u64::from(t.height) {
-        return Err(format!("visual.texture: {} pixels do not make {} x {}", t.rgb.len(), t.width, t.height));
+        return Err(format!("visual.texture: {} pixels do not match {} x {}", t.rgb.len(), t.width, t.height));
     }
     Ok(())
 }
 
 fn check_volume(hull: &Mesh) -> Result<(), String> {
     let at = |i: u32| DVec3::from_array(hull.vertices[i as usize].map(f64::from));
-    // Seen from one of its own corners, so that a small hull far off loses no digits.
+    // Relative to one of its corners, so that a small hull far from the origin loses no digits.
     let from = hull.vertices.first().map_or(DVec3::ZERO, |v| DVec3::from_array(v.map(f64::from)));
     let corners = hull.triangles.iter().map(|t| t.map(|i| at(i) - from));
     let volume: f64 = corners.map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum();
@@ -191,6 +191,7 @@ fn check_volume(hull: &Mesh) -> Result<(), String> {
 mod tests {
     use super::*;
     use crate::asset::testing::cabinet;
+    use artgs_core::State;
 
     #[test]
     fn a_good_asset_passes() {
@@ -199,9 +200,9 @@ mod tests {
 
     #[test]
     fn every_fault_is_named() {
-        let refused = |spoil: fn(&mut Asset), expected: &str| {
+        let refused = |edit: fn(&mut Asset), expected: &str| {
             let mut asset = cabinet();
-            spoil(&mut asset);
+            edit(&mut asset);
             let message = check_asset(&asset).unwrap_err();
             assert!(message.contains(expected), "{message:?} lacks {expected:?}");
         };
@@ -220,7 +221,7 @@ mod tests {
         refused(|a| joint(a).pitch = 0.1, "joint.pitch");
         refused(|a| joint(a).limits[1] = f64::NAN, "joint.limits: NaN");
         refused(|a| joint(a).limits = [0.5, 0.5], "joint.limits: lower 0.5");
-        refused(|a| joint(a).observed[0] = -0.1, "joint.observed: -0.1");
+        refused(|a| joint(a).observed[State::START] = -0.1, "joint.observed: -0.1");
         refused(|a| joint(a).limits[0] = 0.1, "joint.observed: 0 is not within");
         refused(|a| joint(a).effort = 0.0, "joint.effort: 0");
         refused(|a| joint(a).friction = -1.0, "joint.friction: -1");

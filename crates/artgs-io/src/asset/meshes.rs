@@ -1,4 +1,4 @@
-//! The mesh files of an asset, as URDF, MJCF, SDF and the PartNet folder refer to them.
+//! Mesh files of an asset for URDF, MJCF, SDF and the PartNet folder.
 
 use super::obj::{write_hull_obj, write_textured_obj};
 use crate::FileError;
@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 /// File names of a link, without folder.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct LinkFiles {
-    /// What is drawn; none if there is nothing to see.
+    /// Visual mesh; none if it is empty.
     pub(super) visual: Option<String>,
-    /// Texture of it.
+    /// Texture of the visual mesh.
     pub(super) texture: Option<String>,
     /// Convex pieces.
     pub(super) collision: Vec<String>,
@@ -39,7 +39,7 @@ pub(super) fn write_link_meshes(folder: &Path, asset: &Asset) -> Result<(Vec<Lin
     Ok((links, written))
 }
 
-/// Mean colour of the vertices, sRGB in [0, 1]; grey without colours. For formats that cannot colour vertices.
+/// Mean colour of the vertices, sRGB in [0, 1]; grey without colours. For formats without vertex colours.
 pub(super) fn mean_color(mesh: &TexturedMesh) -> [f64; 3] {
     let colors = &mesh.mesh.colors;
     if colors.is_empty() {

@@ -1,31 +1,31 @@
 //! MJCF, MuJoCo's own format: `NAME.xml` and `assets/`.
 //!
-//! The base is a body without joint, hence fixed to the world. A screw is a hinge and a slide along it, coupled by an
+//! The base is a body without joint, so it is fixed to the world. A screw is a hinge and a slide along it, coupled by an
 //! equality. The observed states are the keyframes `start` and `end`.
 //!
-//! Limitations: splats have no place; vertices cannot be coloured, so a link without texture gets its mean colour; a
-//! visual mesh of fewer than four vertices is left out, since MuJoCo refuses it. Contacts between a link and its parent
-//! are excluded (MuJoCo does that by itself only where the parent is not fixed to the world), so a link that pushes
-//! through its parent is not stopped except by its limits. There are no actuators: a replica is moved by what touches it;
-//! `actuatorfrcrange` keeps the effort for actuators that users add.
+//! Limitations: splats are not written. MJCF has no vertex colours, so a link without texture gets its mean colour. Visual
+//! meshes with fewer than four vertices are not written, because MuJoCo refuses them. Contacts between a link and its parent
+//! are excluded (MuJoCo does that automatically only if the parent is not fixed to the world), so only the limits stop a link
+//! that moves through its parent. There are no actuators; `actuatorfrcrange` contains the effort for actuators that users
+//! add.
 
 use super::check::{check_asset, sound_inertia};
 use super::meshes::{LinkFiles, mean_color, write_link_meshes};
 use super::xml::{row, triple};
 use crate::{FileError, write_atomic};
-use artgs_core::{Asset, AssetJoint, AssetLink, JointKind, STATE_NAMES};
+use artgs_core::{Asset, AssetJoint, AssetLink, JointKind, State};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// MuJoCo takes no mesh with fewer vertices.
+/// MuJoCo refuses meshes with fewer vertices.
 const FEWEST_VERTICES: usize = 4;
 
 /// Seconds per step.
 const TIMESTEP: f64 = 0.002;
 
-/// `implicitfast` takes damping at the end of the step, so that it cannot make a light part unstable. Limits are springs;
-/// these are as stiff as a step allows, and give way by less than a millimetre at rest under the largest effort, where
-/// the defaults give way by centimetres.
+/// `implicitfast` applies damping at the end of the step, so that it cannot make a light part unstable. Limits are springs;
+/// these are as stiff as the step allows and yield by less than a millimetre at rest under the largest effort. The defaults
+/// yield by centimetres.
 const SETTINGS: &str = "  <default>
     <joint solreflimit=\"0.004 1\" solimplimit=\"0.98 0.999 0.001\"/>
     <equality solref=\"0.004 1\" solimp=\"0.98 0.999 0.001\"/>
@@ -118,8 +118,8 @@ fn write_joint(out: &mut String, name: &str, joint: &AssetJoint, indent: &str) {
         let _ = writeln!(out, "{indent}<joint name=\"{name}_thread\" type=\"slide\" axis=\"{axis}\"/>");
     }
     let kind = if kind == JointKind::Prismatic { "slide" } else { "hinge" };
-    // Inertia that damping would brake within a step: without it MuJoCo, which solves limits without damping, lets parts
-    // of a few grams chatter at them. Next to that of a door it is nothing.
+    // The inertia that this damping stops within one step. MuJoCo solves limits without damping, so without this armature
+    // parts of a few grams oscillate at their limits. It is negligible compared with the inertia of a door.
     let armature = damping * TIMESTEP;
     let _ = writeln!(
         out,
@@ -144,7 +144,7 @@ fn write_geoms(out: &mut String, link: &AssetLink, files: &LinkFiles, indent: &s
     }
 }
 
-/// Contacts that are not to be, and the threads of screws.
+/// Excluded contacts, and the couplings of screws.
 fn write_pairs(out: &mut String, asset: &Asset) {
     *out += "  <contact>\n";
     for (_, link, _) in asset.movable() {
@@ -174,18 +174,18 @@ fn write_keyframes(out: &mut String, asset: &Asset) {
     let mut order = Vec::new();
     depth_first(asset, 0, &mut order);
     *out += "  <keyframe>\n";
-    for (state, name) in STATE_NAMES.iter().enumerate() {
+    for state in State::ALL {
         let values = order.iter().filter_map(|i| asset.links[*i].joint).flat_map(|j| {
             let value = j.observed[state];
             let thread = (j.kind == JointKind::Screw).then_some(j.pitch * value);
             thread.into_iter().chain([value])
         });
-        let _ = writeln!(out, "    <key name=\"{name}\" qpos=\"{}\"/>", row(&values.collect::<Vec<_>>()));
+        let _ = writeln!(out, "    <key name=\"{}\" qpos=\"{}\"/>", state.name(), row(&values.collect::<Vec<_>>()));
     }
     *out += "  </keyframe>\n";
 }
 
-/// Links as MuJoCo numbers them, and with them their joints.
+/// Links in the order in which MuJoCo numbers them and their joints.
 fn depth_first(asset: &Asset, index: usize, order: &mut Vec<usize>) {
     order.push(index);
     for (child, _, _) in asset.movable().filter(|(_, l, _)| l.parent == Some(index)) {
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn another_reader_sees_bodies_joints_geoms_and_keys() {
+    fn another_reader_reads_bodies_joints_geoms_and_keys() {
         let (dir, written, model, _) = read(&cabinet());
         assert_eq!(written[0], dir.path().join("cabinet.xml"));
         let names: Vec<_> = model.bodies_iter().map(|(_, e)| e.body.name.as_deref().unwrap()).collect();
@@ -258,7 +258,7 @@ mod tests {
         let mut knob = asset.links[1].clone();
         (knob.name, knob.parent, knob.visual) = ("knob".into(), Some(1), Default::default());
         let joint = knob.joint.as_mut().unwrap();
-        (joint.kind, joint.pitch, joint.observed) = (JointKind::Screw, 0.5, [0.0, 1.0].into());
+        (joint.kind, joint.pitch, joint.observed) = (JointKind::Screw, 0.5, artgs_core::PerState::new(0.0, 1.0));
         asset.links.push(knob);
         asset.links[0].visual.mesh.vertices.truncate(3);
         asset.links[0].visual.mesh.triangles = vec![[0, 1, 2]];

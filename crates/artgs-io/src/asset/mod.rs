@@ -1,4 +1,4 @@
-//! Assets as files of simulators, browsers and renderers; one file per format.
+//! Exports of assets for simulators, browsers and renderers; one module per format.
 
 pub mod check;
 pub mod glb;

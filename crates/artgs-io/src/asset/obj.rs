@@ -1,7 +1,7 @@
-//! Wavefront OBJ with its MTL and PNG, as simulators read it. Write only.
+//! Wavefront OBJ with MTL and PNG for simulators. Write only.
 //!
-//! Limitations: a texture and vertex colours exclude each other, since the MTL would tint the one by the other; colours
-//! without a texture follow the coordinates of each `v` line as MeshLab has it, which many loaders skip. One material.
+//! Limitations: vertex colours are written only without a texture, because loaders multiply both. They follow the coordinates
+//! of each `v` line as in MeshLab, which many loaders ignore. One material.
 
 use crate::image_io::write_rgb;
 use crate::{FileError, write_atomic};
@@ -9,8 +9,8 @@ use artgs_core::{Mesh, TexturedMesh};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Writes `STEM.obj` and, where there is a texture, `STEM.mtl` and `STEM.png` beside it; returns what was written, the
-/// OBJ first. `vt` counts from the lower left corner, as OBJ has it.
+/// Writes `STEM.obj` and, with a texture, `STEM.mtl` and `STEM.png`; returns the files, the OBJ first. `vt` starts at the lower
+/// left corner.
 pub fn write_textured_obj(dir: &Path, stem: &str, mesh: &TexturedMesh) -> Result<Vec<PathBuf>, FileError> {
     let path = dir.join(format!("{stem}.obj"));
     let text = textured(stem, mesh).map_err(|reason| FileError::malformed(&path, reason))?;
@@ -26,7 +26,7 @@ pub fn write_textured_obj(dir: &Path, stem: &str, mesh: &TexturedMesh) -> Result
     Ok(written)
 }
 
-/// Writes positions and triangles alone, as colliders need them.
+/// Writes positions and triangles only, for collision meshes.
 pub fn write_hull_obj(path: &Path, mesh: &Mesh) -> Result<(), FileError> {
     let mut out = header();
     for v in &mesh.vertices {

@@ -2,13 +2,13 @@
 //! `textured_objs/`, `semantics.txt`, `mobility_v2.json`, `result.json`, `meta.json` and `bounding_box.json`.
 //!
 //! Links are `link_0` (the static one), `link_1`, ... below a link `base`; their frames have +Y up, and the joint of
-//! `link_0` turns them upright by the angles that all of the data set has. So the URDF stands as the asset does, and the
-//! JSON files are in the frame of `link_0`, where angles are degrees.
+//! `link_0` turns them upright by the angles that all objects of the data set have. So the URDF has the same orientation as
+//! the asset, and the JSON files are in the frame of `link_0`, with angles in degrees.
 //!
-//! Limitations: metres, where the data set scales objects to a sphere. Which side is the front was not observed, so the
-//! data set's custom of -X need not hold. Names of parts are those of the links and the category is `Unknown`: nothing
-//! recognises handles, so tasks that look for one (ManiSkill's `OpenCabinetDrawer`) find none. A screw is a hinge; the
-//! data set has few and writes them as two joints. Observed states and splats are left out.
+//! Limitations: lengths are metres; the data set scales objects to a sphere. The front is unknown, so it need not point
+//! along -X as in the data set. Names of parts are those of the links and the category is `Unknown`: handles are not
+//! detected, so tasks that need one (ManiSkill's `OpenCabinetDrawer`) find none. A screw is written as a hinge; the data set
+//! has few screws, written as two joints. Observed states and splats are not written.
 
 use super::meshes::{LinkFiles, write_link_meshes};
 use super::{check_asset, urdf};
@@ -142,7 +142,7 @@ fn meta(asset: &Asset) -> Value {
     })
 }
 
-/// Corners of what is drawn (of the colliders, where nothing is), at the zero pose, in the frame of `link_0`.
+/// Bounding box of the visual meshes (of the collision meshes if there are none), zero pose, frame of `link_0`.
 fn bounding_box(lying: &Asset) -> Value {
     let drawn = lying.links.iter().any(|l| !l.visual.mesh.is_empty());
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn the_urdf_stands_as_the_asset_does() {
+    fn the_urdf_has_the_orientation_of_the_asset() {
         let dir = tempfile::tempdir().unwrap();
         let mut asset = cabinet();
         asset.links[0].origin = DVec3::new(0.1, 0.2, 0.3);

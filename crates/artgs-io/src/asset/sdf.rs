@@ -1,11 +1,11 @@
 //! SDFormat 1.10, as Gazebo reads it: `model.sdf`, `model.config` and `meshes/`.
 //!
-//! A joint is placed against its parent link and the child link against the joint; a fixed joint ties the base to the
-//! world. A screw is a screw.
+//! Poses of joints are relative to the parent link, poses of links to their joint; a fixed joint connects the base to the
+//! world. A screw is a `screw` joint.
 //!
-//! Limitations: Gazebo lets no two links of a model collide unless `self_collide` is set, which is left to users, since
-//! it ignores contacts with the parent only for some engines. The observed states, splats and colours of vertices have
-//! no place; a link without texture gets its mean colour.
+//! Limitations: Gazebo computes no contacts between links of a model unless `self_collide` is set. It is not set here,
+//! because only some engines then ignore contacts with the parent. Observed states, splats and vertex colours are not
+//! written; a link without texture gets its mean colour.
 
 use super::check::{check_asset, sound_inertia};
 use super::meshes::{LinkFiles, mean_color, write_link_meshes};
@@ -68,7 +68,7 @@ fn write_link(out: &mut String, link: &AssetLink, files: &LinkFiles) {
          <iyz>{yz}</iyz><izz>{zz}</izz></inertia>\n      </inertial>\n"
     );
     if let Some(file) = &files.visual {
-        // The material of a textured mesh is that of its MTL.
+        // The MTL file defines the material of a textured mesh.
         let material = match files.texture {
             Some(_) => String::new(),
             None => {
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn another_reader_sees_frames_limits_and_files() {
+    fn another_reader_reads_frames_limits_and_files() {
         let dir = tempfile::tempdir().unwrap();
         let mut asset = cabinet();
         asset.links[2].parent = Some(1);

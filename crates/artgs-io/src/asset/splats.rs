@@ -1,7 +1,7 @@
-//! The Gaussians of an asset, a file per link: what simulators and viewers hang on the link's body.
+//! The Gaussians of an asset, one file per link in the link frame, for simulators and viewers.
 //!
-//! Limitations: nothing says in the files how the links hang together (URDF and the others do), and viewers of a lone
-//! file take y for up or down where the link frame has z up. SPZ is lossy, see [`super::spz`].
+//! Limitations: the files do not contain the kinematic tree (URDF and others do). Viewers of a single file assume y up or
+//! down, but link frames have z up. SPZ is lossy, see [`super::spz`].
 
 use super::spz::write_spz;
 use crate::{FileError, write_splat_ply};

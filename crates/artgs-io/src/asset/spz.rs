@@ -2,13 +2,13 @@
 //!
 //! Limitations: lossy. Positions are fixed point with 24 bits (a micrometre for anything below 8 m), standard deviations
 //! lie 6 % apart and between e^-10 and e^5.9, opacities and degree-0 colours have 8 bits, degree 1 has 5 bits and higher
-//! degrees 4 within [-1, 1); what lies outside is clamped. Rotations are good to a quarter of a degree. Version 4 (zstd)
+//! degrees 4 within [-1, 1); values outside are clamped. Rotations are good to a quarter of a degree. Version 4 (zstd)
 //! is not written or read, nor are extensions.
 //!
-//! Axes: SPZ calls its axes right, up and back (RUB) and its own library flips signs on the way from the right, down,
-//! front of PLY. Here x, y, z are stored as they are, nothing is flipped on either side: a link frame is right-handed
-//! like RUB, and a viewer that hangs the file under the link's node (as three.js and Spark do) wants it in that frame.
-//! A viewer that shows the file alone takes the link's y for up, so the object lies on its back.
+//! Axes: SPZ names its axes right, up, back (RUB), and its own library flips signs when it converts from the right, down,
+//! front of PLY. Here x, y, z are stored unchanged: a link frame is right-handed like RUB, and a viewer that adds the file to
+//! the node of the link (three.js with Spark) needs the link frame. A viewer of a single file assumes y up and shows the
+//! object lying on its back.
 
 use crate::error::read_bytes;
 use crate::{FileError, write_atomic};
@@ -25,7 +25,7 @@ const MAGIC: u32 = 0x5053_474e;
 const HEADER: usize = 16;
 /// Most fractional bits of positions: a micrometre, and metres up to 8 fit beside them.
 const FINEST: u32 = 20;
-/// Colours of degree 0 are stored with this slope about one half.
+/// Slope of stored colours of degree 0 around one half.
 const COLOR_SLOPE: f32 = 0.15;
 /// Largest component of a unit quaternion that is not the largest one.
 const HALF_ROOT: f32 = std::f32::consts::FRAC_1_SQRT_2;
@@ -38,8 +38,8 @@ pub fn write_spz(path: &Path, splats: &Splats) -> Result<(), FileError> {
     write_atomic(path, &gzip(&body, Compression::default()).map_err(fail)?)
 }
 
-/// What [`write_spz`] writes, packed less tightly and sooner: for Gaussians that are looked at once. An `Err` says what
-/// the format cannot hold.
+/// The bytes that [`write_spz`] writes, with faster and weaker compression, for Gaussians that are shown once. An `Err` names
+/// what the format cannot express.
 pub fn spz_bytes(splats: &Splats) -> Result<Vec<u8>, String> {
     gzip(&pack(splats)?, Compression::fast()).map_err(|e| e.to_string())
 }
@@ -73,7 +73,7 @@ fn pack(s: &Splats) -> Result<Vec<u8>, String> {
     }
     let floats = [s.means.as_flattened(), s.rotations.as_flattened(), s.log_scales.as_flattened()];
     if floats.iter().chain(&[s.logit_opacities.as_slice(), &s.sh]).any(|a| a.iter().any(|v| !v.is_finite())) {
-        return Err("a Gaussian has a number that is not finite; drop it before writing".into());
+        return Err("a Gaussian has a number that is not finite; remove it before writing".into());
     }
     let count = u32::try_from(n).map_err(|_| format!("{n} Gaussians, more than the format can count"))?;
     let largest = s.means.as_flattened().iter().fold(0f32, |m, v| m.max(v.abs()));

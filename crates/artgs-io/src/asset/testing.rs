@@ -1,6 +1,6 @@
 //! A small asset for the tests of the writers.
 
-use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, Splats, Texture, TexturedMesh};
+use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, PerState, Splats, Texture, TexturedMesh};
 use glam::DVec3;
 
 /// A box with flat normals and a texture of 4 x 2 pixels on every side.
@@ -39,7 +39,7 @@ fn joint(kind: JointKind, axis: DVec3, limits: [f64; 2], observed: [f64; 2]) -> 
         axis,
         pitch: 0.0,
         limits,
-        observed: observed.into(),
+        observed: PerState::new(observed[0], observed[1]),
         effort: 50.0,
         velocity: 3.0,
         damping: 0.2,
@@ -69,7 +69,7 @@ fn link(name: &str, origin: DVec3, walls: &[Mesh], joint: Option<AssetJoint>) ->
 }
 
 /// A cabinet of five panels, 1 m x 0.5 m x 1 m, open towards -Y, with a door on a hinge along -Z above and a drawer below
-/// that slides along -Y. Nothing touches at values 0 and the door opens by 1.5 rad, the drawer by 0.4 m.
+/// that slides along -Y. No links touch at values 0, and the door opens by 1.5 rad, the drawer by 0.4 m.
 pub(crate) fn cabinet() -> Asset {
     let walls = [
         Mesh::cuboid([-0.5, -0.25, 0.0], [-0.48, 0.25, 1.0]),
@@ -93,8 +93,8 @@ pub(crate) fn cabinet() -> Asset {
     Asset { name: "cabinet".into(), links }
 }
 
-/// What the cabinet lacks: a base off the origin, a screw on a part, a slide against gravity, a hinge that lies level, a
-/// part of a few grams, links without texture, without visual and with a flat one.
+/// Cases that the cabinet lacks: a base away from the origin, a screw on a part, a slide against gravity, a horizontal hinge,
+/// a part of a few grams, links without texture, without a visual mesh and with a flat one.
 pub(crate) fn contraption() -> Asset {
     let mut asset = cabinet();
     asset.name = "contraption".into();
@@ -102,7 +102,7 @@ pub(crate) fn contraption() -> Asset {
         let mut new = link(name, at, &[hull], Some(joint));
         new.parent = Some(parent);
         new.inertial.mass = mass;
-        // That of a ball of 2 cm, the smallest that the shapes below come near to.
+        // The inertia of a ball of 2 cm, similar to that of the smallest shape below.
         new.inertial.inertia = [4e-4 * mass, 4e-4 * mass, 4e-4 * mass, 0.0, 0.0, 0.0];
         asset.links.push(new);
     };
@@ -121,7 +121,7 @@ pub(crate) fn contraption() -> Asset {
     add("flap", 0, DVec3::new(-0.56, 0.0, 0.9), Mesh::cuboid([-0.02, -0.15, -0.3], [0.0, 0.15, 0.0]), 0.6, flap);
     asset.links[3].visual.texture = None;
     asset.links[4].visual = TexturedMesh::default();
-    // A thin plate that lies askew: rounding decides which side of the triangle inequality it is on.
+    // A thin inclined plate: rounding decides whether it violates the triangle inequality.
     asset.links[4].inertial.inertia = [0.3, 0.2, 0.5, 0.1, 0.0, 0.0];
     let flat = &mut asset.links[5].visual;
     flat.mesh.vertices.iter_mut().for_each(|v| v[0] = 0.0);
@@ -131,10 +131,10 @@ pub(crate) fn contraption() -> Asset {
     asset
 }
 
-/// Writes the samples where `ARTGS_WRITE_SAMPLE` says, for `validate/validate.py`; without the variable there is nothing
-/// to do but to see that they can be written.
+/// Writes the samples to the folder `ARTGS_WRITE_SAMPLE`, for `validate/validate.py`; without the variable it only tests that
+/// they can be written.
 #[test]
-fn writes_the_samples_when_asked() {
+fn the_samples_can_be_written() {
     let scratch = tempfile::tempdir().unwrap();
     let dir = std::env::var_os("ARTGS_WRITE_SAMPLE").map_or(scratch.path().to_path_buf(), Into::into);
     for asset in [cabinet(), contraption()] {

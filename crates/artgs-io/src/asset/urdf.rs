@@ -2,12 +2,12 @@
 //!
 //! The root link `world` carries the base on a fixed joint, so the object does not fall. Link frames are joint frames.
 //!
-//! Limitations: a screw is a revolute joint, its pitch in a comment; so are the observed states. Splats have no place. A
-//! link without texture has its colours in the OBJ, where many loaders skip them; it gets no `<material>`, for which SAPIEN
-//! wants a renderer even where nothing is drawn. PyBullet ignores contacts within a robot unless asked;
-//! MuJoCo those between a body and its parent, but not where the parent is fixed to the world (its own format has
-//! excludes for that). URDF does not say that hulls are convex; every engine takes the hull of each collision mesh,
-//! which is the mesh itself here.
+//! Limitations: a screw is a revolute joint with its pitch in a comment; the observed states are in a comment, too. Splats
+//! are not written. A link without texture has its colours in the OBJ, which many loaders ignore; it has no `<material>`,
+//! because SAPIEN needs a renderer for materials even if nothing is drawn. PyBullet ignores contacts within a robot unless
+//! a flag is set. MuJoCo ignores those between a body and its parent, but not if the parent is fixed to the world (MJCF has
+//! excludes for that). URDF cannot declare hulls convex; every engine uses the convex hull of each collision mesh, which is
+//! equal to the mesh here.
 
 use super::check::{check_asset, sound_inertia};
 use super::meshes::{LinkFiles, write_link_meshes};
@@ -18,7 +18,7 @@ use glam::DVec3;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// The link at the root, which has no body, and where the base sits on it.
+/// The root link, which has no body, and the pose of the base relative to it.
 pub(super) struct Root {
     /// Its name.
     pub(super) name: &'static str,
@@ -33,7 +33,7 @@ pub fn export_urdf(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError>
     let path = dir.join(format!("{}.urdf", asset.name));
     check_asset(asset).map_err(|reason| FileError::malformed(&path, reason))?;
     let (files, mut written) = write_link_meshes(&dir.join("meshes"), asset)?;
-    // PyBullet takes a link of this name for the ground; any other without a mass it warns of.
+    // PyBullet treats a link of this name as the ground; it warns of any other link without mass.
     let root = Root { name: "world", xyz: asset.links[0].origin, rpy: [0.0; 3] };
     write_atomic(&path, document(asset, "meshes", &files, &root).as_bytes())?;
     written.insert(0, path);
@@ -43,7 +43,7 @@ pub fn export_urdf(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError>
 /// The text, for an asset that passed [`check_asset`].
 pub(super) fn document(asset: &Asset, folder: &str, files: &[LinkFiles], root: &Root) -> String {
     let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", asset.name);
-    // MuJoCo would otherwise look for the meshes beside the URDF; other readers skip the element.
+    // Without this MuJoCo searches the meshes beside the URDF; other readers ignore the element.
     out += "  <mujoco><compiler strippath=\"false\"/></mujoco>\n";
     let _ = writeln!(out, "  <link name=\"{}\"/>", root.name);
     for (link, files) in asset.links.iter().zip(files) {
@@ -108,7 +108,7 @@ fn open_joint(out: &mut String, kind: &str, child: &str, parent: &str, xyz: DVec
 fn write_motion(out: &mut String, joint: &AssetJoint) {
     let AssetJoint { kind, axis, pitch, limits: [lower, upper], observed, effort, velocity, damping, friction } =
         *joint;
-    let _ = writeln!(out, "    {}", observed_note(observed.into()));
+    let _ = writeln!(out, "    {}", observed_note(observed));
     if let Some(note) = screw_note(kind, pitch) {
         let _ = writeln!(out, "    {note}");
     }
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn another_reader_sees_links_joints_limits_and_masses() {
+    fn another_reader_reads_links_joints_limits_and_masses() {
         let (dir, written, robot, _) = read(&cabinet());
         assert_eq!(written[0], dir.path().join("cabinet.urdf"));
         assert!(written.iter().all(|f| f.is_file()));
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_child_of_a_part_is_placed_against_it_and_a_screw_is_told_of() {
+    fn the_pose_of_a_child_is_relative_to_its_parent_and_a_screw_has_a_comment() {
         let mut asset = cabinet();
         asset.links[2].parent = Some(1);
         asset.links[0].origin = DVec3::new(0.1, 0.0, -0.0);

@@ -1,4 +1,4 @@
-//! Values of meshes and Gaussians as formats of scenes want them: linear, activated, unit length.
+//! Conversions for scene formats: linear colours, activated Gaussians, unit normals.
 
 use artgs_core::{Splats, TexturedMesh};
 
@@ -8,7 +8,7 @@ pub(super) fn linear(srgb: u8) -> f32 {
     if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Normals of unit length, none if there is not one per vertex; a normal without direction becomes +Z.
+/// Normals of unit length; empty if there is not one per vertex. A zero normal becomes +Z.
 pub(super) fn unit_normals(mesh: &TexturedMesh) -> Vec<[f32; 3]> {
     if mesh.normals.len() != mesh.mesh.vertices.len() {
         return Vec::new();
@@ -17,12 +17,12 @@ pub(super) fn unit_normals(mesh: &TexturedMesh) -> Vec<[f32; 3]> {
     mesh.normals.iter().map(unit).collect()
 }
 
-/// Whether the mesh has a texture and the coordinates to put it on.
+/// Whether the mesh has a texture and texture coordinates.
 pub(super) fn is_textured(mesh: &TexturedMesh) -> bool {
     mesh.texture.is_some() && mesh.uvs.len() == mesh.mesh.vertices.len()
 }
 
-/// Gaussians as renderers want them, or why they cannot be had.
+/// Gaussians with activated parameters.
 pub(super) struct Activated {
     /// Standard deviations, metres.
     pub(super) scales: Vec<[f32; 3]>,

@@ -1,26 +1,27 @@
-//! Numbers as text, for every XML format alike.
+//! Numbers as text for XML formats.
 
-use artgs_core::JointKind;
+use artgs_core::{JointKind, PerState};
 use glam::DVec3;
 
-/// Numbers parted by blanks, each as short as reads back the same; -0 becomes 0.
+/// Numbers separated by blanks, each in the shortest form that reads back exactly; -0 becomes 0.
 pub(super) fn row(values: &[f64]) -> String {
     values.iter().map(|v| (v + 0.0).to_string()).collect::<Vec<_>>().join(" ")
 }
 
-/// Coordinates parted by blanks.
+/// Coordinates separated by blanks.
 pub(super) fn triple(v: DVec3) -> String {
     row(&v.to_array())
 }
 
-/// A comment that tells of a screw, of which the format at hand has only the turning; nothing for other joints.
+/// A comment with the pitch of a screw, for formats that have only hinges; none for other joints.
 pub(super) fn screw_note(kind: JointKind, pitch: f64) -> Option<String> {
     (kind == JointKind::Screw).then(|| format!("<!-- screw: slides {pitch} m per radian along its axis -->"))
 }
 
-/// A comment with the values in the two observed states, for which the format at hand has no place.
-pub(super) fn observed_note([start, end]: [f64; 2]) -> String {
-    format!("<!-- observed: {start} {end} -->")
+/// A comment with the values in the observed states, for formats without a field for them.
+pub(super) fn observed_note(observed: PerState<f64>) -> String {
+    let values = observed.map(|v| v.to_string());
+    format!("<!-- observed: {} -->", values.as_slice().join(" "))
 }
 
 #[cfg(test)]

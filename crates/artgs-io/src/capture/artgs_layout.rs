@@ -1,22 +1,22 @@
-//! The ArtGS layout: `transforms_{split}_{state}.json` with intrinsics on top and one object per frame.
+//! The ArtGS layout: `transforms_{split}_{state}.json` with intrinsics at the top level and one object per frame.
 
 use super::CaptureError;
 use super::json::{Object, key_error, number, positive, text};
 use super::pose::world_to_camera;
 use super::views::{Entry, Focal, Lens};
-use artgs_core::STATE_NAMES;
+use artgs_core::State;
 use serde_json::Value;
 use std::path::{Component, Path, PathBuf};
 
-/// Millimetres, where a file does not say.
+/// Default if a file has no `depth_scale`: millimetres.
 const DEFAULT_DEPTH_SCALE: f64 = 1000.0;
 
-/// The frames of a camera file, images found but not decoded.
+/// The frames of a camera file, with paths of existing images.
 pub(super) fn entries(
     dir: &Path,
     file: &Path,
     root: &Object,
-    state: usize,
+    state: State,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Entry>, CaptureError> {
     let shown = file.display().to_string();
@@ -43,9 +43,9 @@ pub(super) fn entries(
         let pose = frame.get("transform_matrix").ok_or_else(|| missing(&place, "transform_matrix", "the pose"))?;
         let image = find_image(dir, listed).ok_or_else(|| CaptureError::Image {
             place: place.clone(),
-            reason: format!("key `file_path`: there is no image {listed} (nor with .png, nor in an `rgba` folder)"),
+            reason: format!("key `file_path`: no image {listed} exists (also not with .png or in an `rgba` folder)"),
         })?;
-        if number(frame, &place, "time")?.is_some_and(|t| (t - state as f64).abs() > 1e-6) {
+        if number(frame, &place, "time")?.is_some_and(|t| (t - state.index() as f64).abs() > 1e-6) {
             wrong_time.push(index);
         }
         entries.push(Entry {
@@ -59,15 +59,15 @@ pub(super) fn entries(
         });
     }
     if let Some(first) = wrong_time.first() {
-        let (n, name) = (wrong_time.len(), STATE_NAMES[state]);
+        let (n, number, name) = (wrong_time.len(), state.index(), state.name());
         warnings
-            .push(format!("{shown}: key `time` of {n} frames (first: frame {first}) is not {state}, read as {name}"));
+            .push(format!("{shown}: key `time` of {n} frames (first: frame {first}) is not {number}, read as {name}"));
     }
     Ok(entries)
 }
 
 fn missing(place: &str, key: &str, what: &str) -> CaptureError {
-    key_error(place, key, format!("is missing; it must give {what}"))
+    key_error(place, key, format!("is missing; it must contain {what}"))
 }
 
 fn lens(root: &Object, shown: &str) -> Result<Lens, CaptureError> {
@@ -93,7 +93,7 @@ fn lens(root: &Object, shown: &str) -> Result<Lens, CaptureError> {
     Ok(Lens { x, y, cx, cy, width: size("w")?, height: size("h")? })
 }
 
-/// Images that were rescaled often leave `camera_angle_x` and `fl_x` of two sizes; pixels win.
+/// Tools that rescale images often update only one of `camera_angle_x` and `fl_x`; `fl_x` is used.
 fn warn_of_stale_angle(
     root: &Object,
     lens: &Lens,
@@ -105,14 +105,14 @@ fn warn_of_stale_angle(
     let angle = 2.0 * (f64::from(w) / (2.0 * f)).atan();
     if (angle - stated).abs() > 0.01 * angle {
         warnings.push(format!(
-            "{shown}: key `camera_angle_x` is {stated:.4}, but `fl_x` and `w` make {angle:.4}; `fl_x` is used"
+            "{shown}: key `camera_angle_x` is {stated:.4}, but `fl_x` and `w` imply {angle:.4}; `fl_x` is used"
         ));
     }
     Ok(())
 }
 
 /// The image of a `file_path`, relative to the capture: an `rgba` folder beside the listed one or in it is preferred,
-/// the suffix may be missing.
+/// the suffix is optional.
 fn find_image(dir: &Path, listed: &str) -> Option<PathBuf> {
     let path: PathBuf = Path::new(listed).components().filter(|c| *c != Component::CurDir).collect();
     let name = path.file_name()?.to_str()?;
@@ -134,7 +134,7 @@ fn find_depth(dir: &Path, image: &Path, listed: Option<&str>, place: &str) -> Re
             Some(path) => Ok(Some(path)),
             None => Err(CaptureError::Image {
                 place: place.into(),
-                reason: format!("key `depth_path`: there is no depth image {listed}; add it or remove the key"),
+                reason: format!("key `depth_path`: no depth image {listed} exists; add it or remove the key"),
             }),
         };
     }

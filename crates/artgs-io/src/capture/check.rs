@@ -1,11 +1,11 @@
-//! Checks that need both states.
+//! Checks of all states together.
 
 use super::CaptureError;
 use crate::summary::{Bounds, depth_bounds, visual_center};
-use artgs_core::{STATE_NAMES, StateViews};
+use artgs_core::{PerState, State, StateViews};
 
-/// Warns where only some training views have depth.
-pub(super) fn depth_is_everywhere(states: &[StateViews; 2], warnings: &mut Vec<String>) {
+/// Warns if only some training views have depth.
+pub(super) fn depth_is_everywhere(states: &PerState<StateViews>, warnings: &mut Vec<String>) {
     let views = || states.iter().flat_map(|s| &s.train);
     let without: Vec<&str> = views().filter(|v| v.depth.is_none()).map(|v| v.name.as_str()).collect();
     let all = views().count();
@@ -14,28 +14,31 @@ pub(super) fn depth_is_everywhere(states: &[StateViews; 2], warnings: &mut Vec<S
     }
 }
 
-/// The objects of both states must share space: by the boxes of their depth points where both have depth, else by the
-/// points their cameras look at, which must be nearer to each other than the cameras are to them.
-pub(super) fn states_overlap(states: &[StateViews; 2]) -> Result<(), CaptureError> {
-    let [a, b] = [0, 1].map(|s| depth_bounds(&states[s].train));
-    if let (Some(a), Some(b)) = (a, b) {
-        return if a.intersects(&b) { Ok(()) } else { Err(CaptureError::NoOverlap(boxes(&a, &b))) };
+/// The objects of both states must overlap. With depth, the boxes of the depth points must intersect. Otherwise the distance
+/// between the visual centres must be smaller than the mean distance of the cameras to them.
+pub(super) fn states_overlap(states: &PerState<StateViews>) -> Result<(), CaptureError> {
+    let (start, end) = (State::START, State::END);
+    if let Some(boxes) = PerState::try_from_fn(|state| depth_bounds(&states[state].train)) {
+        let (a, b) = (&boxes[start], &boxes[end]);
+        return if a.intersects(b) { Ok(()) } else { Err(CaptureError::NoOverlap(apart(a, b))) };
     }
-    let (Some(a), Some(b)) = (visual_center(&states[0].train), visual_center(&states[1].train)) else {
-        return Ok(());
-    };
-    let (apart, reach) = ((a.point - b.point).length(), 0.5 * (a.mean_distance + b.mean_distance));
-    if apart > reach {
+    let Some(centers) = PerState::try_from_fn(|state| visual_center(&states[state].train)) else { return Ok(()) };
+    let (a, b) = (&centers[start], &centers[end]);
+    let (distance, reach) = ((a.point - b.point).length(), 0.5 * (a.mean_distance + b.mean_distance));
+    if distance > reach {
         return Err(CaptureError::NoOverlap(format!(
-            "the cameras of state {} look at {:.3}, those of {} at {:.3}, {apart:.3} apart with cameras {reach:.3} away",
-            STATE_NAMES[0], a.point, STATE_NAMES[1], b.point
+            "the cameras of state {} look at {:.3}, those of {} at {:.3}, {distance:.3} apart with cameras {reach:.3} away",
+            start.name(),
+            a.point,
+            end.name(),
+            b.point
         )));
     }
     Ok(())
 }
 
-fn boxes(a: &Bounds, b: &Bounds) -> String {
+fn apart(a: &Bounds, b: &Bounds) -> String {
     let text = |b: &Bounds| format!("{:.3} to {:.3}", b.min, b.max);
-    let (first, second) = (STATE_NAMES[0], STATE_NAMES[1]);
+    let (first, second) = (State::START.name(), State::END.name());
     format!("the depth points of state {first} fill {}, those of {second} {}", text(a), text(b))
 }

@@ -1,25 +1,25 @@
-//! Why a capture cannot be used.
+//! Errors of captures.
 
 use std::path::PathBuf;
 
-/// Why a capture cannot be used; every message names the file, the frame and the key concerned and what to do.
+/// Why a capture cannot be used; messages name the file, the frame, the key and a remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {
     /// There is no such folder.
-    #[error("{}: no such directory; give the folder that holds the capture", dir.display())]
+    #[error("{}: no such directory; give the folder of the capture", dir.display())]
     DirectoryMissing {
-        /// What was asked for.
+        /// The given path.
         dir: PathBuf,
     },
     /// It is a file.
-    #[error("{}: is a file; give the folder that holds the capture", path.display())]
+    #[error("{}: is a file; give the folder of the capture", path.display())]
     NotADirectory {
-        /// What was asked for.
+        /// The given path.
         path: PathBuf,
     },
-    /// The folder holds none of the known camera files.
+    /// The folder contains none of the known camera files.
     #[error(
-        "{}: not a capture, there is none of {looked_for}; give the folder of an ArtGS or PARIS capture",
+        "{}: not a capture, it contains none of {looked_for}; give the folder of an ArtGS or PARIS capture",
         dir.display()
     )]
     NoLayout {
@@ -30,15 +30,15 @@ pub enum CaptureError {
     },
     /// Cameras of one state only.
     #[error(
-        "{}: holds one state only: {} is there, {} is not; two states are needed, photograph the other one",
+        "{}: contains one state only: {} exists, {} does not; two states are needed, capture the other one",
         dir.display(), found.display(), missing.display()
     )]
     OneState {
         /// The folder.
         dir: PathBuf,
-        /// The camera file that is there.
+        /// The existing camera file.
         found: PathBuf,
-        /// The camera file that is not.
+        /// The missing camera file.
         missing: PathBuf,
     },
     /// A camera file cannot be read.
@@ -58,25 +58,25 @@ pub enum CaptureError {
         line: usize,
         /// Column, from 1.
         column: usize,
-        /// What the parser says.
+        /// Message of the parser.
         reason: String,
     },
-    /// A key is missing or its value is unusable.
+    /// A key is missing or its value is invalid.
     #[error("{place}: key `{key}`: {reason}")]
     Key {
         /// Camera file and frame.
         place: String,
         /// The key.
         key: String,
-        /// What is wrong and what to do.
+        /// What is wrong, and the remedy.
         reason: String,
     },
-    /// An image is missing, broken or does not fit.
+    /// An image is missing, unreadable or of the wrong size.
     #[error("{place}: {reason}")]
     Image {
         /// Camera file and frame.
         place: String,
-        /// Which image, what is wrong and what to do.
+        /// The image, what is wrong, and the remedy.
         reason: String,
     },
     /// No frame of a state shows the object.
@@ -103,11 +103,11 @@ pub enum CaptureError {
         frame: String,
     },
     /// Too few training views.
-    #[error("{}: key `frames`: {usable} usable training views, at least 2 are needed; photograph more", file.display())]
+    #[error("{}: key `frames`: {usable} usable training views, at least 2 are needed; capture more", file.display())]
     TooFewViews {
         /// The camera file.
         file: PathBuf,
-        /// Views left.
+        /// Number of usable views.
         usable: usize,
     },
     /// The objects of the two states are in different places.

@@ -9,7 +9,7 @@ use std::path::Path;
 pub(super) type Object = Map<String, Value>;
 
 /// Parses a camera file; `shown` is its name in messages. Python's `NaN` and `Infinity`, which are not JSON, become
-/// `null`, so that the frame that holds them can be named.
+/// `null`, so that the error can name the frame.
 pub(super) fn read_object(path: &Path, shown: &Path) -> Result<Object, CaptureError> {
     let bytes = std::fs::read(path).map_err(|source| CaptureError::Unreadable { file: shown.into(), source })?;
     let text = null_for_not_finite(&bytes);
@@ -60,7 +60,7 @@ pub(super) fn key_error(place: &str, key: &str, reason: impl Into<String>) -> Ca
     CaptureError::Key { place: place.into(), key: key.into(), reason: reason.into() }
 }
 
-/// A finite number, if the key is there.
+/// A finite number, if the key exists.
 pub(super) fn number(object: &Object, place: &str, key: &str) -> Result<Option<f64>, CaptureError> {
     match object.get(key) {
         None => Ok(None),
@@ -71,7 +71,7 @@ pub(super) fn number(object: &Object, place: &str, key: &str) -> Result<Option<f
     }
 }
 
-/// A finite number above zero, if the key is there.
+/// A finite number above zero, if the key exists.
 pub(super) fn positive(object: &Object, place: &str, key: &str) -> Result<Option<f64>, CaptureError> {
     match number(object, place, key)? {
         Some(v) if v <= 0.0 => Err(key_error(place, key, format!("is {v}, must be above 0"))),
@@ -79,7 +79,7 @@ pub(super) fn positive(object: &Object, place: &str, key: &str) -> Result<Option
     }
 }
 
-/// A string, if the key is there.
+/// A string, if the key exists.
 pub(super) fn text<'a>(object: &'a Object, place: &str, key: &str) -> Result<Option<&'a str>, CaptureError> {
     match object.get(key) {
         None => Ok(None),

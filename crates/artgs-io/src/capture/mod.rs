@@ -1,9 +1,9 @@
-//! Reads a capture folder: posed images of one object in two states, in one of two layouts.
+//! Reads a capture folder: posed images of one object in its observed states, in one of two layouts.
 //!
 //! * ArtGS: `transforms_{train,test}_{start,end}.json`, each frame naming its image.
 //! * PARIS: `{start,end}/camera_{train,test}.json`, `K` and one pose per image id.
 //!
-//! Where both are complete, the first is read. Nothing is written into the folder and its `gt/` is never looked at.
+//! If both are complete, the first is read. The reader writes no files and never reads `gt/`.
 
 mod artgs_layout;
 mod check;
@@ -16,14 +16,28 @@ mod views;
 pub use error::CaptureError;
 pub use pose::opengl_pose;
 
-use artgs_core::{Capture, STATE_NAMES, StateViews};
+use artgs_core::{Capture, PerState, State, StateViews, View};
 use std::path::{Path, PathBuf};
 
-/// Names of the two splits, as files spell them.
-const SPLITS: [&str; 2] = ["train", "test"];
+/// Training or held-out views.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Split {
+    Train,
+    Test,
+}
 
-/// Loads a capture folder. What is odd but usable lands in [`Capture::warnings`]; what is not is an error that names
-/// file, frame and key and says what to do. Views come in the order of their image paths.
+impl Split {
+    /// Name in paths of files.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Train => "train",
+            Self::Test => "test",
+        }
+    }
+}
+
+/// Loads a capture folder. Problems that do not prevent its use are in [`Capture::warnings`]; others are errors that name the
+/// file, the frame, the key and a remedy. Views are in the order of their image paths.
 pub fn load_capture(dir: &Path) -> Result<Capture, CaptureError> {
     if dir.exists() && !dir.is_dir() {
         return Err(CaptureError::NotADirectory { path: dir.into() });
@@ -33,17 +47,18 @@ pub fn load_capture(dir: &Path) -> Result<Capture, CaptureError> {
     }
     let layout = Layout::detect(dir)?;
     let mut warnings = Vec::new();
-    let mut load = |state: usize| -> Result<StateViews, CaptureError> {
-        let [train, test] = [0, 1].map(|split| load_split(dir, layout, state, split, &mut warnings));
+    let mut load = |state| -> Result<StateViews, CaptureError> {
+        let [train, test] =
+            [Split::Train, Split::Test].map(|split| load_split(dir, layout, state, split, &mut warnings));
         Ok(StateViews { train: train?, test: test? })
     };
-    let states = [load(0)?, load(1)?];
+    let states = PerState::new(load(State::START)?, load(State::END)?);
     check::depth_is_everywhere(&states, &mut warnings);
     check::states_overlap(&states)?;
-    Ok(Capture { states: states.into(), warnings })
+    Ok(Capture { states, warnings })
 }
 
-/// How the folder is laid out.
+/// Layout of the folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Layout {
     ArtGs,
@@ -52,8 +67,8 @@ enum Layout {
 
 impl Layout {
     /// The camera file of a state and split, relative to the folder.
-    fn camera_file(self, state: usize, split: usize) -> PathBuf {
-        let (state, split) = (STATE_NAMES[state], SPLITS[split]);
+    fn camera_file(self, state: State, split: Split) -> PathBuf {
+        let (state, split) = (state.name(), split.name());
         match self {
             Self::ArtGs => format!("transforms_{split}_{state}.json").into(),
             Self::Paris => Path::new(state).join(format!("camera_{split}.json")),
@@ -64,7 +79,7 @@ impl Layout {
         let mut half = None;
         let mut looked_for = Vec::new();
         for layout in [Self::ArtGs, Self::Paris] {
-            let files = [0, 1].map(|state| layout.camera_file(state, 0));
+            let files = State::ALL.map(|state| layout.camera_file(state, Split::Train));
             match files.clone().map(|f| dir.join(f).is_file()) {
                 [true, true] => return Ok(layout),
                 [true, false] => half = half.or(Some((files[0].clone(), files[1].clone()))),
@@ -83,19 +98,19 @@ impl Layout {
 fn load_split(
     dir: &Path,
     layout: Layout,
-    state: usize,
-    split: usize,
+    state: State,
+    split: Split,
     warnings: &mut Vec<String>,
-) -> Result<Vec<artgs_core::View>, CaptureError> {
+) -> Result<Vec<View>, CaptureError> {
     let file = layout.camera_file(state, split);
-    if split == 1 && !dir.join(&file).is_file() {
+    if split == Split::Test && !dir.join(&file).is_file() {
         return Ok(Vec::new());
     }
     let root = json::read_object(&dir.join(&file), &file)?;
     let mut entries = match layout {
         Layout::ArtGs => artgs_layout::entries(dir, &file, &root, state, warnings)?,
-        Layout::Paris => paris_layout::entries(dir, &file, &root, state, SPLITS[split])?,
+        Layout::Paris => paris_layout::entries(dir, &file, &root, state, split.name())?,
     };
     entries.sort_by(|a, b| a.sort_key.cmp(&b.sort_key));
-    views::load(dir, &file, &entries, split == 0, warnings)
+    views::load(dir, &file, &entries, split == Split::Train, warnings)
 }

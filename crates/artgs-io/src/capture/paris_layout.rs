@@ -4,25 +4,25 @@ use super::CaptureError;
 use super::json::{Object, key_error, matrix};
 use super::pose::world_to_camera;
 use super::views::{Entry, Focal, Lens};
-use artgs_core::STATE_NAMES;
+use artgs_core::State;
 use serde_json::Value;
 use std::path::Path;
 
-/// PARIS' captures have depth in millimetres if at all.
+/// Depth of PARIS captures, if any, is in millimetres.
 const DEPTH_SCALE: f64 = 1000.0;
 
-/// The frames of a camera file, images found but not decoded.
+/// The frames of a camera file, with paths of existing images.
 pub(super) fn entries(
     dir: &Path,
     file: &Path,
     root: &Object,
-    state: usize,
+    state: State,
     split: &str,
 ) -> Result<Vec<Entry>, CaptureError> {
     let shown = file.display().to_string();
-    let k = root.get("K").ok_or_else(|| key_error(&shown, "K", "is missing; it must give the 3x3 intrinsics"))?;
+    let k = root.get("K").ok_or_else(|| key_error(&shown, "K", "is missing; it must contain the 3x3 intrinsics"))?;
     let lens = lens(k, &shown)?;
-    let folder = Path::new(STATE_NAMES[state]).join(split);
+    let folder = Path::new(state.name()).join(split);
     let entry = |(id, pose): (&String, &Value)| -> Result<Entry, CaptureError> {
         let place = format!("{shown}, frame {id}");
         let png = format!("{id}.png");
@@ -30,7 +30,7 @@ pub(super) fn entries(
         let image = candidates.iter().find(|p| dir.join(p).is_file()).cloned().ok_or_else(|| CaptureError::Image {
             place: place.clone(),
             reason: format!(
-                "key `{id}`: there is no image {} nor {}; add it or remove the key",
+                "key `{id}`: no image {} or {} exists; add it or remove the key",
                 candidates[0].display(),
                 candidates[1].display()
             ),

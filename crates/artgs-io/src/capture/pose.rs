@@ -1,4 +1,4 @@
-//! Camera-to-world matrices with OpenGL axes into world-to-camera motions with OpenCV axes.
+//! Converts camera-to-world matrices with OpenGL axes to world-to-camera motions with OpenCV axes.
 
 use super::CaptureError;
 use super::json::{block_and_column, key_error, matrix};
@@ -6,7 +6,7 @@ use artgs_core::{Camera, Rigid};
 use glam::{DMat3, DVec3};
 use serde_json::Value;
 
-/// How far the rotation block may be from orthonormal, largest entry of `R^T R - I`.
+/// Largest allowed entry of `R^T R - I` of a rotation block.
 const ORTHONORMAL: f64 = 1e-3;
 
 /// World-to-camera motion (OpenCV axes) of a 4x4 camera-to-world matrix (OpenGL axes: y up, looks down -z).
@@ -22,7 +22,7 @@ pub(super) fn world_to_camera(value: &Value, place: &str, key: &str) -> Result<R
     Ok(Rigid::from_matrix(block * flip, translation).inverse())
 }
 
-/// Camera-to-world matrix with OpenGL axes (y up, looks down -z), rows first: what capture files hold.
+/// Camera-to-world matrix with OpenGL axes (y up, looks down -z), rows first, as in capture files.
 pub fn opengl_pose(camera: &Camera) -> [[f64; 4]; 4] {
     let pose = camera.world_to_camera.inverse();
     let (r, t) = (pose.matrix(), pose.translation);

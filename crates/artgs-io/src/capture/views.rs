@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// Pixels below this alpha are background and lose their depth.
 const OBJECT_ALPHA: u8 = 128;
 
-/// A focal length as the file states it.
+/// A focal length in the form of the file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Focal {
     /// In pixels.
@@ -28,7 +28,7 @@ impl Focal {
     }
 }
 
-/// Intrinsics as far as a camera file states them; the images tell the rest.
+/// Intrinsics of a camera file; image sizes complete them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Lens {
     pub(super) x: Focal,
@@ -50,12 +50,12 @@ impl Lens {
     }
 }
 
-/// A frame as a camera file lists it.
+/// A frame of a camera file.
 #[derive(Debug)]
 pub(super) struct Entry {
     /// Camera file and frame, for messages.
     pub(super) place: String,
-    /// What frames are ordered by.
+    /// Key by which frames are sorted.
     pub(super) sort_key: String,
     /// Colour image, relative to the capture.
     pub(super) image: PathBuf,
@@ -72,7 +72,7 @@ impl Entry {
         CaptureError::Image { place: self.place.clone(), reason }
     }
 
-    /// An unreadable file, named relative to the capture as all others are.
+    /// Error of an unreadable file, named relative to the capture.
     fn file_error(&self, name: &Path, error: FileError) -> CaptureError {
         let name = name.display();
         self.fail(match error {
@@ -90,8 +90,8 @@ struct Decoded {
     empty: bool,
 }
 
-/// Decodes frames in parallel, keeping their order. Frames with an empty mask are left out with a warning.
-/// A training split must end up with two views; the depth of any other is not read, since nothing asks for it.
+/// Decodes frames in parallel, in their order. Frames with an empty mask are ignored with a warning. A training split must
+/// have two usable views. Depth of other splits is not read, because it is not used.
 pub(super) fn load(
     dir: &Path,
     file: &Path,
@@ -111,8 +111,8 @@ pub(super) fn load(
         return Err(CaptureError::EmptyMasks { file: file.into(), frames: listing(&empty) });
     }
     for (odd, what) in [
-        (empty, "are left out, their mask (alpha) is empty"),
-        (names(|d| !d.has_alpha), "have no alpha; every pixel counts as object"),
+        (empty, "are ignored, their mask (alpha) is empty"),
+        (names(|d| !d.has_alpha), "have no alpha; all pixels count as the object"),
         (names(|d| d.was_16_bit), "have 16 bits per channel and were rounded to 8"),
     ] {
         if !odd.is_empty() {
@@ -127,7 +127,7 @@ pub(super) fn load(
     Ok(views)
 }
 
-/// Up to five names and how many more there are.
+/// Up to five names and the number of others.
 fn listing(names: &[&str]) -> String {
     let head = names[..names.len().min(5)].join(", ");
     if names.len() > 5 { format!("{head} and {} more", names.len() - 5) } else { head }

@@ -1,4 +1,4 @@
-//! Texels of an atlas: where each lies on the surface, and what goes between charts.
+//! Texels of an atlas: their points on the surface, and padding between charts.
 
 use super::zbuffer::each_pixel;
 use artgs_core::TexturedMesh;
@@ -11,7 +11,7 @@ pub(super) struct Texel {
     pub(super) index: usize,
     /// Place on the surface.
     pub(super) point: DVec3,
-    /// Unit normal there.
+    /// Unit normal at that point.
     pub(super) normal: DVec3,
 }
 
@@ -34,14 +34,14 @@ pub(super) fn texels(mesh: &TexturedMesh, size: [u32; 2]) -> Vec<Texel> {
             t.iter().zip(weights).map(|(k, w)| (Vec3::from_array(of[*k as usize]) * w).as_dvec3()).sum()
         };
         let p = t.map(|k| DVec3::from_array(mesh.mesh.vertices[k as usize].map(f64::from)));
-        // The triangle's own side decides what sees it; its vertices' normals only round it off.
+        // The triangle's normal decides which views see it; vertex normals only make the shading smooth.
         let flat = (p[1] - p[0]).cross(p[2] - p[0]).normalize_or_zero();
         Some(Texel { index, point: mix(&mesh.mesh.vertices), normal: (flat + mix(&mesh.normals)).normalize_or(flat) })
     };
     owner.iter().enumerate().filter_map(texel).collect()
 }
 
-/// Spreads colours over `rings` texels around what has one, then the mean colour over the rest.
+/// Spreads colours to `rings` texels around coloured ones; all other texels get the mean colour.
 pub(super) fn pad(colors: &mut [Option<Vec3>], size: [u32; 2], rings: u32) -> Vec<[u8; 3]> {
     let [width, height] = size.map(|s| s as usize);
     let known = colors.iter().flatten();

@@ -1,10 +1,10 @@
-//! One colour from many.
+//! Robust mean of colour samples.
 
 use super::view::Sample;
 use glam::Vec3;
 
-/// The colour that samples agree on, [0, 255]: from their weighted median by brightness on, means in which a sample counts
-/// less the further it is from the one before; at a distance of `outlier` a quarter. None without samples.
+/// Robust mean of samples, [0, 255]. It starts at their weighted median by brightness; each iteration is a mean in which a
+/// sample has less weight the farther it is from the previous mean, a quarter at distance `outlier`. None without samples.
 pub(super) fn blend(samples: &mut [Sample], outlier: f32) -> Option<Vec3> {
     let total: f32 = samples.iter().map(|s| s.weight).sum();
     if total.is_nan() || total <= 0.0 {

@@ -1,4 +1,4 @@
-//! Colours for what no view sees.
+//! Colours of texels that no view sees.
 
 use super::atlas::Texel;
 use crate::repair::trimesh;
@@ -10,11 +10,11 @@ use parry3d::query::PointQueryWithLocation;
 use rayon::prelude::*;
 use std::num::NonZero;
 
-/// Known texels that an unknown one mixes.
+/// Number of known texels that are mixed for an unknown one.
 const NEIGHBOURS: NonZero<usize> = NonZero::new(12).expect("12 is not 0");
 
 /// Gives texels without a colour the mean of those nearest in space, weighted by the inverse square of the distance.
-/// False if there is none to take from.
+/// False if no texel has a colour.
 pub(super) fn from_neighbours(texels: &[Texel], colors: &mut [Option<Vec3>], size: [u32; 2]) -> bool {
     let sources: Vec<&Texel> = texels.iter().filter(|t| is_source(colors, t.index, size)).collect();
     let points: Vec<[f32; 3]> = sources.iter().map(|t| t.point.as_vec3().to_array()).collect();
@@ -38,7 +38,7 @@ pub(super) fn from_neighbours(texels: &[Texel], colors: &mut [Option<Vec3>], siz
     true
 }
 
-/// Every fourth known texel both ways stands for those around it; at the rim of the known each counts.
+/// Known texels used as sources: every fourth in both directions, and all at the border of the known area.
 fn is_source(colors: &[Option<Vec3>], index: usize, size: [u32; 2]) -> bool {
     let [width, height] = size.map(|s| s as usize);
     let (x, y) = (index % width, index / width);
@@ -48,7 +48,7 @@ fn is_source(colors: &[Option<Vec3>], index: usize, size: [u32; 2]) -> bool {
     colors[index].is_some() && ((x % 4 == 0 && y % 4 == 0) || at_rim())
 }
 
-/// Gives every texel the vertex colours of the nearest place on a coloured mesh. False if it has no colours.
+/// Gives every texel the interpolated vertex colours at the nearest point of a mesh. False if the mesh has no colours.
 pub(super) fn from_vertices(texels: &[Texel], colors: &mut [Option<Vec3>], dense: &Mesh) -> bool {
     let Some(solid) = trimesh(dense).filter(|_| dense.colors.len() == dense.vertices.len()) else { return false };
     let color = |texel: &Texel| -> Vec3 {

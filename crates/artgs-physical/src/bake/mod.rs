@@ -1,8 +1,8 @@
-//! Textures from photos.
+//! Bakes textures from the photos of a capture.
 //!
-//! Every texel asks all views of both states for its colour. A view answers where its depth agrees; it counts by how straight
-//! and near it looks, and less towards edges of depth and mask, where pixels mix two surfaces. Answers far from the weighted
-//! median (highlights, wrong masks) fade out smoothly, so that no seam shows where one of them ends.
+//! Every texel samples all views of both states in which the depth agrees with its point. The weight of a sample falls with
+//! viewing angle and distance, and towards edges of depth and mask, where pixels mix two surfaces. Samples far from the
+//! weighted median (highlights, wrong masks) get smoothly decreasing weights, so that no seams appear.
 
 mod atlas;
 mod blend;
@@ -17,19 +17,19 @@ use blend::blend;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// A photo to take colours from.
+/// A photo as a source of colours.
 #[derive(Clone, Copy, Debug)]
 pub struct BakeView<'a> {
     /// Camera in the frame of the mesh: that of the photo, moved with the part ([`Camera::moved_with`]).
     pub camera: Camera,
     /// Straight colours, `[height * width]`; alpha is the mask of the object.
     pub rgba: &'a [[u8; 4]],
-    /// Planar depth, `[height * width]`, scene units. Without it the mesh alone says what hides what; see [`depth_of`] for a
-    /// better answer.
+    /// Planar depth, `[height * width]`, scene units. Without it only the mesh itself decides about visibility; [`depth_of`]
+    /// renders depth that includes other parts.
     pub depth: Option<&'a DepthMap>,
-    /// Part of every pixel, `[height * width]`, and the number of this one; other pixels are not looked at.
+    /// Part of every pixel, `[height * width]`, and the number of this part; pixels of other parts are ignored.
     pub labels: Option<(&'a [u16], u16)>,
-    /// How much the view counts against others; 1 for all by custom.
+    /// Weight of the view relative to others, usually 1.
     pub weight: f64,
 }
 
@@ -46,41 +46,41 @@ impl BakeView<'_> {
 /// Settings of [`bake`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BakeOptions {
-    /// Difference between a view's depth and the surface up to which it is that surface, scene units.
+    /// Largest difference between a view's depth and a visible point, scene units.
     pub tolerance: f64,
-    /// Step of depth from pixel to pixel that separates two surfaces, scene units.
+    /// Step of depth between pixels that counts as an edge between two surfaces, scene units.
     pub jump: f64,
-    /// Power of the cosine between normal and ray by which views count.
+    /// Exponent of the cosine between normal and ray in the weight of a view.
     pub sharpness: f64,
-    /// Difference in colour, [0, 255], at which an answer counts a quarter.
+    /// Difference in colour, [0, 255], at which a sample has a quarter of its weight.
     pub outlier: f64,
-    /// Texels around charts that take their colour.
+    /// Texels of padding around charts.
     pub padding: u32,
 }
 
 impl BakeOptions {
-    /// Settings for surfaces known to about `voxel` (scene units).
+    /// Settings for surfaces with an accuracy of about `voxel` (scene units).
     pub fn at_resolution(voxel: f64) -> Self {
         Self { tolerance: 2.5 * voxel, jump: 4.0 * voxel, sharpness: 8.0, outlier: 40.0, padding: 4 }
     }
 }
 
-/// What [`bake`] makes.
+/// Result of [`bake`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Baked {
-    /// The picture, of the size asked for.
+    /// The texture, of the requested size.
     pub texture: Texture,
-    /// Colour of every vertex, taken from the picture.
+    /// Colour of every vertex, sampled from the texture.
     pub colors: Vec<[u8; 3]>,
     /// Texels on the surface.
     pub texels: usize,
-    /// Of those, how many a view saw.
+    /// Texels on the surface that a view sees.
     pub seen: usize,
 }
 
-/// Paints an atlas of `size` texels (width, height) for a mesh with texture coordinates and normals. Texels that no view
-/// sees take the colour of the surface nearest to them; without any view, or where none sees the mesh, all take the vertex
-/// colours of `dense`, the mesh it was simplified from. Views whose buffers do not have the size of their image are ignored.
+/// Bakes a texture of `size` texels (width, height) for a mesh with texture coordinates and normals. Texels that no view
+/// sees get the colour of the nearest visible surface; if no view sees the mesh, all get the vertex colours of `dense`, the
+/// mesh before simplification. Views whose buffers do not have the size of their image are ignored.
 pub fn bake(mesh: &TexturedMesh, size: [u32; 2], views: &[BakeView], dense: &Mesh, options: &BakeOptions) -> Baked {
     let n = mesh.mesh.vertices.len();
     if mesh.uvs.len() != n || mesh.normals.len() != n || size.contains(&0) {

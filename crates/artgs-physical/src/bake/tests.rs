@@ -13,7 +13,7 @@ fn board(p: DVec3) -> Vec3 {
     if odd { Vec3::new(220.0, 40.0, 30.0) } else { Vec3::new(20.0, 60.0, 200.0) }
 }
 
-/// Distance to the nearest line of the board that is not an edge of the side itself, and to the cube's edges.
+/// Distance to the nearest line of the board inside the side, and to the edges of the cube.
 fn from_lines(p: DVec3) -> f64 {
     let mut distances: Vec<f64> = p.to_array().iter().map(|x| (x * 4.0 - (x * 4.0).round()).abs() / 4.0).collect();
     distances.sort_by(f64::total_cmp);
@@ -34,7 +34,7 @@ fn cameras() -> Vec<Camera> {
     (0..12).map(|i| Camera::look_at(k, from(i), DVec3::splat(0.5), DVec3::Z)).collect()
 }
 
-/// Photos of the cube by ray casting through its z-buffer; `wrong` paints one of them green.
+/// Renders photos of the cube by its z-buffer; the photo `wrong` is green.
 fn photos(cameras: &[Camera], wrong: Option<usize>) -> Vec<(Vec<[u8; 4]>, DepthMap)> {
     let cube = cube();
     let photo = |(i, camera): (usize, &Camera)| {
@@ -103,7 +103,7 @@ fn a_checkerboard_is_baked_in_register() {
 }
 
 #[test]
-fn neither_a_wrong_photo_nor_missing_depth_spoils_it() {
+fn neither_a_wrong_photo_nor_missing_depth_degrades_it() {
     let (mesh, done, size) = baked(true, Some(3), None);
     assert!(right(&mesh, &done, size) > 0.9, "{}", right(&mesh, &done, size));
     let (mesh, done, size) = baked(false, None, None);
@@ -112,7 +112,7 @@ fn neither_a_wrong_photo_nor_missing_depth_spoils_it() {
 
 #[test]
 fn what_is_hidden_takes_the_colour_next_to_it_and_not_of_what_hides_it() {
-    // A small box within the cube: nobody sees it, so that all comes from the cube's own sides.
+    // A small box inside the cube: no view sees it, so its colours come from the sides of the cube.
     let mut mesh = cube();
     let mut hidden = open_box(DVec3::splat(0.1), 1, [true; 6]);
     hidden = hidden.moved(&artgs_core::Rigid::shift(DVec3::new(0.08, 0.08, 0.08)));

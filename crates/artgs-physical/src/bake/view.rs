@@ -1,4 +1,4 @@
-//! Photos prepared for sampling: how far each pixel is from anything that spoils it.
+//! Photos prepared for sampling, with the distance of each pixel to edges that make its colour unreliable.
 
 use super::{BakeOptions, BakeView};
 use crate::bake::zbuffer::depth_of;
@@ -7,34 +7,34 @@ use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// Distance from the nearest edge from which on pixels are trusted fully, pixels.
+/// Distance from the nearest edge at which pixels have full weight, pixels.
 const FULL_TRUST: u8 = 8;
-/// Alpha from which on a pixel shows nothing but the object.
+/// Least alpha of a pixel that shows only the object.
 const OPAQUE: u8 = 250;
 /// Least cosine between the normal and the direction to the camera.
 const LEAST_COSINE: f64 = 0.1;
 
-/// A view that can be asked for the colour of a surface point.
+/// A view prepared for sampling at surface points.
 pub(super) struct PreparedView<'a> {
     view: &'a BakeView<'a>,
     depth: Cow<'a, DepthMap>,
-    /// Pixels to the nearest edge, 0 for pixels that show nothing of the part.
+    /// Pixels to the nearest edge; 0 for pixels that do not show the part.
     clear: Vec<u8>,
     eye: DVec3,
     rotation: DMat3,
     translation: DVec3,
 }
 
-/// What a view says of a surface point.
+/// Colour of a surface point in one view.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sample {
     /// sRGB in [0, 255].
     pub(super) color: Vec3,
-    /// How much it counts.
+    /// Weight.
     pub(super) weight: f32,
 }
 
-/// Prepares all views; those without depth see the mesh itself and nothing else.
+/// Prepares all views; views without depth use the rendered depth of the mesh.
 pub(super) fn prepare<'a>(views: &'a [BakeView<'a>], mesh: &Mesh, options: &BakeOptions) -> Vec<PreparedView<'a>> {
     let usable = |v: &&BakeView| v.is_whole();
     let views: Vec<&BakeView> = views.iter().filter(usable).collect();
@@ -80,7 +80,7 @@ impl<'a> PreparedView<'a> {
         if clear == 0 {
             return None;
         }
-        // Within a pixel the depth of an inclined surface changes by its slope.
+        // The depth of an inclined surface changes within a pixel.
         let footprint = p.z / k.fx;
         let slope = (1.0 - cosine * cosine).sqrt() / cosine;
         if (f64::from(self.depth.at(index)) - p.z).abs() > options.tolerance + footprint * slope {
@@ -108,7 +108,7 @@ impl<'a> PreparedView<'a> {
     }
 }
 
-/// Pixels at edges count only where nothing else is known; beyond two pixels trust rises smoothly.
+/// Weight by distance from edges: almost zero at edges, smoothly rising beyond two pixels.
 fn trust(clear: u8) -> f32 {
     match clear {
         0 => 0.0,
@@ -122,7 +122,7 @@ fn trust(clear: u8) -> f32 {
 }
 
 /// Distance of every pixel to the nearest jump of depth, rim of the mask, change of label or border of the image, in pixels
-/// (1: touches it, at most [`FULL_TRUST`]); 0 where nothing of the part is seen.
+/// (1: adjacent, at most [`FULL_TRUST`]); 0 for pixels that do not show the part.
 fn clearance(view: &BakeView, depth: &DepthMap, jump: f32) -> Vec<u8> {
     let k = &view.camera.intrinsics;
     let (w, h) = (k.width as usize, k.height as usize);
@@ -134,11 +134,11 @@ fn clearance(view: &BakeView, depth: &DepthMap, jump: f32) -> Vec<u8> {
     for y in 0..h {
         for x in 0..w {
             let i = y * w + x;
-            if x + 1 < w && leaps(&depths, i, 1, [x > 0, x + 2 < w], jump) {
+            if x + 1 < w && is_depth_edge(&depths, i, 1, [x > 0, x + 2 < w], jump) {
                 clear[i] = clear[i].min(1);
                 clear[i + 1] = clear[i + 1].min(1);
             }
-            if y + 1 < h && leaps(&depths, i, w, [y > 0, y + 2 < h], jump) {
+            if y + 1 < h && is_depth_edge(&depths, i, w, [y > 0, y + 2 < h], jump) {
                 clear[i] = clear[i].min(1);
                 clear[i + w] = clear[i + w].min(1);
             }
@@ -148,9 +148,9 @@ fn clearance(view: &BakeView, depth: &DepthMap, jump: f32) -> Vec<u8> {
     clear
 }
 
-/// True if the depths of pixels `i` and `i + step` are of two surfaces. One seen at a slant changes depth from pixel to pixel
-/// too: what counts is that its slope changes. `has`: whether there are pixels before and after the two.
-fn leaps(depths: &[f32], i: usize, step: usize, has: [bool; 2], jump: f32) -> bool {
+/// True if pixels `i` and `i + step` show two surfaces. The depth of an inclined surface changes between pixels, too, so the
+/// test is for a change of slope. `has`: whether there are pixels before and after the two.
+fn is_depth_edge(depths: &[f32], i: usize, step: usize, has: [bool; 2], jump: f32) -> bool {
     let change = depths[i + step] - depths[i];
     if change.abs() <= jump {
         return false;

@@ -1,9 +1,9 @@
-//! Which surface every pixel of a camera looks at.
+//! Z-buffer of meshes: the visible surface of every pixel.
 
 use artgs_core::{Camera, DepthMap, Mesh};
 use glam::{DVec2, DVec3};
 
-/// The surface a pixel looks at.
+/// The visible surface of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Position in the list of meshes.
@@ -16,8 +16,8 @@ pub struct Hit {
     pub depth: f32,
 }
 
-/// What every pixel (`[height * width]`, at its centre) sees of the meshes, from either side. Meshes in the camera's world;
-/// triangles that reach behind the camera are left out.
+/// The visible surface of every pixel centre, `[height * width]`; triangles are visible from both sides. Meshes are in the
+/// camera's world frame; triangles that reach behind the camera are ignored.
 pub fn visible(camera: &Camera, meshes: &[&Mesh]) -> Vec<Option<Hit>> {
     let k = &camera.intrinsics;
     let (width, height) = (k.width as usize, k.height as usize);
@@ -31,7 +31,7 @@ pub fn visible(camera: &Camera, meshes: &[&Mesh]) -> Vec<Option<Hit>> {
                 continue;
             }
             each_pixel([a.0, b.0, c.0], [width, height], |x, y, w| {
-                // Across the image 1 / depth is linear, and so is anything else divided by depth.
+                // In the image 1 / depth is linear, and so is any attribute divided by depth.
                 let inverse = w[0] / a.1 + w[1] / b.1 + w[2] / c.1;
                 let depth = (1.0 / inverse) as f32;
                 let hit = &mut hits[y * width + x];
@@ -45,13 +45,13 @@ pub fn visible(camera: &Camera, meshes: &[&Mesh]) -> Vec<Option<Hit>> {
     hits
 }
 
-/// Depth that a camera sees of the meshes: for views that have no depth of their own.
+/// Renders the depth of the meshes, for views without measured depth.
 pub fn depth_of(camera: &Camera, meshes: &[&Mesh]) -> DepthMap {
     let depths: Vec<f32> = visible(camera, meshes).iter().map(|h| h.map_or(0.0, |h| h.depth)).collect();
     DepthMap::nearest(&depths)
 }
 
-/// Calls `visit(x, y, weights)` for every pixel of an image whose centre is inside of a triangle, whichever way it winds.
+/// Calls `visit(x, y, weights)` for every pixel of an image whose centre is inside a triangle of either winding.
 pub(super) fn each_pixel(triangle: [DVec2; 3], size: [usize; 2], mut visit: impl FnMut(usize, usize, [f64; 3])) {
     let [a, b, c] = triangle;
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));

@@ -11,16 +11,16 @@ use parry3d::query::{Ray, RayCast};
 use parry3d::shape::TriMesh;
 use std::collections::HashSet;
 
-/// What closes a hole.
+/// Triangles that close a hole.
 pub(super) struct Cap {
-    /// Of the pieces in whose place nothing moves.
+    /// Triangles of the pieces that other parts do not move through.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// True if that is all pieces.
+    /// True if no piece is missing.
     pub(super) whole: bool,
 }
 
-/// Caps for all holes, without the pieces where something moves; none for the holes of a component that they would close
-/// around less than a quarter of a wall: a sheet, or a compartment seen from within.
+/// Caps for all holes, without the pieces that other parts move through. A component gets no caps if they would enclose less
+/// than a quarter of a wall: a sheet, or a compartment seen from inside.
 pub(super) fn close(mesh: &mut Mesh, holes: &[Vec<u32>], obstacles: &Obstacles, options: &RepairOptions) -> Vec<Cap> {
     let component = components(&twins(mesh));
     let mut of_vertex = vec![0; mesh.vertices.len()];
@@ -52,16 +52,16 @@ pub(super) fn close(mesh: &mut Mesh, holes: &[Vec<u32>], obstacles: &Obstacles, 
     caps
 }
 
-/// What caps must keep clear of.
+/// Edges and surfaces that caps must not intersect.
 struct Caps {
-    /// Edges that exist already and must not be used a second time.
+    /// Existing edges, which caps must not use again.
     taken: HashSet<[u32; 2]>,
     /// The mesh without caps.
     surface: Option<TriMesh>,
 }
 
 impl Caps {
-    /// Of a mesh with these rims.
+    /// For a mesh with these rims.
     fn new(mesh: &Mesh, holes: &[Vec<u32>]) -> Self {
         let mut on_rim = vec![false; mesh.vertices.len()];
         holes.iter().flatten().for_each(|v| on_rim[*v as usize] = true);
@@ -84,7 +84,7 @@ impl Caps {
             if !crooked {
                 cap = Some(clip_ears(&piece, &flat, &self.taken, mesh.vertices.len() as u32));
             }
-            // A lid that would cut through the part is tried in smaller pieces, as long as there is anything to halve.
+            // A cap that cuts through the part is divided into smaller pieces as long as its rim can be halved.
             let cuts = |(cap, center): &(Vec<[u32; 3]>, bool)| large && !center && self.pierces_any(mesh, cap);
             if cap.as_ref().is_none_or(cuts)
                 && let Some((i, j)) = self.narrowest(mesh, &piece)
@@ -111,8 +111,8 @@ impl Caps {
         closed
     }
 
-    /// The chord, between two corners of a rim, that is shortest for the way around that it saves, if possible one that does
-    /// not cut through the surface; neither side is shorter than a twentieth of the rim, and the edge is not taken.
+    /// The chord between two corners of a rim with the smallest ratio of its length to the path along the rim, if possible one
+    /// that does not cut through the surface; neither side is shorter than a twentieth of the rim, and the edge is unused.
     fn narrowest(&self, mesh: &Mesh, rim: &[u32]) -> Option<(usize, usize)> {
         let n = rim.len();
         let points: Vec<DVec3> = rim.iter().map(|v| point(mesh, *v)).collect();
@@ -121,7 +121,7 @@ impl Caps {
             along.push(along[i] + points[i].distance(points[(i + 1) % n]));
         }
         let all = along[n];
-        // Long rims are searched at a few hundred corners.
+        // On long rims only a few hundred corners are tested.
         let stride = n.div_ceil(500);
         let mut chords = Vec::new();
         for i in (0..n).step_by(stride) {
@@ -150,7 +150,7 @@ impl Caps {
         inner.any(|[a, b]| self.pierces(point(mesh, a), point(mesh, b)))
     }
 
-    /// True if a straight line, less a bit at its ends, cuts through the surface.
+    /// True if a straight line, shortened a little at its ends, cuts through the surface.
     fn pierces(&self, a: DVec3, b: DVec3) -> bool {
         let [from, way] = [a.lerp(b, 0.03), (b - a) * 0.94].map(|p| Vector::from_array(p.as_vec3().to_array()));
         self.surface.as_ref().is_some_and(|s| s.intersects_local_ray(&Ray::new(from, way), 1.0))
@@ -169,14 +169,14 @@ fn push_mean(mesh: &mut Mesh, of: &[u32]) {
     mesh.vertices.push(position);
 }
 
-/// Width of a cap if it were a long strip: twice its area over its rim.
+/// Width of a long strip with the same area and rim: twice the area divided by the rim.
 fn mean_width(mesh: &Mesh, rim: &[u32], cap: &[[u32; 3]]) -> f64 {
     let twice: f64 = cap.iter().map(|t| cross(mesh, *t).length()).sum();
     let around: f64 = (0..rim.len()).map(|i| point(mesh, rim[i]).distance(point(mesh, rim[(i + 1) % rim.len()]))).sum();
     twice / around.max(f64::MIN_POSITIVE)
 }
 
-/// Fraction of the area at which something else moves, sampled about every `step`.
+/// Fraction of the area that other parts move through, sampled about every `step`.
 fn obstructed(mesh: &Mesh, triangles: &[[u32; 3]], obstacles: &Obstacles, step: f64) -> f64 {
     let (mut hit, mut all) = (0.0, 0.0);
     for t in triangles {
@@ -185,7 +185,7 @@ fn obstructed(mesh: &Mesh, triangles: &[[u32; 3]], obstacles: &Obstacles, step: 
         let n = (longest / step).ceil().clamp(1.0, 60.0) as usize;
         let weight = (b - a).cross(c - a).length() / (n * n) as f64;
         for (i, j) in (0..n).flat_map(|i| (0..n - i).map(move |j| (i, j))) {
-            // Centres of the small triangles that point the way the large one does and, but for the last row, the other.
+            // Centres of the small triangles: those oriented like the large one, then, except in the last row, inverted ones.
             for third in if i + j + 1 < n { &[1.0, 2.0][..] } else { &[1.0][..] } {
                 let at = |k: usize| (k as f64 + third / 3.0) / n as f64;
                 let p: DVec3 = a + (b - a) * at(i) + (c - a) * at(j);
@@ -197,17 +197,17 @@ fn obstructed(mesh: &Mesh, triangles: &[[u32; 3]], obstacles: &Obstacles, step: 
     if all > 0.0 { hit / all } else { 0.0 }
 }
 
-/// A corner of what is left of the polygon.
+/// A corner of the remaining polygon.
 #[derive(Clone, Copy)]
 struct Corner {
     before: usize,
     after: usize,
-    /// How good an ear it makes, 0 if none.
+    /// Quality of its ear, 0 if it is none.
     quality: f64,
 }
 
-/// Triangulates a polygon that may be concave, best ears first, without edges that are `taken`. Where no ear is left, because
-/// the rim crosses itself in its plane or all ears are taken, the rest is a fan about a new vertex `next_vertex`; true if so.
+/// Triangulates a polygon that may be concave, best ears first, without edges that are `taken`. If no ear is left, because
+/// the rim crosses itself in its plane or all ears are taken, the rest is a fan around a new vertex `next_vertex`; true if so.
 fn clip_ears(hole: &[u32], flat: &Flat, taken: &HashSet<[u32; 2]>, next_vertex: u32) -> (Vec<[u32; 3]>, bool) {
     let n = hole.len();
     let mut ring: Vec<Corner> =

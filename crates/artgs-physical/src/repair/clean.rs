@@ -5,8 +5,8 @@ use crate::topology::{NONE, components, cross, ends, split_to_manifold, twins};
 use artgs_core::Mesh;
 use std::collections::VecDeque;
 
-/// The mesh with vertices of the same cell of size `cell` (scene units, positive) made one, without triangles that lose a
-/// corner by it, appear twice or cancel, and without unused vertices.
+/// Merges vertices in the same cell of size `cell` (scene units, positive) and removes triangles that become degenerate,
+/// duplicate or cancelling, and unused vertices.
 pub fn welded(mesh: &Mesh, cell: f64) -> Mesh {
     let key = |v: &[f32; 3]| v.map(|x| (f64::from(x) / cell).round() as i64);
     let mut order: Vec<([i64; 3], u32)> = mesh.vertices.iter().enumerate().map(|(i, v)| (key(v), i as u32)).collect();
@@ -20,7 +20,7 @@ pub fn welded(mesh: &Mesh, cell: f64) -> Mesh {
     compact(mesh, &without_doubles(&triangles, 1))
 }
 
-/// Triangles on the same three vertices cancel in pairs that face opposite ways; of those left at most `most` stay.
+/// Triangles on the same three vertices cancel in pairs with opposite orientation; of the rest at most `most` stay.
 fn without_doubles(triangles: &[[u32; 3]], most: usize) -> Vec<[u32; 3]> {
     // Corners sorted, whether the order was an even permutation, and the index.
     let mut keyed: Vec<([u32; 3], bool, usize)> = triangles
@@ -72,7 +72,7 @@ pub(super) fn clean(mesh: &Mesh, options: &RepairOptions) -> Mesh {
     without_islands(&mesh, options.island_fraction)
 }
 
-/// Turns triangles over until neighbours agree; of each component the side that has more area stays.
+/// Flips triangles until neighbours agree; each component keeps the orientation of the larger area.
 fn orient(mesh: &mut Mesh) {
     let edges = neighbours(&mesh.triangles);
     let mut flipped: Vec<Option<bool>> = vec![None; mesh.triangles.len()];
@@ -102,7 +102,7 @@ fn orient(mesh: &mut Mesh) {
     }
 }
 
-/// Across every half-edge that exactly two triangles share: the other triangle and whether it runs along it the same way.
+/// For every half-edge that exactly two triangles share: the other triangle and whether both run in the same direction.
 fn neighbours(triangles: &[[u32; 3]]) -> Vec<Option<(usize, bool)>> {
     let mut keyed: Vec<(u32, u32, u32, bool)> = (0..3 * triangles.len() as u32)
         .map(|h| {
@@ -134,7 +134,7 @@ fn without_islands(mesh: &Mesh, fraction: f64) -> Mesh {
     compact(mesh, &kept)
 }
 
-/// Only the given triangles, without pairs that cancel, and the vertices they use; what was closed stays so.
+/// Only the given triangles, without pairs that cancel, and the vertices they use; closed meshes stay closed.
 pub(crate) fn reduced(mesh: &Mesh, triangles: &[[u32; 3]]) -> Mesh {
     compact(mesh, &without_doubles(triangles, usize::MAX))
 }

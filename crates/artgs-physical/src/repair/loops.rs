@@ -28,7 +28,7 @@ pub(super) fn holes(mesh: &Mesh) -> Vec<Vec<u32>> {
     holes
 }
 
-/// Evens the steps of a rim out, moving no vertex by more than `reach`. What turns sharply over a long way stays.
+/// Smooths a rim, moving no vertex by more than `reach`. Sharp turns between long edges stay.
 pub(super) fn smooth(mesh: &mut Mesh, hole: &[u32], reach: f64) {
     let was: Vec<DVec3> = hole.iter().map(|v| point(mesh, *v)).collect();
     let mut now = was.clone();

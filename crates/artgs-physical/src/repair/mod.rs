@@ -1,8 +1,8 @@
-//! Closed meshes from open ones: cleaned, holes capped where nothing else moves, the rest given thickness.
+//! Closes meshes: cleans them, caps holes that no other part moves through, and thickens what is still open.
 //!
-//! What no photo shows is missing from a part's mesh: its back, its underside, the inside of a compartment. A hole gets a lid,
-//! crooked ones in several flat pieces, unless something moves through it. A component that is still open after that, or a
-//! sheet that lids give no volume, is a shell: an inner copy, joined at the rims, makes it a body.
+//! A part's mesh lacks surfaces that no photo shows: its back, its underside, the inside of a compartment. A hole gets a cap,
+//! in several flat pieces if the rim is not planar, unless another part moves through it. A component that is still open
+//! after that, or a sheet to which caps give no volume, becomes a shell: an inner copy, joined at the rims, makes it solid.
 
 mod cap;
 mod clean;
@@ -17,7 +17,7 @@ use crate::topology::{open_edges, refine, signed_volume, split_to_manifold};
 use artgs_core::Mesh;
 use glam::DVec3;
 
-/// Where a part must not have material: true for points that other parts pass through or stand in. Asked from many threads.
+/// Where a part must not have material: true for points that other parts occupy or pass through. Called from many threads.
 pub type Obstacles<'a> = dyn Fn(DVec3) -> bool + Sync + 'a;
 
 /// Settings of [`repair`]; lengths in scene units.
@@ -27,15 +27,15 @@ pub struct RepairOptions {
     pub weld: f64,
     /// Components with less of the largest one's area are dropped.
     pub island_fraction: f64,
-    /// Holes not wider than this are capped however crooked they are.
+    /// Holes not wider than this are always capped.
     pub small_hole: f64,
     /// Larger holes are capped in pieces whose rims leave their planes by less than this fraction of their width (root mean
     /// square; no corner by more than 2.5 times that).
     pub planarity: f64,
-    /// A piece of a cap of which more than this fraction stands in the way of other parts is left out. Small holes, and strips
-    /// narrower than a quarter of one, are capped all the same: gaps between parts, level with what is around them.
+    /// A piece of a cap is removed if other parts move through more than this fraction of it. Small holes, and strips narrower
+    /// than a quarter of one, are always capped: they are gaps between parts, level with their surroundings.
     pub obstructed: f64,
-    /// How far rims are smoothed before they are capped or thickened.
+    /// Largest motion of a vertex when rims are smoothed before capping or thickening.
     pub rim_smoothing: f64,
     /// Thickness of shells.
     pub thickness: f64,
@@ -56,20 +56,20 @@ impl RepairOptions {
     }
 }
 
-/// What [`repair`] makes.
+/// Result of [`repair`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Repaired {
-    /// The mesh, in the frame it came in, with its colours.
+    /// The mesh, in the frame of the input, with its colours.
     pub mesh: Mesh,
     /// True if every edge is shared by exactly two triangles that run along it in opposite directions.
     pub watertight: bool,
     /// Edges for which that does not hold.
     pub open_edges: usize,
-    /// Holes that got a cap.
+    /// Capped holes.
     pub capped: usize,
-    /// Holes that got none or only a part of one: something moves there, or what they would enclose is no thicker than a sheet.
+    /// Holes without a complete cap: another part moves through them, or they would enclose no more than a sheet.
     pub left_open: usize,
-    /// True if a component was given thickness.
+    /// True if a component was thickened.
     pub thickened: bool,
     /// Enclosed volume, scene units cubed.
     pub volume: f64,
@@ -84,9 +84,9 @@ pub fn mean_edge(mesh: &Mesh) -> f64 {
     lengths.sum::<f64>() / (3 * mesh.triangles.len()).max(1) as f64
 }
 
-/// Makes a closed, oriented mesh of a part's mesh: welds, drops debris, orients, caps holes except where `obstacles` says
-/// that something else moves, and thickens what is still open. Walls get no thicker than a third of the distance to the
-/// surface behind them and stay out of obstacles. An empty mesh stays empty and is not watertight.
+/// Converts a part's mesh to a closed, oriented one: welds, removes debris, orients, caps holes outside `obstacles`, and
+/// thickens what is still open. Walls are at most a third of the distance to the surface behind them thick and stay out of
+/// obstacles. An empty mesh stays empty and is not watertight.
 pub fn repair(mesh: &Mesh, obstacles: &Obstacles, options: &RepairOptions) -> Repaired {
     let mut mesh = clean::clean(mesh, options);
     let mut holes = loops::holes(&mesh);
@@ -99,7 +99,7 @@ pub fn repair(mesh: &Mesh, obstacles: &Obstacles, options: &RepairOptions) -> Re
     let mut thickened = false;
     if capped < holes.len() && options.thickness > 0.0 {
         thickened = true;
-        // Walls behind caps follow what is behind them.
+        // Refined, so that walls behind caps can follow the surface behind them.
         refine(&mut mesh, 1.5 * options.thickness);
         thicken::thicken(&mut mesh, obstacles, options.thickness);
     }

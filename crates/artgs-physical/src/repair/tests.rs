@@ -28,10 +28,10 @@ fn the_missing_side_of_a_box_is_closed() {
 
 #[test]
 fn a_mouth_through_which_something_moves_stays_open_and_the_walls_get_thick() {
-    // Of a compartment the drawer slides in through +y; its back is missing too.
+    // The compartment is open at +y, where the drawer moves, and has no back.
     let size = DVec3::new(6.0, 8.0, 4.0);
     let mut inside = open_box(size, 40, [true, true, false, false, true, true]);
-    // A compartment is seen from within.
+    // The compartment is seen from inside.
     inside.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     let drawer = |p: DVec3| p.cmpgt(DVec3::new(0.3, 0.5, 0.3)).all() && p.x < 5.7 && p.z < 3.7;
     let done = repair(&inside, &drawer, &options());
@@ -50,7 +50,7 @@ fn walls_leave_room_for_what_is_behind() {
     let done = repair(&sheets, &nothing, &options());
     assert!(done.watertight && done.thickened);
     assert!(done.volume < 0.7 * 12.5 && done.volume > 0.5 * 12.5, "{}", done.volume);
-    // And of things that move in there.
+    // An obstacle inside limits the thickness.
     sheets.triangles.truncate(sheets.triangles.len() / 2);
     let there = |p: DVec3| p.z > 0.1;
     let done = repair(&sheets, &there, &options());
@@ -67,12 +67,12 @@ fn a_rim_around_two_missing_sides_is_closed_in_two_planes() {
 
 #[test]
 fn jagged_concave_rims_are_capped() {
-    // A letter U whose top face is missing, with the rim's triangles torn out here and there.
+    // A letter U without a top face and without some triangles at the rim.
     let mut mesh = open_box(DVec3::new(9.0, 9.0, 1.0), 90, [true, true, true, true, true, true]);
     let gone = |m: &Mesh, t: &[u32; 3]| {
         let c = crate::topology::corners(m, *t).iter().sum::<DVec3>() / 3.0;
-        let torn = ((c.x * 7.0).sin() + (c.y * 9.0).cos()) * 0.2;
-        c.z > 0.9 && (c.x - 4.5).abs().max((c.y - 4.5).abs()) < 3.0 + torn && !((c.x - 4.5).abs() < 1.0 && c.y > 4.0)
+        let removed = ((c.x * 7.0).sin() + (c.y * 9.0).cos()) * 0.2;
+        c.z > 0.9 && (c.x - 4.5).abs().max((c.y - 4.5).abs()) < 3.0 + removed && !((c.x - 4.5).abs() < 1.0 && c.y > 4.0)
     };
     let kept: Vec<[u32; 3]> = mesh.triangles.iter().filter(|t| !gone(&mesh, t)).copied().collect();
     mesh.triangles = kept;

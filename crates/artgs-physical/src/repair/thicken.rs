@@ -1,4 +1,4 @@
-//! Shells: open components get an inner side.
+//! Shells: adds an inner side to open components.
 
 use super::Obstacles;
 use crate::topology::{NONE, components, ends, point, twins, vertex_normals};
@@ -9,7 +9,7 @@ use parry3d::query::{Ray, RayCast};
 use parry3d::shape::TriMesh;
 use rayon::prelude::*;
 
-/// Fraction of the way to the surface behind that a wall may take: two walls back to back stay apart.
+/// Largest thickness of a wall relative to the distance to the surface behind it: two opposite walls do not touch.
 const SHARE: f64 = 0.33;
 
 /// Gives every open component an inner side, `thickness` behind the surface or less where another surface or an obstacle is
@@ -43,7 +43,7 @@ pub(super) fn thicken(mesh: &mut Mesh, obstacles: &Obstacles, thickness: f64) {
     mesh.triangles.extend(rim_edges.iter().flat_map(|[a, b]| [[*b, *a, behind(*a)], [*b, behind(*a), behind(*b)]]));
 }
 
-/// Normals mixed with those around them: inner sides of rough surfaces do not cross themselves so soon.
+/// Smoothed normals: inner sides of rough surfaces intersect themselves less.
 fn evened(mut normals: Vec<DVec3>, triangles: &[[u32; 3]]) -> Vec<DVec3> {
     for _ in 0..4 {
         let mut sums = normals.clone();
@@ -56,7 +56,7 @@ fn evened(mut normals: Vec<DVec3>, triangles: &[[u32; 3]]) -> Vec<DVec3> {
     normals
 }
 
-/// How deep the wall is behind every one of `vertices`.
+/// Depth of the wall behind each of `vertices`.
 fn depths(
     mesh: &Mesh,
     vertices: &[u32],
@@ -77,7 +77,7 @@ fn depths(
                 depth = depth.min(SHARE * f64::from(hit));
             }
         }
-        // Some depth must be left: a wall without any is not a solid, and simplification would turn it inside out.
+        // A wall needs some depth: without it, simplification turns the solid inside out.
         let least = (0.1 * thickness).min(depth);
         while depth > least && obstacles(p - n * depth) {
             depth *= 0.7;
@@ -113,8 +113,8 @@ fn lower_where_it_cuts(at: &mut [f64], mesh: &Mesh, triangles: &[[u32; 3]], norm
     low.iter().for_each(|v| at[*v as usize] *= 0.5);
 }
 
-/// Each depth lowered to one and a half times the least among its neighbours, twice: a single ray that slips through a gap
-/// digs no spike.
+/// Limits each depth to one and a half times the least depth of its neighbours, twice: a single ray through a gap would
+/// otherwise make a spike.
 fn lower_to_neighbours(at: &mut [f64], triangles: &[[u32; 3]]) {
     for _ in 0..2 {
         let was = at.to_vec();

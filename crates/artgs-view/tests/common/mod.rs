@@ -1,8 +1,8 @@
-//! A small replica folder with everything the page shows: a cabinet with a door, in it a knob that screws, and a drawer.
+//! A small replica folder for the page: a cabinet with a door, a knob on a screw joint in the door, and a drawer.
 
 use artgs_core::{
-    Asset, AssetJoint, AssetLink, Camera, Inertial, Intrinsics, Joint, JointKind, Mesh, Replica, Rigid, Splats,
-    Texture, TexturedMesh,
+    Asset, AssetJoint, AssetLink, Camera, Inertial, Intrinsics, Joint, JointKind, Mesh, PerState, Replica, Rigid,
+    Splats, State, Texture, TexturedMesh,
 };
 use artgs_io::asset::{export_urdf, splats::export_splats};
 use artgs_view::{CameraView, Cloud, Page, Placement};
@@ -74,7 +74,7 @@ fn joint(kind: JointKind, axis: DVec3, limits: [f64; 2], observed: [f64; 2]) -> 
         axis,
         pitch: if kind == JointKind::Screw { 0.01 } else { 0.0 },
         limits,
-        observed: observed.into(),
+        observed: PerState::new(observed[0], observed[1]),
         effort: 50.0,
         velocity: 3.0,
         damping: 0.2,
@@ -82,7 +82,7 @@ fn joint(kind: JointKind, axis: DVec3, limits: [f64; 2], observed: [f64; 2]) -> 
     })
 }
 
-/// A cabinet of five panels, open towards -Y, with a door above, a knob that screws out of it, and a drawer below.
+/// A cabinet of five panels, open towards -Y, with a door above, a knob on a screw joint in it, and a drawer below.
 pub(crate) fn cabinet() -> Asset {
     let walls = [
         Mesh::cuboid([-0.5, -0.25, 0.0], [-0.48, 0.25, 1.0]),
@@ -109,14 +109,14 @@ pub(crate) fn cabinet() -> Asset {
     Asset { name: "cabinet".into(), links }
 }
 
-/// Writes what `artgs reconstruct` and `artgs export OUT --to urdf,splats` leave behind, as far as the page reads it.
+/// Writes the outputs of `artgs reconstruct` and `artgs export OUT --to urdf,splats` that the page reads.
 pub(crate) fn write_replica_folder(out: &Path) {
     let asset = cabinet();
     let joints: Vec<Joint> = asset
         .movable()
         .map(|(_, l, j)| {
             let AssetJoint { kind, axis, pitch, limits, observed, .. } = *j;
-            let zero = observed[0];
+            let zero = observed[State::START];
             let limits = limits.map(|v| v - zero);
             Joint { kind, axis, origin: l.origin, pitch, limits, state_values: observed.map(|v| v - zero) }
         })
@@ -148,17 +148,18 @@ pub(crate) fn write_replica_folder(out: &Path) {
 pub(crate) fn page(out: &Path) -> Page {
     let mut page = Page::of_replica(out).unwrap();
     let intrinsics = Intrinsics { fx: 150.0, fy: 150.0, cx: 84.0, cy: 60.0, width: 160, height: 120 };
-    let views = [0, 1].map(|state| {
-        let photo = out.join(format!("photo_{state}.png"));
-        let color = [[220, 120, 20], [20, 160, 90]][state];
+    let views = State::ALL.map(|state| {
+        let number = state.index();
+        let photo = out.join(format!("photo_{number}.png"));
+        let color = [[220, 120, 20], [20, 160, 90]][number];
         artgs_io::image_io::write_rgb(&photo, 160, 120, &vec![color; 160 * 120]).unwrap();
-        let mask = out.join(format!("mask_{state}.png"));
+        let mask = out.join(format!("mask_{number}.png"));
         let inside = |i: usize| [u8::from((40..120).contains(&(i % 160))) * 255; 3];
         artgs_io::image_io::write_rgb(&mask, 160, 120, &(0..160 * 120).map(inside).collect::<Vec<_>>()).unwrap();
-        let eye = DVec3::new(-1.2 + 2.0 * state as f64, -2.4, 1.3);
+        let eye = DVec3::new(-1.2 + 2.0 * number as f64, -2.4, 1.3);
         let camera = Camera::look_at(intrinsics, eye, DVec3::new(0.0, 0.0, 0.5), DVec3::Z);
         CameraView {
-            name: format!("photo {state}"),
+            name: format!("photo {number}"),
             state,
             camera,
             photo: Some(photo),
@@ -171,8 +172,7 @@ pub(crate) fn page(out: &Path) -> Page {
     page
 }
 
-/// Parts of the sample before there are surfaces: joints and labelled points. The knob is taken to be a part of its own,
-/// not one of the door.
+/// Discovered parts of the sample: joints and labelled points. The parent of the knob is the base, not the door.
 pub(crate) fn found_page() -> Page {
     let joint = |l: &AssetLink| {
         let AssetJoint { kind, axis, pitch, limits, observed, .. } = l.joint?;
@@ -186,9 +186,9 @@ pub(crate) fn found_page() -> Page {
 
 fn add_clouds(page: &mut Page) {
     let asset = cabinet();
-    for state in [0, 1] {
-        let poses: Vec<Rigid> = asset.poses(&asset.observed(artgs_core::State::ALL[state]));
-        let mut cloud = Cloud { state, ..Cloud::default() };
+    for state in State::ALL {
+        let poses: Vec<Rigid> = asset.poses(&asset.observed(state));
+        let mut cloud = Cloud { state, points: vec![], colors: vec![], marks: vec![] };
         for (i, (link, pose)) in asset.links.iter().zip(&poses).enumerate() {
             for mean in link.splats.iter().flat_map(|s| &s.means) {
                 cloud.points.push(pose.apply(DVec3::from_array(mean.map(f64::from))).as_vec3().to_array());

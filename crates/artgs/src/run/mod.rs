@@ -238,7 +238,8 @@ pub fn corrections_of(out: &Path) -> Option<(Corrections, usize)> {
 
 fn truth_of(read: artgs_io::GroundTruth) -> Truth {
     let artgs_io::GroundTruth { joints, parents, whole, fixed, movable } = read;
-    Truth { joints, parents, whole, fixed, movable }
+    let movable = movable.into_iter().map(Into::into).collect();
+    Truth { joints, parents, whole: whole.into(), fixed: fixed.into(), movable }
 }
 
 /// Scores the replica in the folder `out` against the ground truth in the folder `gt`.

@@ -7,7 +7,7 @@ const UNSIGNED_INT: u32 = 5125;
 const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_BYTE: u32 = 5121;
 
-/// What a view holds, as graphics cards want to know.
+/// Content of a view, for graphics cards.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Use {
     /// Attributes of vertices.
@@ -18,13 +18,13 @@ pub(super) enum Use {
     Other,
 }
 
-/// Bytes and what they mean.
+/// Bytes with their views and accessors.
 #[derive(Default)]
 pub(super) struct Buffer {
     bytes: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
-    /// A float that is not finite has been put in.
+    /// True if a float was not finite.
     broken: bool,
 }
 
@@ -90,7 +90,7 @@ impl Buffer {
         index
     }
 
-    /// The whole file: `scene` with the buffer's parts put in. Refuses what JSON or glTF cannot say.
+    /// The whole file: `scene` with buffer, views and accessors. Refuses content that JSON or glTF cannot express.
     pub(super) fn into_glb(mut self, mut scene: Map<String, Value>) -> Result<Vec<u8>, String> {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         if !self.bytes.is_empty() {
@@ -98,10 +98,10 @@ impl Buffer {
         }
         scene.insert("bufferViews".into(), self.views.into());
         scene.insert("accessors".into(), self.accessors.into());
-        // glTF has no empty lists.
+        // glTF forbids empty lists.
         scene.retain(|_, value| value.as_array().is_none_or(|a| !a.is_empty()));
         let scene = Value::Object(scene);
-        // JSON turns numbers that are not finite into nulls, and nothing else here is null.
+        // JSON writes numbers that are not finite as null, and nothing else is null here.
         if self.broken || has_null(&scene) {
             return Err("a number of the asset is not finite; check the asset before exporting it".into());
         }

@@ -9,10 +9,10 @@ use serde_json::{Value, json};
 /// Seconds from the lower to the upper limit.
 pub(super) const DURATION: f64 = 2.0;
 
-/// Largest turn between two keys, radians: players go the short way round, which is the right one below half a turn.
+/// Largest turn between two keys, radians: players interpolate the shorter way, which is correct below half a turn.
 const LARGEST_TURN: f64 = std::f64::consts::FRAC_PI_3;
 
-/// Values of a joint at its keys: the limits and as many between them as turning needs.
+/// Values of a joint at its keys: the limits, and values between them for rotations.
 fn keys(joint: &AssetJoint) -> Vec<f64> {
     let [lower, upper] = joint.limits;
     let steps = match joint.kind {

@@ -1,4 +1,4 @@
-//! What is drawn at a node: a mesh with its material, or Gaussians.
+//! Visual content of a node: a mesh with its material, or Gaussians.
 
 use super::Scene;
 use super::buffer::Use;
@@ -13,7 +13,7 @@ use std::path::Path;
 const SH_0: f32 = 0.282_094_8;
 
 impl Scene {
-    /// Index of the mesh of a link, none if there is nothing to draw.
+    /// Index of the mesh of a link; none if it is empty.
     pub(super) fn add_mesh(&mut self, path: &Path, link: &AssetLink) -> Result<Option<usize>, FileError> {
         let (visual, mesh) = (&link.visual, &link.visual.mesh);
         if mesh.is_empty() || mesh.vertices.is_empty() {
@@ -39,7 +39,7 @@ impl Scene {
             _ => surface["baseColorFactor"] = json!([0.5, 0.5, 0.5, 1.0]),
         }
         let indices = self.buffer.triangles(&mesh.triangles);
-        // Shells that were seen from outside only must not vanish when a door shows their inside.
+        // Double-sided, because an open door may show the inside of a shell that was observed only from outside.
         self.materials.push(json!({"name": link.name, "pbrMetallicRoughness": surface, "doubleSided": true}));
         let material = self.materials.len() - 1;
         let primitive = json!({"attributes": attributes, "indices": indices, "material": material, "mode": 4});
@@ -55,7 +55,7 @@ impl Scene {
         Ok(self.textures.len() - 1)
     }
 
-    /// Index of the mesh that holds the Gaussians of a link, none if there are none.
+    /// Index of the mesh with the Gaussians of a link; none if there are none.
     pub(super) fn add_splats(&mut self, name: &str, splats: &Splats) -> Result<Option<usize>, String> {
         if splats.is_empty() {
             return Ok(None);

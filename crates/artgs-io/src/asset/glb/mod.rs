@@ -1,15 +1,15 @@
 //! glTF 2.0 in binary form: `NAME.glb` with meshes, `NAME_splats.glb` with Gaussians.
 //!
-//! Limitations: glTF has no joints, masses or collision shapes, so those are notes in `extras` and the motion is a clip
-//! per joint; collision meshes are left out. A shell is drawn from both sides. The Gaussians have a file of their own
-//! because strict readers (the `gltf` crate, and with it Bevy) and Khronos' validator refuse a whole file for attributes
-//! of an extension that they do not know, and because renderers that know it would draw surfaces twice.
+//! Limitations: glTF has no joints, masses or collision shapes. Joints and masses are in `extras`, motions are clips, one per
+//! joint; collision meshes are not written. Meshes are double-sided. Gaussians have their own file, because strict readers
+//! (the `gltf` crate, also in Bevy) and Khronos' validator refuse a file with attributes of an unknown extension, and because
+//! renderers that know the extension would draw surfaces twice.
 //!
 //! Frames: the root node, named like the asset, turns +Z up to glTF's +Y; under it all nodes have the link frames, so
-//! all of `extras` holds in the node's own axes, metres and radians. A node per link, children under parents, rests at
-//! joint value 0. The clip `LINK_joint` takes the joint from its lower to its upper limit in two seconds, with a key
-//! every 60 degrees at most. Gaussians keep their harmonics in the link frame: renderers must turn the view direction
-//! into the node's frame, as they do.
+//! all of `extras` is in the node's axes, metres and radians. There is a node per link, children under parents, with rest
+//! pose at joint value 0. The clip `LINK_joint` moves the joint from its lower to its upper limit in two seconds, with keys at
+//! most 60 degrees apart. Harmonics of Gaussians are in the link frame: renderers must transform the view direction into the
+//! node's frame.
 //!
 //! `extras` of a link's node:
 //! ```json
@@ -17,7 +17,7 @@
 //!            "observed": [0, 1.5], "effort": 50, "velocity": 3, "damping": 0.2, "friction": 0.1},
 //!  "inertial": {"mass": 2, "center": [0, 0, 0], "inertia": [0.1, 0.1, 0.1, 0, 0, 0]}}
 //! ```
-//! `type` is `revolute`, `prismatic` or `screw`, `observed` the values in the two photographed states, `inertia`
+//! `type` is `revolute`, `prismatic` or `screw`, `observed` the values in the two observed states, `inertia`
 //! `ixx iyy izz ixy ixz iyz` about the centre of mass. The base has no `joint`.
 
 mod buffer;
@@ -34,7 +34,7 @@ use serde_json::{Map, Value, json};
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::path::{Path, PathBuf};
 
-/// What is drawn at the nodes.
+/// Visual content of the nodes.
 #[derive(Clone, Copy, PartialEq)]
 enum Content {
     Meshes,
@@ -128,7 +128,7 @@ impl Scene {
         put("scene", json!(0));
         put("scenes", json!([{"name": name, "nodes": [0]}]));
         if !self.textures.is_empty() {
-            // Smooth between mipmaps, and no bleeding over the edges of the atlas.
+            // Trilinear filtering, clamped at the edges of the atlas.
             put("samplers", json!([{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}]));
         }
         put("nodes", self.nodes.into());
@@ -152,7 +152,7 @@ fn extras(link: &AssetLink) -> Value {
         };
         out["joint"] = json!({
             "name": joint_name(link), "type": kind, "axis": j.axis.to_array(), "pitch": j.pitch, "limits": j.limits,
-            "observed": j.observed, "effort": j.effort, "velocity": j.velocity, "damping": j.damping,
+            "observed": j.observed.as_slice(), "effort": j.effort, "velocity": j.velocity, "damping": j.damping,
             "friction": j.friction,
         });
     }

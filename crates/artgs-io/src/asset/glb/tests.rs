@@ -1,4 +1,4 @@
-//! Read back with the `gltf` crate, the splats (which it refuses) as JSON.
+//! Reads files back with the `gltf` crate; the file of Gaussians, which the crate refuses, as JSON.
 
 use super::*;
 use crate::asset::testing::cabinet;
@@ -178,9 +178,9 @@ fn numbers_that_are_not_finite_are_refused() {
         |a| a.links[1].joint.as_mut().unwrap().limits[1] = f64::INFINITY,
         |a| a.links[1].splats.as_mut().unwrap().log_scales[0][0] = 1e9,
     ];
-    for spoil in spoilers {
+    for edit in spoilers {
         let mut asset = cabinet();
-        spoil(&mut asset);
+        edit(&mut asset);
         let message = export_glb(dir.path(), &asset).unwrap_err().to_string();
         assert!(message.contains("not finite") && message.contains("cabinet"), "{message}");
     }

@@ -1,4 +1,4 @@
-//! A USD layer as a tree of prims, lowered to the `openusd` crate and nowhere else.
+//! A USD layer as a tree of prims. Only this module uses the `openusd` crate for writing.
 
 use super::repair::repaired;
 use openusd::sdf::{self, ChildrenKey, FieldKey, PathListOp, SpecType, Specifier, TokenListOp, Value, Variability};
@@ -126,12 +126,12 @@ impl Prim {
     }
 
     fn lower(self, data: &mut sdf::Data, parent: &sdf::Path) -> Result<(), String> {
-        // `openusd` takes any text for a name, other libraries do not.
+        // `openusd` accepts any text as a name, other libraries do not.
         let word = self.name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
         if !word || self.name.bytes().next().is_none_or(|b| b.is_ascii_digit()) {
-            return Err(said(&self.name, "names are letters, digits and `_`, and start with no digit"));
+            return Err(inexpressible(&self.name, "names are letters, digits and `_`, and start with no digit"));
         }
-        let here = parent.append_path(self.name.as_str()).map_err(|e| said(&self.name, e))?;
+        let here = parent.append_path(self.name.as_str()).map_err(|e| inexpressible(&self.name, e))?;
         let mut fields: Vec<(&str, Value)> = vec![(FieldKey::Specifier.as_str(), Value::Specifier(self.specifier))];
         if !self.kind.is_empty() {
             fields.push((FieldKey::TypeName.as_str(), token(self.kind)));
@@ -145,7 +145,7 @@ impl Prim {
         fields.push((ChildrenKey::PropertyChildren.as_str(), names(self.properties.iter().map(|p| p.name.as_str()))));
         author(data, here.clone(), SpecType::Prim, fields)?;
         for property in self.properties {
-            let at = here.append_property(property.name.as_str()).map_err(|e| said(&property.name, e))?;
+            let at = here.append_property(property.name.as_str()).map_err(|e| inexpressible(&property.name, e))?;
             let kind = property.kind.map(|k| (FieldKey::TypeName.as_str(), token(k)));
             let spec = if kind.is_some() { SpecType::Attribute } else { SpecType::Relationship };
             author(data, at, spec, kind.into_iter().chain(property.fields))?;
@@ -159,18 +159,18 @@ fn variability() -> (&'static str, Value) {
 }
 
 fn path(text: &str) -> Result<sdf::Path, String> {
-    sdf::path(text).map_err(|e| said(text, e))
+    sdf::path(text).map_err(|e| inexpressible(text, e))
 }
 
-fn said(name: &str, error: impl std::fmt::Display) -> String {
-    format!("`{name}` cannot be said in USD: {error}")
+fn inexpressible(name: &str, error: impl std::fmt::Display) -> String {
+    format!("`{name}` cannot be expressed in USD: {error}")
 }
 
 fn names<'a>(names: impl Iterator<Item = &'a str>) -> Value {
     Value::token_vec(names)
 }
 
-/// Puts a spec in, without the lists that are empty.
+/// Inserts a spec without its empty lists.
 fn author<'a>(
     data: &mut sdf::Data,
     path: sdf::Path,
@@ -191,7 +191,7 @@ fn author<'a>(
     Ok(())
 }
 
-/// Of the kinds of values that are written here.
+/// True if a value of one of the written kinds is finite.
 fn is_finite(value: &Value) -> bool {
     let all3 = |v: &openusd::gf::Vec3f| v.x.is_finite() && v.y.is_finite() && v.z.is_finite();
     let all4 = |q: &openusd::gf::Quatf| q.w.is_finite() && q.x.is_finite() && q.y.is_finite() && q.z.is_finite();
@@ -225,21 +225,21 @@ impl Layer {
 }
 
 impl Lowered {
-    /// As text.
+    /// The layer as text.
     pub(super) fn usda(&self) -> Result<Vec<u8>, String> {
-        let text = usda::TextWriter::write_to_string(&self.0).map_err(|e| said("the layer", e))?;
+        let text = usda::TextWriter::write_to_string(&self.0).map_err(|e| inexpressible("the layer", e))?;
         Ok(text.split_inclusive('\n').map(corrected).collect::<String>().into_bytes())
     }
 
-    /// As a crate file.
+    /// The layer as a crate file.
     pub(super) fn usdc(&self) -> Result<Vec<u8>, String> {
         let mut out = Cursor::new(Vec::new());
-        usdc::CrateWriter::write(&self.0, &mut out).map_err(|e| said("the layer", e))?;
-        repaired(out.into_inner()).ok_or_else(|| said("the layer", "the crate file has an unknown form"))
+        usdc::CrateWriter::write(&self.0, &mut out).map_err(|e| inexpressible("the layer", e))?;
+        repaired(out.into_inner()).ok_or_else(|| inexpressible("the layer", "the crate file has an unknown form"))
     }
 }
 
-/// A line as Pixar's parser insists on it: a single applied schema in brackets, relationships without `uniform`.
+/// A line in the form that Pixar's parser needs: a single applied schema in brackets, relationships without `uniform`.
 fn corrected(line: &str) -> Cow<'_, str> {
     if let Some((indent, schema)) = line.split_once("prepend apiSchemas = \"") {
         return format!("{indent}prepend apiSchemas = [\"{}]\n", schema.trim_end()).into();

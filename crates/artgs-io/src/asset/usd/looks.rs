@@ -21,7 +21,7 @@ fn mesh_prim(name: String, mesh: &Mesh) -> Prim {
         .uniform("token", "subdivisionScheme", token("none"))
 }
 
-/// Least and largest corner of balls.
+/// Bounding box of balls.
 fn bounds(balls: impl Iterator<Item = ([f32; 3], f32)>) -> [[f32; 3]; 2] {
     let start = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
     balls.fold(start, |[low, high], (v, r)| {
@@ -29,13 +29,13 @@ fn bounds(balls: impl Iterator<Item = ([f32; 3], f32)>) -> [[f32; 3]; 2] {
     })
 }
 
-/// What is drawn of a link, bound to its material; none if there is nothing.
+/// Visual mesh of a link, bound to its material; none if it is empty.
 pub(super) fn visual(root: &str, link: &AssetLink) -> Result<Option<Prim>, String> {
     let (visual, mesh) = (&link.visual, &link.visual.mesh);
     if mesh.is_empty() || mesh.vertices.is_empty() {
         return Ok(None);
     }
-    // Shells that were seen from outside only must not vanish when a door shows their inside.
+    // Double-sided, because an open door may show the inside of a shell that was observed only from outside.
     let mut prim = mesh_prim("visual".into(), mesh)
         .api("MaterialBindingAPI")
         .uniform("bool", "doubleSided", Value::Bool(true))

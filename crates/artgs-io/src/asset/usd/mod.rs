@@ -1,22 +1,22 @@
-//! OpenUSD with UsdPhysics: `NAME.usda` and `NAME.usdc` with the same content, `NAME.usdz` to carry around.
+//! OpenUSD with UsdPhysics: `NAME.usda` and `NAME.usdc` with the same content, `NAME.usdz` as a single file.
 //!
-//! Limitations: a screw becomes a revolute joint, its slide is only noted in `artgs:pitch`. USD has no
-//! dry friction and largest speed of joints, so they are given in the schemas of PhysX (`PhysxJointAxisAPI`) and Newton
-//! (`NewtonJointAPI`), and other engines do without. The base is fixed to the world at
-//! the object's origin; who references the asset elsewhere must move the joint `fixed_base` along. There is no contact
-//! material. `NAME.usdz` has no Gaussians and no animation.
+//! Limitations: a screw becomes a revolute joint; its slide is only in the attribute `artgs:pitch`. USD has no dry friction
+//! and no largest speed of joints; they are written in the schemas of PhysX (`PhysxJointAxisAPI`) and Newton
+//! (`NewtonJointAPI`), which other engines ignore. The base is fixed to the world at the object's origin; a scene that
+//! references the asset elsewhere must also move the joint `fixed_base`. There is no contact material. `NAME.usdz` has no
+//! Gaussians and no animation.
 //!
 //! Layout: `/NAME` (default prim, one articulation root) holds the links as siblings, so that no rigid body is nested;
 //! under each `visual` (UsdPreviewSurface, texture or vertex colours) and `collision_0` .. (convex hulls, purpose guide).
-//! `/NAME/Joints` holds `LINK_joint` and `fixed_base`, `/NAME/Looks` the materials. `/PhysicsScene` stands beside the
-//! default prim, so that it does not come along when the asset is referenced into a scene that has its own.
+//! `/NAME/Joints` contains `LINK_joint` and `fixed_base`, `/NAME/Looks` the materials. `/PhysicsScene` is outside the default
+//! prim, so that a scene with its own physics scene can reference the asset.
 //! Joints turn about or slide along the X axis of their frame; limits are in degrees or metres, and so are the custom
-//! attributes `artgs:observed` (values in the two photographed states) and `artgs:pitch` (metres per degree). Their
-//! drives have no stiffness, only damping and the largest force, so nothing holds a door. Bodies joined to each other
+//! attributes `artgs:observed` (values in the two observed states) and `artgs:pitch` (metres per degree). Their
+//! drives have no stiffness, only damping and the largest force, so doors move freely. Bodies connected by a joint
 //! do not collide.
 //!
-//! `NAME_splats.usdc`, if there are Gaussians, is the same stage with Gaussians (OpenUSD 26.03 or later) in the place of
-//! the meshes, which it hides: drawn together they would cover each other twice.
+//! `NAME_splats.usdc`, if there are Gaussians, is the same stage with Gaussians (OpenUSD 26.03 or later) instead of
+//! the meshes, which are hidden.
 
 mod layer;
 mod looks;
@@ -114,7 +114,7 @@ fn stage(asset: &Asset) -> Result<Layer, String> {
     Ok(Layer { fields: header(asset), prims: vec![object.child(joints).child(materials), physics::scene()] })
 }
 
-/// The stage by reference, with opinions that show Gaussians instead of meshes; none without Gaussians.
+/// References the stage and overrides it to show Gaussians instead of meshes; none without Gaussians.
 fn splats_layer(asset: &Asset) -> Result<Option<Layer>, String> {
     let mut object = Prim::new("Xform", asset.name.clone());
     for link in &asset.links {

@@ -1,7 +1,7 @@
 //! Bodies, joints and the scene of USD Physics.
 
 use super::layer::{Prim, float3, quaternion, token};
-use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind};
+use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, State};
 use glam::{DMat3, DQuat, DVec3};
 use openusd::sdf::Value;
 
@@ -18,7 +18,7 @@ pub(super) fn scene() -> Prim {
     )
 }
 
-/// The rigid body of link `i`, a child of the prim `root`, without what is seen and touched.
+/// The rigid body of link `i`, a child of the prim `root`, without visual and collision meshes.
 pub(super) fn body(root: &str, asset: &Asset, i: usize) -> Result<Prim, String> {
     let link = &asset.links[i];
     let Inertial { mass, center, .. } = link.inertial;
@@ -36,7 +36,7 @@ pub(super) fn body(root: &str, asset: &Asset, i: usize) -> Result<Prim, String> 
         .attr("float3", "physics:diagonalInertia", float3(moments))
         .attr("quatf", "physics:principalAxes", quaternion(axes));
     match link.parent.and_then(|p| asset.links.get(p)) {
-        // Neighbours touch at their joint by construction.
+        // A link and its parent may touch at their joint.
         Some(parent) => {
             prim.api("PhysicsFilteredPairsAPI").rel("physics:filteredPairs", &format!("{root}/{}", parent.name))
         }
@@ -44,7 +44,7 @@ pub(super) fn body(root: &str, asset: &Asset, i: usize) -> Result<Prim, String> 
     }
 }
 
-/// The joint on which link `i` hangs; for a link without parent what fixes it to the world.
+/// The joint of link `i` to its parent; for a link without parent a fixed joint to the world.
 pub(super) fn joint(root: &str, asset: &Asset, i: usize) -> Result<Prim, String> {
     let link = &asset.links[i];
     let child = format!("{root}/{}", link.name);
@@ -86,7 +86,7 @@ fn fixed(root: &str, asset: &Asset, link: &AssetLink) -> Result<Prim, String> {
         .attr("quatf", "physics:localRot1", quaternion(DQuat::IDENTITY)))
 }
 
-/// A drive that only damps; dry friction and the limit of the speed as PhysX and Newton each want them.
+/// A drive that only damps; dry friction and the speed limit in the schemas of PhysX and Newton.
 fn passive(prim: Prim, joint: &AssetJoint, motion: &str, unit: f64) -> Prim {
     let drive = |what: &str| format!("drive:{motion}:physics:{what}");
     let axis = |what: &str| format!("physxJointAxis:{motion}:{what}");
@@ -106,10 +106,10 @@ fn passive(prim: Prim, joint: &AssetJoint, motion: &str, unit: f64) -> Prim {
         .attr("float", "newton:friction", friction)
 }
 
-/// What USD has no place for.
+/// Custom attributes for values that USD has no schema for.
 fn notes(prim: Prim, joint: &AssetJoint, unit: f64) -> Prim {
-    let observed = joint.observed.map(|v| v * unit);
-    let prim = prim.custom("double2", "artgs:observed", Value::Vec2d(<[f64; 2]>::from(observed).into()));
+    let observed = State::ALL.map(|state| joint.observed[state] * unit);
+    let prim = prim.custom("double2", "artgs:observed", Value::Vec2d(observed.into()));
     match joint.kind {
         JointKind::Screw => prim.custom("double", "artgs:pitch", Value::Double(joint.pitch / unit)),
         _ => prim,
@@ -117,7 +117,7 @@ fn notes(prim: Prim, joint: &AssetJoint, unit: f64) -> Prim {
 }
 
 /// Moments of inertia about the principal axes, and the rotation from these axes to the body's, for
-/// `ixx iyy izz ixy ixz iyz`: Jacobi's rotations until nothing is left off the diagonal.
+/// `ixx iyy izz ixy ixz iyz`: Jacobi rotations until the matrix is diagonal.
 fn principal([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> (DVec3, DQuat) {
     let mut m = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
     let mut axes = DMat3::IDENTITY;

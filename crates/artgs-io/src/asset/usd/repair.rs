@@ -1,8 +1,8 @@
-//! Repairs what `openusd` 0.6 gets wrong in crate files, so that Pixar's reader takes them.
+//! Repairs errors of `openusd` 0.6 in crate files, so that Pixar's reader accepts them.
 //!
-//! Lists of children are typed as arrays of tokens where vectors of tokens are demanded; both have the same bytes, so
-//! only the types of fields change. Arrays of 4 to 15 integers are compressed where less than 16 never are; they are
-//! written anew at the end. So is the section of fields, to which the table of contents is then pointed.
+//! Lists of children have the type array of tokens instead of vector of tokens; both have the same bytes, so only the types
+//! of fields change. Arrays of 4 to 15 integers are compressed, but the format compresses only arrays of 16 or more; they are
+//! written again, uncompressed, at the end. So is the section of fields, and the table of contents is updated.
 
 /// Fields whose value is a vector of tokens.
 const LISTS: [&str; 2] = ["primChildren", "properties"];
@@ -16,10 +16,10 @@ const COMPRESSED: u64 = 1 << 13;
 /// Low bits of a value's representation: the place of its bytes.
 const PLACE: u64 = (1 << 48) - 1;
 
-/// Shortest array of integers that Pixar's reader takes for compressed.
+/// Shortest array of integers that the format compresses.
 const SHORTEST: usize = 16;
 
-/// The file without these faults; none if it is not a crate file.
+/// The repaired file; none if it is not a crate file.
 pub(super) fn repaired(mut file: Vec<u8>) -> Option<Vec<u8>> {
     let contents = word(&file, 16)?;
     let (tokens_entry, fields_entry) = (entry(&file, contents, "TOKENS")?, entry(&file, contents, "FIELDS")?);
@@ -51,7 +51,7 @@ pub(super) fn repaired(mut file: Vec<u8>) -> Option<Vec<u8>> {
     Some(file)
 }
 
-/// The representation of a compressed array of integers; if it is too short for that, it is first put at the end as is.
+/// The representation of a compressed array of integers; an array that is too short is appended uncompressed.
 fn uncompressed(file: &mut Vec<u8>, bits: u64) -> Option<u64> {
     let at = usize::try_from(bits & PLACE).ok()?;
     let count = word(file, at)?;
@@ -71,18 +71,18 @@ fn word(bytes: &[u8], at: usize) -> Option<usize> {
     usize::try_from(u64::from_le_bytes(eight)).ok()
 }
 
-/// Place of the entry of a section in the table of contents: its name in 16 bytes, its place and its size.
+/// Offset of the entry of a section in the table of contents: a name of 16 bytes, an offset and a size.
 fn entry(file: &[u8], contents: usize, name: &str) -> Option<usize> {
     let mut entries = (0..word(file, contents)?.min(64)).map(|i| contents + 8 + 32 * i);
     entries.find(|at| file.get(*at..at + 16).is_some_and(|n| n.split(|b| *b == 0).next() == Some(name.as_bytes())))
 }
 
-/// A block that its length precedes, and what follows.
+/// A block after its length, and the rest.
 fn compressed(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     bytes.get(8..)?.split_at_checked(word(bytes, 0)?)
 }
 
-/// The content, of at most `size` bytes, of an LZ4 block behind the byte that says it is a single one.
+/// The content, of at most `size` bytes, of an LZ4 block after the byte that marks a single chunk.
 fn unpack(block: &[u8], size: usize) -> Option<Vec<u8>> {
     let (0, content) = block.split_first().map(|(chunks, rest)| (*chunks, rest))? else { return None };
     lz4_flex::block::decompress(content, size).ok()
@@ -97,8 +97,8 @@ fn token_texts(section: &[u8]) -> Option<Vec<String>> {
     Some(text.split(|b| *b == 0).map(|t| String::from_utf8_lossy(t).into_owned()).collect())
 }
 
-/// Integers of a block: the commonest difference first, then two bits for each that tell the size of its difference to the
-/// one before, then those differences.
+/// Integers of a block: the most common difference, then two bits per integer with the size of its difference to the previous
+/// one, then those differences.
 fn integers(block: &[u8], count: usize) -> Option<Vec<i32>> {
     decode(&unpack(block, 4 + count.div_ceil(4) + count.checked_mul(4)?)?, count)
 }

@@ -1,4 +1,4 @@
-//! Read back with the stages of the `openusd` crate. Whether Pixar's library takes the files is checked from outside.
+//! Reads files back with the stages of the `openusd` crate. `validate/` checks them with Pixar's library.
 
 use super::*;
 use crate::asset::testing::cabinet;
@@ -142,7 +142,7 @@ fn gaussians_replace_the_meshes_in_a_stage_of_their_own() {
     assert_eq!([sh[7].x, sh[7].y, sh[7].z], asset.links[1].splats.as_ref().unwrap().sh[21..24]);
     let turn = get::<Vec<gf::Quatf>>(&splats, "orientations")[1];
     assert_eq!([turn.w, turn.x, turn.y, turn.z], [0.5, 0.5, -0.5, 0.5]);
-    // What is referenced shines through: bodies, joints, and the mesh that is hidden.
+    // The referenced stage is composed: bodies, joints, and the hidden mesh.
     assert_eq!(get::<f32>(&prim(&stage, "/cabinet/part_1"), "physics:mass"), 2.0);
     assert_eq!(targets(&prim(&stage, "/cabinet/Joints/part_1_joint"), "physics:body1"), ["/cabinet/part_1"]);
     let seen = prim(&stage, "/cabinet/part_1/visual");
@@ -208,9 +208,9 @@ fn numbers_that_are_not_finite_are_refused() {
         |a| a.links[2].joint.as_mut().unwrap().limits[1] = f64::INFINITY,
         |a| a.links[1].splats.as_mut().unwrap().log_scales[0][0] = 1e9,
     ];
-    for spoil in spoilers {
+    for edit in spoilers {
         let mut asset = cabinet();
-        spoil(&mut asset);
+        edit(&mut asset);
         let message = export_usd(dir.path(), &asset).unwrap_err().to_string();
         assert!(message.contains("not finite") && message.contains("cabinet"), "{message}");
     }
