@@ -166,7 +166,7 @@ fn show(event: &Event<'_>, style: Style) {
 fn event_text(event: &Event<'_>) -> String {
     match event {
         Event::Kept { runs } => format!("{runs} runs are there already"),
-        Event::Photographing { object } => format!("photographing {object}"),
+        Event::Rendering { object } => format!("rendering {object}"),
         Event::Started { run, number, of } => format!("run {number} of {of}: {run}"),
         Event::Finished { run, outcome: Outcome::Done(_), seconds } => format!("{run}: done in {seconds:.0} s"),
         Event::Finished { run, outcome: Outcome::Failed(reason), .. } => format!("{run}: failed, {reason}"),
@@ -177,7 +177,7 @@ fn event_json(event: &Event<'_>) -> Value {
     let name = |run: &RunName<'_>| json!({ "variant": run.variant, "object": run.object, "seed": run.seed });
     match event {
         Event::Kept { runs } => json!({ "event": "kept", "runs": runs }),
-        Event::Photographing { object } => json!({ "event": "photographing", "object": object }),
+        Event::Rendering { object } => json!({ "event": "rendering", "object": object }),
         Event::Started { run, number, of } => {
             json!({ "event": "run_started", "run": name(run), "number": number, "of": of })
         }

@@ -59,7 +59,7 @@ pub(crate) fn observed(
         scope.spawn(|| server.run(&stop));
         let result = observed_by(&mut Onlooker(Arc::clone(&live)), capture, out, config, resume, device, style);
         live.finish(result.as_ref().map(|_| ()).map_err(ToString::to_string));
-        live.wait_told(LAST_WORDS);
+        live.wait_until_end_is_shown(LAST_WORDS);
         stop.store(true, Ordering::Relaxed);
         result
     })

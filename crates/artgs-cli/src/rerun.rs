@@ -92,7 +92,7 @@ pub(crate) fn find_parts(
         scope.spawn(|| server.run(&stop));
         server.follow(&first);
         let Some((failure, live)) = failed.lock().unwrap_or_else(PoisonError::into_inner).take() else { return Ok(()) };
-        live.wait_told(LAST_WORDS);
+        live.wait_until_end_is_shown(LAST_WORDS);
         stop.store(true, Ordering::Relaxed);
         Err(failure)
     })

@@ -11,7 +11,7 @@ fn pictures(views: &[View]) -> Vec<DepthPicture<'_>> {
 
 /// The true part at a surface point, by the view whose depth agrees best with it.
 fn true_part(cabinet: &Cabinet, state: usize, views: &[View], points: &[Vec3]) -> Vec<Option<usize>> {
-    let truth: Vec<_> = views.iter().map(|v| render(cabinet, state, &v.camera)).collect();
+    let truth: Vec<_> = views.iter().map(|v| render(cabinet, artgs_core::State::ALL[state], &v.camera)).collect();
     let part = |p: &Vec3| {
         let seen = views.iter().zip(&truth).filter_map(|(view, truth)| {
             let (pixel, depth) = view.camera.project(p.as_dvec3());
