@@ -214,8 +214,8 @@ fn odd_but_usable_captures_warn() {
     let capture = folder.load();
     let all = capture.warnings.join("\n");
     for words in [
-        "have no alpha; every pixel counts as object: start/train/rgba/0000.png",
-        "1 of 3 images are left out, their mask (alpha) is empty: end/train/rgba/0002.png",
+        "have no alpha; all pixels count as the object: start/train/rgba/0000.png",
+        "1 of 3 images are ignored, their mask (alpha) is empty: end/train/rgba/0002.png",
         "1 of 5 training views have no depth, first end/train/rgba/0001.png",
         "transforms_train_start.json: key `k1`",
         "key `time` of 1 frames (first: frame 2)",
@@ -244,9 +244,9 @@ fn folders_that_are_no_captures() {
     assert!(message.contains(START) && message.contains("end/camera_train.json"), "{message}");
     folder.remove("end/camera_train.json");
     folder.remove("transforms_train_end.json");
-    folder.refused(&["one state only", START, "transforms_train_end.json is not"]);
+    folder.refused(&["one state only", START, "transforms_train_end.json does not"]);
     folder.remove(START);
-    folder.refused(&["one state only", "start/camera_train.json is there"]);
+    folder.refused(&["one state only", "start/camera_train.json exists"]);
 }
 
 #[test]
@@ -314,14 +314,14 @@ fn bad_poses() {
 fn bad_images() {
     let folder = Folder::new();
     folder.remove("start/train/rgba/0001.png");
-    folder.refused(&[FRAME_1, "key `file_path`", "there is no image"]);
+    folder.refused(&[FRAME_1, "key `file_path`", "no image"]);
     folder.into_paris().refused(&["start/camera_train.json, frame 0001", "start/train/0001.png"]);
 
     let folder = Folder::new();
     let path = folder.path("start/train/rgba/0001.png");
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    folder.refused(&[FRAME_1, "start/train/rgba/0001.png", "not a whole, readable PNG"]);
+    folder.refused(&[FRAME_1, "start/train/rgba/0001.png", "not a complete, readable PNG"]);
 
     let folder = Folder::new();
     write_rgba(&folder.path("start/train/rgba/0001.png"), 8, 8, &[[1, 2, 3, 255]; 64]).unwrap();
