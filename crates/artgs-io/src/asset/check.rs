@@ -32,8 +32,8 @@ pub fn check_asset(asset: &Asset) -> Result<(), String> {
 }
 
 fn check_name(name: &str) -> Result<(), String> {
-    let spelt = name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
-    if spelt && name.starts_with(|c: char| c.is_ascii_lowercase()) {
+    let valid = name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
+    if valid && name.starts_with(|c: char| c.is_ascii_lowercase()) {
         return Ok(());
     }
     Err(format!("{name:?}: must be lower case letters, digits and `_`, a letter first"))
