@@ -1,4 +1,4 @@
-//! The source of every kernel, parsed by naga: structs have the layout of their Rust twins, bindings the declared uses.
+//! The source of every kernel, parsed by naga: structs have the layout of the Rust types, bindings the declared uses.
 
 use crate::chamfer::Grid;
 use crate::joints::Joint;
@@ -32,7 +32,7 @@ fn assert_layout<T: Shared>(module: &Module) {
 }
 
 #[test]
-fn structs_of_kernels_have_the_layout_of_their_twins() {
+fn structs_of_kernels_have_the_layout_of_the_rust_types() {
     let module = parse("shared", &wgsl(32));
     assert_layout::<Step>(&module);
     assert_layout::<Outcome>(&module);

@@ -67,7 +67,7 @@ fn hard() -> AssignConfig {
 }
 
 #[test]
-fn learnt_parts_agree_with_the_cpu() {
+fn learned_parts_agree_with_the_cpu() {
     let Some(gpu) = gpu() else { return };
     let published = AssignConfig { normalise_coordinates: false, centre_weight: 0.0, ..settings() };
     for (what, settings, exact, pulled) in [
