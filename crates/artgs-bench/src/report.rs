@@ -9,7 +9,7 @@ use crate::record::Record;
 use crate::stats::Aggregate;
 use crate::tables::tables;
 use crate::{markdown, table};
-use artgs_io::{FileError, write_atomic};
+use artgs_io::{FileError, RunFolder, write_atomic};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
@@ -110,7 +110,7 @@ fn pictures(out: &Path, all: &Collected) -> Vec<Picture> {
     for object in &all.objects {
         let runs = all.records.iter().filter(|r| r.object == object.name && r.measured().is_some());
         let picture = |r: &Record| {
-            let url = preview_url(&out.join(&r.folder).join("preview.png"))?;
+            let url = preview_url(&RunFolder::new(out.join(&r.folder)).preview())?;
             Some(Picture { caption: format!("{}, {}, seed {}", object.name, r.variant, r.seed), url })
         };
         pictures.extend(runs.into_iter().find_map(picture));

@@ -22,6 +22,7 @@ pub use options::CheckOptions;
 pub use report::{CheckReport, FormatFinding, JointFinding, LinkFinding, StateFinding};
 
 use artgs_core::{JointKind, PerState, Replica, State};
+use artgs_io::RunFolder;
 use artgs_io::replica::ReplicaFileError;
 use model::Model;
 use rayon::prelude::*;
@@ -47,9 +48,10 @@ pub enum CheckError {
 /// that the check cannot run.
 pub fn check(out: &Path, options: &CheckOptions) -> Result<CheckReport, CheckError> {
     let replica = artgs_io::read_replica(out)?;
-    let mut opened = readers::open_all(&out.join("exports"));
+    let exports = RunFolder::new(out).exports();
+    let mut opened = readers::open_all(&exports);
     if opened.is_empty() {
-        return Err(CheckError::NoExports { dir: out.join("exports"), out: out.into() });
+        return Err(CheckError::NoExports { dir: exports, out: out.into() });
     }
     let reference = compare::compare_all(&mut opened, options);
     for read in &mut opened {

@@ -1,15 +1,16 @@
 //! The command line as people type it.
 
 use crate::device::DeviceChoice;
+use artgs_io::asset::Format;
+use artgs_physical::export::ExportOptions;
+use clap::builder::PossibleValue;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
+#[cfg(feature = "bench")]
 use std::time::Duration;
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 3 a check failed, 130 interrupted.";
-
-/// Name of an exported object unless told otherwise.
-const EXPORT_NAME: &str = "replica";
 
 /// Photos of an articulated object in two states to an interactable replica: part meshes, joints, splats, URDF.
 #[derive(Debug, Parser)]
@@ -34,9 +35,11 @@ impl Cli {
                 Command::Reconstruct(a) => a.json,
                 Command::Evaluate(a) => a.json.as_ref().is_some_and(|file| file.as_os_str() == "-"),
                 Command::Demo(a) => a.json,
+                #[cfg(feature = "bench")]
                 Command::Bench(a) => a.json,
                 Command::Synth(a) => a.json,
                 Command::Export(a) => a.json,
+                #[cfg(feature = "check")]
                 Command::Check(a) => a.json,
                 Command::View(a) => a.json,
                 Command::Devices(a) => a.json,
@@ -46,23 +49,25 @@ impl Cli {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Say what a capture contains, and what is missing or odd
+    /// Describe a capture, and what is missing or unexpected in it
     Inspect(Inspect),
     /// Make a replica from a capture
     Reconstruct(Reconstruct),
-    /// Make a replica fit for simulators, and write it in their formats
+    /// Complete a replica for simulators, and write it in their formats
     Export(Export),
     /// Open every export of a replica with another reader, and drive its joints in a physics engine
+    #[cfg(feature = "check")]
     Check(Check),
     /// Show a replica, or a capture before any reconstruction, in the browser
     View(View),
-    /// Score a replica against the truth, against held-out photographs, or both
+    /// Score a replica against the ground truth, against held-out photos, or both
     Evaluate(Evaluate),
-    /// Photograph a procedural cabinet, reconstruct it and score the result
+    /// Render a capture of a procedural cabinet, reconstruct it and score the result
     Demo(Demo),
     /// Reconstruct and score many captures, and tabulate the results beside those of the paper
+    #[cfg(feature = "bench")]
     Bench(Bench),
-    /// Photograph procedural objects with everything known about them
+    /// Render captures of procedural objects with their ground truth
     Synth(Synth),
     /// List what training can run on
     Devices(DeviceList),
@@ -102,7 +107,7 @@ pub(crate) struct Reconstruct {
     #[arg(long)]
     pub(crate) view: bool,
     /// Stop when parts and joints are found, before training, so that they can be corrected: in the page, which with
-    /// --view is open at once and else by `artgs view DIR`, or by hand; --resume goes on
+    /// --view is open at once and else by `artgs view DIR`, or by hand; --resume continues
     #[arg(long, value_name = "STAGE", value_enum)]
     pub(crate) stop_after: Option<Stop>,
     /// Write events as JSON, one per line
@@ -123,10 +128,10 @@ pub(crate) struct Method {
     /// The method, with its settings to start from
     #[arg(long, visible_alias = "method", value_enum, default_value_t = Preset::Default)]
     pub(crate) preset: Preset,
-    /// Only this share of the published steps, 0 to 1, with bolder rates; with `--preset paper`
+    /// Only this share of the published steps, 0 to 1, with larger rates; with `--preset paper`
     #[arg(long, value_name = "SHARE")]
     pub(crate) schedule: Option<f64>,
-    /// Take one idea away, as the ablations of the paper do; a name that is none lists them
+    /// Leave one idea out, as the ablations of the paper do; an unknown name lists them
     #[arg(long, value_name = "NAME")]
     pub(crate) variant: Option<String>,
     /// TOML file with settings that replace those of the preset
@@ -146,7 +151,7 @@ pub(crate) struct Method {
 /// What to do about an earlier run in the same folder.
 #[derive(Clone, Copy, Debug, Args)]
 pub(crate) struct Earlier {
-    /// Go on where an earlier run in the folder stopped
+    /// Continue an earlier run in the folder where it stopped
     #[arg(long)]
     pub(crate) resume: bool,
     /// Discard an earlier run in the folder
@@ -170,12 +175,12 @@ pub(crate) struct Export {
     pub(crate) out: PathBuf,
     /// Formats, separated by commas; all of them if absent
     #[arg(long, value_name = "LIST", value_enum, value_delimiter = ',')]
-    pub(crate) to: Vec<Format>,
+    pub(crate) to: Vec<FormatArg>,
     /// Folder with the photos, for textures; where the run found them if absent
     #[arg(long, value_name = "DIR")]
     pub(crate) capture: Option<PathBuf>,
     /// Name of the object in the files
-    #[arg(long, default_value = EXPORT_NAME)]
+    #[arg(long, default_value = ExportOptions::NAME)]
     pub(crate) name: String,
     /// Metres per unit of the capture
     #[arg(long, value_name = "M", default_value_t = 1.0)]
@@ -203,26 +208,7 @@ pub(crate) struct Export {
     json: bool,
 }
 
-impl Export {
-    /// Everything as it is by default.
-    pub(crate) fn of(out: PathBuf) -> Self {
-        Self {
-            out,
-            to: Vec::new(),
-            capture: None,
-            name: EXPORT_NAME.into(),
-            scale: 1.0,
-            up: UpAxis::Z,
-            density: None,
-            collision: CollisionKind::Hulls,
-            observed_limits: false,
-            triangles: None,
-            threads: None,
-            json: false,
-        }
-    }
-}
-
+#[cfg(feature = "check")]
 #[derive(Debug, Args)]
 pub(crate) struct Check {
     /// Folder that `reconstruct` made and `export` filled
@@ -253,42 +239,27 @@ pub(crate) struct View {
     json: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Format {
-    /// Robot description: ROS, PyBullet, SAPIEN, Isaac, Drake, Genesis
-    Urdf,
-    /// MuJoCo
-    Mjcf,
-    /// OpenUSD with physics, text and binary: Isaac Sim, Omniverse, Newton
-    Usd,
-    /// OpenUSD in one file: Quick Look
-    Usdz,
-    /// Binary glTF with a clip per joint: browsers, Blender
-    Glb,
-    /// Gazebo
-    Sdf,
-    /// Folder as of PartNet-Mobility: SAPIEN, ManiSkill
-    Partnet,
-    /// Gaussians per link: PLY and SPZ
-    Splats,
-}
+/// A format as the value of a flag.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct FormatArg(pub(crate) Format);
 
-impl Format {
-    pub(crate) const ALL: [Self; 8] =
-        [Self::Urdf, Self::Mjcf, Self::Usd, Self::Usdz, Self::Glb, Self::Sdf, Self::Partnet, Self::Splats];
+impl ValueEnum for FormatArg {
+    fn value_variants<'a>() -> &'a [Self] {
+        const ALL: [FormatArg; Format::ALL.len()] = {
+            let mut all = [FormatArg(Format::Urdf); Format::ALL.len()];
+            let mut i = 0;
+            while i < all.len() {
+                all[i] = FormatArg(Format::ALL[i]);
+                i += 1;
+            }
+            all
+        };
+        &ALL
+    }
 
-    /// Folder below `exports`.
-    pub(crate) fn folder(self) -> &'static str {
-        match self {
-            Self::Urdf => "urdf",
-            Self::Mjcf => "mjcf",
-            Self::Usd => "usd",
-            Self::Usdz => "usdz",
-            Self::Glb => "glb",
-            Self::Sdf => "sdf",
-            Self::Partnet => "partnet",
-            Self::Splats => "splats",
-        }
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        let hidden = !self.0.is_available();
+        Some(PossibleValue::new(self.0.name()).help(self.0.description()).hide(hidden))
     }
 }
 
@@ -314,7 +285,7 @@ pub(crate) enum CollisionKind {
 pub(crate) struct Evaluate {
     /// Folder that `reconstruct` made
     pub(crate) out: PathBuf,
-    /// Folder with the true joints and meshes
+    /// Folder with the ground truth: joints and meshes
     #[arg(long, value_name = "DIR", required_unless_present = "capture")]
     pub(crate) gt: Option<PathBuf>,
     /// Folder with the capture: its held-out views are compared with what the replica shows there
@@ -351,12 +322,13 @@ pub(crate) struct Demo {
     json: bool,
 }
 
+#[cfg(feature = "bench")]
 #[derive(Debug, Args)]
 pub(crate) struct Bench {
-    /// Suites of procedural objects, captures with their truth under `gt`, or folders of such captures
+    /// Suites of procedural objects, captures with their ground truth under `gt`, or folders of such captures
     #[arg(required = true, value_name = "SUITE|DIR")]
     pub(crate) what: Vec<PathBuf>,
-    /// Folder for runs and results; made if missing; an interrupted bench goes on where it stopped
+    /// Folder for runs and results; made if missing; an interrupted bench continues where it stopped
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
     /// Runs of every object and variant, with seeds 0, 1, ...
@@ -374,7 +346,7 @@ pub(crate) struct Bench {
     /// Width and height of the pictures of the objects of suites, pixels; several: each of them
     #[arg(long, value_name = "PX", value_delimiter = ',')]
     pub(crate) size: Vec<u32>,
-    /// What is wrong with the captures of suites, as `artgs synth --noise` reads it, several joined by `+`; `none` for
+    /// How the captures of suites are degraded, as `artgs synth --noise` reads it, several joined by `+`; `none` for
     /// nothing; may be repeated: each of them
     #[arg(long, value_name = "NAME=VALUE")]
     pub(crate) noise: Vec<String>,
@@ -396,7 +368,7 @@ pub(crate) struct Bench {
     /// Seconds after which a run counts as failed
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub(crate) timeout: Option<Duration>,
-    /// Runs at a time; times and memory are honest only with one
+    /// Runs at a time; times and memory are comparable only with one
     #[arg(long, value_name = "N", default_value = "1")]
     pub(crate) jobs: NonZeroUsize,
     /// Number of threads of a run; all cores if absent
@@ -416,6 +388,7 @@ pub(crate) struct Bench {
     json: bool,
 }
 
+#[cfg(feature = "bench")]
 fn pair(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) if !name.is_empty() && !value.is_empty() => Ok((name.into(), value.into())),
@@ -423,10 +396,12 @@ fn pair(text: &str) -> Result<(String, String), String> {
     }
 }
 
+#[cfg(feature = "bench")]
 fn share(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|s| (f64::MIN_POSITIVE..=1.0).contains(s)).ok_or_else(|| "above 0 and at most 1".into())
 }
 
+#[cfg(feature = "bench")]
 fn seconds(text: &str) -> Result<Duration, String> {
     let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0);
     let duration = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
@@ -453,10 +428,10 @@ pub(crate) struct Synth {
     /// Width and height of the images, pixels
     #[arg(long, value_name = "PX", default_value_t = 400)]
     pub(crate) size: u32,
-    /// What shall be wrong with the capture; may be repeated. One of depth=SIGMA (noise at distance 1, grows with its
+    /// How the capture is degraded; may be repeated. One of depth=SIGMA (noise at distance 1, grows with its
     /// square), edges=on|DEG (no depth where surfaces are grazed), gloss=FRACTION (no depth on glossy patches),
     /// pose=DEG,LENGTH (jitter of the stated cameras), misalign=DEG,LENGTH (of the end state against the start),
-    /// front=on (cameras only there), light=camera, no-depth
+    /// front=on (cameras only in front), light=camera, no-depth
     #[arg(long, value_name = "NAME=VALUE")]
     pub(crate) noise: Vec<String>,
     /// Seed of placement, textures and degradations

@@ -4,10 +4,10 @@ use crate::args::Bench;
 use crate::commands::{Style, use_threads};
 use crate::device::{self, DeviceChoice};
 use crate::failure::Failure;
-use crate::library::Config;
 use crate::output::say;
 use crate::suites::{self, Photos};
 use anyhow::{Context, anyhow};
+use artgs::Config;
 use artgs::evaluate::Lpips;
 use artgs_bench::{
     Circumstances, Collected, Event, Files, Finished, Item, Options, Outcome, RunName, Tools, Variant, items_of_folder,
@@ -22,27 +22,27 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub(crate) fn run(args: &Bench, style: Style) -> Result<(), Failure> {
     use_threads(args.threads)?;
     let (items, variants) = (items(args)?, variants(args)?);
-    // Rather now than in every run.
+    // Fails now instead of in every run.
     device::open(args.device)?;
-    let program = std::env::current_exe().context("cannot tell where this program is")?;
+    let program = std::env::current_exe().context("cannot find the path of this program")?;
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("cannot watch for Ctrl-C")?;
-    let tell = |event: Event<'_>| show(&event, style);
+    let report = |event: Event<'_>| show(&event, style);
     let lpips = args.lpips.as_deref().map(Lpips::load).transpose().map_err(Failure::bad)?;
     let tools = Tools { program, measure: Arc::new(move |run, capture| measure(run, capture, lpips.as_ref())) };
-    let finished = artgs_bench::run(&items, &variants, &options(args), &tools, &stop, &tell)
+    let finished = artgs_bench::run(&items, &variants, &options(args), &tools, &stop, &report)
         .map_err(|e| if e.is_bad_input() { Failure::BadInput(e.into()) } else { Failure::Failed(e.into()) })?;
     let Finished { records, missing } = finished;
     let all = Collected::new(&items, &variants, records);
     let files = artgs_bench::write_report(&args.out, &all, &circumstances(args)).map_err(anyhow::Error::from)?;
     conclude(&all, &files, style)?;
     if missing > 0 {
-        let more = format!("interrupted with {missing} runs to go; the same command goes on from here");
+        let more = format!("interrupted with {missing} runs left; the same command continues");
         return Err(Failure::Interrupted(anyhow!(more)));
     }
     if all.records.iter().all(|r| r.measured().is_none()) {
-        return Err(Failure::Failed(anyhow!("every run failed; {} tells why", files.markdown.display())));
+        return Err(Failure::Failed(anyhow!("every run failed; {} lists the reasons", files.markdown.display())));
     }
     Ok(())
 }
@@ -156,7 +156,7 @@ fn variants(args: &Bench) -> Result<Vec<Variant>, Failure> {
 
 fn show(event: &Event<'_>, style: Style) {
     if style.json {
-        // A reader that went away does not stop the bench.
+        // A closed pipe does not stop the bench.
         let _ = say(event_json(event));
     } else if !style.quiet {
         let _ = writeln!(io::stderr(), "{}", event_text(event));
@@ -165,8 +165,8 @@ fn show(event: &Event<'_>, style: Style) {
 
 fn event_text(event: &Event<'_>) -> String {
     match event {
-        Event::Kept { runs } => format!("{runs} runs are there already"),
-        Event::Rendering { object } => format!("rendering {object}"),
+        Event::Kept { runs } => format!("{runs} runs are complete already"),
+        Event::Rendering { object } => format!("rendering the capture of {object}"),
         Event::Started { run, number, of } => format!("run {number} of {of}: {run}"),
         Event::Finished { run, outcome: Outcome::Done(_), seconds } => format!("{run}: done in {seconds:.0} s"),
         Event::Finished { run, outcome: Outcome::Failed(reason), .. } => format!("{run}: failed, {reason}"),

@@ -1,11 +1,19 @@
 //! `artgs demo`: capture, replica, exports and scores of a procedural cabinet, in one folder.
 
-use crate::args::{Demo, Export};
-use crate::commands::{Style, observed, settings, use_threads, write_json};
+use crate::args::Demo;
+use crate::commands::{Style, use_threads};
 use crate::device;
+use crate::evaluate::score;
 use crate::failure::Failure;
-use crate::output::say;
-use crate::{export, folder, library};
+use crate::folder::{self, load_capture};
+use crate::output::{say, write_json};
+use crate::reconstruct::Job;
+use crate::settings::configure;
+use crate::export;
+use artgs::observer::NullObserver;
+use artgs_io::RunFolder;
+use artgs_io::run_folder::load_json;
+use artgs_physical::export::ExportOptions;
 use artgs_synth::cabinet::{CabinetOptions, GENERATOR, write_cabinet};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -15,42 +23,45 @@ const PARTS: usize = 3;
 
 pub(crate) fn run(args: &Demo, style: Style) -> Result<(), Failure> {
     use_threads(args.method.threads)?;
-    let config = library::configure(&settings(&args.method, Some(PARTS)))?;
-    let (capture, replica) = (args.out.join("capture"), args.out.join("replica"));
+    let config = configure(&args.method, Some(PARTS))?;
+    let (capture, run) = (args.out.join("capture"), RunFolder::new(args.out.join("replica")));
     let seed = args.method.seed.unwrap_or_default();
     let options = CabinetOptions { views: args.views, size: args.size, seed, ..CabinetOptions::default() };
     options.check().map_err(Failure::bad)?;
     let device = device::choose(args.method.device, &config)?;
     check_folder(&args.out)?;
     let found = Found::at(&capture, &options)?;
-    folder::prepare(&replica, args.earlier)?;
+    folder::prepare(&run, args.earlier)?;
     if !(args.earlier.resume && found == Found::Same) {
         write_cabinet(&capture, &options).map_err(anyhow::Error::from)?;
     }
-    let loaded = library::load(&capture)?;
-    let summary = observed(&loaded, &replica, &config, args.earlier.resume, &device, style)?;
-    let scores = library::evaluate(&replica, &capture.join("gt"))?;
+    let loaded = load_capture(&capture)?;
+    let resume = args.earlier.resume;
+    let job = Job { capture: &loaded, run: &run, config: &config, resume, device: &device, style };
+    let summary = job.reconstruct(&mut NullObserver)?;
+    let scores = score(&run, Some(&capture.join("gt")), None)?;
     write_json(&args.out.join("scores.json"), &scores)?;
-    let mut exports = Export::of(replica.clone());
-    exports.capture = Some(capture.clone());
-    let exported = export::export(&exports, style)?;
-    let checked = library::check(&replica)?;
+    let options = ExportOptions { capture: Some(capture.clone()), ..ExportOptions::default() };
+    let exported = export::export(&run, &options, style)?;
+    #[cfg(feature = "check")]
+    let checked = Some(crate::check::check(&run)?);
+    #[cfg(not(feature = "check"))]
+    let checked: Option<crate::check::Checked> = None;
     if style.json {
         say(json!({
-            "event": "result", "out": replica, "summary": summary.json, "scores": scores.json,
-            "exports": exported.json, "check": checked.shown.json,
+            "event": "result", "out": run.root(), "summary": summary.json, "scores": scores.json,
+            "exports": exported.json, "check": checked.as_ref().map(|c| &c.report.json),
         }))?;
     } else if !style.quiet {
-        summary.show(false)?;
-        scores.show(false)?;
-        exported.show(false)?;
-        checked.shown.show(false)?;
-        say(format!("capture in {}, replica in {}", capture.display(), replica.display()))?;
+        for report in [&summary, &scores, &exported].into_iter().chain(checked.as_ref().map(|c| &c.report)) {
+            report.show(false)?;
+        }
+        say(format!("capture in {}, replica in {}", capture.display(), run.root().display()))?;
     }
-    if checked.passed { Ok(()) } else { Err(Failure::ChecksFailed(format!("{} does not pass", replica.display()))) }
+    checked.map_or(Ok(()), |checked| checked.result(&run))
 }
 
-/// Refuses a folder with files of someone else: every demo makes one of two folders first.
+/// Refuses a folder with other files: a demo starts with one of two folders.
 fn check_folder(out: &Path) -> Result<(), Failure> {
     let shown = out.display();
     if out.exists() && !out.is_dir() {
@@ -63,7 +74,7 @@ fn check_folder(out: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What is where the capture shall be.
+/// What is at the place of the capture.
 #[derive(Debug, PartialEq)]
 enum Found {
     Nothing,
@@ -77,8 +88,8 @@ impl Found {
         if !capture.exists() {
             return Ok(Self::Nothing);
         }
-        let truth = std::fs::read(capture.join("gt/trans.json")).unwrap_or_default();
-        let truth: Value = serde_json::from_slice(&truth).unwrap_or_default();
+        // What cannot be read was not written by a demo.
+        let truth: Value = load_json(&capture.join("gt/trans.json")).ok().flatten().unwrap_or_default();
         let empty = std::fs::read_dir(capture).is_ok_and(|mut e| e.next().is_none());
         if truth["input"]["generator"] != GENERATOR && !empty {
             return Err(Failure::bad(format!(

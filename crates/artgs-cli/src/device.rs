@@ -3,8 +3,8 @@
 use crate::commands::Style;
 use crate::failure::Failure;
 use crate::gpu;
-use crate::library::Config;
 use crate::output::Report;
+use artgs::Config;
 use artgs::config::Method;
 use artgs::fit::{Cpu, Devices, WithFallback};
 use artgs::observer::{Event, Observer};
@@ -54,26 +54,26 @@ impl fmt::Display for DeviceChoice {
 #[derive(Debug)]
 pub(crate) struct Chosen {
     pub(crate) devices: Box<dyn Devices>,
-    /// Which it is, and why if that was not asked for; none where nothing is trained.
-    pub(crate) told: Option<String>,
+    /// Names it, and why it was chosen if the user did not; none where nothing is trained.
+    pub(crate) description: Option<String>,
 }
 
 impl Chosen {
     fn new(devices: Box<dyn Devices>, why: &str) -> Self {
-        let told = Some(format!("device: {}{why}", devices.name()));
-        Self { devices, told }
+        let description = Some(format!("device: {}{why}", devices.name()));
+        Self { devices, description }
     }
 
-    /// Tells which it is.
-    pub(crate) fn tell(&self, observer: &mut dyn Observer) {
-        self.told.iter().for_each(|text| observer.event(Event::note(text)));
+    /// Reports which it is.
+    pub(crate) fn announce(&self, observer: &mut dyn Observer) {
+        self.description.iter().for_each(|text| observer.event(Event::note(text)));
     }
 }
 
 /// Opens the device for a run with these settings.
 pub(crate) fn choose(choice: DeviceChoice, config: &Config) -> Result<Chosen, Failure> {
     if config.method == Method::Registration {
-        return Ok(Chosen { devices: Box::new(Cpu), told: None });
+        return Ok(Chosen { devices: Box::new(Cpu), description: None });
     }
     open(choice)
 }
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn without_adapters_there_is_the_processor_and_a_word_about_it() {
+    fn without_adapters_there_is_the_processor_and_a_note() {
         let text = report(&[]).text;
         assert!(
             text.lines().any(|l| l.starts_with("cpu")) && text.ends_with(&format!("{}\n", gpu::NONE_LISTED)),
@@ -226,10 +226,10 @@ mod tests {
     #[test]
     fn what_trains_nothing_opens_nothing() {
         let none = choose(DeviceChoice::Gpu(Some(1000)), &Config::registration()).unwrap();
-        assert!(none.told.is_none());
+        assert!(none.description.is_none());
         let error = choose(DeviceChoice::Gpu(Some(1000)), &Config::default()).unwrap_err();
         assert_eq!(error.exit_code(), 2);
         let cpu = choose(DeviceChoice::Cpu, &Config::default()).unwrap();
-        assert_eq!(cpu.told, Some(format!("device: {}", Cpu.name())));
+        assert_eq!(cpu.description, Some(format!("device: {}", Cpu.name())));
     }
 }

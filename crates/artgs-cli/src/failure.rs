@@ -1,4 +1,4 @@
-//! What a command failed with, and the exit code that says whose turn it is.
+//! What a command failed with, and its exit code.
 
 use std::fmt::{self, Display};
 
@@ -9,9 +9,10 @@ pub(crate) enum Failure {
     BadInput(anyhow::Error),
     /// Everything else.
     Failed(anyhow::Error),
-    /// A check found something wrong, which was told already.
+    /// A check found something wrong, which was shown already.
     ChecksFailed(String),
     /// The user stopped it.
+    #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "only `bench` handles interruptions itself"))]
     Interrupted(anyhow::Error),
 }
 
@@ -19,6 +20,16 @@ impl Failure {
     /// Something that the caller must change.
     pub(crate) fn bad(reason: impl Display) -> Self {
         Self::BadInput(anyhow::anyhow!("{reason}"))
+    }
+
+    /// An error that the caller must correct.
+    pub(crate) fn bad_input(error: impl Into<anyhow::Error>) -> Self {
+        Self::BadInput(error.into())
+    }
+
+    /// Any other error.
+    pub(crate) fn failed(error: impl Into<anyhow::Error>) -> Self {
+        Self::Failed(error.into())
     }
 
     /// 2 for bad input, 3 for a failed check, 130 for an interruption, else 1.
@@ -44,7 +55,7 @@ impl Display for Failure {
             Self::ChecksFailed(what) => return f.write_str(what),
             Self::BadInput(error) | Self::Failed(error) | Self::Interrupted(error) => error,
         };
-        // Most errors say in their own words what caused them; what they left out follows.
+        // Most errors name their cause themselves; only causes that they do not name follow.
         let mut said = String::new();
         for cause in error.chain().map(ToString::to_string).filter(|cause| !cause.is_empty()) {
             if !said.contains(&cause) {
@@ -62,12 +73,12 @@ mod tests {
     use anyhow::Context;
 
     #[test]
-    fn causes_are_told_once() {
+    fn causes_are_named_once() {
         let inner = std::io::Error::other("no room");
-        let told = Failure::from(anyhow::Error::new(inner).context("a.json: cannot be written: no room"));
-        assert_eq!(told.to_string(), "a.json: cannot be written: no room");
+        let failure = Failure::from(anyhow::Error::new(inner).context("a.json: cannot be written: no room"));
+        assert_eq!(failure.to_string(), "a.json: cannot be written: no room");
         let plain: Result<(), std::io::Error> = Err(std::io::Error::other("no room"));
-        let told = Failure::from(plain.context("cannot make b").unwrap_err());
-        assert_eq!(told.to_string(), "cannot make b: no room");
+        let failure = Failure::from(plain.context("cannot make b").unwrap_err());
+        assert_eq!(failure.to_string(), "cannot make b: no room");
     }
 }

@@ -1,6 +1,6 @@
 //! Graphics processors as the command line sees them; with the feature `gpu` alone are there any.
 
-pub(crate) use support::{NONE_LISTED, SUPPORTED, adapters, open, open_if_fast, quieten};
+pub(crate) use support::{NONE_LISTED, SUPPORTED, adapters, open, open_if_fast, silence_drivers};
 
 #[cfg(feature = "gpu")]
 mod support {
@@ -16,7 +16,7 @@ mod support {
 
     /// To be called before the program has a second thread. Mesa's drivers otherwise ask a display which device is best,
     /// and complain on standard error where there is none.
-    pub(crate) fn quieten() {
+    pub(crate) fn silence_drivers() {
         const SWITCH: &str = "NODEVICE_SELECT";
         if std::env::var_os(SWITCH).is_none() {
             // SAFETY: there is one thread, so nothing else reads or writes the environment meanwhile.
@@ -102,7 +102,7 @@ mod support {
         "This program was built without support for graphics processors; the feature `gpu` of artgs-cli adds it.";
 
     /// Nothing speaks.
-    pub(crate) fn quieten() {}
+    pub(crate) fn silence_drivers() {}
 
     /// Says why not.
     pub(crate) fn open(_: Option<usize>) -> Result<Box<dyn Devices>, String> {

@@ -1,23 +1,19 @@
-//! `artgs reconstruct --view`: training in the browser as it goes.
+//! `artgs reconstruct --view`: training in the browser while it runs.
 
-use crate::commands::{Style, observed_by};
-use crate::device::Chosen;
 use crate::failure::Failure;
-use crate::library::Config;
 use crate::output::Report;
+use crate::reconstruct::Job;
 use crate::view::announce;
 use artgs::observer::{Event, Observer, Snapshot};
-use artgs_core::Capture;
 use artgs_view::{Live, Placement, Server};
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// Tells a page what happens.
-pub(crate) struct Onlooker(pub(crate) Arc<Live>);
+/// Passes events and snapshots of a run to a page.
+pub(crate) struct PageObserver(pub(crate) Arc<Live>);
 
-impl Observer for Onlooker {
+impl Observer for PageObserver {
     fn event(&mut self, event: Event) {
         match event {
             Event::StageStarted { stage } => self.0.stage_started(&stage),
@@ -38,28 +34,20 @@ impl Observer for Onlooker {
     }
 }
 
-/// Time for a page to hear of the end.
-pub(crate) const LAST_WORDS: Duration = Duration::from_secs(5);
+/// Time for a page to fetch the end of a run.
+pub(crate) const FINAL_STATE: Duration = Duration::from_secs(5);
 
-/// Runs the method with a page that follows it; the page is told how it ended.
-pub(crate) fn observed(
-    capture: &Capture,
-    out: &Path,
-    config: &Config,
-    resume: bool,
-    device: &Chosen,
-    style: Style,
-) -> Result<Report, Failure> {
-    let name = out.file_name().map_or("run".into(), |n| n.to_string_lossy().into_owned());
-    let live = Arc::new(Live::new(&name, Placement::default()));
-    let server = Server::bind_live(Arc::clone(&live), None).map_err(|e| Failure::Failed(e.into()))?;
-    announce(&server.url(), true, style)?;
+/// Reconstructs with a page that follows the run and its end.
+pub(crate) fn reconstruct(job: &Job<'_>) -> Result<Report, Failure> {
+    let live = Arc::new(Live::new(&job.run.name(), Placement::default()));
+    let server = Server::bind_live(Arc::clone(&live), None).map_err(Failure::failed)?;
+    announce(&server.url(), true, job.style)?;
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
         scope.spawn(|| server.run(&stop));
-        let result = observed_by(&mut Onlooker(Arc::clone(&live)), capture, out, config, resume, device, style);
+        let result = job.reconstruct(&mut PageObserver(Arc::clone(&live)));
         live.finish(result.as_ref().map(|_| ()).map_err(ToString::to_string));
-        live.wait_until_end_is_shown(LAST_WORDS);
+        live.wait_until_end_is_shown(FINAL_STATE);
         stop.store(true, Ordering::Relaxed);
         result
     })

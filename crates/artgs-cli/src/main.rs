@@ -3,20 +3,24 @@
 //! Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 3 a check failed, 130 interrupted.
 
 mod args;
+#[cfg(feature = "bench")]
 mod bench;
-mod coacd;
+mod check;
 mod commands;
 mod demo;
 mod device;
+mod evaluate;
 mod export;
 mod failure;
 mod folder;
 mod gpu;
-mod library;
 mod live;
 mod output;
 mod progress;
+mod reconstruct;
 mod rerun;
+mod settings;
+#[cfg(feature = "bench")]
 mod suites;
 mod synth;
 mod view;
@@ -25,7 +29,7 @@ use clap::Parser;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    gpu::quieten();
+    gpu::silence_drivers();
     let cli = args::Cli::parse();
     let json = cli.wants_json();
     match commands::run(&cli) {

@@ -3,19 +3,21 @@
 use crate::commands::Style;
 use crate::failure::Failure;
 use anyhow::Context;
+use artgs_io::run_folder::save_json;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
+use std::path::Path;
 
-/// What a command found out, for people and for programs.
+/// The result of a command, for people and for programs.
 pub(crate) struct Report {
     pub(crate) text: String,
     pub(crate) json: Value,
 }
 
 impl Report {
-    /// Reads both forms off a result.
+    /// Both forms of a result.
     pub(crate) fn new(result: &(impl Display + Serialize)) -> Result<Self, Failure> {
         let json = serde_json::to_value(result).context("the result has no JSON form")?;
         Ok(Self { text: result.to_string(), json })
@@ -25,6 +27,11 @@ impl Report {
     pub(crate) fn show(&self, as_json: bool) -> Result<(), Failure> {
         if as_json { say(format!("{:#}", self.json)) } else { say(self.text.trim_end()) }
     }
+}
+
+/// Writes a report's JSON form to a file.
+pub(crate) fn write_json(path: &Path, report: &Report) -> Result<(), Failure> {
+    save_json(path, &report.json).map_err(Failure::failed)
 }
 
 /// A line on standard output.
@@ -46,10 +53,10 @@ pub(crate) fn note(text: &str, style: Style) {
     }
 }
 
-/// The last words of a command that failed.
+/// The message of a command that failed.
 pub(crate) fn error(failure: &Failure, json: bool) {
     if json {
-        // Nobody is left to tell if this fails too.
+        // If this fails, too, the message on standard error remains.
         let _ = say(json!({ "event": "error", "message": failure.to_string() }));
     }
     let _ = writeln!(io::stderr(), "error: {failure}");

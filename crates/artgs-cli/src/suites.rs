@@ -14,7 +14,8 @@ pub(crate) fn known() -> String {
     format!("suites are {}; objects are {}", list(suites.copied().collect()), list(objects.collect()))
 }
 
-/// How the objects of a suite are photographed: every combination of what is listed. What is empty is the suite's choice.
+/// How captures of the objects of a suite are rendered: every combination of the lists. The suite decides where a list is
+/// empty.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Photos {
     pub(crate) views: Vec<usize>,
@@ -24,7 +25,7 @@ pub(crate) struct Photos {
     pub(crate) seed: u64,
 }
 
-/// One way to photograph.
+/// One combination.
 #[derive(Clone, Debug)]
 struct Way {
     views: Option<usize>,
@@ -63,7 +64,7 @@ fn folder_name(text: &str) -> String {
     text.chars().map(|c| if c.is_ascii_alphanumeric() || c == '.' { c } else { '_' }).collect()
 }
 
-/// Objects of a suite, or one object; none if there is neither, an error if it cannot be photographed so.
+/// Objects of a suite, or one object; none if there is neither, an error if no capture can be rendered so.
 pub(crate) fn suite(name: &str, photos: &Photos) -> Option<Result<Vec<Item>, String>> {
     if name == "cabinet" {
         return Some(photos.ways().iter().map(|way| cabinet(way, photos.seed)).collect());
@@ -93,7 +94,7 @@ fn item(info: &'static ObjectInfo, way: &Way, seed: u64) -> Result<Item, String>
             }),
         },
         parts: Some(info.parts()),
-        // One row for an object of the paper: which of several captures that would be nobody could tell.
+        // One row for an object of the paper: it could be any of several captures.
         stands_for: row(info).filter(|_| way.suffix.is_empty()),
         same_object: false,
         noise: way.noise.as_deref().map(noise_label),

@@ -1,20 +1,23 @@
 //! `artgs view`: a replica, or a capture before any reconstruction, in the browser.
 
-use crate::args::{Export, Format, View};
+use crate::args::View;
 use crate::commands::Style;
-use crate::export::{self, DECISIONS, EXPORTS};
+use crate::export;
 use crate::failure::Failure;
-use crate::folder;
-use crate::library;
+use crate::folder::{load_capture, photos_of};
 use crate::output::{note, say};
 use crate::rerun;
 use anyhow::Context;
 use artgs::discover::{DiscoverConfig, glimpse};
 use artgs_core::{Capture, Joint, JointEstimate, State};
+use artgs_io::RunFolder;
+use artgs_io::asset::Format;
+use artgs_io::export_report::ExportReport;
 use artgs_physical::Up;
-use artgs_view::{CameraView, Cloud, Page, Placement, Server, ViewError, export_page};
+use artgs_physical::export::ExportOptions;
+use artgs_view::{CameraView, Cloud, Page, Placement, Server, export_page};
 use glam::DVec3;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -27,15 +30,16 @@ pub(crate) fn run(args: &View, style: Style) -> Result<(), Failure> {
     if !args.what.is_dir() {
         return Err(Failure::bad(format!("{}: no such folder; give a replica or a capture", args.what.display())));
     }
-    let page = page_of(&args.what, args.capture.as_deref(), style)?;
+    let run = RunFolder::new(&args.what);
+    let page = page_of(&run, args.capture.as_deref(), style)?;
     if let Some(file) = &args.export {
-        export_page(&page, file).map_err(failure)?;
+        export_page(&page, file).map_err(Failure::bad_input)?;
         return if style.quiet { Ok(()) } else { say(format!("page in {}", file.display())) };
     }
-    let is_run = is_replica(&args.what) || folder::has_parts(&args.what);
-    let mut server = Server::bind(page, args.port, is_run.then(|| args.what.clone())).map_err(failure)?;
+    let is_run = run.has_replica() || run.has_found_parts();
+    let mut server = Server::bind(page, args.port, is_run.then(|| args.what.clone())).map_err(Failure::bad_input)?;
     if is_run {
-        server = server.with_rerun(rerun::rerun_of(&args.what, args.capture.as_deref(), style));
+        server = server.with_rerun(rerun::rerun_of(&run, args.capture.as_deref(), style));
     }
     let server = Arc::new(server);
     announce(&server.url(), !args.no_open, style)?;
@@ -44,7 +48,7 @@ pub(crate) fn run(args: &View, style: Style) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Becomes true at Ctrl-C. A run that is under way then ends at once: its files are whole, and it can be resumed.
+/// Becomes true at Ctrl-C. A run in progress then ends at once: its files are complete, and it can be resumed.
 pub(crate) fn stopped(server: &Arc<Server>) -> Result<Arc<AtomicBool>, Failure> {
     const INTERRUPTED: i32 = 130;
     let stop = Arc::new(AtomicBool::new(false));
@@ -59,71 +63,66 @@ pub(crate) fn stopped(server: &Arc<Server>) -> Result<Arc<AtomicBool>, Failure> 
     Ok(stop)
 }
 
-fn is_replica(folder: &Path) -> bool {
-    folder.join("replica.json").is_file()
-}
-
-/// Page of a replica, of what a run has found before training, or of a capture. `photos` of the first two: where they
-/// are, if the user said so.
-pub(crate) fn page_of(what: &Path, photos: Option<&Path>, style: Style) -> Result<Page, Failure> {
-    match what {
-        out if is_replica(out) => replica(out, photos, style),
-        out if folder::has_parts(out) => found(out, photos, style),
-        folder => capture(folder, style),
+/// Page of a replica, of what a run has found before training, or of a capture. `photos` of the first two is the folder
+/// that the user named, if any.
+pub(crate) fn page_of(run: &RunFolder, photos: Option<&Path>, style: Style) -> Result<Page, Failure> {
+    if run.has_replica() {
+        replica(run, photos, style)
+    } else if run.has_found_parts() {
+        found(run, photos, style)
+    } else {
+        capture(run.root(), style)
     }
 }
 
 /// Page of a replica, exported first if it is not; with the photos if they are where they were.
-fn replica(out: &Path, photos: Option<&Path>, style: Style) -> Result<Page, Failure> {
-    let exports = out.join(EXPORTS);
-    let lacks_splats = out.join("splats").is_dir() && !exports.join("splats").is_dir();
-    if !exports.join("urdf").is_dir() || lacks_splats {
-        note("the replica has no exports to show yet: making them", style);
-        let mut wanted = Export::of(out.into());
-        wanted.to = vec![Format::Urdf, Format::Splats];
-        wanted.capture = photos.map(Path::to_path_buf);
-        export::export(&wanted, style)?;
+fn replica(run: &RunFolder, photos: Option<&Path>, style: Style) -> Result<Page, Failure> {
+    let lacks_splats = run.has_splats() && !run.has_export(Format::Splats);
+    if !run.has_export(Format::Urdf) || lacks_splats {
+        note("the replica has no exports to show yet: exporting them", style);
+        let capture = photos.map(Path::to_path_buf);
+        let options = ExportOptions { formats: ExportOptions::SHOWN.to_vec(), capture, ..ExportOptions::default() };
+        export::export(run, &options, style)?;
     }
-    let mut page = Page::of_replica(out).map_err(failure)?;
-    page.place(placement(&exports.join(DECISIONS)));
-    add_photos(&mut page, out, photos, style)?;
-    page.corrected = artgs::run::corrections_of(out);
+    let mut page = Page::of_replica(run.root()).map_err(Failure::bad_input)?;
+    page.place(placement(run)?);
+    add_photos(&mut page, run, photos, style)?;
+    page.corrected = artgs::run::corrections_of(run);
     Ok(page)
 }
 
 /// Page of parts before training: labelled points of both states on joints that move them.
-fn found(out: &Path, photos: Option<&Path>, style: Style) -> Result<Page, Failure> {
-    let unreadable = || Failure::bad(format!("{}: stages cannot be read; start afresh with --force", out.display()));
-    let found = artgs::run::found(out).ok_or_else(unreadable)?;
-    let name = out.file_name().map_or("run".into(), |n| n.to_string_lossy().into_owned());
+fn found(run: &RunFolder, photos: Option<&Path>, style: Style) -> Result<Page, Failure> {
+    let shown = run.root().display();
+    let unreadable = || Failure::bad(format!("{shown}: stages cannot be read; reconstruct again with --force"));
+    let found = artgs::run::found_parts(run).ok_or_else(unreadable)?;
     let joint = |(k, part): (usize, &JointEstimate)| {
-        let own =
-            found.clouds[0].points.iter().zip(&found.labels[0]).filter(|(_, label)| usize::from(**label) == k + 1);
-        let own: Vec<DVec3> = own.map(|(p, _)| p.as_dvec3()).collect();
+        let start = found.clouds[0].points.iter().zip(&found.labels[0]);
+        let own: Vec<DVec3> =
+            start.filter(|(_, label)| usize::from(**label) == k + 1).map(|(p, _)| p.as_dvec3()).collect();
         let middle = own.iter().sum::<DVec3>() / own.len().max(1) as f64;
         (part.joint_near(middle), part.confidence)
     };
     let joints: Vec<(Joint, Option<f64>)> = found.parts.iter().enumerate().map(joint).collect();
     let placement = Placement::default();
-    let mut page = Page::of_joints(&name, &joints, placement);
+    let mut page = Page::of_joints(&run.name(), &joints, placement);
     for (state, (cloud, labels)) in State::ALL.into_iter().zip(found.clouds.iter().zip(&found.labels)) {
-        // More parts than that are never asked for.
+        // There are never as many parts.
         let marks = labels.iter().map(|label| u8::try_from(*label).unwrap_or(u8::MAX)).collect();
         page.add_cloud(&points(state, cloud, marks), placement);
     }
-    add_photos(&mut page, out, photos, style)?;
+    add_photos(&mut page, run, photos, style)?;
     Ok(page)
 }
 
 /// Adds the cameras of the run's capture, if the photos are where they were.
-fn add_photos(page: &mut Page, out: &Path, photos: Option<&Path>, style: Style) -> Result<(), Failure> {
-    let place = photos.map(Path::to_path_buf).or_else(|| folder::capture_of(out)).filter(|f| f.is_dir());
-    let Some(folder) = place else {
+fn add_photos(page: &mut Page, run: &RunFolder, photos: Option<&Path>, style: Style) -> Result<(), Failure> {
+    let Some(folder) = photos_of(run, photos) else {
         note("the photos are not where they were: no cameras are shown; see --capture", style);
         return Ok(());
     };
     let placement = page.scene.placement.unwrap_or_default();
-    page.add_cameras(&cameras(&library::load(&folder)?, &folder), placement).map_err(failure)
+    page.add_cameras(&cameras(&load_capture(&folder)?, &folder), placement).map_err(Failure::bad_input)
 }
 
 fn points(state: State, cloud: &artgs::discover::observe::Cloud, marks: Vec<u8>) -> Cloud {
@@ -133,12 +132,12 @@ fn points(state: State, cloud: &artgs::discover::observe::Cloud, marks: Vec<u8>)
 
 /// Page of a capture: its cameras and the surface points of both states.
 fn capture(folder: &Path, style: Style) -> Result<Page, Failure> {
-    let capture = library::load(folder)?;
+    let capture = load_capture(folder)?;
     let name = folder.file_name().map_or("capture".into(), |n| n.to_string_lossy().into_owned());
     let mut page = Page::empty(&name);
     let placement = Placement::default();
     page.place(placement);
-    page.add_cameras(&cameras(&capture, folder), placement).map_err(failure)?;
+    page.add_cameras(&cameras(&capture, folder), placement).map_err(Failure::bad_input)?;
     let seen = glimpse(&capture, &DiscoverConfig::default()).map_err(|e| Failure::BadInput(e.into()))?;
     if seen.iter().all(|s| s.cloud.is_empty()) {
         note("the capture has no depth: no points are shown", style);
@@ -171,16 +170,11 @@ fn stem(name: &str) -> String {
 }
 
 /// How the export turned and scaled the capture; metres and +Z up where it does not say.
-fn placement(decisions: &Path) -> Placement {
-    let text = std::fs::read(decisions).unwrap_or_default();
-    let told: Value = serde_json::from_slice(&text).unwrap_or_default();
-    let scale = told["scale"].as_f64().filter(|s| s.is_finite() && *s > 0.0).unwrap_or(1.0);
-    let up = if told["up"].as_str() == Some("y") { Up::Y } else { Up::Z };
-    Placement { scale, rotation: up.upright() }
-}
-
-fn failure(error: ViewError) -> Failure {
-    Failure::BadInput(error.into())
+fn placement(run: &RunFolder) -> Result<Placement, Failure> {
+    let report = ExportReport::load(run).map_err(Failure::bad_input)?.unwrap_or_default();
+    let scale = Some(report.scale).filter(|s| s.is_finite() && *s > 0.0).unwrap_or(1.0);
+    let up = if report.up == "y" { Up::Y } else { Up::Z };
+    Ok(Placement { scale, rotation: up.upright() })
 }
 
 /// Says where a page is, and shows it if asked to.

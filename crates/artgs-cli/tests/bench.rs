@@ -1,5 +1,7 @@
 //! `artgs bench` from the command line to its files.
 
+#![cfg(feature = "bench")]
+
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -70,7 +72,7 @@ fn a_bench_with_a_bad_capture_is_run_tabulated_and_resumed() {
 
     let again = artgs(&args);
     assert_eq!(again.status.code(), Some(0));
-    assert!(text(&again.stderr).contains("2 runs are there already"), "{}", text(&again.stderr));
+    assert!(text(&again.stderr).contains("2 runs are complete already"), "{}", text(&again.stderr));
     assert_eq!(std::fs::read_to_string(out.join("index.html")).unwrap(), page, "the same data, the same bytes");
 
     let other = artgs(&[&args[..], &["--threads", "1"]].concat());
@@ -118,7 +120,7 @@ fn a_bench_of_which_every_run_failed_fails() {
 
 #[cfg(unix)]
 #[test]
-fn an_interrupted_bench_ends_its_run_and_says_how_to_go_on() {
+fn an_interrupted_bench_ends_its_run_and_says_how_to_continue() {
     let root = tempfile::tempdir().unwrap();
     let out = root.path().join("out");
     let mut command = Command::new(env!("CARGO_BIN_EXE_artgs"));
@@ -133,7 +135,7 @@ fn an_interrupted_bench_ends_its_run_and_says_how_to_go_on() {
     assert!(sent.success());
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
-    assert!(text(&output.stderr).contains("1 runs to go"), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("1 runs left"), "{}", text(&output.stderr));
     assert!(!out.join("runs/full/cabinet/seed_0/run.json").exists());
     // The run itself is gone: it writes nothing any more.
     let size = || std::fs::metadata(out.join("runs/full/cabinet/seed_0.log")).unwrap().len();

@@ -107,8 +107,8 @@ fn without_a_driver_the_processor_trains_unless_a_graphics_processor_is_asked_fo
     let done = run("auto");
     let progress = text(&done.stderr);
     assert_eq!(done.status.code(), Some(0), "{progress}");
-    let told: Vec<&str> = progress.lines().filter(|l| l.starts_with("device: ")).collect();
-    assert!(told.len() == 1 && told[0].contains("CPU") && told[0].contains("graphics processor"), "{progress}");
+    let lines: Vec<&str> = progress.lines().filter(|l| l.starts_with("device: ")).collect();
+    assert!(lines.len() == 1 && lines[0].contains("CPU") && lines[0].contains("graphics processor"), "{progress}");
     assert!(!progress.contains("warning: device"), "no driver is nothing odd");
     let metrics: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("metrics.json")).unwrap()).unwrap();
     assert!(metrics["device"].as_str().is_some_and(|d| d.starts_with("CPU (")), "{metrics}");

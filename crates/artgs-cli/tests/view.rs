@@ -34,7 +34,7 @@ impl Viewer {
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         let first: Value = serde_json::from_str(&lines.next().unwrap().unwrap()).unwrap();
         let port = first["url"].as_str().unwrap().trim_end_matches('/').rsplit(':').next().unwrap().to_string();
-        // Whatever it says of a run must find somebody who listens.
+        // Output of a run must be read, or the pipe fills up.
         std::thread::spawn(move || lines.for_each(drop));
         Self { child, port }
     }
@@ -94,8 +94,8 @@ fn parts_are_corrected_before_the_rest_is_made_and_the_page_makes_it() {
     let method = ["--parts", "3", "--method", "registration", "--config", quick.to_str().unwrap()];
     let stopped = artgs(&[&places[..], &method, &["--stop-after", "discover", "--json"]].concat()).output().unwrap();
     assert_eq!(stopped.status.code(), Some(0), "{}", String::from_utf8_lossy(&stopped.stderr));
-    let told = String::from_utf8_lossy(&stopped.stdout);
-    let result: Value = serde_json::from_str(told.lines().last().unwrap()).unwrap();
+    let output = String::from_utf8_lossy(&stopped.stdout);
+    let result: Value = serde_json::from_str(output.lines().last().unwrap()).unwrap();
     let types: Vec<&str> =
         result["found"]["parts"].as_array().unwrap().iter().map(|p| p["type"].as_str().unwrap()).collect();
     assert!(types.contains(&"prismatic") && types.contains(&"revolute") && types.len() == 2, "{result}");
@@ -107,7 +107,7 @@ fn parts_are_corrected_before_the_rest_is_made_and_the_page_makes_it() {
     assert!(scene["links"][1]["mesh"].is_null() && scene["links"][1]["joint"]["confidence"].as_f64().unwrap() > 0.5);
     assert_eq!((&scene["corrections"], &scene["rerun"]["refused"]), (&true.into(), &Value::Null));
 
-    // The drawer is no part, they say; then the run goes on.
+    // The drawer is deleted as a part; then the run continues.
     let drawer = 1 + types.iter().position(|t| *t == "prismatic").unwrap();
     let delete = |part: usize| {
         format!(r#"{{"format":"artgs-corrections","version":1,"centres":[{{"action":"delete","part":{part}}}]}}"#)

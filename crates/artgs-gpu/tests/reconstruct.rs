@@ -2,10 +2,10 @@
 
 use artgs::fit::{Cpu, Devices};
 use artgs::observer::NullObserver;
-use artgs::{Config, reconstruct};
+use artgs::{Config, Reconstruction};
 use artgs_core::{Capture, State};
 use artgs_gpu::{Gpu, GpuDevices, GpuError};
-use artgs_io::read_replica;
+use artgs_io::RunFolder;
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
 use std::path::Path;
 
@@ -48,8 +48,9 @@ fn joints_and_renderings_are_those_of_the_cpu() {
     let capture = cabinet(&root.path().join("capture"));
     let run = |name: &str, devices: &dyn Devices| {
         let out = root.path().join(name);
-        let summary = reconstruct(&capture, &out, &config(), false, devices, &mut NullObserver).expect("it runs");
-        (summary, read_replica(&out).expect("the replica is read"))
+        let reconstruction = Reconstruction { capture: &capture, config: config(), devices, resume: false };
+        let made = reconstruction.run_in(&RunFolder::new(out), &mut NullObserver).expect("it runs");
+        (made.summary, made.replica)
     };
     let (on_cpu, cpu) = run("cpu", &Cpu);
     let (on_gpu, gpu) = run("gpu", &devices);
@@ -69,7 +70,8 @@ fn joints_and_renderings_are_those_of_the_cpu() {
         println!("PSNR {a:.2} on the CPU, {b:.2} on {}", devices.name());
         assert!((a - b).abs() < 0.5 && b > 20.0, "{a} dB and {b} dB");
     }
-    let evaluated = artgs::run::evaluate(&root.path().join("gpu"), &root.path().join("capture/gt")).expect("scores");
+    let evaluated = artgs::run::evaluate(&RunFolder::new(root.path().join("gpu")), &root.path().join("capture/gt"));
+    let evaluated = evaluated.expect("scores");
     println!("{evaluated}");
     assert!(evaluated.counts.found == 2 && evaluated.counts.wrong_type == 0, "{evaluated}");
 }

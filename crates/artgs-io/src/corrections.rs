@@ -63,8 +63,8 @@ pub enum CentreEdit {
 }
 
 impl CentreEdit {
-    /// The part that is no more.
-    pub fn gone(&self) -> Option<usize> {
+    /// The part that does not exist after the edit.
+    pub fn removed_part(&self) -> Option<usize> {
         match *self {
             Self::Delete { part } | Self::Merge { part, .. } => Some(part),
             Self::Add { .. } | Self::Move { .. } => None,
@@ -108,12 +108,13 @@ impl Corrections {
         Ok(corrections)
     }
 
-    /// The text of the file.
-    pub fn text(&self) -> String {
+    /// The text of the file; an error if a position is not finite.
+    pub fn text(&self) -> Result<String, FileError> {
         let Self { centres, joints } = self.clone();
         let document = Document { format: FORMAT.into(), version: VERSION, centres, joints };
-        // Neither map keys nor floats are there that JSON could not hold: numbers were checked to be finite.
-        serde_json::to_string_pretty(&document).map(|t| t + "\n").unwrap_or_default()
+        let unwritable = |reason: String| FileError::malformed(Path::new(CORRECTIONS_FILE), reason);
+        self.check().map_err(unwritable)?;
+        serde_json::to_string_pretty(&document).map(|t| t + "\n").map_err(|e| unwritable(e.to_string()))
     }
 
     /// True if nothing is changed.
@@ -126,9 +127,9 @@ impl Corrections {
     pub fn after(&self, earlier: &Self, found: usize) -> Self {
         let added = |edits: &[CentreEdit]| edits.iter().filter(|e| matches!(e, CentreEdit::Add { .. })).count();
         let known = found + added(&earlier.centres);
-        let went = |edits: &[CentreEdit], part: usize| edits.iter().any(|e| e.gone() == Some(part));
+        let removed = |edits: &[CentreEdit], part: usize| edits.iter().any(|e| e.removed_part() == Some(part));
         // Parts that are left, in the order in which a run numbers them, and then those that these add.
-        let left: Vec<usize> = (1..=known).filter(|part| !went(&earlier.centres, *part)).collect();
+        let left: Vec<usize> = (1..=known).filter(|part| !removed(&earlier.centres, *part)).collect();
         let renumber = |part: usize| match part.checked_sub(1).map(|i| (i, left.get(i))) {
             None => 0,
             Some((_, Some(part))) => *part,
@@ -143,18 +144,18 @@ impl Corrections {
         let centres: Vec<CentreEdit> = earlier.centres.iter().copied().chain(further).collect();
         let marks: Vec<JointMark> =
             self.joints.iter().map(|m| JointMark { part: renumber(m.part), kind: m.kind }).collect();
-        let kept = |m: &&JointMark| !went(&centres, m.part) && marks.iter().all(|new| new.part != m.part);
+        let kept = |m: &&JointMark| !removed(&centres, m.part) && marks.iter().all(|new| new.part != m.part);
         let joints = earlier.joints.iter().filter(kept).copied().chain(marks.iter().copied()).collect();
         Self { centres, joints }
     }
 
-    /// Part numbers above 0, finite positions, no part changed after it went, one type per joint.
+    /// Part numbers above 0, finite positions, no part changed after it was removed, one type per joint.
     pub fn check(&self) -> Result<(), String> {
         let Self { centres, joints } = self;
         if centres.len() > MOST || joints.len() > MOST {
             return Err(format!("more than {MOST} corrections"));
         }
-        let mut gone: Vec<usize> = Vec::new();
+        let mut removed: Vec<usize> = Vec::new();
         for (i, edit) in centres.iter().enumerate() {
             let wrong = |reason: String| Err(format!("field `centres[{i}]`: {reason}"));
             let (position, parts, goes) = match *edit {
@@ -170,13 +171,13 @@ impl Corrections {
             if parts.contains(&0) {
                 return wrong("part 0 is the static one and has no centre".into());
             }
-            if let Some(part) = parts.iter().find(|p| gone.contains(p)) {
+            if let Some(part) = parts.iter().find(|p| removed.contains(p)) {
                 return wrong(format!("part {part} was deleted or merged before"));
             }
-            gone.extend(goes);
+            removed.extend(goes);
         }
         for (i, mark) in joints.iter().enumerate() {
-            if mark.part == 0 || gone.contains(&mark.part) || joints[..i].iter().any(|m| m.part == mark.part) {
+            if mark.part == 0 || removed.contains(&mark.part) || joints[..i].iter().any(|m| m.part == mark.part) {
                 let part = mark.part;
                 return Err(format!("field `joints[{i}]`: part {part} is static, deleted or named twice"));
             }
@@ -198,7 +199,7 @@ pub fn read_corrections(dir: &Path) -> Result<Option<Corrections>, FileError> {
 pub fn write_corrections(dir: &Path, corrections: &Corrections) -> Result<(), FileError> {
     let path = dir.join(CORRECTIONS_FILE);
     corrections.check().map_err(|reason| FileError::malformed(&path, reason))?;
-    write_atomic(&path, corrections.text().as_bytes())
+    write_atomic(&path, corrections.text()?.as_bytes())
 }
 
 #[cfg(test)]

@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-/// A file that could not be read, written or understood. Every message names the file.
+/// A file that could not be read, written, removed or parsed. Every message names the file.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum FileError {
     /// The operating system cannot read it.
     #[error("{}: cannot be read: {source}", path.display())]
@@ -17,6 +18,14 @@ pub enum FileError {
     #[error("{}: cannot be written: {source}", path.display())]
     Write {
         /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The operating system cannot remove it.
+    #[error("{}: cannot be removed: {source}", path.display())]
+    Remove {
+        /// The file or folder.
         path: PathBuf,
         /// Why.
         source: std::io::Error,

@@ -1,4 +1,5 @@
-//! File formats: reads captures; reads and writes images, meshes, splats and replicas; writes exports. One module per format.
+//! Files: reads captures, and reads and writes images, meshes, splats, replicas, run folders and exports. One source file
+//! per format.
 //!
 //! Axis flips and unit conversions of foreign formats happen here and nowhere else; see `CONVENTIONS.md`.
 
@@ -7,11 +8,13 @@ pub mod atomic;
 pub mod capture;
 pub mod corrections;
 pub mod error;
+pub mod export_report;
 pub mod ground_truth;
 pub mod image_io;
 pub mod mesh_ply;
 mod ply;
 pub mod replica;
+pub mod run_folder;
 pub mod splat_ply;
 pub mod summary;
 pub mod tensors;
@@ -23,6 +26,7 @@ pub use error::FileError;
 pub use ground_truth::{GroundTruth, load_ground_truth};
 pub use mesh_ply::{read_mesh_ply, write_mesh_ply};
 pub use replica::{read_replica, write_replica};
+pub use run_folder::RunFolder;
 pub use splat_ply::{read_splat_ply, write_splat_ply};
 pub use summary::{CaptureSummary, summarize};
 pub use tensors::{Tensor, read_safetensors};

@@ -11,6 +11,7 @@ pub const REPLICA_FILE: &str = "replica.json";
 
 /// A `replica.json` that cannot be read or written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReplicaFileError {
     /// Not readable, not JSON, or a field is missing or of the wrong type.
     #[error(transparent)]
@@ -23,8 +24,8 @@ pub enum ReplicaFileError {
         /// What is wrong.
         source: ReplicaError,
     },
-    /// It names a mesh that is not there.
-    #[error("{}: field `{field}`: there is no mesh {mesh}; restore the file or make the replica again", path.display())]
+    /// It names a mesh that does not exist.
+    #[error("{}: field `{field}`: there is no mesh {mesh}; restore the file or reconstruct again", path.display())]
     MissingMesh {
         /// The `replica.json`.
         path: PathBuf,

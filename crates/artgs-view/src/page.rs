@@ -5,7 +5,10 @@ use crate::scene::{self, Scene, SceneCloud, SceneJoint, SceneLink, SceneMesh};
 use crate::urdf::{self, Link};
 use crate::{Cloud, ViewError};
 use artgs_core::{Joint, JointKind};
-use artgs_io::{Corrections, FileError};
+use artgs_io::asset::Format;
+use artgs_io::export_report::ExportReport;
+use artgs_io::run_folder::load_json;
+use artgs_io::{Corrections, FileError, RunFolder};
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
@@ -72,14 +75,15 @@ impl Page {
     /// folder without a valid `replica.json` or without these exports.
     pub fn of_replica(out: &Path) -> Result<Self, ViewError> {
         let replica = artgs_io::read_replica(out)?;
-        let folder = out.join("exports/urdf");
+        let run = RunFolder::new(out);
+        let folder = run.export(Format::Urdf);
         let missing = |missing| ViewError::NotExported { out: out.into(), missing };
         let path = first_urdf(&folder).ok_or_else(|| missing("exports/urdf/*.urdf"))?;
         let (name, links) = urdf::read(&path)?;
         let mut page = Self::empty(&name);
-        let closed = closed_links(&out.join("exports/export.json"))?;
+        let closed = closed_links(&run)?;
         for (i, link) in links.into_iter().enumerate() {
-            let mut link = page.link(out, &folder, i, link)?;
+            let mut link = page.link(&run, &folder, i, link)?;
             if let Some(mesh) = &mut link.mesh {
                 mesh.closed = closed.contains(&link.name);
             }
@@ -90,15 +94,10 @@ impl Page {
             page.scene.links.push(link);
         }
         // Replicas of a baseline have no Gaussians to export.
-        if out.join("splats").is_dir() && page.scene.links.iter().all(|l| l.splats.is_none()) {
+        if run.has_splats() && page.scene.links.iter().all(|l| l.splats.is_none()) {
             return Err(missing("exports/splats/*.spz"));
         }
-        let metrics = out.join("metrics.json");
-        if metrics.is_file() {
-            let bytes = Source::Path(metrics.clone()).read()?;
-            let scores = serde_json::from_slice(&bytes).map_err(|e| FileError::malformed(&metrics, e.to_string()))?;
-            page.scene.scores = Some(scores);
-        }
+        page.scene.scores = load_json(&run.metrics())?;
         Ok(page)
     }
 
@@ -168,7 +167,7 @@ impl Page {
         serde_json::to_string(&self.scene).unwrap_or_default()
     }
 
-    fn link(&mut self, out: &Path, folder: &Path, index: usize, link: Link) -> Result<SceneLink, ViewError> {
+    fn link(&mut self, run: &RunFolder, folder: &Path, index: usize, link: Link) -> Result<SceneLink, ViewError> {
         let mesh = match &link.visual {
             None => None,
             Some(file) => {
@@ -184,7 +183,7 @@ impl Page {
         }
         let splats = ["spz", "ply"]
             .iter()
-            .map(|e| (e, out.join("exports/splats").join(format!("{}.{e}", link.name))))
+            .map(|e| (e, run.export(Format::Splats).join(format!("{}.{e}", link.name))))
             .find(|(_, path)| path.is_file());
         let splats = splats.map(|(e, path)| self.add(&path, &format!("splats/{}.{e}", link.name))).transpose()?;
         let joint = link.joint.map(|j| SceneJoint {
@@ -219,17 +218,10 @@ impl Page {
     }
 }
 
-/// Names of the watertight links according to `export.json`; none without that file.
-fn closed_links(notes: &Path) -> Result<Vec<String>, FileError> {
-    if !notes.is_file() {
-        return Ok(Vec::new());
-    }
-    let bytes = Source::Path(notes.into()).read()?;
-    let notes: serde_json::Value =
-        serde_json::from_slice(&bytes).map_err(|e| FileError::malformed(notes, e.to_string()))?;
-    let links = notes["links"].as_array().map_or(&[][..], Vec::as_slice);
-    let closed = links.iter().filter(|l| l["watertight"] == true);
-    Ok(closed.filter_map(|l| l["name"].as_str().map(String::from)).collect())
+/// Names of the links that the export calls watertight; none without its report.
+fn closed_links(run: &RunFolder) -> Result<Vec<String>, FileError> {
+    let links = ExportReport::load(run)?.unwrap_or_default().links;
+    Ok(links.into_iter().filter(|link| link.watertight).map(|link| link.name).collect())
 }
 
 /// First by name, so that the choice does not depend on the file system.

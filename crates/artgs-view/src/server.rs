@@ -240,7 +240,10 @@ impl Server {
             (Some(all), Some((earlier, found))) => pending(&all, earlier, *found),
         };
         match further {
-            Some(further) => Answer::bytes(further.text().as_bytes(), "application/json"),
+            Some(further) => match further.text() {
+                Ok(text) => Answer::bytes(text.as_bytes(), "application/json"),
+                Err(error) => Answer::text(500, &error.to_string()),
+            },
             None => Answer::text(409, "corrections.json lacks corrections that are already applied to the shown replica"),
         }
     }

@@ -362,7 +362,7 @@ fn a_folder_that_was_not_exported_says_how() {
     common::write_replica_folder(dir.path());
     std::fs::remove_dir_all(dir.path().join("exports/splats")).unwrap();
     assert!(Page::of_replica(dir.path()).unwrap().scene.links.iter().all(|l| l.splats.is_none()));
-    std::fs::create_dir(dir.path().join("splats")).unwrap();
+    artgs_io::write_atomic(&artgs_io::RunFolder::new(dir.path()).canonical_splats(), b"").unwrap();
     let message = Page::of_replica(dir.path()).unwrap_err().to_string();
     assert!(message.contains("--to urdf,splats"), "{message}");
     std::fs::remove_file(dir.path().join("exports/urdf/meshes/door_visual.obj")).unwrap();

@@ -1,4 +1,4 @@
-//! Runs the published method on a capture for a number of steps per stage and tells how long each takes:
+//! Runs the published method on a capture for a number of steps per stage and prints how long each takes:
 //! `fit_paper CAPTURE PARTS [SINGLE TYPES JOINT]`.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 

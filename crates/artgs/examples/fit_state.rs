@@ -1,4 +1,4 @@
-//! Fits one state of a capture and tells how well and how fast: `fit_state CAPTURE STATE [CONFIG.toml]`.
+//! Fits one state of a capture and prints how well and how fast: `fit_state CAPTURE STATE [CONFIG.toml]`.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
 use artgs::fit::{Cpu, SingleConfig, StepStats, fit_single, score, score_views};

@@ -130,7 +130,7 @@ mod tests {
                     continue;
                 };
                 assert!(!seen.contains(&changed), "{name} is like another variant");
-                assert_eq!(Config::default().overridden_by(&changed.to_toml()).unwrap(), changed, "{name}");
+                assert_eq!(Config::default().overridden_by(&changed.to_toml().unwrap()).unwrap(), changed, "{name}");
                 let back = Config {
                     start: preset.start,
                     canonical: preset.canonical.clone(),

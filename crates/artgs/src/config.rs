@@ -50,12 +50,16 @@ pub struct Config {
     pub surface: SurfaceConfig,
 }
 
-/// A configuration file that cannot be used.
+/// Settings that cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ConfigError {
     /// Not TOML.
     #[error("{0}")]
     Toml(#[from] toml::de::Error),
+    /// Settings that TOML cannot hold, for example a number beyond its range.
+    #[error("settings cannot be written: {0}")]
+    Unwritable(#[from] toml::ser::Error),
     /// An unknown field, or a value of the wrong type.
     #[error("{0}")]
     Field(String),
@@ -104,17 +108,17 @@ impl Config {
     /// These settings with those replaced that the TOML text gives.
     pub fn overridden_by(&self, text: &str) -> Result<Self, ConfigError> {
         let changes: toml::Table = text.parse()?;
-        let mut table = toml::Table::try_from(self).unwrap_or_default();
+        let mut table = toml::Table::try_from(self)?;
         merge(&mut table, changes);
-        // Its line number would be that of the merged table, which nobody wrote.
-        let config: Self = table.try_into().map_err(|e: toml::de::Error| ConfigError::Field(told(&e)))?;
+        // Its line number would be that of the merged table, which is not the file of the user.
+        let config: Self = table.try_into().map_err(|e: toml::de::Error| ConfigError::Field(on_one_line(&e)))?;
         config.check()?;
         Ok(config)
     }
 
     /// As TOML, complete.
-    pub fn to_toml(&self) -> String {
-        toml::to_string_pretty(self).unwrap_or_default()
+    pub fn to_toml(&self) -> Result<String, ConfigError> {
+        Ok(toml::to_string_pretty(self)?)
     }
 
     /// Refuses values that no stage can work with.
@@ -164,7 +168,7 @@ impl Config {
 }
 
 /// What is wrong and in which section, on one line.
-fn told(error: &toml::de::Error) -> String {
+fn on_one_line(error: &toml::de::Error) -> String {
     error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
@@ -193,7 +197,7 @@ mod tests {
     #[test]
     fn settings_survive_toml_and_single_fields_can_be_replaced() {
         for config in [Config::default(), Config::paper(), Config::registration()] {
-            assert_eq!(Config::default().overridden_by(&config.to_toml()).unwrap(), config);
+            assert_eq!(Config::default().overridden_by(&config.to_toml().unwrap()).unwrap(), config);
         }
         let changed = Config::paper().overridden_by("parts = 3\n[discover]\nrounds = 7\n").unwrap();
         assert_eq!((changed.parts, changed.discover.rounds, changed.method), (Some(3), 7, Method::Paper));
@@ -233,7 +237,7 @@ mod tests {
     #[test]
     fn unknown_keys_are_refused_at_every_depth() {
         for config in [Config::default(), Config::paper()] {
-            let paths = table_paths(&config.to_toml().parse().unwrap(), "");
+            let paths = table_paths(&config.to_toml().unwrap().parse().unwrap(), "");
             assert!(paths.len() > 20 && paths.iter().any(|p| p == "articulate.assign.grid."), "{paths:?}");
             for path in paths {
                 let error =

@@ -1,4 +1,43 @@
-//! The method: two captures of an articulated object to an interactable replica.
+//! Two captures of an articulated object, one per state, to a replica: rigid parts, joints, Gaussians and meshes.
+//!
+//! [`Reconstruction`] runs the whole method, in a folder that can be resumed ([`Reconstruction::run`]) or in memory
+//! ([`Reconstruction::compute`]):
+//!
+//! ```
+//! use artgs::observer::NullObserver;
+//! use artgs::{Config, Reconstruction};
+//! use artgs_core::JointKind;
+//! use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
+//!
+//! // Here a rendered cabinet with a door and a drawer; `artgs_io::load_capture` reads a folder of photos.
+//! let options = CabinetOptions { views: 20, test_views: 0, size: 96, ..CabinetOptions::default() };
+//! let (capture, _ground_truth) = cabinet_capture(&options)?;
+//!
+//! // Fewer steps and larger voxels than the default, so that this takes seconds.
+//! let settings = "parts = 3\n[articulate]\nsteps = 20\n[surface]\nresolution = 60.0";
+//! let config = Config::default().overridden_by(settings)?;
+//! let made = Reconstruction { config, ..Reconstruction::new(&capture, 3) }.compute(&mut NullObserver)?;
+//!
+//! let kind = |part| made.replica.joint(part).map(|joint| joint.kind);
+//! assert!([kind(1), kind(2)].contains(&Some(JointKind::Revolute)));
+//! // The mesh of every part with both joints half way, world frame.
+//! let half = |part| made.replica.joint(part).map_or(0.0, |joint| 0.5 * joint.limits[1]);
+//! assert_eq!(made.posed_meshes(&[0.0, half(1), half(2)]).len(), 3);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # The parts of the method alone
+//!
+//! | step | call | result |
+//! |---|---|---|
+//! | discovery | [`Reconstruction::find_parts`] | parts, joints and labelled surface points |
+//! | training | [`Reconstruction::train`] | Gaussians on found parts |
+//! | fusion | [`Reconstruction::fuse`] | meshes of found parts |
+//! | scores | [`run::evaluate`], [`evaluate`] | errors against a ground truth |
+//!
+//! All settings are in [`Config`]; [`observer`] reports progress. Errors are [`Error`], which says whether the user has to
+//! change something. The examples of this crate show own images as a capture, an own observer, joints only, meshes at any
+//! joint value, and the Gaussians of one part.
 
 pub mod ablation;
 pub mod articulation;
@@ -16,4 +55,4 @@ mod shorten;
 pub mod surface;
 
 pub use config::Config;
-pub use run::{Error, Summary, reconstruct};
+pub use run::{Error, Reconstructed, Reconstruction, Summary};

@@ -1,4 +1,4 @@
-//! How stages speak: they hand events to an [`Observer`] and never print.
+//! How stages report: they pass events to an [`Observer`] and never print.
 
 use artgs_core::Splats;
 use serde::{Deserialize, Serialize};
@@ -37,10 +37,10 @@ pub enum Event {
         stage: Cow<'static, str>,
         /// Wall-clock time, seconds.
         seconds: f64,
-        /// True if the files of an earlier run were taken instead of computing.
+        /// True if the result of an earlier run was loaded instead of computing.
         reused: bool,
     },
-    /// Something is odd, and the run goes on.
+    /// Something is unexpected, and the run continues.
     Warning {
         /// What, where, and what to do about it.
         message: String,
@@ -68,7 +68,7 @@ impl Event {
         Self::StageFinished { stage: stage.into(), seconds, reused }
     }
 
-    /// Something is odd.
+    /// Something is unexpected.
     pub fn warning(message: impl Into<String>) -> Self {
         Self::Warning { message: message.into() }
     }
@@ -79,7 +79,7 @@ impl Event {
     }
 }
 
-/// What training has so far, lent between two steps.
+/// The state of training between two steps.
 #[derive(Clone, Copy, Debug)]
 pub struct Snapshot<'a> {
     /// Name of the stage.

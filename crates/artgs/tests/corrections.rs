@@ -1,13 +1,16 @@
-//! A person's corrections are honoured when a run is resumed, and whatever depends on them is made anew.
+//! Corrections by a person are applied when a run is resumed, and the stages that depend on them are computed again.
+
+mod common;
 
 use artgs::fit::Cpu;
 use artgs::observer::{Event, NullObserver};
-use artgs::run::{corrections_of, find_parts};
-use artgs::{Config, reconstruct};
+use artgs::run::{corrections_of, found_parts};
+use artgs::{Config, Reconstruction};
 use artgs_core::{Capture, JointKind, Replica};
-use artgs_io::{CentreEdit, Corrections, JointMark, read_replica, write_corrections};
+use artgs_io::{CentreEdit, Corrections, JointMark, RunFolder, read_replica, write_corrections};
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
 use std::path::Path;
+use common::reconstruct;
 
 fn resume(capture: &Capture, out: &Path, config: &Config) -> (Replica, Vec<String>) {
     let mut events: Vec<Event> = Vec::new();
@@ -28,14 +31,18 @@ fn parts_are_deleted_added_and_given_their_types() {
     let capture = artgs_io::load_capture(&folder).unwrap();
     let mut config = Config { parts: Some(3), ..Config::registration() };
     config.surface.resolution = 120.0;
-    // Parts can be looked at before the rest is made of them.
-    let found = find_parts(&capture, &out, &config, false, &Cpu, &mut NullObserver).unwrap();
-    assert!(found.parts.len() == 2 && !out.join("replica.json").exists());
+    // Parts can be viewed before the other stages run.
+    let run = RunFolder::new(&out);
+    let reconstruction =
+        |config: &Config| Reconstruction { config: config.clone(), ..Reconstruction::new(&capture, 3) };
+    let found = reconstruction(&config).find_parts_in(&run, &mut NullObserver).unwrap();
+    assert!(found.parts.len() == 2 && !run.has_replica());
     assert!(found.parts.iter().all(|part| part.confidence.unwrap() > 0.9), "{:?}", found.parts);
-    let read = artgs::run::found(&out).unwrap();
+    let read = found_parts(&run).unwrap();
     assert_eq!((read.labels, read.parts.len()), (found.labels, 2));
     let learnt = Config { parts: Some(3), ..Config::paper_scaled(0.1).unwrap() };
-    let refused = find_parts(&capture, &root.path().join("b"), &learnt, false, &Cpu, &mut NullObserver).unwrap_err();
+    let other = RunFolder::new(root.path().join("b"));
+    let refused = reconstruction(&learnt).find_parts_in(&other, &mut NullObserver).unwrap_err();
     assert!(refused.is_bad_input() && refused.to_string().contains("learnt"), "{refused}");
     let (_, made) = resume(&capture, &out, &config);
     assert_eq!(made, ["surface", "assemble"]);
@@ -47,8 +54,8 @@ fn parts_are_deleted_added_and_given_their_types() {
         (joint.origin, joint.state_values[1])
     };
 
-    // Without corrections nothing but what is always made is made.
-    assert_eq!(corrections_of(&out), None);
+    // Without corrections only the stages run that always do.
+    assert_eq!(corrections_of(&run), None);
     let (same, made) = resume(&capture, &out, &config);
     assert!(same == first && !made.iter().any(|stage| stage == "correct"), "{made:?}");
 
@@ -56,7 +63,7 @@ fn parts_are_deleted_added_and_given_their_types() {
     write_corrections(&out, &delete).unwrap();
     let (less, made) = resume(&capture, &out, &config);
     assert_eq!(kinds(&less), [JointKind::Revolute]);
-    assert_eq!(corrections_of(&out), Some((delete, 2)));
+    assert_eq!(corrections_of(&run), Some((delete, 2)));
     assert!(made.iter().any(|stage| stage == "correct") && !made.iter().any(|stage| stage == "register"), "{made:?}");
 
     // Added again where it was, as the last part, with its motion.
@@ -69,7 +76,7 @@ fn parts_are_deleted_added_and_given_their_types() {
     assert_eq!(kinds(&again), [JointKind::Revolute, JointKind::Prismatic]);
     assert!((again.joint(2).unwrap().state_values[1] - travel).abs() < 0.02 * travel);
 
-    // What was measured bears the right joints out, and a wrong one less.
+    // Right joints have a high confidence, wrong ones a low one.
     let sure = |r: &Replica, part: usize| r.parts[part].confidence.unwrap();
     assert!(sure(&again, 1) > 0.9 && sure(&again, 2) > 0.9, "{} {}", sure(&again, 1), sure(&again, 2));
     let door = 3 - drawer;
@@ -80,18 +87,18 @@ fn parts_are_deleted_added_and_given_their_types() {
 
     let marked = Corrections { centres: vec![], joints: vec![JointMark { part: door, kind: JointKind::Screw }] };
     write_corrections(&out, &marked).unwrap();
-    let (told, _) = resume(&capture, &out, &config);
-    assert_eq!(told.joint(door).unwrap().kind, JointKind::Screw);
-    assert_eq!(told.parts.len(), 3);
+    let (marked, _) = resume(&capture, &out, &config);
+    assert_eq!(marked.joint(door).unwrap().kind, JointKind::Screw);
+    assert_eq!(marked.parts.len(), 3);
 
     let wrong = Corrections { centres: vec![CentreEdit::Delete { part: 7 }], joints: vec![] };
-    let honoured = || std::fs::read(out.join("stages/corrections.json")).unwrap();
-    let before = honoured();
+    let applied = || std::fs::read(run.applied_corrections()).unwrap();
+    let before = applied();
     write_corrections(&out, &wrong).unwrap();
     let refused = reconstruct(&capture, &out, &config, true, &Cpu, &mut NullObserver).unwrap_err();
     assert!(refused.is_bad_input() && refused.to_string().contains("part 7"), "{refused}");
-    assert!(honoured() == before, "what is refused changes nothing");
-    std::fs::write(out.join("corrections.json"), "{").unwrap();
+    assert!(applied() == before, "what is refused changes nothing");
+    std::fs::write(run.corrections(), "{").unwrap();
     let refused = reconstruct(&capture, &out, &config, true, &Cpu, &mut NullObserver).unwrap_err();
     assert!(refused.is_bad_input() && refused.to_string().contains("corrections.json"), "{refused}");
 }

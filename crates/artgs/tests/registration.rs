@@ -1,10 +1,14 @@
 //! The baseline without Gaussians on a procedural cabinet: a door and a drawer, the files of a replica but splats.
 
+mod common;
+
 use artgs::fit::Cpu;
 use artgs::observer::{Event, NullObserver};
-use artgs::{Config, reconstruct};
+use artgs::Config;
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
 use std::fs;
+use artgs_io::RunFolder;
+use common::reconstruct;
 
 #[test]
 fn a_door_and_a_drawer_are_registered_and_written_without_splats() {
@@ -22,7 +26,7 @@ fn a_door_and_a_drawer_are_registered_and_written_without_splats() {
         assert!(out.join(file).is_file(), "{file}");
     }
 
-    let scores = artgs::run::evaluate(&out, &folder.join("gt")).unwrap();
+    let scores = artgs::run::evaluate(&RunFolder::new(&out), &folder.join("gt")).unwrap();
     println!("{scores}");
     assert!(scores.counts.found == 2 && scores.counts.missing == 0 && scores.counts.wrong_type == 0, "{scores}");
     assert!(scores.joints.axis_angle_deg.unwrap() < 1.0, "{scores}");

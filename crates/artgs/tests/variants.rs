@@ -1,13 +1,17 @@
 //! Every ablation runs from photographs to a scored replica, with both presets, and does without what it says.
 
+mod common;
+
 use artgs::ablation::{apply, variants};
 use artgs::fit::Cpu;
 use artgs::observer::{Event, NullObserver};
-use artgs::{Config, reconstruct};
+use artgs::Config;
 use artgs_core::{Capture, JointKind};
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
 use std::fs;
 use std::path::Path;
+use artgs_io::RunFolder;
+use common::reconstruct;
 
 fn cabinet(folder: &Path, views: usize, size: u32) -> Capture {
     let options = CabinetOptions { views, test_views: 1, size, ..CabinetOptions::default() };
@@ -47,7 +51,7 @@ fn published_variants_run_and_only_one_skips_the_types() {
         assert!(summary.parts == 3 && summary.test[0].is_some(), "{name}");
         assert_eq!(started(&events, "types"), *name != "no-types", "{name}");
         if *name == "mlp" {
-            artgs::run::evaluate(&out, &root.path().join("capture/gt")).unwrap();
+            artgs::run::evaluate(&RunFolder::new(&out), &root.path().join("capture/gt")).unwrap();
         }
         let splats = fs::read(out.join("splats/canonical.ply")).unwrap();
         assert!(!seen.contains(&splats), "{name} comes out like another variant");
@@ -75,7 +79,7 @@ fn default_variants_run_repeatably() {
         assert!((1..3).all(|k| replica.joint(k).unwrap().kind != JointKind::Screw), "{name}");
         if *name == "no-types" {
             // Discovery's motions are good enough to tell types without deciding on them first.
-            let scores = artgs::run::evaluate(&out, &root.path().join("capture/gt")).unwrap();
+            let scores = artgs::run::evaluate(&RunFolder::new(&out), &root.path().join("capture/gt")).unwrap();
             assert!(scores.counts.wrong_type == 0 && scores.joints.axis_angle_deg.unwrap() < 2.0, "{name}: {scores}");
         }
         if *name == "slots" {

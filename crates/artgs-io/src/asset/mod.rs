@@ -1,6 +1,7 @@
-//! Exports of assets for simulators, browsers and renderers; one module per format.
+//! Assets as files of simulators, browsers and renderers: [`Format`] lists them, one module writes each.
 
 pub mod check;
+mod format;
 pub mod glb;
 mod meshes;
 pub mod mjcf;
@@ -10,6 +11,7 @@ pub mod sdf;
 pub mod splats;
 pub mod spz;
 pub mod urdf;
+#[cfg(feature = "usd")]
 pub mod usd;
 mod values;
 mod xml;
@@ -18,6 +20,7 @@ mod xml;
 pub(crate) mod testing;
 
 pub use check::check_asset;
+pub use format::{Format, UnknownFormat};
 pub use mjcf::export_mjcf;
 pub use partnet::export_partnet;
 pub use sdf::export_sdf;

@@ -78,6 +78,7 @@ impl Entry {
         self.fail(match error {
             FileError::Read { source, .. } | FileError::Write { source, .. } => format!("{name}: {source}"),
             FileError::Malformed { reason, .. } => format!("{name}: {reason}"),
+            other => other.to_string(),
         })
     }
 }

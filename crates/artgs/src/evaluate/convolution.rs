@@ -4,7 +4,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
-/// Floats of the unrolled input of one task; bounds memory whatever the size of the picture.
+/// Floats of the unrolled input of one task; bounds memory for any size of image.
 const UNROLLED: usize = 1 << 21;
 
 /// Planar activations `[channels][height * width]`.

@@ -19,7 +19,7 @@ pub enum Motion {
 }
 
 impl Motion {
-    /// The number, whatever its unit.
+    /// The number in its own unit.
     pub fn value(self) -> f64 {
         match self {
             Self::Degrees(v) | Self::Length(v) => v,
@@ -63,7 +63,7 @@ pub fn axis_angle_deg(a: DVec3, b: DVec3) -> f64 {
 }
 
 /// Shortest distance between the two axes as endless lines, as published, scene units; none if the true joint is
-/// prismatic. Lines that cross far from the object thus score 0: the angle tells those apart. A predicted prismatic
+/// prismatic. Lines that cross far from the object thus score 0: the angle separates those. A predicted prismatic
 /// joint is measured by the line through its origin. Infinite if the prediction is not finite.
 pub fn axis_position(predicted: &Joint, truth: &Joint) -> Option<f64> {
     if truth.kind == JointKind::Prismatic {
@@ -91,7 +91,7 @@ pub fn part_motion(predicted: &Joint, truth: &Joint) -> Motion {
 
 /// Difference of the displacements along the true axis of a true screw, scene units; none for other joints. Infinite
 /// if the prediction is not finite.
-pub fn screw_slide(predicted: &Joint, truth: &Joint) -> Option<f64> {
+pub(crate) fn screw_slide(predicted: &Joint, truth: &Joint) -> Option<f64> {
     let along = |j: &Joint| (j.start_to_end().apply(truth.origin) - truth.origin).dot(truth.axis.normalize_or_zero());
     let error = (along(predicted) - along(truth)).abs();
     (truth.kind == JointKind::Screw).then_some(if error.is_nan() { f64::INFINITY } else { error })
@@ -99,7 +99,7 @@ pub fn screw_slide(predicted: &Joint, truth: &Joint) -> Option<f64> {
 
 /// What a motion from start to end does, read as a joint of the given kind near `origin`; parts of the motion that the
 /// kind does not have are dropped.
-pub fn read_as(kind: JointKind, motion: &Rigid, origin: DVec3) -> Joint {
+pub(crate) fn read_as(kind: JointKind, motion: &Rigid, origin: DVec3) -> Joint {
     match kind {
         JointKind::Prismatic => Joint::from_motion(kind, &Rigid::shift(motion.apply(origin) - origin)),
         _ => Joint::from_motion(kind, motion),

@@ -19,6 +19,7 @@ const EPSILON: f32 = 1e-10;
 
 /// Weights that cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum LpipsError {
     /// The file cannot be read.
     #[error(transparent)]
@@ -109,7 +110,7 @@ pub struct Lpips {
 }
 
 impl Lpips {
-    /// Reads weights; the shape of `features.0.weight` tells which network they are of. Tensors that are not needed are
+    /// Reads weights; the shape of `features.0.weight` identifies the network. Tensors that are not needed are
     /// ignored.
     pub fn load(path: &Path) -> Result<Self, LpipsError> {
         let mut tensors = read_safetensors(path)?;
@@ -272,9 +273,9 @@ mod tests {
 
     #[test]
     fn tensors_that_do_not_fit_are_named() {
-        let broken = |spoil: &dyn Fn(&mut BTreeMap<String, Tensor>)| {
+        let broken = |edit: &dyn Fn(&mut BTreeMap<String, Tensor>)| {
             let mut tensors = weights(LpipsNet::Alex);
-            spoil(&mut tensors);
+            edit(&mut tensors);
             Lpips::from_tensors(&mut tensors).unwrap_err()
         };
         let missing = |name: &str| broken(&|t| drop(t.remove(name)));
@@ -285,7 +286,7 @@ mod tests {
         let foreign =
             |t: &mut BTreeMap<String, Tensor>| t.get_mut("features.0.weight").unwrap().shape = vec![64, 3, 7, 7];
         assert!(broken(&foreign).1.contains("AlexNet has"));
-        let spoil = |t: &mut BTreeMap<String, Tensor>| t.get_mut("features.0.bias").unwrap().values[3] = f32::NAN;
-        assert!(broken(&spoil).1.contains("not finite"));
+        let edit = |t: &mut BTreeMap<String, Tensor>| t.get_mut("features.0.bias").unwrap().values[3] = f32::NAN;
+        assert!(broken(&edit).1.contains("not finite"));
     }
 }

@@ -15,7 +15,7 @@ const TYPE_PRICE: f64 = 50.0;
 /// `min(axis angle, 90) + min(10 distance, 100) + motion + 50 [wrong type] + min(1000 chamfer, 100)`
 ///
 /// with a motion in degrees, at most 180, or as `min(100 length, 100)`. A part without a joint pays the bounds.
-pub fn pair_cost(errors: Option<&JointErrors>, chamfer: Option<f64>, diagonal: f64) -> f64 {
+pub(crate) fn pair_cost(errors: Option<&JointErrors>, chamfer: Option<f64>, diagonal: f64) -> f64 {
     let unit = if diagonal > 0.0 { diagonal } else { 1.0 };
     let bounded = |v: f64, bound: f64| if v <= bound { v.max(0.0) } else { bound };
     let surface = bounded(chamfer.map_or(f64::INFINITY, |c| 1000.0 * c / (unit * unit)), TERM_BOUND);
@@ -31,7 +31,7 @@ pub fn pair_cost(errors: Option<&JointErrors>, chamfer: Option<f64>, diagonal: f
 
 /// For every true part (columns) the predicted part (rows) that takes it, so that the sum of costs is least and as many
 /// as possible are taken; none for true parts left over.
-pub fn match_parts(costs: &[Vec<f64>], truths: usize) -> Vec<Option<usize>> {
+pub(crate) fn match_parts(costs: &[Vec<f64>], truths: usize) -> Vec<Option<usize>> {
     let mut out = vec![None; truths];
     for (row, column) in hungarian(costs, truths).into_iter().enumerate() {
         if let Some(column) = column {
@@ -42,8 +42,8 @@ pub fn match_parts(costs: &[Vec<f64>], truths: usize) -> Vec<Option<usize>> {
 }
 
 /// Least-cost assignment of rows to distinct columns of a dense matrix with `columns` columns, by shortest augmenting
-/// paths in O(n^3). With more rows than columns the dearest rows stay without. Costs that are not finite count as 1e12.
-pub fn hungarian(costs: &[Vec<f64>], columns: usize) -> Vec<Option<usize>> {
+/// paths in O(n^3). With more rows than columns the most expensive rows get none. Costs that are not finite count as 1e12.
+pub(crate) fn hungarian(costs: &[Vec<f64>], columns: usize) -> Vec<Option<usize>> {
     let rows = costs.len();
     let cost = |r: usize, c: usize| if costs[r][c].is_finite() { costs[r][c] } else { 1e12 };
     if rows <= columns {

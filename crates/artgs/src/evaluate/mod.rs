@@ -2,19 +2,18 @@
 //! tables.
 
 mod convolution;
-pub mod flip;
-pub mod geometry;
-pub mod joints;
-pub mod lpips;
-pub mod matching;
-pub mod pictures;
-pub mod scores;
+mod flip;
+mod geometry;
+mod joints;
+mod lpips;
+pub(crate) mod matching;
+mod pictures;
+mod scores;
 mod table;
 
 pub use flip::{PIXELS_PER_DEGREE, flip, flip_map};
 pub use geometry::{GeometryConfig, GeometryScore, MISSING, MeshScore, chamfer, sample_surface, score_mesh};
 pub use joints::{JointErrors, Motion, axis_angle_deg, axis_position, joint_errors, part_motion};
 pub use lpips::{Lpips, LpipsError, LpipsNet};
-pub use matching::{hungarian, match_parts};
 pub use pictures::{PictureError, PictureReport, PictureScores, score_replica};
 pub use scores::{Counts, EvaluateConfig, JointMeans, PartScore, Scores, Truth, evaluate};

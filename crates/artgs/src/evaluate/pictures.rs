@@ -1,5 +1,5 @@
-//! How well a finished replica draws pictures it has not seen: its Gaussians, moved by its joints, against the held-out
-//! photographs of both states.
+//! How well renderings of a finished replica, whose Gaussians are moved by its joints, agree with the held-out photos of
+//! both states.
 
 use super::flip::{PIXELS_PER_DEGREE, flip};
 use super::lpips::Lpips;
@@ -9,21 +9,16 @@ use crate::config::{Config, ConfigError};
 use crate::fit::images::Rect;
 use crate::fit::score::{over_black, psnr};
 use crate::fit::ssim::Ssim;
-use artgs_core::{Capture, Replica, STATE_NAMES, View};
-use artgs_io::FileError;
+use artgs_core::{Capture, Replica, State, View};
+use artgs_io::{FileError, RunFolder};
 use artgs_io::replica::ReplicaFileError;
 use artgs_raster::{Frame, Rasterizer};
 use serde::{Deserialize, Serialize};
 use std::fmt;
-use std::path::Path;
-
-/// Where a replica keeps its Gaussians.
-const SPLATS: &str = "splats/canonical.ply";
-/// Where a replica keeps the settings it was made with.
-const SETTINGS: &str = "config.toml";
 
 /// Why pictures could not be scored.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PictureError {
     /// `replica.json` cannot be used.
     #[error(transparent)]
@@ -31,7 +26,7 @@ pub enum PictureError {
     /// Gaussians or settings cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The settings do not make sense.
+    /// The settings of the run cannot be used.
     #[error("{path}: {source}")]
     Settings {
         /// The file.
@@ -84,7 +79,7 @@ impl fmt::Display for PictureReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:<8} {:>9} {:>9} {:>9} {:>9} {:>9}", "pictures", "PSNR dB", "SSIM", "FLIP", "LPIPS", "views")?;
         let found: Vec<PictureScores> = self.pictures.into_iter().flatten().collect();
-        let rows = STATE_NAMES.into_iter().zip(self.pictures).chain([("mean", PictureScores::mean_of(&found))]);
+        let rows = State::ALL.map(State::name).into_iter().zip(self.pictures).chain([("mean", PictureScores::mean_of(&found))]);
         for (name, scores) in rows {
             let Some(s) = scores else {
                 write!(f, "\n{name:<8} {:>9} {:>9} {:>9} {:>9} {:>9}", "-", "-", "-", "-", 0)?;
@@ -97,55 +92,43 @@ impl fmt::Display for PictureReport {
     }
 }
 
-/// True if a replica's folder has Gaussians, without which there is nothing to draw.
-pub fn has_splats(out: &Path) -> bool {
-    out.join(SPLATS).is_file()
-}
-
-/// Scores the held-out views of start and end of `capture`, drawn by the replica in the folder `out` at full size. None
-/// for a state without held-out views and for a replica without Gaussians. PSNR and SSIM are those of `metrics.json`
-/// where the joints tell all of the trained motion, which those of `--preset paper` do not.
+/// Scores the held-out views of start and end of `capture` against renderings of the replica in a run's folder, at full
+/// size. None for a state without held-out views and for a replica without Gaussians. PSNR and SSIM are those of
+/// `metrics.json` where the joints hold all of the trained motion, which those of `--preset paper` do not.
 pub fn score_replica(
-    out: &Path,
+    folder: &RunFolder,
     capture: &Capture,
     lpips: Option<&Lpips>,
 ) -> Result<[Option<PictureScores>; 2], PictureError> {
-    let replica = artgs_io::read_replica(out)?;
-    if !has_splats(out) {
+    let replica = artgs_io::read_replica(folder.root())?;
+    if !folder.has_splats() {
         return Ok([None, None]);
     }
-    let trained = load(out, &replica)?;
-    let rotate_sh = settings(out)?.articulate.rotate_sh;
+    let trained = load(folder, &replica)?;
+    let rotate_sh = settings(folder)?.articulate.rotate_sh;
     let mut rasterizer = Rasterizer::new();
-    Ok([0, 1].map(|state| {
-        let posed = trained.posed(state);
+    Ok(State::ALL.map(|state| {
+        let posed = trained.posed(state.index());
         let score = |view: &View| score_view(posed.render(&mut rasterizer, &view.camera, rotate_sh), view, lpips);
         let scores: Vec<PictureScores> = capture.states[state].test.iter().map(score).collect();
         PictureScores::mean_of(&scores)
     }))
 }
 
-/// The settings that a run left beside the replica; the default ones where there are none.
-fn settings(out: &Path) -> Result<Config, PictureError> {
-    let path = out.join(SETTINGS);
-    match std::fs::read_to_string(&path) {
-        Ok(text) => Config::default()
-            .overridden_by(&text)
-            .map_err(|source| PictureError::Settings { path: path.display().to_string(), source }),
-        Err(source) if source.kind() == std::io::ErrorKind::NotFound => Ok(Config::default()),
-        Err(source) => Err(FileError::Read { path, source }.into()),
-    }
+/// The settings of the run in a folder; the default ones if it has none.
+fn settings(folder: &RunFolder) -> Result<Config, PictureError> {
+    let Some(text) = folder.load_config()? else { return Ok(Config::default()) };
+    let path = || folder.config().display().to_string();
+    Config::default().overridden_by(&text).map_err(|source| PictureError::Settings { path: path(), source })
 }
 
 /// Gaussians with the motions that the replica's joints give.
-fn load(out: &Path, replica: &Replica) -> Result<Trained, PictureError> {
-    let path = out.join(SPLATS);
-    let (splats, labels) = artgs_io::read_splat_ply(&path)?;
-    let labels = labels.ok_or_else(|| FileError::malformed(&path, "property `part` is missing"))?;
+fn load(folder: &RunFolder, replica: &Replica) -> Result<Trained, PictureError> {
+    let (splats, labels) = folder.load_splats()?;
     let parts = replica.parts.len();
     if let Some(label) = labels.iter().find(|l| usize::from(**l) >= parts) {
         let reason = format!("a Gaussian belongs to part {label}, but the replica has {parts} parts");
-        return Err(FileError::malformed(&path, reason).into());
+        return Err(FileError::malformed(&folder.canonical_splats(), reason).into());
     }
     let motion = |part| MotionParameters::from_motion(MotionModel::Free, &replica.world_motion(part));
     Ok(Trained { splats, labels, joints: (1..parts).map(motion).collect() })
@@ -195,10 +178,10 @@ mod tests {
         Camera::look_at(intrinsics, DVec3::new(0.1, -0.2, 1.7), DVec3::ZERO, DVec3::Y)
     }
 
-    /// A photograph of the blobs moved by hand.
-    fn photograph(state: usize) -> View {
+    /// A rendering of the blobs moved by hand.
+    fn rendered(state: State) -> View {
         let (mut splats, labels, joint) = scene();
-        let half = joint.motion(joint.state_values[1] * if state == 1 { 0.5 } else { -0.5 });
+        let half = joint.motion(joint.state_values[State::END] * if state == State::END { 0.5 } else { -0.5 });
         for (mean, label) in splats.means.iter_mut().zip(&labels) {
             if *label == 1 {
                 *mean = half.apply(DVec3::from_array(mean.map(f64::from))).as_vec3().to_array();
@@ -214,56 +197,55 @@ mod tests {
 
     fn capture() -> Capture {
         let mut capture = Capture::default();
-        for state in 0..2 {
-            capture.states[state].test = vec![photograph(state); 2];
+        for state in State::ALL {
+            capture.states[state].test = vec![rendered(state); 2];
         }
         capture
     }
 
-    fn replica(labels: Option<&[u16]>) -> tempfile::TempDir {
+    fn replica(labels: Option<&[u16]>) -> (tempfile::TempDir, RunFolder) {
         let (splats, _, joint) = scene();
         let dir = tempfile::tempdir().unwrap();
         let replica = Replica::new(&[joint]);
         for mesh in replica.parts.iter().map(|p| &p.meshes).chain([&replica.whole]) {
-            (0..2).for_each(|s| write_atomic(&dir.path().join(mesh.get(s)), b"").unwrap());
+            mesh.iter().for_each(|path| write_atomic(&dir.path().join(path), b"").unwrap());
         }
         write_replica(dir.path(), &replica).unwrap();
-        write_splat_ply(&dir.path().join(SPLATS), &splats, labels, "canonical").unwrap();
-        dir
+        let folder = RunFolder::new(dir.path());
+        write_splat_ply(&folder.canonical_splats(), &splats, labels, "canonical").unwrap();
+        (dir, folder)
     }
 
     #[test]
-    fn a_replica_shows_what_was_photographed_in_both_states() {
+    fn renderings_of_a_replica_agree_with_both_states() {
         let (capture, (_, labels, _)) = (capture(), scene());
-        let dir = replica(Some(&labels));
-        for scores in score_replica(dir.path(), &capture, None).unwrap() {
+        let (_dir, folder) = replica(Some(&labels));
+        for scores in score_replica(&folder, &capture, None).unwrap() {
             let s = scores.unwrap();
             // Rounding to bytes leaves 10 log10(12 * 255^2) dB where nothing is black.
             assert!(s.psnr > 58.0 && s.ssim > 0.999 && s.flip < 0.01 && s.lpips.is_none() && s.views == 2, "{s:?}");
         }
-        let mut swapped = capture.clone();
-        let [start, end] = swapped.states.into();
-        swapped.states = [end, start].into();
-        swapped.states[1].test.clear();
-        let [start, end] = score_replica(dir.path(), &swapped, None).unwrap();
+        let mut swapped = Capture::default();
+        swapped.states[State::START].test = vec![rendered(State::END); 2];
+        let [start, end] = score_replica(&folder, &swapped, None).unwrap();
         assert!(start.unwrap().psnr < 25.0 && start.unwrap().flip > 0.05 && end.is_none(), "{start:?}");
     }
 
     #[test]
-    fn what_cannot_be_drawn_is_none_or_named() {
+    fn a_replica_without_gaussians_has_no_scores_and_broken_files_are_named() {
         let (capture, (_, mut labels, _)) = (capture(), scene());
-        let dir = replica(None);
-        let message = |dir: &tempfile::TempDir| score_replica(dir.path(), &capture, None).unwrap_err().to_string();
-        assert!(message(&dir).contains("canonical.ply: property `part`"), "{}", message(&dir));
-        std::fs::remove_file(dir.path().join(SPLATS)).unwrap();
-        assert_eq!(score_replica(dir.path(), &capture, None).unwrap(), [None, None]);
+        let (_dir, folder) = replica(None);
+        let message = |folder: &RunFolder| score_replica(folder, &capture, None).unwrap_err().to_string();
+        assert!(message(&folder).contains("canonical.ply: property `part`"), "{}", message(&folder));
+        std::fs::remove_file(folder.canonical_splats()).unwrap();
+        assert_eq!(score_replica(&folder, &capture, None).unwrap(), [None, None]);
         labels[3] = 2;
-        let dir = replica(Some(&labels));
-        assert!(message(&dir).contains("belongs to part 2, but the replica has 2 parts"), "{}", message(&dir));
-        std::fs::write(dir.path().join(SETTINGS), "seed = \"x\"").unwrap();
+        let (_dir, folder) = replica(Some(&labels));
+        assert!(message(&folder).contains("belongs to part 2, but the replica has 2 parts"), "{}", message(&folder));
+        std::fs::write(folder.config(), "seed = \"x\"").unwrap();
         labels[3] = 0;
-        write_splat_ply(&dir.path().join(SPLATS), &scene().0, Some(&labels), "canonical").unwrap();
-        assert!(message(&dir).contains("config.toml") && message(&dir).contains("seed"), "{}", message(&dir));
+        write_splat_ply(&folder.canonical_splats(), &scene().0, Some(&labels), "canonical").unwrap();
+        assert!(message(&folder).contains("config.toml") && message(&folder).contains("seed"), "{}", message(&folder));
     }
 
     #[test]

@@ -325,7 +325,7 @@ mod tests {
             let (replica, meshes) = replica_of(&truth, &order);
             let s = evaluate(&replica, &meshes, &truth, &quick());
             for (index, part) in s.parts.iter().enumerate() {
-                // Only the meshes tell the two drawers apart.
+                // Only the meshes differ between the two drawers.
                 assert_eq!(part.part.map(|p| order[p - 1]), Some(index));
             }
             assert!(s.joints.axis_angle_deg.unwrap() < 1e-9 && s.joints.motion_deg.unwrap() < 1e-6);

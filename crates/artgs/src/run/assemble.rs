@@ -1,81 +1,121 @@
-//! The files a user opens: replica, meshes, splats, scores of pictures.
+//! The last stage: replica, scores and preview from trained parts and meshes.
 
-use super::{Built, Error, ViewMeans};
+use super::preview::Preview;
+use super::stages::Run;
+use super::{Error, FittedParts, Reconstructed, ViewMeans};
 use crate::articulation::{Trained, score_state};
+use crate::discover::Discovery;
 use crate::fit::score::mean_score;
 use crate::surface::PartMeshes;
-use artgs_core::{Capture, Joint, JointEstimate, Mesh, Replica, Rigid, View};
-use artgs_io::{write_mesh_ply, write_replica, write_splat_ply};
+use artgs_core::{Capture, Joint, JointEstimate, Mesh, Replica, State, View};
+use artgs_io::run_folder::{load_text, save_json};
+use artgs_io::write_atomic;
 use glam::DVec3;
-use std::path::Path;
 
-impl Built {
-    /// Motions from the canonical state to state 1, the identity for part 0.
-    pub(crate) fn half_motions(&self) -> Vec<Rigid> {
-        std::iter::once(Rigid::IDENTITY).chain(self.parts.iter().map(|p| p.motion.power(0.5))).collect()
+/// Joints with a smaller confidence are warned of; right ones have more than 0.9.
+const DOUBTFUL: f64 = 0.5;
+
+impl Run<'_> {
+    /// The result, saved in the folder if there is one.
+    pub(super) fn assemble(
+        mut self,
+        fitted: FittedParts,
+        meshes: PartMeshes,
+        points: Option<Discovery>,
+    ) -> Result<Reconstructed, Error> {
+        self.warn_of_doubtful_parts(&fitted, &meshes);
+        let mut result = self.stage(
+            "assemble",
+            |_| None,
+            |run| {
+                let rotate = run.config.articulate.rotate_sh;
+                let capture = run.what.capture;
+                run.summary.parts = fitted.parts.len() + 1;
+                let preview = fitted.trained.as_ref().map(|trained| {
+                    run.summary.gaussians = trained.splats.len();
+                    (run.summary.test, run.summary.train) = score_pictures(capture, trained, rotate);
+                    Preview::new(capture, trained, &fitted.parts, rotate)
+                });
+                let result = Reconstructed {
+                    replica: replica(&fitted.parts, &meshes),
+                    meshes,
+                    points,
+                    trained: fitted.trained,
+                    preview,
+                    summary: Default::default(),
+                    config: run.config.clone(),
+                };
+                run.save(|folder| result.save_results(folder))?;
+                Ok(result)
+            },
+        )?;
+        self.summary.total_seconds = self.begun.elapsed().as_secs_f64();
+        self.summary.peak_memory_mib = peak_memory_mib();
+        if let Some(folder) = self.folder {
+            let applied = load_text(&folder.applied_corrections())?.unwrap_or_default();
+            write_atomic(&folder.replica_corrections(), applied.as_bytes())?;
+            save_json(&folder.metrics(), &self.summary)?;
+        }
+        result.summary = self.summary;
+        Ok(result)
     }
-}
 
-/// Joints of the movable parts, their origins near the parts at the start state.
-fn joints(built: &Built, meshes: &PartMeshes) -> Vec<Joint> {
-    let joint = |(k, part): (usize, &JointEstimate)| part.joint_near(centre(&meshes.parts[k + 1][0]));
-    built.parts.iter().enumerate().map(joint).collect()
-}
-
-fn centre(mesh: &Mesh) -> DVec3 {
-    let sum: DVec3 = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from))).sum();
-    sum / mesh.vertices.len().max(1) as f64
-}
-
-/// Meshes and `replica.json`.
-pub(super) fn write_replica_files(root: &Path, built: &Built, meshes: &PartMeshes) -> Result<(), Error> {
-    let mut replica = Replica::new(&joints(built, meshes));
-    for (part, found) in replica.parts[1..].iter_mut().zip(&built.parts) {
-        part.confidence = found.confidence;
-    }
-    for (part, pair) in replica.parts.iter().zip(&meshes.parts) {
-        for state in 0..2 {
-            write_mesh_ply(&root.join(part.meshes.get(state)), &pair[state])?;
+    fn warn_of_doubtful_parts(&mut self, fitted: &FittedParts, meshes: &PartMeshes) {
+        for (part, _) in meshes.parts.iter().enumerate().filter(|(_, m)| m[0].is_empty()) {
+            self.warn(format!("part {part} has no surface: no view shows enough of it"));
+        }
+        for (k, found) in fitted.parts.iter().enumerate() {
+            if let Some(share) = found.confidence.filter(|&c| c < DOUBTFUL) {
+                self.warn(format!(
+                    "part {}: its joint takes only {:.0} % of its points onto a surface of the other state; look at it in artgs view",
+                    k + 1,
+                    100.0 * share
+                ));
+            }
         }
     }
-    for state in 0..2 {
-        write_mesh_ply(&root.join(replica.whole.get(state)), &meshes.whole[state])?;
-    }
-    write_replica(root, &replica)?;
-    Ok(())
 }
 
-/// `splats/canonical.ply` and one file per part.
-pub(super) fn write_splats(root: &Path, trained: &Trained) -> Result<(), Error> {
-    let folder = root.join("splats");
-    let frame = super::folder::CANONICAL;
-    write_splat_ply(&folder.join("canonical.ply"), &trained.splats, Some(&trained.labels), frame)?;
-    for part in 0..=trained.joints.len() {
-        let members = (0..trained.labels.len()).filter(|&i| usize::from(trained.labels[i]) == part);
-        let splats = trained.splats.select(members);
-        let labels = vec![part as u16; splats.len()];
-        write_splat_ply(&folder.join(format!("part_{part}.ply")), &splats, Some(&labels), frame)?;
+/// The joints' origins are near the parts at the start state.
+fn replica(parts: &[JointEstimate], meshes: &PartMeshes) -> Replica {
+    let joint = |(k, part): (usize, &JointEstimate)| {
+        part.joint_near(middle(&meshes.parts[k + 1][0]))
+    };
+    let joints: Vec<Joint> = parts.iter().enumerate().map(joint).collect();
+    let mut replica = Replica::new(&joints);
+    for (part, found) in replica.parts[1..].iter_mut().zip(parts) {
+        part.confidence = found.confidence;
     }
-    Ok(())
+    replica
+}
+
+/// Mean of the vertices.
+fn middle(mesh: &Mesh) -> DVec3 {
+    let sum: DVec3 = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from))).sum();
+    sum / mesh.vertices.len().max(1) as f64
 }
 
 /// Mean scores per state.
 type Means = [Option<ViewMeans>; 2];
 
-/// Scores of held-out and of training pictures.
-pub(super) fn score_pictures(capture: &Capture, trained: &Trained, rotate_sh: bool) -> (Means, Means) {
-    let means = |views: &[View], step: usize, state: usize| {
-        let scores = score_state(trained, views.iter().step_by(step), state, rotate_sh);
+/// Scores of held-out and of training images.
+fn score_pictures(capture: &Capture, trained: &Trained, rotate_sh: bool) -> (Means, Means) {
+    let means = |views: &[View], step: usize, state: State| {
+        let scores = score_state(trained, views.iter().step_by(step), state.index(), rotate_sh);
         let mean = mean_score(&scores);
         (!scores.is_empty()).then_some(ViewMeans { psnr: mean.psnr, ssim: mean.ssim, views: scores.len() })
     };
-    // A few training views are enough to tell overfitting.
-    let train = |s: usize| means(&capture.states[s].train, capture.states[s].train.len().div_ceil(8).max(1), s);
-    ([0, 1].map(|s| means(&capture.states[s].test, 1, s)), [0, 1].map(train))
+    let test = State::ALL.map(|state| means(&capture.states[state].test, 1, state));
+    // A few training views suffice to see overfitting.
+    let train = State::ALL.map(|state| {
+        let views = &capture.states[state].train;
+        means(views, views.len().div_ceil(8).max(1), state)
+    });
+    (test, train)
 }
 
-/// Largest resident memory so far, MiB; only Linux tells without further crates.
-pub(super) fn peak_memory_mib() -> Option<f64> {
+/// Largest resident memory so far, MiB; only Linux reports it without further crates.
+fn peak_memory_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
     Some(line.trim().trim_end_matches("kB").trim().parse::<f64>().ok()? / 1024.0)

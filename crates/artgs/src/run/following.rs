@@ -1,9 +1,10 @@
-//! Training as an observer of the run sees it.
+//! Training as reported to the observer of the run.
 
 use crate::fit::{Deformation, Devices, Follow, StepStats, TrainState};
 use crate::observer::{Event, Observer, Snapshot};
+use artgs_core::State;
 
-/// Tells an observer of the steps of a stage, and of what befalls the device.
+/// Reports the steps of a stage, and failures of its device, to the observer of a run.
 pub(super) struct Following<'o> {
     observer: &'o mut dyn Observer,
     devices: &'o dyn Devices,
@@ -25,9 +26,9 @@ impl<'o> Following<'o> {
         Self { observer, devices, warnings, stage, around: [0, 0] }
     }
 
-    /// The stage trains twice, `steps` steps at most each time, and this is the time `index`.
-    pub(super) fn of_two(self, index: usize, steps: usize) -> Self {
-        Self { around: [index * steps, (1 - index) * steps], ..self }
+    /// The stage trains each state, `steps` steps at most, and this is the training of `state`.
+    pub(super) fn of_two(self, state: State, steps: usize) -> Self {
+        Self { around: [state.index() * steps, state.other().index() * steps], ..self }
     }
 
     fn counted(&self, step: usize, total: usize) -> [usize; 2] {

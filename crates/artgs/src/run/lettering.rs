@@ -1,6 +1,6 @@
 //! Capital letters of five by seven pixels, for labels in pictures.
 
-/// Rows of a letter from the top, the leftmost pixel in bit 4; none for what has no picture here.
+/// Rows of a letter from the top, the leftmost pixel in bit 4; none for other characters.
 fn glyph(letter: char) -> Option<[u8; 7]> {
     Some(match letter {
         'A' => [0b01110, 0b10001, 0b10001, 0b11111, 0b10001, 0b10001, 0b10001],
@@ -17,7 +17,7 @@ fn glyph(letter: char) -> Option<[u8; 7]> {
     })
 }
 
-/// Pixels `(x, y)` of a text whose top left corner is (0, 0); letters without a picture stay blank.
+/// Pixels `(x, y)` of a text whose top left corner is (0, 0); other letters stay blank.
 pub(super) fn lettered(text: &str) -> Vec<(usize, usize)> {
     let mut out = Vec::new();
     for (place, letter) in text.chars().enumerate() {
@@ -40,7 +40,7 @@ mod tests {
             .collect();
         assert_eq!(drawn[0], "#####.#...#");
         assert_eq!(drawn[3], "..#...#####");
-        assert!(artgs_core::STATE_NAMES.iter().all(|n| n.to_uppercase().chars().all(|c| glyph(c).is_some())));
+        assert!(artgs_core::State::ALL.iter().all(|s| s.name().to_uppercase().chars().all(|c| glyph(c).is_some())));
         assert_eq!(lettered(" ?"), []);
     }
 }

@@ -1,5 +1,6 @@
 //! From labelled surface points to the first canonical Gaussians, and from labelled points to labelled pixels.
 
+use crate::articulation::{MotionModel, MotionParameters};
 use crate::discover::Discovery;
 use crate::discover::observe::Cloud;
 use crate::fit::densify::logit;
@@ -7,7 +8,7 @@ use crate::fit::init::random_box;
 use crate::fit::{FitError, RandomInit, Region};
 use crate::neighbours::PointTree;
 use crate::surface::part_meshes::BACKGROUND;
-use artgs_core::{Camera, Rigid, Splats};
+use artgs_core::{Camera, JointEstimate, JointKind, Rigid, Splats, State};
 use glam::{DVec2, DVec3, Quat, Vec3};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
@@ -75,18 +76,18 @@ impl Default for StartConfig {
 
 /// Canonical Gaussians on the labelled points of both states, each point moved to the canonical frame with its part;
 /// what both states show appears once. Also returns the part of each.
-pub fn canonical_start(found: &Discovery, config: &StartConfig) -> (Splats, Vec<u16>) {
+pub(super) fn canonical_start(found: &Discovery, config: &StartConfig) -> (Splats, Vec<u16>) {
     let spacing = (found.spacing * config.spacing) as f32;
     let mut splats = Splats::empty(config.sh_degree);
     let mut labels = Vec::new();
     for part in 0..=found.parts.len() {
         let half = if part == 0 { Rigid::IDENTITY } else { found.parts[part - 1].motion.power(0.5) };
         let mut cloud = Cloud::default();
-        for state in 0..2 {
-            let to_canonical = if state == 0 { half } else { half.inverse() };
+        for state in State::ALL {
+            let to_canonical = half.away_from(state);
             let members: Vec<usize> =
-                (0..found.labels[state].len()).filter(|&i| found.labels[state][i] as usize == part).collect();
-            cloud.append(&moved(&found.clouds[state].select(&members), &to_canonical));
+                (0..found.labels[state.index()].len()).filter(|&i| found.labels[state.index()][i] as usize == part).collect();
+            cloud.append(&moved(&found.clouds[state.index()].select(&members), &to_canonical));
         }
         let cloud = cloud.thinned(spacing);
         for i in 0..cloud.len() {
@@ -99,7 +100,7 @@ pub fn canonical_start(found: &Discovery, config: &StartConfig) -> (Splats, Vec<
 
 /// As many Gaussians as in a labelled start, uniform in its box, near-grey and as faint as random Gaussians are, each
 /// with the part of the nearest of that start.
-pub fn scattered(
+pub(super) fn scattered(
     start: &(Splats, Vec<u16>),
     sh_degree: usize,
     rng: &mut Pcg64Mcg,
@@ -117,19 +118,19 @@ pub fn scattered(
 }
 
 /// Labelled points as small Gaussians, for saving and for looking at.
-pub fn points_as_splats(cloud: &Cloud, spacing: f64) -> Splats {
+pub(super) fn points_as_splats(cloud: &Cloud, spacing: f64) -> Splats {
     discs(cloud, spacing, &StartConfig { sh_degree: 0, ..StartConfig::default() })
 }
 
 /// Surface points `spacing` apart as flat Gaussians.
-pub fn discs(cloud: &Cloud, spacing: f64, config: &StartConfig) -> Splats {
+pub(super) fn discs(cloud: &Cloud, spacing: f64, config: &StartConfig) -> Splats {
     let mut splats = Splats::empty(config.sh_degree);
     (0..cloud.len()).for_each(|i| push_disc(&mut splats, cloud, i, spacing as f32, config));
     splats
 }
 
 /// Inverse of [`points_as_splats`] but for the roughness, which is not kept.
-pub fn splats_as_points(splats: &Splats) -> Cloud {
+pub(super) fn splats_as_points(splats: &Splats) -> Cloud {
     let mut cloud = Cloud::default();
     let stride = splats.sh_stride();
     for i in 0..splats.len() {
@@ -156,6 +157,16 @@ fn push_disc(splats: &mut Splats, cloud: &Cloud, i: usize, spacing: f32, config:
     splats.sh[sh..sh + 3].copy_from_slice(&dc.to_array());
 }
 
+/// Optimiser's form of found motions.
+pub(super) fn motion_parameters(parts: &[JointEstimate]) -> Vec<MotionParameters> {
+    let model = |kind| match kind {
+        JointKind::Prismatic => MotionModel::Prismatic,
+        JointKind::Revolute => MotionModel::Hinge,
+        JointKind::Screw => MotionModel::Screw,
+    };
+    parts.iter().map(|p| MotionParameters::from_motion(model(p.kind), &p.motion)).collect()
+}
+
 fn moved(cloud: &Cloud, motion: &Rigid) -> Cloud {
     let mut out = cloud.clone();
     out.points.iter_mut().for_each(|p| *p = motion.apply(p.as_dvec3()).as_vec3());
@@ -164,7 +175,7 @@ fn moved(cloud: &Cloud, motion: &Rigid) -> Cloud {
 }
 
 /// Part of every pixel that has depth, by the nearest labelled points of the view's state; [`BACKGROUND`] elsewhere.
-pub fn label_pixels(cameras: &[Camera], depths: &[&[f32]], cloud: &Cloud, labels: &[u16]) -> Vec<Vec<u16>> {
+pub(super) fn label_pixels(cameras: &[Camera], depths: &[&[f32]], cloud: &Cloud, labels: &[u16]) -> Vec<Vec<u16>> {
     let points: Vec<[f32; 3]> = cloud.points.iter().map(|p| p.to_array()).collect();
     let tree = PointTree::new(&points);
     cameras

@@ -1,9 +1,9 @@
-//! `preview.png`: both states, photograph beside rendering beside parts in colours with their axes.
+//! `preview.png`: both states, photo beside rendering beside parts in colours with their axes.
 
-use super::Error;
 use super::lettering::lettered;
 use crate::articulation::{Posed, Trained};
-use artgs_core::{Camera, Capture, Joint, JointEstimate, JointKind, STATE_NAMES, View};
+use artgs_core::{Camera, Capture, Joint, JointEstimate, JointKind, State, View};
+use artgs_io::FileError;
 use artgs_raster::Rasterizer;
 use glam::{DVec2, DVec3};
 use std::path::Path;
@@ -24,12 +24,12 @@ const AXIS: [f32; 3] = [1.0, 1.0, 0.2];
 const LETTERS: [f32; 3] = [0.85, 0.85, 0.85];
 const BACKGROUND: f32 = 0.12;
 
-/// Colour of a part in pictures.
-pub fn part_color(part: usize) -> [f32; 3] {
+/// Colour of a part.
+fn part_color(part: usize) -> [f32; 3] {
     if part == 0 { STATIC } else { PALETTE[(part - 1) % PALETTE.len()] }
 }
 
-/// A picture under construction, sRGB in [0, 1].
+/// An image while it is drawn, sRGB in [0, 1].
 struct Canvas {
     width: usize,
     height: usize,
@@ -60,39 +60,51 @@ impl Canvas {
     }
 }
 
-/// Draws two views of each state.
-pub(super) fn write_preview(
-    root: &Path,
-    capture: &Capture,
-    trained: &Trained,
-    found: &[JointEstimate],
-    rotate_sh: bool,
-) -> Result<(), Error> {
-    let views = |s: usize| &capture.states[s].train;
-    let (w, h) = views(0).iter().chain(views(1)).map(View::size).fold((0, 0), |a, b| (a.0.max(b.0), a.1.max(b.1)));
-    let mut canvas = Canvas::new(6 * w, 2 * h);
-    let mut rasterizer = Rasterizer::new();
-    for state in 0..2 {
-        let posed = trained.posed(state);
-        for (column, pick) in best_views(&posed, views(state), &mut rasterizer).into_iter().enumerate() {
-            let view = &views(state)[pick];
-            let at = |tile: usize| ((3 * column + tile) * w, state * h);
-            photograph(&mut canvas, at(0), view);
-            rendering(&mut canvas, at(1), view, &posed, rotate_sh, &mut rasterizer);
-            parts(&mut canvas, at(2), view, &posed, &mut rasterizer);
-            axes(&mut canvas, at(2), &view.camera, (trained, found), state);
-            for (tile, panel) in ["PHOTO", "RENDERED", "PARTS"].into_iter().enumerate() {
-                label(&mut canvas, at(tile), &format!("{} {panel}", STATE_NAMES[state].to_uppercase()), w);
-            }
-        }
-    }
-    let bytes: Vec<[u8; 3]> =
-        canvas.pixels.iter().map(|p| p.map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)).collect();
-    artgs_io::image_io::write_rgb(&root.join("preview.png"), canvas.width as u32, canvas.height as u32, &bytes)?;
-    Ok(())
+/// An opaque image: two views of each state.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Preview {
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// sRGB, row-major from the top, `[height * width]`.
+    pub rgb: Vec<[u8; 3]>,
 }
 
-/// The view that shows most of the movable parts, and the one that shows most of them from elsewhere.
+impl Preview {
+    /// Renders two views of each state.
+    pub(super) fn new(capture: &Capture, trained: &Trained, found: &[JointEstimate], rotate_sh: bool) -> Self {
+        let views = |state: State| &capture.states[state].train;
+        let sizes = State::ALL.into_iter().flat_map(views).map(View::size);
+        let (w, h) = sizes.fold((0, 0), |a, b| (a.0.max(b.0), a.1.max(b.1)));
+        let mut canvas = Canvas::new(6 * w, 2 * h);
+        let mut rasterizer = Rasterizer::new();
+        for state in State::ALL {
+            let posed = trained.posed(state.index());
+            for (column, pick) in best_views(&posed, views(state), &mut rasterizer).into_iter().enumerate() {
+                let view = &views(state)[pick];
+                let at = |tile: usize| ((3 * column + tile) * w, state.index() * h);
+                photo(&mut canvas, at(0), view);
+                rendering(&mut canvas, at(1), view, &posed, rotate_sh, &mut rasterizer);
+                parts(&mut canvas, at(2), view, &posed, &mut rasterizer);
+                axes(&mut canvas, at(2), &view.camera, (trained, found), state);
+                for (tile, panel) in ["PHOTO", "RENDERED", "PARTS"].into_iter().enumerate() {
+                    label(&mut canvas, at(tile), &format!("{} {panel}", state.name().to_uppercase()), w);
+                }
+            }
+        }
+        let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let rgb = canvas.pixels.iter().map(|p| p.map(byte)).collect();
+        Self { width: canvas.width as u32, height: canvas.height as u32, rgb }
+    }
+
+    /// Writes it as PNG.
+    pub fn save(&self, path: &Path) -> Result<(), FileError> {
+        artgs_io::image_io::write_rgb(path, self.width, self.height, &self.rgb)
+    }
+}
+
+/// The view that shows most of the movable parts, and the one that shows most of them from another side.
 fn best_views(posed: &Posed<'_>, views: &[View], rasterizer: &mut Rasterizer) -> Vec<usize> {
     let movable: Vec<[f32; 3]> = posed.labels.iter().map(|l| [f32::from(u8::from(*l > 0)); 3]).collect();
     let mut ranked: Vec<(f32, usize)> = (0..views.len())
@@ -110,7 +122,7 @@ fn best_views(posed: &Posed<'_>, views: &[View], rasterizer: &mut Rasterizer) ->
     std::iter::once(first).chain(second).collect()
 }
 
-fn photograph(canvas: &mut Canvas, tile: (usize, usize), view: &View) {
+fn photo(canvas: &mut Canvas, tile: (usize, usize), view: &View) {
     let w = view.size().0;
     for (i, p) in view.rgba.iter().enumerate() {
         let a = f32::from(p[3]) / 255.0;
@@ -140,7 +152,7 @@ fn rendering(
 }
 
 fn parts(canvas: &mut Canvas, tile: (usize, usize), view: &View, posed: &Posed<'_>, rasterizer: &mut Rasterizer) {
-    // Shaded by the luminance of the photograph, so that shapes stay readable.
+    // Shaded by the luminance of the photo, so that shapes stay readable.
     let colors: Vec<[f32; 3]> = posed.labels.iter().map(|l| part_color(usize::from(*l))).collect();
     let frame = posed.render_fixed(rasterizer, &view.camera, &colors);
     let mut shaded = frame.clone();
@@ -167,15 +179,9 @@ fn label(canvas: &mut Canvas, tile: (usize, usize), text: &str, width: usize) {
 }
 
 /// Axes of the joints: through the hinge, or from the part's centre along the slide.
-fn axes(
-    canvas: &mut Canvas,
-    tile: (usize, usize),
-    camera: &Camera,
-    object: (&Trained, &[JointEstimate]),
-    state: usize,
-) {
+fn axes(canvas: &mut Canvas, tile: (usize, usize), camera: &Camera, object: (&Trained, &[JointEstimate]), state: State) {
     let (trained, found) = object;
-    let posed = trained.at_state(state);
+    let posed = trained.at_state(state.index());
     for (k, part) in found.iter().enumerate() {
         let members = (0..posed.len()).filter(|&i| usize::from(trained.labels[i]) == k + 1);
         let points: Vec<DVec3> = members.map(|i| DVec3::from_array(posed.means[i].map(f64::from))).collect();
@@ -189,7 +195,7 @@ fn axes(
             points.iter().map(along).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
         let margin = 0.15 * (hi - lo);
         let (from, to) = match joint.kind {
-            JointKind::Prismatic => (0.0, joint.state_values[1]),
+            JointKind::Prismatic => (0.0, joint.state_values[State::END]),
             _ => (lo - margin, hi + margin),
         };
         let ends = [from, to].map(|x| camera.project(joint.origin + joint.axis * x));

@@ -1,20 +1,20 @@
-//! Depth seen through Gaussians, where photographs have none or the published method does not use it.
+//! Depth rendered from Gaussians, where photos have none or the published method does not use it.
 
 use crate::articulation::Trained;
 use crate::fit::score::render_view;
 use crate::surface::part_meshes::{PartMeshes, fuse};
 use crate::surface::{DepthView, PixelUse, SurfaceConfig, TsdfParams};
-use artgs_core::{Mesh, Splats, View};
+use artgs_core::{Mesh, PerState, Splats, State, View};
 use artgs_raster::{Frame, Rasterizer};
 use rayon::prelude::*;
 
-/// Depth divided by alpha where the rendering is mostly opaque and the photograph shows the object, else 0.
+/// Depth divided by alpha where the rendering is mostly opaque and the photo shows the object, else 0.
 fn opaque_depth(frame: &Frame, view: &View) -> Vec<f32> {
     let pixels = frame.depth.iter().zip(&frame.alpha).zip(&view.rgba);
     pixels.map(|((d, a), p)| if *a > 0.5 && p[3] >= 128 { d / a } else { 0.0 }).collect()
 }
 
-/// Depth maps of the views as Gaussians of their state show them, scene units.
+/// Depth maps of the views rendered from Gaussians of their state, scene units.
 pub(super) fn rendered_depths(splats: &Splats, views: &[View]) -> Vec<Vec<f32>> {
     let mut rasterizer = Rasterizer::new();
     views.iter().map(|v| opaque_depth(render_view(&mut rasterizer, splats, &v.camera), v)).collect()
@@ -23,18 +23,18 @@ pub(super) fn rendered_depths(splats: &Splats, views: &[View]) -> Vec<Vec<f32>> 
 /// Meshes as published: each part of each state, and the whole, fused from renderings of its Gaussians alone.
 pub(super) fn part_meshes_from_renderings(
     trained: &Trained,
-    views: [&[View]; 2],
+    views: PerState<&[View]>,
     config: &SurfaceConfig,
 ) -> PartMeshes {
     let mut meshes = PartMeshes { parts: vec![Default::default(); trained.joints.len() + 1], ..PartMeshes::default() };
-    for state in 0..2 {
-        let splats = trained.at_state(state);
+    for state in State::ALL {
+        let splats = trained.at_state(state.index());
         let voxel = config.voxel.unwrap_or_else(|| diagonal(&splats) / config.resolution);
         for part in 0..meshes.parts.len() {
             let members = (0..splats.len()).filter(|&i| usize::from(trained.labels[i]) == part);
-            meshes.parts[part][state] = fuse_renderings(&splats.select(members), views[state], voxel, config);
+            meshes.parts[part][state.index()] = fuse_renderings(&splats.select(members), views[state], voxel, config);
         }
-        meshes.whole[state] = fuse_renderings(&splats, views[state], voxel, config);
+        meshes.whole[state.index()] = fuse_renderings(&splats, views[state], voxel, config);
     }
     meshes
 }
@@ -44,7 +44,7 @@ fn fuse_renderings(splats: &Splats, views: &[View], voxel: f64, config: &Surface
         return Mesh::default();
     }
     let depths = rendered_depths(splats, views);
-    // Only what was drawn counts: empty pixels of one part's rendering say nothing about what hides it in the photograph.
+    // Only rendered pixels count: what hides a part in the photo is not in the rendering of the part alone.
     let uses: Vec<Vec<PixelUse>> = depths
         .par_iter()
         .map(|d| d.iter().map(|d| if *d > 0.0 { PixelUse::Surface } else { PixelUse::Ignore }).collect())

@@ -1,4 +1,4 @@
-//! Convex decomposition by CoACD, for those who have its Python package.
+//! Convex decomposition by CoACD, where its Python package is installed.
 
 use artgs_core::Mesh;
 use glam::DVec3;

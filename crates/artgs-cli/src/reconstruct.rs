@@ -1,0 +1,125 @@
+//! `artgs reconstruct`, and runs as other commands start them.
+
+use crate::args::Reconstruct;
+use crate::commands::{Style, use_threads};
+use crate::device::{self, Chosen};
+use crate::failure::Failure;
+use crate::folder::{self, load_capture};
+use crate::output::{Report, say};
+use crate::settings::configure;
+use crate::{live, progress, rerun};
+use anyhow::Context;
+use artgs::fit::FitError;
+use artgs::observer::{JsonLines, NullObserver, Observer, Tee};
+use artgs::run::finds_parts;
+use artgs::{Config, Reconstruction};
+use artgs_core::{Capture, JointEstimate};
+use artgs_io::RunFolder;
+use serde_json::{Value, json};
+
+/// What a command computes, and where.
+pub(crate) struct Job<'a> {
+    pub(crate) capture: &'a Capture,
+    pub(crate) run: &'a RunFolder,
+    pub(crate) config: &'a Config,
+    pub(crate) resume: bool,
+    pub(crate) device: &'a Chosen,
+    pub(crate) style: Style,
+}
+
+pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
+    use_threads(args.method.threads)?;
+    let config = configure(&args.method, args.parts)?;
+    let run = RunFolder::new(&args.out);
+    folder::check(&run, args.earlier)?;
+    if args.stop_after.is_some() && !finds_parts(&config) {
+        return Err(Failure::bad(format!("--stop-after: {}", artgs::Error::PartsLearnt)));
+    }
+    let device = device::choose(args.method.device, &config)?;
+    let capture = load_capture(&args.capture)?;
+    folder::prepare(&run, args.earlier)?;
+    run.save_capture_folder(&args.capture).map_err(Failure::failed)?;
+    let resume = args.earlier.resume;
+    let job = Job { capture: &capture, run: &run, config: &config, resume, device: &device, style };
+    if args.stop_after.is_some() {
+        return find_parts_only(args, &job);
+    }
+    let summary = if args.view { live::reconstruct(&job)? } else { job.reconstruct(&mut NullObserver)? };
+    if style.json {
+        return say(json!({ "event": "result", "out": args.out, "summary": summary.json }));
+    }
+    if !style.quiet {
+        summary.show(false)?;
+        let shown = args.out.display();
+        say(format!("replica in {shown}; artgs export {shown} writes it as files for simulators and browsers"))?;
+    }
+    Ok(())
+}
+
+/// The stages before training; with `--view` the page stays, takes corrections and continues the run.
+fn find_parts_only(args: &Reconstruct, job: &Job<'_>) -> Result<(), Failure> {
+    if args.view {
+        return rerun::find_parts(job, &args.capture, args.method.device);
+    }
+    let found = job.find_parts(&mut NullObserver)?;
+    if job.style.json {
+        return say(json!({ "event": "result", "out": args.out, "found": found.json }));
+    }
+    if !job.style.quiet {
+        found.show(false)?;
+        let shown = args.out.display();
+        say(format!("parts in {shown}; artgs view {shown} shows them, takes corrections and continues the run"))?;
+    }
+    Ok(())
+}
+
+impl Job<'_> {
+    /// Reconstructs while showing events and appending them to the event file of the folder; `also` gets them, too.
+    pub(crate) fn reconstruct(&self, also: &mut dyn Observer) -> Result<Report, Failure> {
+        let made = self.observed(also, |reconstruction, observer| reconstruction.run_in(self.run, observer))?;
+        Report::new(&made.summary)
+    }
+
+    /// The stages before training likewise.
+    pub(crate) fn find_parts(&self, also: &mut dyn Observer) -> Result<Report, Failure> {
+        let found = self.observed(also, |reconstruction, observer| reconstruction.find_parts_in(self.run, observer))?;
+        let parts = found.parts.iter().map(|p| json!({ "type": p.kind, "confidence": p.confidence }));
+        let json = json!({ "parts": parts.collect::<Value>(), "warnings": found.warnings });
+        let line = |(k, p)| part_line(k + 1, p);
+        Ok(Report { text: found.parts.iter().enumerate().map(line).collect(), json })
+    }
+
+    fn observed<T>(
+        &self,
+        also: &mut dyn Observer,
+        act: impl FnOnce(&Reconstruction<'_>, &mut dyn Observer) -> Result<T, artgs::Error>,
+    ) -> Result<T, Failure> {
+        let path = self.run.events();
+        let mut log = JsonLines::append(&path).with_context(|| format!("cannot write {}", path.display()))?;
+        let mut shown = progress::renderer(self.style);
+        let mut log_and_shown = Tee(&mut log, shown.as_mut());
+        let mut observer = Tee(&mut log_and_shown, also);
+        self.device.announce(&mut observer);
+        let (config, devices) = (self.config.clone(), self.device.devices.as_ref());
+        let reconstruction = Reconstruction { capture: self.capture, config, devices, resume: self.resume };
+        let result = act(&reconstruction, &mut observer).map_err(failure);
+        drop(shown);
+        let logged = log.finish().with_context(|| format!("cannot write {}", path.display()));
+        let result = result?;
+        logged?;
+        Ok(result)
+    }
+}
+
+fn part_line(number: usize, part: &JointEstimate) -> String {
+    let kind = json!(part.kind);
+    let share = part.confidence.map(|c| format!(", {:.0} % of its points fit", (100.0 * c).floor()));
+    format!("part {number}: {}{}\n", kind.as_str().unwrap_or_default(), share.unwrap_or_default())
+}
+
+fn failure(error: artgs::Error) -> Failure {
+    if matches!(error, artgs::Error::Fit(FitError::Device(_))) {
+        return Failure::Failed(anyhow::anyhow!("{error}; with --device auto training would continue on the CPU"));
+    }
+    if error.is_bad_input() { Failure::bad_input(error) } else { Failure::failed(error) }
+}

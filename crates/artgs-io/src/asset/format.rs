@@ -1,0 +1,175 @@
+//! The formats that assets are exported to. A new format is a variant of [`Format`] and a module beside this one.
+
+use crate::run_folder::remove_folder;
+use crate::{FileError, asset};
+use artgs_core::Asset;
+use std::fmt;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// A file format of simulators, browsers or renderers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Format {
+    /// Robot description.
+    Urdf,
+    /// MuJoCo.
+    Mjcf,
+    /// OpenUSD with physics.
+    Usd,
+    /// OpenUSD in one file.
+    Usdz,
+    /// Binary glTF with a clip per joint.
+    Glb,
+    /// Gazebo.
+    Sdf,
+    /// Folder as of PartNet-Mobility.
+    Partnet,
+    /// Gaussians per link.
+    Splats,
+}
+
+impl Format {
+    /// Every format, also those whose writer is not built in.
+    pub const ALL: [Self; 8] =
+        [Self::Urdf, Self::Mjcf, Self::Usd, Self::Usdz, Self::Glb, Self::Sdf, Self::Partnet, Self::Splats];
+
+    /// Name on the command line, and of the folder in `exports`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Urdf => "urdf",
+            Self::Mjcf => "mjcf",
+            Self::Usd => "usd",
+            Self::Usdz => "usdz",
+            Self::Glb => "glb",
+            Self::Sdf => "sdf",
+            Self::Partnet => "partnet",
+            Self::Splats => "splats",
+        }
+    }
+
+    /// What it is and which programs read it.
+    pub const fn description(self) -> &'static str {
+        match self {
+            Self::Urdf => "Robot description: ROS, PyBullet, SAPIEN, Isaac, Drake, Genesis",
+            Self::Mjcf => "MuJoCo",
+            Self::Usd => "OpenUSD with physics, text and binary: Isaac Sim, Omniverse, Newton",
+            Self::Usdz => "OpenUSD in one file: Quick Look",
+            Self::Glb => "Binary glTF with a clip per joint: browsers, Blender",
+            Self::Sdf => "Gazebo",
+            Self::Partnet => "Folder as of PartNet-Mobility: SAPIEN, ManiSkill",
+            Self::Splats => "Gaussians per link: PLY and SPZ",
+        }
+    }
+
+    /// False if the writer is not built in: OpenUSD needs the feature `usd`.
+    pub const fn is_available(self) -> bool {
+        cfg!(feature = "usd") || !matches!(self, Self::Usd | Self::Usdz)
+    }
+
+    /// False if an asset has nothing that the format could hold.
+    pub fn can_hold(self, asset: &Asset) -> bool {
+        self != Self::Splats || asset.links.iter().any(|link| link.splats.is_some())
+    }
+
+    /// Writes the files of the format into `dir` and returns their paths.
+    pub fn write(self, dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> {
+        match self {
+            Self::Urdf => asset::export_urdf(dir, asset),
+            Self::Mjcf => asset::export_mjcf(dir, asset),
+            #[cfg(feature = "usd")]
+            Self::Usd => asset::usd::export_usd(dir, asset),
+            #[cfg(feature = "usd")]
+            Self::Usdz => asset::usd::export_usdz(dir, asset),
+            #[cfg(not(feature = "usd"))]
+            Self::Usd | Self::Usdz => {
+                Err(FileError::malformed(dir, "OpenUSD is not built into this program (feature `usd`)"))
+            }
+            Self::Glb => asset::glb::export_glb(dir, asset),
+            Self::Sdf => asset::export_sdf(dir, asset),
+            Self::Partnet => asset::export_partnet(dir, asset),
+            Self::Splats => asset::splats::export_splats(dir, asset),
+        }
+    }
+
+    /// Replaces the folder of the format in `exports`. Files are written beside it first: if that fails, the earlier
+    /// export stays as it is; else none of its files are left. A format that can hold nothing of the asset leaves no
+    /// folder, because an empty one would look like an export that failed.
+    pub fn replace(self, exports: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> {
+        let (folder, new) = (exports.join(self.name()), exports.join(format!(".{}.new", self.name())));
+        if !self.can_hold(asset) {
+            remove_folder(&folder)?;
+            return Ok(Vec::new());
+        }
+        let fail = |path: &Path| {
+            let path = path.to_path_buf();
+            move |source| FileError::Write { path, source }
+        };
+        remove_folder(&new)?;
+        fs::create_dir_all(&new).map_err(fail(&new))?;
+        let files = self.write(&new, asset).inspect_err(|_| {
+            // The reason of the failure matters more than files that remain.
+            let _ = fs::remove_dir_all(&new);
+        })?;
+        remove_folder(&folder)?;
+        fs::rename(&new, &folder).map_err(fail(&folder))?;
+        let moved = |file: PathBuf| file.strip_prefix(&new).map(|rest| folder.join(rest)).unwrap_or(file.clone());
+        Ok(files.into_iter().map(moved).collect())
+    }
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// There is no format of this name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no format `{0}`; there are urdf, mjcf, usd, usdz, glb, sdf, partnet and splats")]
+pub struct UnknownFormat(pub String);
+
+impl FromStr for Format {
+    type Err = UnknownFormat;
+
+    fn from_str(text: &str) -> Result<Self, UnknownFormat> {
+        Self::ALL.into_iter().find(|format| format.name() == text).ok_or_else(|| UnknownFormat(text.into()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::testing::cabinet;
+
+    #[test]
+    fn names_are_read_back() {
+        for format in Format::ALL {
+            assert_eq!(format.to_string().parse(), Ok(format));
+            assert!(UnknownFormat("x".into()).to_string().contains(format.name()));
+        }
+        assert_eq!("stl".parse::<Format>(), Err(UnknownFormat("stl".into())));
+    }
+
+    #[test]
+    fn a_folder_is_replaced_as_a_whole_or_not_at_all() {
+        let exports = tempfile::tempdir().unwrap();
+        let mut asset = cabinet();
+        let files = Format::Splats.replace(exports.path(), &asset).unwrap();
+        assert!(files.iter().all(|file| file.starts_with(exports.path().join("splats")) && file.is_file()));
+        let old = exports.path().join("splats/old.ply");
+        fs::write(&old, "").unwrap();
+        let good = asset.links[0].splats.clone();
+        // A number of harmonics that no file can hold.
+        asset.links[0].splats.as_mut().unwrap().sh.pop();
+        assert!(Format::Splats.replace(exports.path(), &asset).is_err());
+        assert!(old.is_file() && fs::read_dir(exports.path()).unwrap().count() == 1);
+        asset.links[0].splats = good;
+        Format::Splats.replace(exports.path(), &asset).unwrap();
+        assert!(!old.exists());
+        asset.links.iter_mut().for_each(|link| link.splats = None);
+        assert_eq!(Format::Splats.replace(exports.path(), &asset).unwrap(), Vec::<PathBuf>::new());
+        assert!(!exports.path().join("splats").exists());
+    }
+}

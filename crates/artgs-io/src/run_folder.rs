@@ -1,0 +1,413 @@
+//! The folder of a run and its replica: the path of every file in it, and how its files are saved and loaded.
+//!
+//! | path | content |
+//! |---|---|
+//! | `config.toml` | complete settings of the run |
+//! | `events.jsonl` | events of all runs in the folder, one JSON object per line |
+//! | `corrections.json` | corrections by a person, see [`crate::corrections`] |
+//! | `replica.json`, `meshes/STATE/*.ply` | the replica, see [`crate::replica`] |
+//! | `splats/canonical.ply`, `splats/part_K.ply` | Gaussians midway between the states, all and per part |
+//! | `metrics.json`, `preview.png` | scores and times of the run; renderings beside photos |
+//! | `stages/*` | results of stages, from which an interrupted run resumes |
+//! | `exports/FORMAT/*`, `exports/export.json` | exported files, and what the export decided |
+
+use crate::asset::Format;
+use crate::error::read_bytes;
+use crate::{FileError, read_mesh_ply, read_splat_ply, write_atomic, write_mesh_ply, write_splat_ply};
+use artgs_core::{Mesh, Replica, Splats, State};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+/// Frame named in the PLY files of canonical Gaussians.
+pub const CANONICAL_FRAME: &str = "canonical: world frame of the capture, parts midway between start and end";
+
+const STAGES: &str = "stages";
+const MESHES: &str = "meshes";
+const SPLATS: &str = "splats";
+pub(crate) const EXPORTS: &str = "exports";
+const EVENTS: &str = "events.jsonl";
+const METRICS: &str = "metrics.json";
+const CONFIG: &str = "config.toml";
+const PREVIEW: &str = "preview.png";
+
+/// The folder of a run. Creating this value touches no file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunFolder {
+    root: PathBuf,
+}
+
+/// What is in a folder that a run is to write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Contents {
+    /// There is no such folder, or it is empty.
+    Nothing,
+    /// A run was started here and saved no result.
+    Started,
+    /// Results of a run: stages or a replica.
+    Results,
+    /// Files of something else.
+    Foreign,
+    /// It is a file, not a folder.
+    File,
+}
+
+/// Paths.
+impl RunFolder {
+    /// The folder `root`, which need not exist.
+    pub fn new(root: impl Into<PathBuf>) -> Self {
+        Self { root: root.into() }
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Name of the folder, `run` if the path has none.
+    pub fn name(&self) -> String {
+        self.root.file_name().map_or("run".into(), |name| name.to_string_lossy().into_owned())
+    }
+
+    /// Complete settings of the run, TOML.
+    pub fn config(&self) -> PathBuf {
+        self.root.join(CONFIG)
+    }
+
+    /// Events of all runs in the folder.
+    pub fn events(&self) -> PathBuf {
+        self.root.join(EVENTS)
+    }
+
+    /// Corrections by a person.
+    pub fn corrections(&self) -> PathBuf {
+        self.root.join(crate::corrections::CORRECTIONS_FILE)
+    }
+
+    /// The replica.
+    pub fn replica(&self) -> PathBuf {
+        self.root.join(crate::replica::REPLICA_FILE)
+    }
+
+    /// Scores and times of the run.
+    pub fn metrics(&self) -> PathBuf {
+        self.root.join(METRICS)
+    }
+
+    /// Scores against the ground truth.
+    pub fn scores(&self) -> PathBuf {
+        self.root.join("scores.json")
+    }
+
+    /// Renderings beside photos.
+    pub fn preview(&self) -> PathBuf {
+        self.root.join(PREVIEW)
+    }
+
+    /// Gaussians of all parts, canonical frame.
+    pub fn canonical_splats(&self) -> PathBuf {
+        self.root.join(SPLATS).join("canonical.ply")
+    }
+
+    /// Gaussians of one part, canonical frame.
+    pub fn part_splats(&self, part: usize) -> PathBuf {
+        self.root.join(SPLATS).join(format!("part_{part}.ply"))
+    }
+
+    /// A file of the folder `stages`.
+    pub fn stage(&self, name: &str) -> PathBuf {
+        self.root.join(STAGES).join(name)
+    }
+
+    /// Parts and joints as found before training.
+    pub fn found_parts(&self) -> PathBuf {
+        self.stage("parts.json")
+    }
+
+    /// Labelled surface points of one state, as small Gaussians.
+    pub fn found_points(&self, state: State) -> PathBuf {
+        self.stage(&format!("points_{}.ply", state.name()))
+    }
+
+    /// Gaussians of one state alone.
+    pub fn single_splats(&self, state: State) -> PathBuf {
+        self.stage(&format!("single_{}.ply", state.name()))
+    }
+
+    /// Canonical Gaussians as trained.
+    pub fn trained_splats(&self) -> PathBuf {
+        self.stage("articulated.ply")
+    }
+
+    /// Joints as trained.
+    pub fn trained_joints(&self) -> PathBuf {
+        self.stage("joints.json")
+    }
+
+    /// Seconds that each stage took when it was computed.
+    pub fn stage_times(&self) -> PathBuf {
+        self.stage("times.json")
+    }
+
+    /// Corrections that the stages after discovery were computed with.
+    pub fn applied_corrections(&self) -> PathBuf {
+        self.stage("corrections.json")
+    }
+
+    /// Corrections that the replica was made with.
+    pub fn replica_corrections(&self) -> PathBuf {
+        self.stage("corrections_assembled.json")
+    }
+
+    /// Fingerprint of the capture that the run read.
+    pub fn capture_fingerprint(&self) -> PathBuf {
+        self.stage("capture.txt")
+    }
+
+    /// Names the folder of the photos.
+    fn capture_note(&self) -> PathBuf {
+        self.stage("capture_folder.txt")
+    }
+
+    /// All exports.
+    pub fn exports(&self) -> PathBuf {
+        self.root.join(EXPORTS)
+    }
+
+    /// Exported files of one format.
+    pub fn export(&self, format: Format) -> PathBuf {
+        self.exports().join(format.name())
+    }
+
+    /// What the export decided.
+    pub fn export_report(&self) -> PathBuf {
+        self.exports().join("export.json")
+    }
+}
+
+/// What the folder holds.
+impl RunFolder {
+    /// Looks at the folder and changes nothing.
+    pub fn contents(&self) -> Result<Contents, FileError> {
+        match fs::read_dir(&self.root).map(|mut entries| entries.next().is_none()) {
+            Ok(true) => return Ok(Contents::Nothing),
+            Ok(false) => {}
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Contents::Nothing),
+            Err(error) if error.kind() == ErrorKind::NotADirectory => return Ok(Contents::File),
+            Err(source) => return Err(FileError::Read { path: self.root.clone(), source }),
+        }
+        let replica = self.replica().exists();
+        Ok(match self.events().exists() || replica {
+            false => Contents::Foreign,
+            true if replica || self.root.join(STAGES).exists() => Contents::Results,
+            true => Contents::Started,
+        })
+    }
+
+    /// True if it holds a replica.
+    pub fn has_replica(&self) -> bool {
+        self.replica().is_file()
+    }
+
+    /// True if a run has found parts here.
+    pub fn has_found_parts(&self) -> bool {
+        self.found_parts().is_file()
+    }
+
+    /// True if the replica has Gaussians.
+    pub fn has_splats(&self) -> bool {
+        self.canonical_splats().is_file()
+    }
+
+    /// True if files of this format were exported.
+    pub fn has_export(&self, format: Format) -> bool {
+        self.export(format).is_dir()
+    }
+
+    /// Creates the folder and its parents.
+    pub fn create(&self) -> Result<(), FileError> {
+        fs::create_dir_all(&self.root).map_err(|source| FileError::Write { path: self.root.clone(), source })
+    }
+
+    /// Removes what runs and exports write, by name; anything else in the folder stays.
+    pub fn discard(&self) -> Result<(), FileError> {
+        const FOLDERS: [&str; 4] = [STAGES, MESHES, SPLATS, EXPORTS];
+        FOLDERS.iter().try_for_each(|name| remove_folder(&self.root.join(name)))?;
+        // `replica.urdf` was written by versions before there were exports.
+        let urdf = self.root.join("replica.urdf");
+        [self.replica(), self.events(), urdf, self.metrics(), self.preview(), self.config()]
+            .iter()
+            .try_for_each(|path| remove_file(path))
+    }
+}
+
+/// Saving and loading.
+impl RunFolder {
+    /// Writes the settings of the run.
+    pub fn save_config(&self, toml: &str) -> Result<(), FileError> {
+        write_atomic(&self.config(), toml.as_bytes())
+    }
+
+    /// Text of the settings of the run; none if there are none.
+    pub fn load_config(&self) -> Result<Option<String>, FileError> {
+        load_text(&self.config())
+    }
+
+    /// Writes which folder the photos are in, as an absolute path.
+    pub fn save_capture_folder(&self, capture: &Path) -> Result<(), FileError> {
+        let folder = fs::canonicalize(capture).map_err(|source| FileError::Read { path: capture.into(), source })?;
+        write_atomic(&self.capture_note(), format!("{}\n", folder.display()).as_bytes())
+    }
+
+    /// The folder that the photos were in; none if that is not known. It may not exist any more.
+    pub fn capture_folder(&self) -> Option<PathBuf> {
+        let text = fs::read_to_string(self.capture_note()).ok()?;
+        Some(PathBuf::from(text.trim_end_matches('\n')))
+    }
+
+    /// Writes `replica.json` and its meshes: those of every part, and the whole object.
+    pub fn save_replica<'m>(
+        &self,
+        replica: &Replica,
+        parts: impl IntoIterator<Item = &'m [Mesh; 2]>,
+        whole: &'m [Mesh; 2],
+    ) -> Result<(), crate::replica::ReplicaFileError> {
+        let of_parts = replica.parts.iter().zip(parts).map(|(part, meshes)| (&part.meshes, meshes));
+        for (paths, meshes) in of_parts.chain([(&replica.whole, whole)]) {
+            for (state, mesh) in State::ALL.into_iter().zip(meshes) {
+                write_mesh_ply(&self.root.join(&paths[state]), mesh)?;
+            }
+        }
+        crate::write_replica(&self.root, replica)
+    }
+
+    /// A mesh that `replica.json` names by its relative path.
+    pub fn load_mesh(&self, path: &str) -> Result<Mesh, FileError> {
+        read_mesh_ply(&self.root.join(path))
+    }
+
+    /// Meshes of every part in one state, world frame.
+    pub fn load_meshes(&self, replica: &Replica, state: State) -> Result<Vec<Mesh>, FileError> {
+        replica.parts.iter().map(|part| self.load_mesh(&part.meshes[state])).collect()
+    }
+
+    /// Writes canonical Gaussians, all together with the part of each, and once more per part. `labels[i]` is below
+    /// `parts`.
+    pub fn save_splats(&self, splats: &Splats, labels: &[u16], parts: usize) -> Result<(), FileError> {
+        write_splat_ply(&self.canonical_splats(), splats, Some(labels), CANONICAL_FRAME)?;
+        for part in 0..parts {
+            let members = (0..labels.len()).filter(|&i| usize::from(labels[i]) == part);
+            let own = splats.select(members);
+            let labels = vec![part as u16; own.len()];
+            write_splat_ply(&self.part_splats(part), &own, Some(&labels), CANONICAL_FRAME)?;
+        }
+        Ok(())
+    }
+
+    /// Gaussians of every part, canonical frame; none if the replica has none.
+    pub fn load_part_splats(&self, parts: usize) -> Result<Option<Vec<Splats>>, FileError> {
+        if !self.part_splats(0).is_file() {
+            return Ok(None);
+        }
+        (0..parts).map(|part| Ok(read_splat_ply(&self.part_splats(part))?.0)).collect::<Result<_, _>>().map(Some)
+    }
+
+    /// All canonical Gaussians with the part of each.
+    pub fn load_splats(&self) -> Result<(Splats, Vec<u16>), FileError> {
+        let path = self.canonical_splats();
+        let (splats, labels) = read_splat_ply(&path)?;
+        Ok((splats, labels.ok_or_else(|| FileError::malformed(&path, "property `part` is missing"))?))
+    }
+}
+
+/// Writes a value as JSON with a final line break.
+pub fn save_json(path: &Path, value: &impl Serialize) -> Result<(), FileError> {
+    let text = serde_json::to_string_pretty(value).map_err(|e| FileError::malformed(path, e.to_string()))?;
+    write_atomic(path, format!("{text}\n").as_bytes())
+}
+
+/// Reads a value from JSON; none if there is no such file.
+pub fn load_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, FileError> {
+    match read_bytes(path) {
+        Err(FileError::Read { source, .. }) if source.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+        Ok(bytes) => serde_json::from_slice(&bytes).map(Some).map_err(|e| FileError::malformed(path, e.to_string())),
+    }
+}
+
+/// Text of a file; none if there is no such file.
+pub fn load_text(path: &Path) -> Result<Option<String>, FileError> {
+    match fs::read_to_string(path) {
+        Ok(text) => Ok(Some(text)),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(source) => Err(FileError::Read { path: path.into(), source }),
+    }
+}
+
+/// Removes a file if it exists.
+pub fn remove_file(path: &Path) -> Result<(), FileError> {
+    absent_is_fine(path, fs::remove_file(path))
+}
+
+/// Removes a folder with all it contains if it exists.
+pub fn remove_folder(path: &Path) -> Result<(), FileError> {
+    absent_is_fine(path, fs::remove_dir_all(path))
+}
+
+fn absent_is_fine(path: &Path, removed: std::io::Result<()>) -> Result<(), FileError> {
+    match removed {
+        Err(source) if source.kind() != ErrorKind::NotFound => Err(FileError::Remove { path: path.into(), source }),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::Value;
+
+    #[test]
+    fn own_folders_differ_from_others() {
+        let root = tempfile::tempdir().unwrap();
+        let at = |name: &str| RunFolder::new(root.path().join(name));
+        assert_eq!(at("missing").contents().unwrap(), Contents::Nothing);
+        let run = at("run");
+        run.create().unwrap();
+        assert_eq!(run.contents().unwrap(), Contents::Nothing);
+        fs::write(run.root().join("thesis.tex"), "x").unwrap();
+        assert_eq!(run.contents().unwrap(), Contents::Foreign);
+        assert_eq!(at("run/thesis.tex").contents().unwrap(), Contents::File);
+        fs::write(run.events(), "").unwrap();
+        assert_eq!(run.contents().unwrap(), Contents::Started);
+        save_json(&run.found_parts(), &Value::Null).unwrap();
+        assert_eq!(run.contents().unwrap(), Contents::Results);
+        run.discard().unwrap();
+        assert_eq!(run.contents().unwrap(), Contents::Foreign);
+        assert!(run.root().join("thesis.tex").is_file() && !run.has_found_parts());
+    }
+
+    #[test]
+    fn json_survives_and_its_absence_is_no_error() {
+        let root = tempfile::tempdir().unwrap();
+        let path = RunFolder::new(root.path()).metrics();
+        assert_eq!(load_json::<Value>(&path).unwrap(), None);
+        save_json(&path, &vec![0.1, -2.5e-9]).unwrap();
+        assert_eq!(load_json::<Vec<f64>>(&path).unwrap(), Some(vec![0.1, -2.5e-9]));
+        fs::write(&path, "{").unwrap();
+        assert!(load_json::<Value>(&path).unwrap_err().to_string().contains("metrics.json"));
+        let no_json = std::collections::BTreeMap::from([((1, 2), 3)]);
+        assert!(save_json(&path, &no_json).unwrap_err().to_string().contains("metrics.json"));
+    }
+
+    #[test]
+    fn the_folder_of_the_photos_is_found_again() {
+        let root = tempfile::tempdir().unwrap();
+        let run = RunFolder::new(root.path().join("run"));
+        assert_eq!(run.capture_folder(), None);
+        run.save_capture_folder(root.path()).unwrap();
+        assert_eq!(run.capture_folder().unwrap(), fs::canonicalize(root.path()).unwrap());
+        assert!(run.save_capture_folder(&root.path().join("nowhere")).unwrap_err().to_string().contains("nowhere"));
+    }
+}

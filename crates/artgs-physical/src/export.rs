@@ -1,0 +1,266 @@
+//! From a run's folder to exported files: reads the replica, builds the asset, writes every format and `export.json`.
+
+use crate::coacd;
+use crate::stance::Stop;
+use crate::{BuiltAsset, Collision, Parts, PhysicalConfig, Up, build};
+use artgs_core::{AssetLink, Capture, Mesh, State};
+use artgs_io::asset::{Format, check_asset};
+use artgs_io::export_report::{ExportReport, LinkReport, RequestedOptions};
+use artgs_io::replica::ReplicaFileError;
+use artgs_io::{FileError, RunFolder};
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// What parts collide with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CollisionSource {
+    /// Convex pieces, cut so that parts do not overlap.
+    #[default]
+    Hulls,
+    /// Convex pieces by the Python package `coacd`, cut likewise.
+    Coacd,
+    /// Nothing collides.
+    None,
+}
+
+impl CollisionSource {
+    /// Every value.
+    pub const ALL: [Self; 3] = [Self::Hulls, Self::Coacd, Self::None];
+
+    /// Name on the command line and in `export.json`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Hulls => "hulls",
+            Self::Coacd => "coacd",
+            Self::None => "none",
+        }
+    }
+}
+
+impl FromStr for CollisionSource {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|source| source.name() == text);
+        found.ok_or_else(|| format!("no collision is called `{text}`; there are hulls, coacd and none"))
+    }
+}
+
+/// What to export and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExportOptions {
+    /// Formats, in the order in which they are written.
+    pub formats: Vec<Format>,
+    /// Name of the object in the files.
+    pub name: String,
+    /// Folder with the photos if the user named one; only written into the report.
+    pub capture: Option<PathBuf>,
+    /// Metres per unit of the capture.
+    pub scale: f64,
+    /// Upward axis of the capture.
+    pub up: Up,
+    /// Kilograms per cubic metre; none for the default of [`PhysicalConfig`].
+    pub density: Option<f64>,
+    /// What parts collide with.
+    pub collision: CollisionSource,
+    /// Joints end at the observed states.
+    pub observed_limits: bool,
+    /// Triangles per link, about, for drawing; none for the default of [`PhysicalConfig`].
+    pub triangles: Option<usize>,
+}
+
+impl Default for ExportOptions {
+    /// Every format that is built in.
+    fn default() -> Self {
+        Self {
+            formats: Format::ALL.into_iter().filter(|format| format.is_available()).collect(),
+            name: Self::NAME.into(),
+            capture: None,
+            scale: 1.0,
+            up: Up::Z,
+            density: None,
+            collision: CollisionSource::Hulls,
+            observed_limits: false,
+            triangles: None,
+        }
+    }
+}
+
+impl ExportOptions {
+    /// Name of an exported object by default.
+    pub const NAME: &str = "replica";
+
+    /// Formats that the viewer shows.
+    pub const SHOWN: [Format; 2] = [Format::Urdf, Format::Splats];
+
+    /// The options of the last export into a folder, with the formats that are there and those that the viewer shows;
+    /// default ones if nothing was exported.
+    pub fn of_last_export(folder: &RunFolder) -> Result<Self, FileError> {
+        let report = ExportReport::load(folder)?.unwrap_or_default();
+        let RequestedOptions { name, capture, density, collision, observed_limits, triangles } = report.options;
+        let defaults = Self::default();
+        let wanted = |format: &Format| Self::SHOWN.contains(format) || folder.has_export(*format);
+        let collision = collision.map(|name| name.parse().map_err(|e| FileError::malformed(&folder.export_report(), e)));
+        Ok(Self {
+            formats: defaults.formats.into_iter().filter(wanted).collect(),
+            name: name.unwrap_or(defaults.name),
+            capture: capture.filter(|folder| folder.is_dir()),
+            scale: if report.scale > 0.0 { report.scale } else { defaults.scale },
+            up: if report.up == "y" { Up::Y } else { Up::Z },
+            density,
+            collision: collision.transpose()?.unwrap_or_default(),
+            observed_limits,
+            triangles,
+        })
+    }
+
+    /// Refuses numbers that are not positive and finite.
+    pub fn config(&self) -> Result<PhysicalConfig, ExportError> {
+        let defaults = PhysicalConfig::default();
+        let config = PhysicalConfig {
+            scale: self.scale,
+            density: self.density.unwrap_or(defaults.density),
+            up: self.up,
+            collision: if self.collision == CollisionSource::None { Collision::None } else { Collision::Hulls },
+            extend_limits: !self.observed_limits,
+            triangles: self.triangles.unwrap_or(defaults.triangles),
+            ..defaults
+        };
+        for (name, value) in [("scale", config.scale), ("density", config.density)] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(ExportError::Setting { name, value });
+            }
+        }
+        Ok(config)
+    }
+
+    fn requested(&self) -> RequestedOptions {
+        RequestedOptions {
+            name: Some(self.name.clone()),
+            // Absolute, because the next export may start elsewhere.
+            capture: self.capture.as_ref().and_then(|folder| std::fs::canonicalize(folder).ok()),
+            density: self.density,
+            collision: Some(self.collision.name().into()),
+            observed_limits: self.observed_limits,
+            triangles: self.triangles,
+        }
+    }
+}
+
+/// Why nothing, or not everything, was exported.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExportError {
+    /// A setting out of range.
+    #[error("`{name}` is {value}; give a number above 0")]
+    Setting {
+        /// Field of [`ExportOptions`].
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A format whose writer is not built in.
+    #[error("format {0} is not built into this program")]
+    NotBuiltIn(Format),
+    /// The replica cannot be read.
+    #[error(transparent)]
+    Replica(#[from] ReplicaFileError),
+    /// A mesh or Gaussians of the replica cannot be read.
+    #[error(transparent)]
+    Input(FileError),
+    /// No asset can be built from it.
+    #[error("{0}")]
+    Build(String),
+    /// The built asset is not valid.
+    #[error("{}: {reason}", path.display())]
+    Asset {
+        /// The `replica.json`.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A file could not be written.
+    #[error(transparent)]
+    Output(FileError),
+}
+
+impl ExportError {
+    /// True if the user has to change the replica, the options or the build.
+    pub fn is_bad_input(&self) -> bool {
+        !matches!(self, Self::Output(_))
+    }
+}
+
+/// Exports the replica in a folder into its folder `exports`. Textures are baked from the training views of `capture`,
+/// without it they hold the colours of the meshes. `warn` gets one sentence per surface that is not as it should be.
+pub fn export(
+    folder: &RunFolder,
+    options: &ExportOptions,
+    capture: Option<&Capture>,
+    mut warn: impl FnMut(&str),
+) -> Result<ExportReport, ExportError> {
+    let config = options.config()?;
+    if let Some(format) = options.formats.iter().find(|format| !format.is_available()) {
+        return Err(ExportError::NotBuiltIn(*format));
+    }
+    let replica = artgs_io::read_replica(folder.root())?;
+    let meshes = folder.load_meshes(&replica, State::START).map_err(ExportError::Input)?;
+    let splats = folder.load_part_splats(replica.parts.len()).map_err(ExportError::Input)?;
+    let parts = Parts { replica: &replica, meshes: &meshes, splats: splats.as_deref() };
+    let by_coacd = |mesh: &Mesh| coacd::decompose(mesh);
+    let decomposer = (options.collision == CollisionSource::Coacd).then_some(&by_coacd as &crate::decompose::Decomposer);
+    let built = build(&options.name, &parts, capture, &config, decomposer).map_err(ExportError::Build)?;
+    built.surfaces.iter().flat_map(|surface| &surface.warnings).for_each(|warning| warn(warning));
+    check_asset(&built.asset).map_err(|reason| ExportError::Asset { path: folder.replica(), reason })?;
+    let mut files = Vec::new();
+    for format in &options.formats {
+        files.extend(format.replace(&folder.exports(), &built.asset).map_err(ExportError::Output)?);
+    }
+    let report = ExportReport { options: options.requested(), files, ..report(&built, config.up) };
+    report.save(folder).map_err(ExportError::Output)?;
+    Ok(report)
+}
+
+/// What was decided about an asset.
+fn report(built: &BuiltAsset, up: Up) -> ExportReport {
+    let BuiltAsset { asset, decisions, .. } = built;
+    let [before, after] = decisions.clearance.volume;
+    ExportReport {
+        options: RequestedOptions::default(),
+        scale: decisions.scale,
+        up: if up == Up::Z { "z" } else { "y" }.into(),
+        links: asset.links.iter().enumerate().map(|(i, link)| link_report(built, i, link)).collect(),
+        penetration: [decisions.clearance.deepest, decisions.penetration],
+        lost_pieces: decisions.clearance.lost,
+        cut_share: if before > 0.0 { 1.0 - after / before } else { 0.0 },
+        files: Vec::new(),
+    }
+}
+
+fn link_report(built: &BuiltAsset, i: usize, link: &AssetLink) -> LinkReport {
+    let (surface, decisions) = (&built.surfaces[i], &built.decisions);
+    let [texels, seen] = surface.texels;
+    LinkReport {
+        name: link.name.clone(),
+        mass: link.inertial.mass,
+        hulls: link.collision.len(),
+        triangles: link.visual.mesh.triangles.len(),
+        fused_triangles: surface.fused,
+        watertight: surface.closed,
+        surface_error: surface.error.most * decisions.scale,
+        textured_share: (seen > 0).then(|| seen as f64 / texels as f64),
+        closed_state: decisions.closed_state[i].map(|state| state.name().into()),
+        limits: link.joint.map(|j| j.limits),
+        observed: link.joint.map(|j| State::ALL.map(|state| j.observed[state])),
+        stops: decisions.ranges[i].as_ref().map(|range| range.stops.each_ref().map(reason)),
+    }
+}
+
+fn reason(stop: &Stop) -> String {
+    match stop {
+        Stop::Observed => "as observed".into(),
+        Stop::Contact(link) => format!("before it meets {link}"),
+        Stop::Support => "before it falls out".into(),
+        Stop::Reach => "as far as is ever assumed".into(),
+    }
+}

@@ -1,0 +1,28 @@
+//! Joints only: discovery without training and meshes, a second or two per capture.
+//!
+//! `cargo run --example joints_only -- CAPTURE PARTS` reads a folder of photos with depth.
+
+#![allow(clippy::print_stdout, reason = "an example prints")]
+
+use artgs::Reconstruction;
+use artgs::observer::NullObserver;
+use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
+use glam::DVec3;
+use std::path::Path;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let (capture, parts) = match &arguments[..] {
+        [folder, parts] => (artgs_io::load_capture(Path::new(folder))?, parts.parse()?),
+        _ => (cabinet_capture(&CabinetOptions { views: 20, size: 120, ..CabinetOptions::default() })?.0, 3),
+    };
+    let found = Reconstruction::new(&capture, parts).find_parts(&mut NullObserver)?;
+    for (i, part) in found.parts.iter().enumerate() {
+        let joint = part.joint_near(DVec3::ZERO);
+        let confidence = part.confidence.map_or("unknown".into(), |c| format!("{c:.2}"));
+        println!("part {}: {:?} about {:.3} at {:.3}", i + 1, joint.kind, joint.axis, joint.origin);
+        println!("  0 to {:.3} between the states, confidence {confidence}", joint.limits[1]);
+    }
+    found.warnings.iter().for_each(|warning| println!("warning: {warning}"));
+    Ok(())
+}

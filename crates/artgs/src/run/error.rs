@@ -1,0 +1,75 @@
+//! Why a run stopped.
+
+use crate::config::ConfigError;
+use crate::discover::{CorrectError, DiscoverError};
+use crate::fit::FitError;
+use crate::registration::RegistrationError;
+use crate::surface::SurfaceError;
+use artgs_io::FileError;
+
+/// Why a run stopped.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The number of parts was not given.
+    #[error(
+        "the number of parts is not known: give --parts K (or `parts` in the configuration), counting the static part; \
+         a cabinet with two drawers has K = 3"
+    )]
+    PartsMissing,
+    /// The output folder was made with other settings.
+    #[error("{0} was made with other settings; resume with the same ones, use --force, or use another folder")]
+    OtherSettings(String),
+    /// The output folder was made from other images.
+    #[error("{0} was made from another capture; resume with that one, use --force, or use another folder")]
+    OtherCapture(String),
+    /// No parts are found before training.
+    #[error("with these settings parts are learnt in training: none are found before it")]
+    PartsLearnt,
+    /// Settings that cannot be used.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// Parts could not be found.
+    #[error(transparent)]
+    Discover(#[from] DiscoverError),
+    /// `corrections.json` cannot be read.
+    #[error("{0}; correct the file or remove it")]
+    Corrections(FileError),
+    /// `corrections.json` cannot be applied.
+    #[error(transparent)]
+    Correct(#[from] CorrectError),
+    /// The baseline could not find parts.
+    #[error(transparent)]
+    Registration(#[from] RegistrationError),
+    /// Training failed.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+    /// Meshing failed.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+    /// A file could not be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A replica could not be read or written.
+    #[error(transparent)]
+    Replica(#[from] artgs_io::replica::ReplicaFileError),
+}
+
+impl Error {
+    /// True if the user has to change the capture, the settings or the command.
+    pub fn is_bad_input(&self) -> bool {
+        match self {
+            Self::PartsMissing
+            | Self::PartsLearnt
+            | Self::OtherSettings(_)
+            | Self::OtherCapture(_)
+            | Self::Config(_)
+            | Self::Discover(_)
+            | Self::Corrections(_)
+            | Self::Correct(_)
+            | Self::Registration(_)
+            | Self::Replica(_) => true,
+            Self::Fit(_) | Self::Surface(_) | Self::File(_) => false,
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! The method in one call, on disk or in memory, and its three parts alone.
+
+use super::stages::Run;
+use super::{FittedParts, Error, Reconstructed};
+use crate::config::{Config, Method};
+use crate::discover::Discovery;
+use crate::fit::{Cpu, Devices};
+use crate::observer::Observer;
+use crate::run::points::PartSource;
+use crate::surface::PartMeshes;
+use artgs_core::{Capture, Replica};
+use artgs_io::run_folder::RunFolder;
+use std::path::PathBuf;
+
+/// What to reconstruct and how.
+#[derive(Clone, Debug)]
+pub struct Reconstruction<'a> {
+    /// Photos of both states.
+    pub capture: &'a Capture,
+    /// All settings; `parts` must be given.
+    pub config: Config,
+    /// What trains.
+    pub devices: &'a dyn Devices,
+    /// Take stages that an earlier run saved in the same folder, and apply its `corrections.json`.
+    pub resume: bool,
+}
+
+impl<'a> Reconstruction<'a> {
+    /// The default method on the processor, from the start. `parts` counts the static part.
+    pub fn new(capture: &'a Capture, parts: usize) -> Self {
+        let config = Config { parts: Some(parts), ..Config::default() };
+        Self { capture, config, devices: &Cpu, resume: false }
+    }
+
+    /// Runs all stages, saves each in the folder `out` when it is finished, and writes the replica there. The same seed
+    /// on the same machine gives the same files, as far as its devices do.
+    pub fn run(&self, out: impl Into<PathBuf>, observer: &mut dyn Observer) -> Result<Replica, Error> {
+        Ok(self.run_in(&RunFolder::new(out), observer)?.replica)
+    }
+
+    /// Like [`Reconstruction::run`]; returns everything that was computed.
+    pub fn run_in(&self, folder: &RunFolder, observer: &mut dyn Observer) -> Result<Reconstructed, Error> {
+        self.compute_with(Some(folder), observer)
+    }
+
+    /// Runs all stages in memory: no file is read or written. The result is the one that [`Reconstruction::run`] gives
+    /// in an empty folder; [`Reconstructed::save`] writes it.
+    pub fn compute(&self, observer: &mut dyn Observer) -> Result<Reconstructed, Error> {
+        self.compute_with(None, observer)
+    }
+
+    fn compute_with(&self, folder: Option<&RunFolder>, observer: &mut dyn Observer) -> Result<Reconstructed, Error> {
+        let parts = self.checked()?;
+        let mut run = Run::open(self, folder, observer)?;
+        match self.config.method {
+            Method::Discover => {
+                let depths = run.depths()?;
+                let found = run.discover(&depths, parts)?;
+                let found = run.corrected(&depths, found)?;
+                let (fitted, found) = run.articulate(found, parts)?;
+                let meshes = run.surface(&depths, &found, &fitted)?;
+                run.assemble(fitted, meshes, Some(found))
+            }
+            Method::Registration => {
+                let depths = run.captured_depths()?;
+                let found = run.register(&depths, parts)?;
+                let found = run.corrected(&depths, found)?;
+                let fitted = FittedParts { trained: None, parts: found.parts.clone() };
+                let meshes = run.surface(&depths, &found, &fitted)?;
+                run.assemble(fitted, meshes, Some(found))
+            }
+            Method::Paper => {
+                run.warn_of_ignored_corrections();
+                let single = run.single()?;
+                let fitted = run.published(&single, parts)?;
+                let meshes = run.rendered_surface(&fitted)?;
+                run.assemble(fitted, meshes, None)
+            }
+        }
+    }
+
+    /// Finds parts, joints and labelled surface points in memory; trains nothing, unless the capture has no depth.
+    pub fn find_parts(&self, observer: &mut dyn Observer) -> Result<Discovery, Error> {
+        self.find_parts_with(None, observer)
+    }
+
+    /// The same, saved in a folder for [`found_parts`] and for a run that resumes. Corrections are applied by that run,
+    /// not here.
+    pub fn find_parts_in(&self, folder: &RunFolder, observer: &mut dyn Observer) -> Result<Discovery, Error> {
+        self.find_parts_with(Some(folder), observer)
+    }
+
+    fn find_parts_with(&self, folder: Option<&RunFolder>, observer: &mut dyn Observer) -> Result<Discovery, Error> {
+        let parts = self.checked()?;
+        if !finds_parts(&self.config) {
+            return Err(Error::PartsLearnt);
+        }
+        let mut run = Run::open(self, folder, observer)?;
+        if self.config.method == Method::Registration {
+            let depths = run.captured_depths()?;
+            return run.register(&depths, parts);
+        }
+        let depths = run.depths()?;
+        run.discover(&depths, parts)
+    }
+
+    /// Trains Gaussians on found parts, in memory. Part `k` of the result is part `k` of `found`.
+    pub fn train(&self, found: &Discovery, observer: &mut dyn Observer) -> Result<FittedParts, Error> {
+        let parts = found.parts.len() + 1;
+        Ok(Run::open(self, None, observer)?.articulate(found.clone(), parts)?.0)
+    }
+
+    /// Fuses the depth maps of both states into meshes of the found parts, in memory. Motions are those of `fitted` where
+    /// it was trained, else the found ones.
+    pub fn fuse(
+        &self,
+        found: &Discovery,
+        fitted: Option<&FittedParts>,
+        observer: &mut dyn Observer,
+    ) -> Result<PartMeshes, Error> {
+        let untrained = FittedParts { trained: None, parts: found.parts.clone() };
+        let mut run = Run::open(self, None, observer)?;
+        let depths = run.depths()?;
+        run.surface(&depths, found, fitted.unwrap_or(&untrained))
+    }
+
+    fn checked(&self) -> Result<usize, Error> {
+        self.config.check()?;
+        self.config.parts.ok_or(Error::PartsMissing)
+    }
+}
+
+/// True if parts are found before any training, so that they can be corrected.
+pub fn finds_parts(config: &Config) -> bool {
+    config.method != Method::Paper && config.start.parts == PartSource::Labels
+}
