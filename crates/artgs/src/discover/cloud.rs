@@ -61,7 +61,7 @@ impl Cloud {
 
     /// Keeps, of every occupied cube of edge `voxel` and main direction, the point with the smoothest neighbourhood.
     /// Two sides of a thin plate are kept apart by the main axis of their normals. Sorted by cube.
-    pub(super) fn thinned(&self, voxel: f32) -> Self {
+    pub(crate) fn thinned(&self, voxel: f32) -> Self {
         let key = |i: usize| {
             let (c, n) = ((self.points[i] / voxel).floor().as_ivec3(), self.normals[i]);
             let axis = n.abs().max_position();

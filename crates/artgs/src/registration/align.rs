@@ -6,7 +6,7 @@ use crate::discover::cloud::IndexedCloud;
 use crate::discover::registration::{Matching, Registration, RegistrationOptions, register};
 use crate::discover::scene::Lengths;
 use artgs_core::{JointKind, PerState, Rigid, State};
-use glam::{DMat3, DQuat, DVec3, Vec3};
+use glam::{DMat3, DQuat, DVec3};
 use nalgebra::{Matrix3, SymmetricEigen};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};

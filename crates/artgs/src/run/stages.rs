@@ -154,7 +154,7 @@ impl<'a> Run<'a> {
 
     pub(super) fn scene(&self, depths: &Depths<'a>) -> Result<Scene, Error> {
         let pictures = depth_pictures(self.train_views(), depths);
-        Ok(Scene::new(State::ALL.map(|s| &pictures[s][..]), &self.config.discover)?)
+        Ok(Scene::new(pictures.as_ref().map(Vec::as_slice), &self.config.discover)?)
     }
 
     /// Parts, joints and labelled points; only points where training is to learn the parts.
@@ -163,7 +163,7 @@ impl<'a> Run<'a> {
             let scene = run.scene(depths)?;
             Ok(match run.config.start.parts {
                 PartSource::Labels => discover::discover(&scene, parts - 1, &run.config.discover)?,
-                PartSource::Learnt => discover::undiscovered(&scene),
+                PartSource::Learnt => discover::without_parts(&scene),
             })
         })
     }
