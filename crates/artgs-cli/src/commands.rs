@@ -20,9 +20,7 @@ pub(crate) struct Style {
 pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
     let style = Style { json: cli.wants_json(), quiet: cli.quiet };
     match &cli.command {
-        Command::Inspect(args) => {
-            Report::new(&artgs_io::summarize(&load_capture(&args.capture)?))?.show(style.json)
-        }
+        Command::Inspect(args) => Report::new(&artgs_io::summarize(&load_capture(&args.capture)?))?.show(style.json),
         Command::Reconstruct(args) => reconstruct::run(args, style),
         Command::Evaluate(args) => evaluate::run(args, style),
         Command::Demo(args) => demo::run(args, style),

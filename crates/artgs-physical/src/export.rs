@@ -100,7 +100,8 @@ impl ExportOptions {
         let RequestedOptions { name, capture, density, collision, observed_limits, triangles } = report.options;
         let defaults = Self::default();
         let wanted = |format: &Format| Self::SHOWN.contains(format) || folder.has_export(*format);
-        let collision = collision.map(|name| name.parse().map_err(|e| FileError::malformed(&folder.export_report(), e)));
+        let collision =
+            collision.map(|name| name.parse().map_err(|e| FileError::malformed(&folder.export_report(), e)));
         Ok(Self {
             formats: defaults.formats.into_iter().filter(wanted).collect(),
             name: name.unwrap_or(defaults.name),
@@ -208,7 +209,8 @@ pub fn export(
     let splats = folder.load_part_splats(replica.parts.len()).map_err(ExportError::Input)?;
     let parts = Parts { replica: &replica, meshes: &meshes, splats: splats.as_deref() };
     let by_coacd = |mesh: &Mesh| coacd::decompose(mesh);
-    let decomposer = (options.collision == CollisionSource::Coacd).then_some(&by_coacd as &crate::decompose::Decomposer);
+    let decomposer =
+        (options.collision == CollisionSource::Coacd).then_some(&by_coacd as &crate::decompose::Decomposer);
     let built = build(&options.name, &parts, capture, &config, decomposer).map_err(ExportError::Build)?;
     built.surfaces.iter().flat_map(|surface| &surface.warnings).for_each(|warning| warn(warning));
     check_asset(&built.asset).map_err(|reason| ExportError::Asset { path: folder.replica(), reason })?;

@@ -8,7 +8,8 @@ use artgs_io::{CentreEdit, Corrections};
 pub(crate) fn pending(all: &Corrections, earlier: &Corrections, found: usize) -> Option<Corrections> {
     let further = all.centres.strip_prefix(earlier.centres.as_slice())?;
     let known = found + earlier.centres.iter().filter(|e| matches!(e, CentreEdit::Add { .. })).count();
-    let left: Vec<usize> = (1..=known).filter(|p| earlier.centres.iter().all(|e| e.removed_part() != Some(*p))).collect();
+    let left: Vec<usize> =
+        (1..=known).filter(|p| earlier.centres.iter().all(|e| e.removed_part() != Some(*p))).collect();
     let renumber = |part: usize| match part.checked_sub(known + 1) {
         Some(added) => Some(left.len() + 1 + added),
         None => left.iter().position(|p| *p == part).map(|i| i + 1),

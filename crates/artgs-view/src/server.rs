@@ -244,7 +244,9 @@ impl Server {
                 Ok(text) => Answer::bytes(text.as_bytes(), "application/json"),
                 Err(error) => Answer::text(500, &error.to_string()),
             },
-            None => Answer::text(409, "corrections.json lacks corrections that are already applied to the shown replica"),
+            None => {
+                Answer::text(409, "corrections.json lacks corrections that are already applied to the shown replica")
+            }
         }
     }
 

@@ -34,7 +34,8 @@ impl Observer for Printer {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let options = CabinetOptions { views: 20, test_views: 2, size: 96, ..CabinetOptions::default() };
     let (capture, _) = cabinet_capture(&options)?;
-    let config = Config::default().overridden_by("parts = 3\n[articulate]\nsteps = 40\n[surface]\nresolution = 80.0")?;
+    let config =
+        Config::default().overridden_by("parts = 3\n[articulate]\nsteps = 40\n[surface]\nresolution = 80.0")?;
     let made = Reconstruction { config, ..Reconstruction::new(&capture, 3) }.compute(&mut Printer::default())?;
     println!("{}", made.summary);
     Ok(())

@@ -13,7 +13,8 @@ use std::path::Path;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     const PART: usize = 1;
     let (capture, _) = cabinet_capture(&CabinetOptions { views: 20, size: 96, ..CabinetOptions::default() })?;
-    let config = Config::default().overridden_by("parts = 3\n[articulate]\nsteps = 60\n[surface]\nresolution = 80.0")?;
+    let config =
+        Config::default().overridden_by("parts = 3\n[articulate]\nsteps = 60\n[surface]\nresolution = 80.0")?;
     let made = Reconstruction { config, ..Reconstruction::new(&capture, 3) }.compute(&mut NullObserver)?;
     let canonical = made.part_splats(PART).ok_or("the baseline has no Gaussians")?;
     // From the canonical state, midway between the states, to each of them. Colours turn with the part.

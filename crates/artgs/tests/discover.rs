@@ -29,7 +29,8 @@ fn found(options: &CabinetOptions, movable: usize) -> (Capture, Cabinet, Discove
     let (capture, cabinet) = cabinet_capture(options).expect("the cabinet is drawn");
     let config = DiscoverConfig::default();
     let states = [0, 1].map(|s| pictures(&capture.states[s].train));
-    let scene = Scene::new(artgs_core::PerState::new(&states[0][..], &states[1][..]), &config).expect("there are surface points");
+    let scene = Scene::new(artgs_core::PerState::new(&states[0][..], &states[1][..]), &config)
+        .expect("there are surface points");
     let discovery = discover(&scene, movable, &config).expect("two parts moved");
     (capture, cabinet, discovery)
 }

@@ -10,8 +10,8 @@ use crate::fit::images::Rect;
 use crate::fit::score::{over_black, psnr};
 use crate::fit::ssim::Ssim;
 use artgs_core::{Capture, Replica, State, View};
-use artgs_io::{FileError, RunFolder};
 use artgs_io::replica::ReplicaFileError;
+use artgs_io::{FileError, RunFolder};
 use artgs_raster::{Frame, Rasterizer};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -79,7 +79,11 @@ impl fmt::Display for PictureReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:<8} {:>9} {:>9} {:>9} {:>9} {:>9}", "pictures", "PSNR dB", "SSIM", "FLIP", "LPIPS", "views")?;
         let found: Vec<PictureScores> = self.pictures.into_iter().flatten().collect();
-        let rows = State::ALL.map(State::name).into_iter().zip(self.pictures).chain([("mean", PictureScores::mean_of(&found))]);
+        let rows = State::ALL
+            .map(State::name)
+            .into_iter()
+            .zip(self.pictures)
+            .chain([("mean", PictureScores::mean_of(&found))]);
         for (name, scores) in rows {
             let Some(s) = scores else {
                 write!(f, "\n{name:<8} {:>9} {:>9} {:>9} {:>9} {:>9}", "-", "-", "-", "-", 0)?;

@@ -133,6 +133,7 @@ fn cost(points: &PerState<IndexedCloud<'_>>, motion: &Rigid, samples: usize, len
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
 
     /// A box with sides 0.5, 0.3 and 0.1, one of whose faces is missing, moved.
     fn open_box(motion: &Rigid) -> Cloud {

@@ -78,9 +78,7 @@ impl Run<'_> {
 
 /// The joints' origins are near the parts at the start state.
 fn replica(parts: &[JointEstimate], meshes: &PartMeshes) -> Replica {
-    let joint = |(k, part): (usize, &JointEstimate)| {
-        part.joint_near(middle(&meshes.parts[k + 1][0]))
-    };
+    let joint = |(k, part): (usize, &JointEstimate)| part.joint_near(middle(&meshes.parts[k + 1][0]));
     let joints: Vec<Joint> = parts.iter().enumerate().map(joint).collect();
     let mut replica = Replica::new(&joints);
     for (part, found) in replica.parts[1..].iter_mut().zip(parts) {

@@ -2,8 +2,8 @@
 
 use super::Error;
 use super::points::{points_as_splats, splats_as_points};
-use crate::articulation::Trained;
 use crate::articulation::MotionParameters;
+use crate::articulation::Trained;
 use crate::discover::Discovery;
 use artgs_core::{JointEstimate, PerState, Splats, State};
 use artgs_io::run_folder::{CANONICAL_FRAME, RunFolder, load_json, remove_file, save_json};

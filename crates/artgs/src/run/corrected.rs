@@ -1,9 +1,9 @@
 //! Corrections by a person, applied when a run resumes.
 
+use super::Error;
 use super::checkpoint;
 use super::points::PartSource;
 use super::stages::{Depths, Run};
-use super::Error;
 use crate::discover::{self, Discovery};
 use crate::observer::Event;
 use artgs_io::run_folder::{RunFolder, load_text};
@@ -38,12 +38,7 @@ impl<'a> Run<'a> {
         Ok(corrected)
     }
 
-    fn apply(
-        &mut self,
-        depths: &Depths<'a>,
-        found: &Discovery,
-        corrections: &Corrections,
-    ) -> Result<Discovery, Error> {
+    fn apply(&mut self, depths: &Depths<'a>, found: &Discovery, corrections: &Corrections) -> Result<Discovery, Error> {
         self.observer.event(Event::started("correct"));
         let begun = Instant::now();
         let corrected = discover::correct(&self.scene(depths)?, found, corrections, &self.config.discover)?;

@@ -42,14 +42,10 @@ pub(super) fn fuse_labelled(
 }
 
 /// Views at the size that voxels ask for.
-fn thinned<'p>(
-    pictures: &PerState<Vec<DepthPicture<'p>>>,
-    config: &SurfaceConfig,
-) -> PerState<Vec<FusionView<'p>>> {
+fn thinned<'p>(pictures: &PerState<Vec<DepthPicture<'p>>>, config: &SurfaceConfig) -> PerState<Vec<FusionView<'p>>> {
     // A pixel may be a little larger than a voxel.
     const PIXEL_PER_VOXEL: f64 = 1.2;
-    let fitting =
-        || discover::pixel_step(pictures.as_ref().map(Vec::as_slice), PIXEL_PER_VOXEL / config.resolution);
+    let fitting = || discover::pixel_step(pictures.as_ref().map(Vec::as_slice), PIXEL_PER_VOXEL / config.resolution);
     let step = if config.voxel.is_none() { fitting() } else { 1 };
     let fusion_view = |picture: &DepthPicture<'p>| {
         let (camera, depth) = picture.thinned_depth(step);

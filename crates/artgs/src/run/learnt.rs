@@ -2,8 +2,8 @@
 
 use super::points::discs;
 use crate::articulation::training::types::still_start;
-use crate::articulation::{Start, Trained};
 use crate::articulation::{MotionModel, MotionParameters};
+use crate::articulation::{Start, Trained};
 use crate::canonical::{Canonical, CanonicalError, canonical_init};
 use crate::config::Config;
 use crate::discover::Discovery;

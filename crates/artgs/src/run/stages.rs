@@ -247,7 +247,15 @@ impl<'a> Run<'a> {
             let config = PaperConfig { canonical, types, articulate };
             let mut follow = Following::new(run.observer, devices, &mut run.summary.warnings, "articulate");
             let (views, seed) = (views_of(run.what), run.config.seed);
-            let result = paper_pipeline(views, &State::ALL.map(|s| single[s].clone()), parts, &config, seed, devices, &mut follow)?;
+            let result = paper_pipeline(
+                views,
+                &State::ALL.map(|s| single[s].clone()),
+                parts,
+                &config,
+                seed,
+                devices,
+                &mut follow,
+            )?;
             run.summary.device = Some(devices.name());
             let parts = joints_of(&result.trained, config.types.half_angle_deg.to_radians());
             run.save(|folder| checkpoint::save_trained(folder, &result.trained, &parts))?;
