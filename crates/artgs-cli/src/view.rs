@@ -8,7 +8,7 @@ use crate::folder::{load_capture, photos_of};
 use crate::output::{note, say};
 use crate::rerun;
 use anyhow::Context;
-use artgs::discover::{DiscoverConfig, glimpse};
+use artgs::discover::{DiscoverConfig, moved_points};
 use artgs_core::{Capture, Joint, JointEstimate, State};
 use artgs_io::RunFolder;
 use artgs_io::asset::Format;
@@ -125,7 +125,7 @@ fn add_photos(page: &mut Page, run: &RunFolder, photos: Option<&Path>, style: St
     page.add_cameras(&cameras(&load_capture(&folder)?, &folder), placement).map_err(Failure::bad_input)
 }
 
-fn points(state: State, cloud: &artgs::discover::observe::Cloud, marks: Vec<u8>) -> Cloud {
+fn points(state: State, cloud: &artgs::discover::Cloud, marks: Vec<u8>) -> Cloud {
     let colors = cloud.colors.iter().map(|c| c.to_array().map(|x| (255.0 * x).round().clamp(0.0, 255.0) as u8));
     Cloud { state, points: cloud.points.iter().map(|p| p.to_array()).collect(), colors: colors.collect(), marks }
 }
@@ -138,7 +138,7 @@ fn capture(folder: &Path, style: Style) -> Result<Page, Failure> {
     let placement = Placement::default();
     page.place(placement);
     page.add_cameras(&cameras(&capture, folder), placement).map_err(Failure::bad_input)?;
-    let seen = glimpse(&capture, &DiscoverConfig::default()).map_err(|e| Failure::BadInput(e.into()))?;
+    let seen = moved_points(&capture, &DiscoverConfig::default()).map_err(|e| Failure::BadInput(e.into()))?;
     if seen.iter().all(|s| s.cloud.is_empty()) {
         note("the capture has no depth: no points are shown", style);
     }

@@ -9,8 +9,8 @@ use artgs::{Config, Reconstruction};
 use artgs_core::{Capture, JointKind, Replica};
 use artgs_io::{CentreEdit, Corrections, JointMark, RunFolder, read_replica, write_corrections};
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
-use std::path::Path;
 use common::reconstruct;
+use std::path::Path;
 
 fn resume(capture: &Capture, out: &Path, config: &Config) -> (Replica, Vec<String>) {
     let mut events: Vec<Event> = Vec::new();

@@ -6,12 +6,12 @@ use artgs::fit::{Backend, Cpu, Devices, FitError, TrainConfig, TrainImage, WithF
 use artgs::observer::{Event, NullObserver};
 use artgs::{Config, Reconstruction, Summary};
 use artgs_core::{Capture, State};
-use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
-use std::fs;
-use std::path::Path;
 use artgs_io::RunFolder;
 use artgs_io::run_folder::load_json;
+use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
 use common::reconstruct;
+use std::fs;
+use std::path::Path;
 
 fn cabinet(dir: &Path) -> Capture {
     let options = CabinetOptions { views: 24, test_views: 4, size: 112, ..CabinetOptions::default() };

@@ -2,13 +2,13 @@
 
 mod common;
 
+use artgs::Config;
 use artgs::fit::Cpu;
 use artgs::observer::{Event, NullObserver};
-use artgs::Config;
-use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
-use std::fs;
 use artgs_io::RunFolder;
+use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
 use common::reconstruct;
+use std::fs;
 
 #[test]
 fn a_door_and_a_drawer_are_registered_and_written_without_splats() {

@@ -2,16 +2,16 @@
 
 mod common;
 
+use artgs::Config;
 use artgs::ablation::{apply, variants};
 use artgs::fit::Cpu;
 use artgs::observer::{Event, NullObserver};
-use artgs::Config;
 use artgs_core::{Capture, JointKind};
+use artgs_io::RunFolder;
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
+use common::reconstruct;
 use std::fs;
 use std::path::Path;
-use artgs_io::RunFolder;
-use common::reconstruct;
 
 fn cabinet(folder: &Path, views: usize, size: u32) -> Capture {
     let options = CabinetOptions { views, test_views: 1, size, ..CabinetOptions::default() };

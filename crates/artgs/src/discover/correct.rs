@@ -1,16 +1,17 @@
-//! Parts as a person corrects them: some added, moved, deleted or merged, joint types given.
+//! Parts as a user corrects them: some added, moved, deleted or merged, joint types given.
 
-use super::propose::Proposal;
-use super::register::Searchable;
-use super::{DiscoverConfig, DiscoverError, Discovery, Scene, Seen, settle};
-use artgs_core::{JointKind, Rigid};
+use super::candidates::Candidate;
+use super::config::StepSettings;
+use super::{DiscoverConfig, DiscoverError, Discovery, Evidence, Scene, refine_parts};
+use artgs_core::{JointKind, Rigid, State};
 use artgs_io::{CentreEdit, Corrections};
 use glam::{DVec3, Vec3};
 
-/// Why corrections cannot be honoured.
+/// Why corrections cannot be applied.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CorrectError {
-    /// They name a part that is not there.
+    /// They name a part that does not exist.
     #[error(
         "corrections.json names part {part}, but there are parts 1 to {count}; they are numbered as they were found, added ones last"
     )]
@@ -28,15 +29,15 @@ pub enum CorrectError {
         /// As the file says.
         position: [f64; 3],
     },
-    /// Nothing is left.
+    /// No part remains.
     #[error("corrections.json deletes every movable part")]
     NothingLeft,
-    /// See there.
+    /// Parts cannot be found at all.
     #[error(transparent)]
     Discover(#[from] DiscoverError),
 }
 
-/// A part on its way through the corrections.
+/// A part while corrections are applied.
 #[derive(Clone, Copy)]
 struct Kept {
     /// Number in what was found; added ones have the next.
@@ -44,36 +45,45 @@ struct Kept {
     motion: Rigid,
 }
 
-/// What was found, corrected: edits in their order, then points are labelled and parts registered anew. Parts keep their
-/// order; added ones come last. A part moved to where its points are not stands for another one there.
+/// Distance up to which a position is on a part, fraction of the diagonal.
+const ON_PART: f32 = 0.1;
+/// Radius of the Gaussian window around a position in which a motion must explain points, fraction of the diagonal.
+const WINDOW: f32 = 0.12;
+/// Least weighted points in that window.
+const LEAST_WEIGHT: f32 = 12.0;
+/// Motions that differ by less around a position are the same, spacings.
+const SAME_MOTION: f32 = 2.0;
+
+/// What was found, corrected: edits in their order, then points are labelled and parts registered again. Parts keep their
+/// order; added ones come last. A part moved to where its points are not stands for another one at that place.
 pub fn correct(
     scene: &Scene,
     found: &Discovery,
     corrections: &Corrections,
     config: &DiscoverConfig,
 ) -> Result<Discovery, CorrectError> {
-    let search = scene.states.each_ref().map(|s| Searchable::new(&s.cloud));
-    let seen = Seen::new(scene)?;
-    let asked = |e: &CentreEdit| matches!(e, CentreEdit::Add { .. } | CentreEdit::Move { .. });
-    let pool = match corrections.centres.iter().any(asked) {
-        true => seen.proposals(scene, &search, found.parts.len() + 2, config),
+    let clouds = scene.indexed_clouds();
+    let evidence = Evidence::new(scene)?;
+    let settings = StepSettings::default();
+    let needs_motion = |e: &CentreEdit| matches!(e, CentreEdit::Add { .. } | CentreEdit::Move { .. });
+    let pool = match corrections.centres.iter().any(needs_motion) {
+        true => evidence.candidates(scene, &clouds, found.parts.len() + 2, config, &settings),
         false => Vec::new(),
     };
     let mut kept: Vec<Kept> =
         found.parts.iter().enumerate().map(|(k, p)| Kept { number: k + 1, motion: p.motion }).collect();
     // Parts found and added so far.
     let mut count = found.parts.len();
-    let known = |part: usize, count: usize| {
-        if part <= count { Ok(part) } else { Err(CorrectError::NoSuchPart { part, count }) }
-    };
     for edit in &corrections.centres {
         match *edit {
-            CentreEdit::Delete { part } | CentreEdit::Merge { part, .. } => {
-                let gone = known(part, count)?;
-                if let CentreEdit::Merge { into, .. } = *edit {
-                    known(into, count)?;
-                }
-                kept.retain(|k| k.number != gone);
+            CentreEdit::Delete { part } => {
+                let part = checked(part, count)?;
+                kept.retain(|k| k.number != part);
+            }
+            CentreEdit::Merge { part, into } => {
+                let part = checked(part, count)?;
+                checked(into, count)?;
+                kept.retain(|k| k.number != part);
             }
             CentreEdit::Add { position } => {
                 let motion = motion_at(scene, &pool, position, &kept)?;
@@ -81,8 +91,8 @@ pub fn correct(
                 kept.push(Kept { number: count, motion });
             }
             CentreEdit::Move { part, position } => {
-                let part = known(part, count)?;
-                if part > found.parts.len() || !stands_at(found, part, position) {
+                let part = checked(part, count)?;
+                if part > found.parts.len() || !is_on_part(found, part, position) {
                     let others: Vec<Kept> = kept.iter().copied().filter(|k| k.number != part).collect();
                     let motion = motion_at(scene, &pool, position, &others)?;
                     kept.iter_mut().filter(|k| k.number == part).for_each(|k| k.motion = motion);
@@ -94,41 +104,48 @@ pub fn correct(
         return Err(CorrectError::NothingLeft);
     }
     for mark in &corrections.joints {
-        known(mark.part, count)?;
+        checked(mark.part, count)?;
     }
     let kind = |k: &Kept| corrections.joints.iter().find(|mark| mark.part == k.number).map(|mark| mark.kind);
     let kinds: Vec<Option<JointKind>> = kept.iter().map(kind).collect();
     let motions: Vec<Rigid> = kept.iter().map(|k| k.motion).collect();
-    let (parts, labels) = settle(scene, &search, &seen.at_rest, &motions, &kinds, config);
-    Ok(seen.told(scene, parts, labels, Vec::new()))
+    let (parts, labels) = refine_parts(scene, &clouds, &evidence, &motions, &kinds, config, &settings);
+    Ok(evidence.result(scene, parts, labels, Vec::new(), &settings))
 }
 
-/// True if a position is among a part's points at the start, or no farther from them than a tenth of the diagonal.
-fn stands_at(found: &Discovery, part: usize, position: [f64; 3]) -> bool {
+/// The part number if there are so many parts.
+fn checked(part: usize, count: usize) -> Result<usize, CorrectError> {
+    if part <= count { Ok(part) } else { Err(CorrectError::NoSuchPart { part, count }) }
+}
+
+/// True if a position is near a part's points at the start.
+fn is_on_part(found: &Discovery, part: usize, position: [f64; 3]) -> bool {
     let at = DVec3::from_array(position).as_vec3();
-    let own = found.clouds[0].points.iter().zip(&found.labels[0]).filter(|(_, label)| usize::from(**label) == part);
-    own.map(|(p, _)| p.distance(at)).fold(f32::INFINITY, f32::min) < 0.1 * found.diagonal as f32
+    let points = found.clouds[State::START].points.iter().zip(&found.labels[State::START]);
+    let own = points.filter(|(_, label)| usize::from(**label) == part);
+    own.map(|(p, _)| p.distance(at)).fold(f32::INFINITY, f32::min) < ON_PART * found.diagonal as f32
 }
 
 /// The candidate that explains most of what moved around a position, other than the motions of `taken` parts.
-fn motion_at(scene: &Scene, pool: &[Proposal], position: [f64; 3], taken: &[Kept]) -> Result<Rigid, CorrectError> {
+fn motion_at(scene: &Scene, pool: &[Candidate], position: [f64; 3], taken: &[Kept]) -> Result<Rigid, CorrectError> {
     let at = DVec3::from_array(position).as_vec3();
-    let reach = 0.12 * scene.scales.diagonal;
-    let clouds = scene.states.each_ref().map(|s| &s.cloud);
-    // At the end the part is where the candidate takes the position.
-    let weight = |p: &Proposal| -> f32 {
-        let there = p.motion.apply(at.as_dvec3()).as_vec3();
-        let near = |s: usize, centre: Vec3| -> f32 {
-            let distances = p.explained[s].iter().map(|&i| clouds[s].points[i].distance(centre));
+    let reach = WINDOW * scene.lengths.diagonal;
+    let weight = |c: &Candidate| -> f32 {
+        let near = |s: State, centre: Vec3| -> f32 {
+            let points = &scene.states[s].cloud.points;
+            let distances = c.explained[s].iter().map(|&i| points[i].distance(centre));
             distances.map(|d| (-0.5 * (d / reach) * (d / reach)).exp()).sum()
         };
-        (near(0, at) + near(1, there)) * (1.0 - p.effort)
+        // At the end the part is where the candidate takes the position.
+        let at_end = c.motion.apply(at.as_dvec3()).as_vec3();
+        (near(State::START, at) + near(State::END, at_end)) * (1.0 - c.implausibility)
     };
-    let alike = |p: &Proposal| {
-        let gap = |k: &Kept, x: Vec3| k.motion.apply(x.as_dvec3()).distance(p.motion.apply(x.as_dvec3()));
+    let alike = |c: &Candidate| {
+        let gap = |k: &Kept, x: Vec3| k.motion.apply(x.as_dvec3()).distance(c.motion.apply(x.as_dvec3()));
         let around = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z].map(|d| at + d * reach);
-        taken.iter().any(|k| around.iter().all(|x| gap(k, *x) < f64::from(2.0 * scene.scales.spacing)))
+        let same = f64::from(SAME_MOTION * scene.lengths.spacing);
+        taken.iter().any(|k| around.iter().all(|x| gap(k, *x) < same))
     };
-    let best = pool.iter().filter(|p| !alike(p)).map(|p| (weight(p), p)).max_by(|a, b| a.0.total_cmp(&b.0));
-    best.filter(|b| b.0 > 12.0).map(|b| b.1.motion).ok_or(CorrectError::NothingThere { position })
+    let best = pool.iter().filter(|c| !alike(c)).map(|c| (weight(c), c)).max_by(|a, b| a.0.total_cmp(&b.0));
+    best.filter(|b| b.0 > LEAST_WEIGHT).map(|b| b.1.motion).ok_or(CorrectError::NothingThere { position })
 }

@@ -1,70 +1,68 @@
 //! Part discovery from depth: what moved, by which motion, and which part every surface point belongs to.
 //!
-//! A point that the other state's depth maps look through has moved; one they hide is merely unseen. Motions are
-//! searched for clusters of moved points, then parts and motions are refined in turn.
+//! A point at whose place the other state's depth maps show empty space has moved; a place that they do not show says
+//! nothing. [`candidates`] searches motions for clusters of moved points, [`selection`] chooses among them, and then parts
+//! and motions are refined in turn: [`segmentation`] labels the points, [`joints`] registers the parts. [`diagnosis`]
+//! reports what does not fit.
+//!
+//! ```no_run
+//! use artgs::discover::{DepthPicture, DiscoverConfig, Scene, discover};
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let capture = artgs_io::load_capture("my_capture".as_ref())?;
+//! let pictures = capture.states.as_ref().map(|state| {
+//!     let views = state.train.iter();
+//!     views.filter_map(|view| Some(DepthPicture { view, depth: view.depth.as_ref()? })).collect::<Vec<_>>()
+//! });
+//! let config = DiscoverConfig::default();
+//! let scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config)?;
+//! let found = discover(&scene, 2, &config)?;
+//! for part in &found.parts {
+//!     println!("{:?} with confidence {:?}", part.kind, part.confidence);
+//! }
+//! # Ok(())
+//! # }
+//! ```
 
+mod candidates;
+pub(crate) mod cloud;
+mod config;
 mod correct;
-pub mod cut;
-pub mod field;
-mod glimpse;
-pub mod label;
-pub mod observe;
-pub mod propose;
-pub mod register;
-mod scene;
-pub mod select;
+pub(crate) mod diagnosis;
+mod graph_cut;
+mod joints;
+mod landing;
+mod moved_points;
+mod poses;
+mod ranking;
+pub(crate) mod registration;
+pub(crate) mod scene;
+mod segmentation;
+mod selection;
+mod space_grid;
+pub(crate) mod visibility;
 
-use artgs_core::{Joint, JointEstimate, JointKind, Rigid};
+use artgs_core::{JointEstimate, JointKind, PerState, Rigid, State};
+use candidates::{Candidate, Search, SearchState};
+pub use cloud::Cloud;
+use cloud::IndexedCloud;
+pub use config::DiscoverConfig;
+use config::StepSettings;
 pub use correct::{CorrectError, correct};
-use field::Field;
 use glam::Vec3;
-pub use glimpse::{Glimpse, glimpse};
-use label::{AtRest, LabelCosts};
-use observe::{Cloud, Sightings};
-use propose::{Scales, Side};
-use register::{Match, RegisterOptions, Searchable};
+use joints::JointFit;
+pub use moved_points::{MovedPoints, moved_points};
 pub use scene::{DepthPicture, Scene, pixel_step};
-use serde::{Deserialize, Serialize};
-
-/// Settings of part discovery. Lengths are fractions of the object's diagonal unless said otherwise.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct DiscoverConfig {
-    /// Distance between the surface points that are labelled; never below one pixel.
-    pub spacing: f64,
-    /// Edge of a cube of the lookup grid.
-    pub voxel: f64,
-    /// A motion must explain at least this fraction of all moved points.
-    pub least_share: f64,
-    /// Rounds of labelling and registering.
-    pub rounds: usize,
-    /// Motions that turn less than this are slides, degrees, unless a hinge fits clearly better.
-    pub revolute_deg: f64,
-    /// Decide between hinge and slide and register parts on their joints. Otherwise, an ablation, they keep general rigid
-    /// motions, and those that turn by more than `revolute_deg` are told revolute in the end.
-    pub decide_joints: bool,
-}
-
-impl Default for DiscoverConfig {
-    fn default() -> Self {
-        Self {
-            spacing: 1.0 / 160.0,
-            voxel: 1.0 / 110.0,
-            least_share: 0.004,
-            rounds: 3,
-            revolute_deg: 3.0,
-            decide_joints: true,
-        }
-    }
-}
+use segmentation::Labelling;
+use space_grid::SpaceGrid;
+use visibility::Occupancy;
 
 /// Labelled surface points of both states and the motions of the parts.
 #[derive(Clone, Debug, Default)]
 pub struct Discovery {
-    /// Surface points at start and end, world frame of each.
-    pub clouds: [Cloud; 2],
+    /// Surface points, world frame of each state.
+    pub clouds: PerState<Cloud>,
     /// Part of every point; 0 is static.
-    pub labels: [Vec<u16>; 2],
+    pub labels: PerState<Vec<u16>>,
     /// Parts 1.., largest first.
     pub parts: Vec<JointEstimate>,
     /// Diagonal of the object's bounding box, scene units.
@@ -73,15 +71,16 @@ pub struct Discovery {
     pub spacing: f64,
     /// Depth tolerance used, scene units.
     pub tolerance: f64,
-    /// What was odd, one sentence each.
+    /// What is doubtful, one sentence each.
     pub warnings: Vec<String>,
 }
 
 /// Why parts could not be found.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum DiscoverError {
     /// No usable depth.
-    #[error("no surface point could be back-projected from the {0} state: its depth maps are empty or torn")]
+    #[error("no surface point could be computed from the {0} state: its depth maps are empty or too noisy")]
     NoSurface(&'static str),
     /// Nothing moved.
     #[error("nothing moved between the two states: check that `start` and `end` show different joint positions")]
@@ -90,10 +89,11 @@ pub enum DiscoverError {
 
 /// Finds the movable parts (`movable` of them) and labels every surface point.
 pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Result<Discovery, DiscoverError> {
-    let search = scene.states.each_ref().map(|s| Searchable::new(&s.cloud));
-    let seen = Seen::new(scene)?;
-    let pool = seen.proposals(scene, &search, movable, config);
-    let chosen = select::select(scene, &search, &seen.moved, &pool, movable);
+    let clouds = scene.indexed_clouds();
+    let evidence = Evidence::new(scene)?;
+    let settings = StepSettings::default();
+    let pool = evidence.candidates(scene, &clouds, movable, config, &settings);
+    let chosen = selection::select(scene, &clouds, &evidence.moved, &pool, movable, &settings.selection);
     let mut warnings = Vec::new();
     if chosen.len() < movable {
         let found = chosen.len();
@@ -101,266 +101,142 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
     }
     let motions: Vec<Rigid> = chosen.iter().map(|&c| pool[c].motion).collect();
     let kinds = vec![None; motions.len()];
-    let (parts, labels) = settle(scene, &search, &seen.at_rest, &motions, &kinds, config);
-    Ok(seen.told(scene, parts, labels, warnings))
+    let (parts, labels) = refine_parts(scene, &clouds, &evidence, &motions, &kinds, config, &settings);
+    Ok(evidence.result(scene, parts, labels, warnings, &settings))
 }
 
-/// What the depth maps of the other state say about the points of each state.
-struct Seen {
-    at_rest: [Vec<AtRest>; 2],
-    /// Points that the other state looks through.
-    moved: [Vec<usize>; 2],
-    /// Points that the other state does not see.
-    unsure: [Vec<usize>; 2],
+/// What the depth maps of the other state show at the points of each state.
+struct Evidence {
+    occupancy: PerState<Vec<Occupancy>>,
+    /// Points at whose place the other state shows empty space.
+    moved: PerState<Vec<usize>>,
+    /// Points whose place the other state does not show.
+    unseen: PerState<Vec<usize>>,
 }
 
-impl Seen {
+/// Fewer moved points are noise.
+const LEAST_MOVED: usize = 24;
+
+impl Evidence {
     fn new(scene: &Scene) -> Result<Self, DiscoverError> {
-        let at_rest = [0, 1].map(|s| scene.at_rest(s));
-        let [moved, unsure] = [AtRest::Gone, AtRest::Unseen]
-            .map(|what| at_rest.each_ref().map(|at| (0..at.len()).filter(|&i| at[i] == what).collect::<Vec<usize>>()));
-        let seen = Self { at_rest, moved, unsure };
-        if seen.total() < 24 { Err(DiscoverError::NothingMoved) } else { Ok(seen) }
+        let occupancy = PerState::from_fn(|s| scene.occupancy_elsewhere(s));
+        let [moved, unseen] = [Occupancy::Empty, Occupancy::Unseen]
+            .map(|what| occupancy.as_ref().map(|at| (0..at.len()).filter(|&i| at[i] == what).collect::<Vec<usize>>()));
+        let evidence = Self { occupancy, moved, unseen };
+        if evidence.total() < LEAST_MOVED { Err(DiscoverError::NothingMoved) } else { Ok(evidence) }
     }
 
+    /// Number of moved points.
     fn total(&self) -> usize {
-        self.moved[0].len() + self.moved[1].len()
+        self.moved.iter().map(Vec::len).sum()
     }
 
     /// Candidate motions for `movable` parts.
-    fn proposals(
+    fn candidates(
         &self,
         scene: &Scene,
-        search: &[Searchable<'_>; 2],
+        clouds: &PerState<IndexedCloud<'_>>,
         movable: usize,
         config: &DiscoverConfig,
-    ) -> Vec<propose::Proposal> {
-        let pad = Vec3::splat(0.05 * scene.scales.diagonal);
-        let voxel = config.voxel as f32 * scene.scales.diagonal;
-        let fields = [0, 1].map(|s| {
+        settings: &StepSettings,
+    ) -> Vec<Candidate> {
+        /// Largest number of candidates.
+        const POOL: usize = 120;
+        /// Rounds of the search beyond one per part, for parts whose first motion is wrong.
+        const EXTRA_ROUNDS: usize = 2;
+        /// The grid reaches past the object by this fraction of its diagonal.
+        const MARGIN: f32 = 0.05;
+        let pad = Vec3::splat(MARGIN * scene.lengths.diagonal);
+        let voxel = config.voxel as f32 * scene.lengths.diagonal;
+        let grids = PerState::from_fn(|s| {
             let (lower, upper) = (scene.lower - pad, scene.upper + pad);
-            Field::new(search[s].cloud, &scene.states[s].views, lower, upper, voxel, scene.tolerance)
+            SpaceGrid::new(clouds[s].cloud, &scene.states[s].views, lower, upper, voxel, scene.tolerance)
         });
-        let side =
-            |s: usize| Side { points: &search[s], field: &fields[s], moved: &self.moved[s], unsure: &self.unsure[s] };
-        let least = (config.least_share * self.total() as f64).max(24.0);
-        propose::propose([&side(0), &side(1)], &scene.scales, movable + 2, 120, least)
+        let states = PerState::from_fn(|s| SearchState {
+            points: &clouds[s],
+            grid: &grids[s],
+            moved: &self.moved[s],
+            unseen: &self.unseen[s],
+        });
+        let search = Search {
+            states,
+            lengths: scene.lengths,
+            settings: settings.candidates,
+            ranking: settings.ranking,
+            least_gain: (config.least_share * self.total() as f64).max(LEAST_MOVED as f64),
+        };
+        search.candidates(movable + EXTRA_ROUNDS, POOL)
     }
 
-    /// The result, with doubts.
-    fn told(
+    /// The result with its confidence and warnings.
+    fn result(
         &self,
         scene: &Scene,
         mut parts: Vec<JointEstimate>,
-        labels: [Vec<u16>; 2],
+        labels: PerState<Vec<u16>>,
         mut warnings: Vec<String>,
+        settings: &StepSettings,
     ) -> Discovery {
         for (k, part) in parts.iter_mut().enumerate() {
-            part.confidence = borne_out(scene, &labels, k as u16 + 1, &part.motion);
+            part.confidence = settings.diagnosis.visible_fit(scene, &labels, k as u16 + 1, &part.motion);
         }
-        let clouds = scene.states.each_ref().map(|s| &s.cloud);
-        warnings.extend(doubts(clouds, &labels, &self.moved, &parts, scene.tolerance));
-        Discovery { labels, parts, warnings, ..undiscovered(scene) }
+        warnings.extend(settings.diagnosis.warnings(scene, &labels, &self.moved, &parts));
+        Discovery { labels, parts, warnings, ..without_parts(scene) }
     }
 }
 
 /// Labels points and registers parts in turn, from motions start to end; the last round decides each joint, unless its
 /// kind is known.
-fn settle(
+fn refine_parts(
     scene: &Scene,
-    search: &[Searchable<'_>; 2],
-    at_rest: &[Vec<AtRest>; 2],
+    clouds: &PerState<IndexedCloud<'_>>,
+    evidence: &Evidence,
     motions: &[Rigid],
     kinds: &[Option<JointKind>],
     config: &DiscoverConfig,
-) -> (Vec<JointEstimate>, [Vec<u16>; 2]) {
-    let clouds = [search[0].cloud, search[1].cloud];
+    settings: &StepSettings,
+) -> (Vec<JointEstimate>, PerState<Vec<u16>>) {
     let mut parts: Vec<JointEstimate> = motions.iter().map(|m| JointEstimate::new(JointKind::Screw, *m)).collect();
-    let graphs = clouds.map(|c| label::neighbour_graph(&c.points, &c.normals, &c.colors, 10, scene.scales.spacing));
-    let mut labels = [Vec::new(), Vec::new()];
-    for round in 0..config.rounds.max(1) {
+    let graphs = clouds.as_ref().map(|c| settings.graph.graph(c.cloud, scene.lengths.spacing));
+    let labelling = Labelling {
+        scene,
+        clouds,
+        graphs: &graphs,
+        occupancy: &evidence.occupancy,
+        costs: settings.label_costs,
+        settings: settings.segmentation,
+    };
+    let mut labels = PerState::default();
+    let rounds = config.rounds.max(1);
+    for round in 0..rounds {
         let motions: Vec<Rigid> = parts.iter().map(|p| p.motion).collect();
-        labels = label_points(scene, search, at_rest, &graphs, &motions);
-        let last = round + 1 == config.rounds.max(1);
+        labels = labelling.labels(&motions);
+        let fit = JointFit { lengths: &scene.lengths, settings: &settings.joints, config, last: round + 1 == rounds };
         for (k, part) in parts.iter_mut().enumerate() {
-            refine(part, clouds, &labels, k as u16 + 1, &scene.scales, last, kinds[k], config);
+            *part = fit.refine(part, &points_of_part(clouds, &labels, k as u16 + 1), kinds[k]);
         }
     }
     (parts, labels)
 }
 
-/// Signs that the number of parts is wrong: much that moved and fits no part, parts that hardly move or hardly exist.
-fn doubts(
-    clouds: [&Cloud; 2],
-    labels: &[Vec<u16>; 2],
-    moved: &[Vec<usize>; 2],
-    parts: &[JointEstimate],
-    tolerance: f32,
-) -> Vec<String> {
-    /// On clean captures with the right number of parts it is less than 0.002; with one part too few 0.013 and more.
-    const LEFT_OVER: f64 = 0.01;
-    let total = moved[0].len() + moved[1].len();
-    let left = [0, 1].map(|s| moved[s].iter().filter(|&&i| labels[s][i] == 0).count()).iter().sum::<usize>();
-    let mut said = Vec::new();
-    let share = left as f64 / total.max(1) as f64;
-    if share > LEFT_OVER {
-        let percent = (100.0 * share).round();
-        said.push(format!(
-            "{percent} % of what moved fits none of the found motions: are there more parts than asked for?"
-        ));
-    }
-    for (k, part) in parts.iter().enumerate() {
-        let own: Vec<Vec3> =
-            (0..labels[0].len()).filter(|&i| usize::from(labels[0][i]) == k + 1).map(|i| clouds[0].points[i]).collect();
-        let way = |p: &Vec3| part.motion.apply(p.as_dvec3()).distance(p.as_dvec3());
-        let farthest = own.iter().map(way).fold(0.0, f64::max);
-        if farthest < 3.0 * f64::from(tolerance) {
-            let number = k + 1;
-            said.push(format!("part {number} hardly moves or is hardly seen: are there fewer parts than asked for?"));
-        }
-    }
-    said
-}
-
-/// Share of a part's points that `motion` (start to end) takes onto a surface of the other state, of those that it takes
-/// where that state is seen; none where too few points are in view there.
-pub(crate) fn borne_out(scene: &Scene, labels: &[Vec<u16>; 2], part: u16, motion: &Rigid) -> Option<f64> {
-    /// With fewer points in view the share says nothing.
-    const FEW: usize = 24;
-    let mut told = [0, 0];
-    for state in 0..2 {
-        let there = if state == 0 { *motion } else { motion.inverse() };
-        let own = scene.states[state].cloud.points.iter().zip(&labels[state]).filter(|(_, label)| **label == part);
-        let images: Vec<Vec3> = own.map(|(p, _)| there.apply(p.as_dvec3()).as_vec3()).collect();
-        for seen in Sightings::of_all(&scene.states[1 - state].views, &images, scene.tolerance) {
-            told[0] += usize::from(seen.is_surface());
-            told[1] += usize::from(!seen.is_surface() && seen.is_empty_space());
-        }
-    }
-    let total = told[0] + told[1];
-    (total >= FEW).then(|| told[0] as f64 / total as f64)
-}
-
-/// Part of every point of both states under motions from start to end.
-fn label_points(
-    scene: &Scene,
-    search: &[Searchable<'_>; 2],
-    at_rest: &[Vec<AtRest>; 2],
-    graphs: &[Vec<(u32, u32, f32)>; 2],
-    motions: &[Rigid],
-) -> [Vec<u16>; 2] {
-    let costs = LabelCosts::default();
-    let parts = motions.len() + 1;
-    let landings = [0, 1].map(|s| {
-        let moving = motions.iter().map(|m| if s == 0 { *m } else { m.inverse() });
-        let to_other: Vec<Rigid> = std::iter::once(Rigid::IDENTITY).chain(moving).collect();
-        scene.pair(search, s).landings(&to_other, &costs)
-    });
-    let label = |s: usize| {
-        let spoken = label::part_costs(&landings[s], &landings[1 - s], &at_rest[1 - s], parts, &costs);
-        let mut data = spoken.clone();
-        label::add_astray_costs(&mut data, parts, &graphs[s], costs.astray);
-        let mut labels = label::cheapest(&data, parts);
-        cut::expand(&data, parts, &graphs[s], costs.smooth, &mut labels, 2);
-        label::drop_islands(&mut labels, &spoken, parts, search[s].cloud, 1.8 * scene.scales.spacing);
-        labels
-    };
-    let (start, end) = rayon::join(|| label(0), || label(1));
-    [start, end]
+/// Points of one part in every state.
+fn points_of_part(clouds: &PerState<IndexedCloud<'_>>, labels: &PerState<Vec<u16>>, part: u16) -> PerState<Cloud> {
+    PerState::from_fn(|s: State| {
+        let members: Vec<usize> = (0..labels[s].len()).filter(|&i| labels[s][i] == part).collect();
+        clouds[s].cloud.select(&members)
+    })
 }
 
 /// Surface points of both states and nothing else: no parts, all labels static.
-pub fn undiscovered(scene: &Scene) -> Discovery {
-    let clouds = [&scene.states[0].cloud, &scene.states[1].cloud];
+pub fn without_parts(scene: &Scene) -> Discovery {
+    let clouds = scene.states.as_ref().map(|s| s.cloud.clone());
     Discovery {
-        clouds: [clouds[0].clone(), clouds[1].clone()],
-        labels: clouds.map(|c| vec![0; c.len()]),
+        labels: clouds.as_ref().map(|c| vec![0; c.len()]),
+        clouds,
         parts: Vec::new(),
-        diagonal: scene.scales.diagonal.into(),
-        spacing: scene.scales.spacing.into(),
+        diagonal: scene.lengths.diagonal.into(),
+        spacing: scene.lengths.spacing.into(),
         tolerance: scene.tolerance.into(),
         warnings: Vec::new(),
     }
-}
-
-/// Registers the points of one part; in the last round decides its joint, if asked to, and stays on it.
-fn refine(
-    part: &mut JointEstimate,
-    clouds: [&Cloud; 2],
-    labels: &[Vec<u16>; 2],
-    label: u16,
-    scales: &Scales,
-    last: bool,
-    known: Option<JointKind>,
-    config: &DiscoverConfig,
-) {
-    let own = [0, 1].map(|s| {
-        let members: Vec<usize> = (0..labels[s].len()).filter(|&i| labels[s][i] == label).collect();
-        clouds[s].select(&members)
-    });
-    if own.iter().any(|c| c.len() < 12) {
-        if last && config.decide_joints {
-            // Too little to fit anything to: the motion as proposed, on the likelier joint.
-            let turns = part.motion.angle().to_degrees() > config.revolute_deg;
-            part.kind = known.unwrap_or(if turns { JointKind::Revolute } else { JointKind::Prismatic });
-            part.motion = Joint::from_motion(part.kind, &part.motion).start_to_end();
-        }
-        return;
-    }
-    let points = [Searchable::new(&own[0]), Searchable::new(&own[1])];
-    let spacing = f64::from(scales.spacing);
-    let (iterations, max_points) = if last { (20, 20_000) } else { (12, 4000) };
-    let options = RegisterOptions { first_reach: 3.0 * spacing, last_reach: spacing, iterations, max_points };
-    let free = register::register(Match::mutual(&points[0], &points[1]), part.motion, None, &options);
-    *part = JointEstimate { kind: JointKind::Screw, motion: free.motion, rms: free.rms, confidence: None };
-    if last && config.decide_joints {
-        let (kind, fit) = match known {
-            Some(kind) => (kind, on_joint(&points, &free, kind, &options)),
-            None => choose_joint(&points, &free, &options, config.revolute_deg),
-        };
-        *part = JointEstimate { kind, motion: fit.motion, rms: fit.rms, confidence: None };
-    }
-}
-
-/// Registration on a joint of the given kind, from a free one.
-fn on_joint(
-    points: &[Searchable<'_>; 2],
-    free: &register::Registration,
-    kind: JointKind,
-    options: &RegisterOptions,
-) -> register::Registration {
-    let guess = match kind {
-        // A screw is whatever a rigid motion is.
-        JointKind::Screw => return *free,
-        JointKind::Revolute => Joint::from_motion(JointKind::Revolute, &free.motion).start_to_end(),
-        JointKind::Prismatic => {
-            // The shift of the part's centre, so that a small turn does not throw the slide off.
-            let c = &points[0].cloud.points;
-            let centre = (c.iter().sum::<Vec3>() / c.len() as f32).as_dvec3();
-            Rigid::shift(free.motion.apply(centre) - centre)
-        }
-    };
-    register::register(Match::mutual(&points[0], &points[1]), guess, Some(kind), options)
-}
-
-/// Slide or hinge: the simpler joint wins unless the other fits clearly better.
-fn choose_joint(
-    points: &[Searchable<'_>; 2],
-    free: &register::Registration,
-    options: &RegisterOptions,
-    revolute_deg: f64,
-) -> (JointKind, register::Registration) {
-    let fit = |kind| on_joint(points, free, kind, options);
-    if free.motion.angle().to_degrees() < 0.05 {
-        return (JointKind::Prismatic, fit(JointKind::Prismatic));
-    }
-    let hinge = fit(JointKind::Revolute);
-    if free.motion.angle().to_degrees() > 4.0 * revolute_deg {
-        return (JointKind::Revolute, hinge);
-    }
-    let slide = fit(JointKind::Prismatic);
-    let rms = |r: &register::Registration| r.rms.unwrap_or(f64::INFINITY);
-    let hinge_wins = free.motion.angle().to_degrees() > revolute_deg
-        || (rms(&hinge) < 0.7 * rms(&slide) && hinge.pairs as f64 > 0.95 * slide.pairs as f64);
-    if hinge_wins { (JointKind::Revolute, hinge) } else { (JointKind::Prismatic, slide) }
 }

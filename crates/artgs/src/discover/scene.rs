@@ -1,20 +1,28 @@
-//! Both states as discovery looks at them: depth maps at a useful size, surface points, lengths.
+//! Both states as discovery sees them: depth maps at a useful size, surface points, lengths.
 
-use super::label::{AtRest, Pair};
-use super::observe::{Cloud, DepthView, Observation, Sightings, surface_points};
-use super::propose::Scales;
-use super::register::Searchable;
+use super::cloud::{Cloud, IndexedCloud, surface_points};
+use super::landing::StatePair;
+use super::visibility::{DepthLookup, Occupancy, ViewVotes};
 use super::{DiscoverConfig, DiscoverError};
 use crate::fit::images::COVERED;
-use artgs_core::{Camera, DepthMap, View};
+use artgs_core::{Camera, DepthMap, PerState, State, View};
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// Bounding box of both clouds without the outermost 0.1 % of points.
-fn bounds(clouds: [&Cloud; 2]) -> (Vec3, Vec3) {
+/// Lengths of a scene, scene units.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lengths {
+    /// Distance between neighbouring points.
+    pub(crate) spacing: f32,
+    /// Diagonal of the object.
+    pub(crate) diagonal: f32,
+}
+
+/// Bounding box of some points without the outermost 0.1 % along each axis.
+fn bounds<'a>(clouds: impl Iterator<Item = &'a Cloud> + Clone) -> (Vec3, Vec3) {
     let range = |axis: usize| {
-        let mut xs: Vec<f32> = clouds.iter().flat_map(|c| c.points.iter().map(|p| p[axis])).collect();
+        let mut xs: Vec<f32> = clouds.clone().flat_map(|c| c.points.iter().map(|p| p[axis])).collect();
         xs.sort_unstable_by(f32::total_cmp);
         (xs[xs.len() / 1000], xs[xs.len() - 1 - xs.len() / 1000])
     };
@@ -53,110 +61,180 @@ impl<'a> DepthPicture<'a> {
         Cow::Owned(self.kept(step).map(|i| self.view.rgba[i]).collect())
     }
 
-    /// Ready for looking things up, and some of its surface points.
-    fn prepared(&self, step: usize) -> (DepthView, Cloud) {
+    /// Its lookup, and some of its surface points.
+    fn prepared(&self, step: usize) -> (DepthLookup, Cloud) {
+        /// Every so many pixels and rows give a point: enough for the object's size.
+        const STRIDE: usize = 5;
         let ((camera, depth), rgba) = (self.thinned_depth(step), self.thinned_colors(step));
         let mask: Vec<bool> = rgba.iter().map(|p| p[3] >= COVERED).collect();
-        let view = DepthView::new(camera, depth, &mask);
-        let rough = surface_points(&view, &rgba, 5);
+        let view = DepthLookup::new(camera, depth, &mask);
+        let rough = surface_points(&view, &rgba, STRIDE);
         (view, rough)
     }
 
-    /// Some of the surface, in world coordinates, and sizes of a pixel there.
-    fn glance(&self) -> Vec<(Vec3, f32)> {
+    /// Some surface points in world coordinates, and the size of a pixel there.
+    fn sample(&self) -> Vec<(Vec3, f32)> {
         let width = self.view.size().0;
-        let seen = self.depth.iter().enumerate().step_by(GLANCE).filter(|(_, z)| *z > 0.0);
-        seen.map(|(i, z)| {
-            let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-            let point = self.view.camera.unproject(pixel, z.into()).as_vec3();
-            (point, z / self.view.camera.intrinsics.fx as f32)
-        })
-        .collect()
+        let pixels = self.depth.iter().enumerate().step_by(SAMPLE_STRIDE).filter(|(_, z)| *z > 0.0);
+        pixels
+            .map(|(i, z)| {
+                let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+                let point = self.view.camera.unproject(pixel, z.into()).as_vec3();
+                (point, z / self.view.camera.intrinsics.fx as f32)
+            })
+            .collect()
     }
 }
 
-/// Pixels per pixel looked at in a glance; odd, so that it does not keep to a column.
-const GLANCE: usize = 331;
+/// Every so many pixels are sampled to measure the object; odd, so that the samples are not in one column.
+const SAMPLE_STRIDE: usize = 331;
 
-/// How many pixels one can go on in each direction and still see every distance of `length`, a fraction of the object's
-/// diagonal: what lies between costs time and memory and tells hardly more. At least 1.
-pub fn pixel_step(pictures: [&[DepthPicture<'_>]; 2], length: f64) -> usize {
-    let glances: Vec<(Vec3, f32)> = pictures.concat().par_iter().flat_map_iter(DepthPicture::glance).collect();
-    if glances.is_empty() {
+/// Largest step between pixels, in each direction, that is still no longer than `length`, a fraction of the object's
+/// diagonal: pixels in between cost time and memory and add almost nothing. At least 1.
+pub fn pixel_step(pictures: PerState<&[DepthPicture<'_>]>, length: f64) -> usize {
+    let all: Vec<DepthPicture<'_>> = pictures.into_iter().flatten().copied().collect();
+    let samples: Vec<(Vec3, f32)> = all.par_iter().flat_map_iter(DepthPicture::sample).collect();
+    if samples.is_empty() {
         return 1;
     }
-    let (points, mut sizes): (Vec<Vec3>, Vec<f32>) = glances.into_iter().unzip();
+    let (points, mut sizes): (Vec<Vec3>, Vec<f32>) = samples.into_iter().unzip();
     let cloud = Cloud { points, ..Cloud::default() };
-    let (lower, upper) = bounds([&cloud, &Cloud::default()]);
+    let (lower, upper) = bounds(std::iter::once(&cloud));
     let middle = sizes.len() / 2;
     let pixel = *sizes.select_nth_unstable_by(middle, f32::total_cmp).1;
     ((length as f32 * lower.distance(upper) / pixel) as usize).max(1)
 }
 
-/// Views of one state, and some of its surface points.
-fn prepare(pictures: &[DepthPicture<'_>], step: usize) -> (Vec<DepthView>, Cloud) {
-    let (views, clouds): (Vec<DepthView>, Vec<Cloud>) = pictures.par_iter().map(|p| p.prepared(step)).unzip();
+/// Lookups of one state, and some of its surface points.
+fn prepare(pictures: &[DepthPicture<'_>], step: usize) -> (Vec<DepthLookup>, Cloud) {
+    let (views, clouds): (Vec<DepthLookup>, Vec<Cloud>) = pictures.par_iter().map(|p| p.prepared(step)).unzip();
     let mut rough = Cloud::default();
     clouds.iter().for_each(|cloud| rough.append(cloud));
     (views, rough)
 }
 
+/// All views of one state: depth maps and their thinned points.
+pub(crate) struct Observation {
+    /// Depth maps.
+    pub(super) views: Vec<DepthLookup>,
+    /// Back-projected points, one per cube of the sampling distance.
+    pub(crate) cloud: Cloud,
+}
+
+impl Observation {
+    /// Back-projects all views and thins the points to one per `voxel`. `colors` are the pixels of a view.
+    fn new<'c>(views: Vec<DepthLookup>, colors: impl Fn(usize) -> Cow<'c, [[u8; 4]]> + Sync, voxel: f32) -> Self {
+        let points = |(i, view): (usize, &DepthLookup)| surface_points(view, &colors(i), 1).thinned(voxel);
+        let clouds: Vec<Cloud> = views.par_iter().enumerate().map(points).collect();
+        let mut cloud = Cloud::default();
+        clouds.iter().for_each(|c| cloud.append(c));
+        Self { views, cloud: cloud.thinned(voxel) }
+    }
+
+    /// Median size of a pixel on the object, scene units.
+    fn pixel_size(views: &[DepthLookup]) -> f32 {
+        /// Every so many pixels are measured.
+        const STRIDE: usize = 37;
+        let mut sizes: Vec<f32> = views
+            .iter()
+            .flat_map(|v| {
+                let fx = v.camera.intrinsics.fx as f32;
+                v.depth.iter().step_by(STRIDE).filter(|d| *d > 0.0).map(move |d| d / fx)
+            })
+            .collect();
+        sizes.sort_unstable_by(f32::total_cmp);
+        sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)
+    }
+
+    /// Typical disagreement between views about the depth of the same point: the median over surfaces that face the
+    /// view of the distance along the normal between a point and the surface that another view shows at its pixel.
+    fn depth_noise(&self) -> f32 {
+        /// Number of points measured.
+        const SAMPLES: usize = 2000;
+        /// Least cosine between normal and line of sight.
+        const FACING: f32 = 0.5;
+        /// Larger differences are another surface, footprints of a pixel.
+        const OTHER_SURFACE: f32 = 20.0;
+        let stride = (self.cloud.len() / SAMPLES).max(1);
+        let mut errors: Vec<f32> = (0..self.cloud.len())
+            .step_by(stride)
+            .flat_map(|i| {
+                let (p, n) = (self.cloud.points[i], self.cloud.normals[i]);
+                self.views.iter().filter_map(move |v| {
+                    let (pixel, z) = v.locate(p)?;
+                    let d = v.depth.at(pixel);
+                    let towards = (v.camera.position().as_vec3() - p).normalize();
+                    let cosine = towards.dot(n);
+                    let footprint = z / v.camera.intrinsics.fx as f32;
+                    (d > 0.0 && cosine > FACING && (d - z).abs() < OTHER_SURFACE * footprint)
+                        .then(|| (d - z).abs() * cosine)
+                })
+            })
+            .collect();
+        errors.sort_unstable_by(f32::total_cmp);
+        errors.get(errors.len() / 2).copied().unwrap_or(0.0)
+    }
+}
+
 /// Both states prepared for discovery.
 pub struct Scene {
-    /// Start and end.
-    pub states: [Observation; 2],
-    /// Lengths in scene units.
-    pub scales: Scales,
+    pub(crate) states: PerState<Observation>,
+    pub(crate) lengths: Lengths,
     /// Depth tolerance, scene units.
-    pub tolerance: f32,
+    pub(crate) tolerance: f32,
     pub(super) lower: Vec3,
     pub(super) upper: Vec3,
 }
 
 impl Scene {
     /// Back-projects both states.
-    pub fn new(pictures: [&[DepthPicture<'_>]; 2], config: &DiscoverConfig) -> Result<Self, DiscoverError> {
+    pub fn new(pictures: PerState<&[DepthPicture<'_>]>, config: &DiscoverConfig) -> Result<Self, DiscoverError> {
+        /// A state with fewer surface points, one of 25 pixels, shows nothing.
+        const LEAST_POINTS: usize = 50;
+        /// Depths that differ by more than this many times the noise are different.
+        const NOISES: f32 = 4.0;
+        /// The same in pixels on the object: depth is not known better where a surface is oblique.
+        const PIXELS: f32 = 0.5;
         let step = pixel_step(pictures, 0.5 * config.spacing);
-        let [(start, rough_start), (end, rough_end)] = pictures.map(|p| prepare(p, step));
-        let rough = [rough_start, rough_end];
-        for s in 0..2 {
-            if rough[s].len() < 50 {
-                return Err(DiscoverError::NoSurface(artgs_core::STATE_NAMES[s]));
+        let prepared = pictures.map(|p| prepare(p, step));
+        for (state, (_, rough)) in prepared.enumerate() {
+            if rough.len() < LEAST_POINTS {
+                return Err(DiscoverError::NoSurface(state.name()));
             }
         }
-        let (lower, upper) = bounds([&rough[0], &rough[1]]);
+        let (lower, upper) = bounds(prepared.iter().map(|(_, rough)| rough));
         let diagonal = lower.distance(upper);
-        let observe = |(views, pictures): (Vec<DepthView>, &[DepthPicture<'_>])| {
+        let states = prepared.zip(pictures).map(|((views, _), pictures)| {
             let voxel = (config.spacing as f32 * diagonal).max(Observation::pixel_size(&views));
             Observation::new(views, |i| pictures[i].thinned_colors(step), voxel)
-        };
-        let states = [(start, pictures[0]), (end, pictures[1])].map(observe);
-        let pixel = Observation::pixel_size(&states[0].views).max(Observation::pixel_size(&states[1].views));
-        let noise = states[0].depth_noise().max(states[1].depth_noise());
+        });
+        let largest = |value: &dyn Fn(&Observation) -> f32| states.iter().map(value).fold(0.0, f32::max);
+        let pixel = largest(&|state| Observation::pixel_size(&state.views));
+        let noise = largest(&Observation::depth_noise);
         let spacing = (config.spacing as f32 * diagonal).max(pixel);
-        let tolerance = (4.0 * noise).max(0.5 * pixel);
-        Ok(Self { states, scales: Scales { spacing, diagonal }, tolerance, lower, upper })
+        let tolerance = (NOISES * noise).max(PIXELS * pixel);
+        Ok(Self { states, lengths: Lengths { spacing, diagonal }, tolerance, lower, upper })
     }
 
-    /// What the other state says about each point of a state.
-    pub fn at_rest(&self, state: usize) -> Vec<AtRest> {
-        let (own, other) = (&self.states[state].cloud, &self.states[1 - state].views);
-        let judge = |seen: Sightings| match (seen.is_empty_space(), seen.is_surface()) {
-            (true, _) => AtRest::Gone,
-            (_, true) => AtRest::Seen,
-            _ => AtRest::Unseen,
-        };
-        Sightings::of_all(other, &own.points, self.tolerance).into_iter().map(judge).collect()
+    /// What the other state shows at the place of each point of a state.
+    pub(crate) fn occupancy_elsewhere(&self, state: State) -> Vec<Occupancy> {
+        let (own, other) = (&self.states[state].cloud, &self.states[state.other()].views);
+        ViewVotes::of_all(other, &own.points, self.tolerance).into_iter().map(ViewVotes::occupancy).collect()
     }
 
-    /// Looks from one state into the other.
-    pub(super) fn pair<'a>(&'a self, search: &'a [Searchable<'a>; 2], state: usize) -> Pair<'a> {
-        Pair {
-            own: &search[state],
-            other: &search[1 - state],
-            other_views: &self.states[1 - state].views,
+    /// The points of every state with search trees.
+    pub(super) fn indexed_clouds(&self) -> PerState<IndexedCloud<'_>> {
+        self.states.as_ref().map(|state| IndexedCloud::new(&state.cloud))
+    }
+
+    /// Points of a state with what is needed to look them up in the other one.
+    pub(super) fn pair<'a>(&'a self, clouds: &'a PerState<IndexedCloud<'a>>, state: State) -> StatePair<'a> {
+        StatePair {
+            own: &clouds[state],
+            other: &clouds[state.other()],
+            other_views: &self.states[state.other()].views,
             tolerance: self.tolerance,
-            spacing: self.scales.spacing,
+            spacing: self.lengths.spacing,
         }
     }
 }
@@ -167,25 +245,22 @@ mod tests {
     use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 
     #[test]
-    fn only_fine_pictures_are_thinned_and_hardly_change_what_is_known() {
+    fn only_fine_pictures_are_thinned_and_almost_nothing_is_lost() {
         let capture =
             |size: u32| cabinet_capture(&CabinetOptions { views: 6, size, ..CabinetOptions::default() }).unwrap().0;
         let config = DiscoverConfig { spacing: 1.0 / 40.0, ..DiscoverConfig::default() };
-        let look = |size: u32| {
+        let measure = |size: u32| {
             let capture = capture(size);
-            let pictures = [0, 1].map(|s| {
+            let pictures = PerState::from_fn(|s| {
                 let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
                 capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
             });
-            let pictures = [&pictures[0][..], &pictures[1][..]];
+            let pictures = pictures.as_ref().map(Vec::as_slice);
             let scene = Scene::new(pictures, &config).unwrap();
-            (
-                pixel_step(pictures, 0.5 * config.spacing),
-                scene.states[0].views[0].depth.len(),
-                scene.states[0].cloud.len(),
-            )
+            let first = &scene.states[State::START];
+            (pixel_step(pictures, 0.5 * config.spacing), first.views[0].depth.len(), first.cloud.len())
         };
-        let (coarse, fine) = (look(96), look(288));
+        let (coarse, fine) = (measure(96), measure(288));
         assert_eq!(coarse.0, 1);
         assert!(fine.0 >= 2 && fine.1 == (288 / fine.0).pow(2), "{fine:?}");
         assert!((fine.2 as f64 / coarse.2 as f64 - 1.0).abs() < 0.15, "{coarse:?} {fine:?}");

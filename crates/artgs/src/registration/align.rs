@@ -1,20 +1,21 @@
 //! Registration of two clusters from nothing: many turns about the principal axes, the best of them refined.
 
 use super::RegistrationConfig;
-use crate::discover::observe::Cloud;
-use crate::discover::propose::Scales;
-use crate::discover::register::{Match, RegisterOptions, Registration, Searchable, register};
-use artgs_core::{JointKind, Rigid};
-use glam::{DMat3, DQuat, DVec3, Vec3};
+use crate::discover::Cloud;
+use crate::discover::cloud::IndexedCloud;
+use crate::discover::registration::{Matching, Registration, RegistrationOptions, register};
+use crate::discover::scene::Lengths;
+use artgs_core::{JointKind, PerState, Rigid, State};
+use glam::{DMat3, DQuat, DVec3};
 use nalgebra::{Matrix3, SymmetricEigen};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// Rough registrations that are refined.
 const REFINED: usize = 6;
-/// Of equal fits the smaller turn: a turn by half a circle costs as much as points that are off by this much of the
+/// Of equal fits the smaller turn is taken: a turn by half a circle costs as much as a mean distance of this fraction of the
 /// distance between points.
-const TURN_PRICE: f64 = 0.5;
+const TURN_COST: f64 = 0.5;
 /// Distances count up to this, relative to the object's diagonal.
 const CAP: f64 = 0.03;
 
@@ -23,39 +24,41 @@ const CAP: f64 = 0.03;
 pub(super) struct Fit {
     /// Start to end.
     pub(super) motion: Rigid,
-    /// Mean distance, both ways and capped, with the price of the turn, scene units.
+    /// Mean distance, both ways and capped, with the cost of the turn, scene units.
     pub(super) cost: f64,
 }
 
 /// Best motion from one cluster to the other.
-pub(super) fn align(start: &Cloud, end: &Cloud, scales: &Scales, config: &RegistrationConfig) -> Fit {
-    let points = [Searchable::new(start), Searchable::new(end)];
-    let (diagonal, spacing) = (f64::from(scales.diagonal), f64::from(scales.spacing));
-    let rough = RegisterOptions {
+pub(super) fn align(start: &Cloud, end: &Cloud, lengths: &Lengths, config: &RegistrationConfig) -> Fit {
+    let points = PerState::new(IndexedCloud::new(start), IndexedCloud::new(end));
+    let (diagonal, spacing) = (f64::from(lengths.diagonal), f64::from(lengths.spacing));
+    let rough = RegistrationOptions {
         first_reach: config.reach * diagonal,
         last_reach: 0.3 * config.reach * diagonal,
         iterations: 12,
         max_points: config.rough_points,
     };
-    let fine = RegisterOptions {
+    let fine = RegistrationOptions {
         first_reach: (0.3 * config.reach * diagonal).max(4.0 * spacing),
         last_reach: 2.0 * spacing,
         iterations: 25,
         max_points: 3000,
     };
-    let refine = |guess: &Rigid, options: &RegisterOptions| {
-        let motion = register(Match::mutual(&points[0], &points[1]), *guess, None, options).motion;
-        Fit { motion, cost: cost(&points, &motion, options.max_points, scales) }
+    let refine = |guess: &Rigid, options: &RegistrationOptions| {
+        let motion =
+            register(Matching::mutual(&points[State::START], &points[State::END]), *guess, None, options).motion;
+        Fit { motion, cost: cost(&points, &motion, options.max_points, lengths) }
     };
-    let ranked = |guesses: &[Rigid], options: &RegisterOptions| {
+    let ranked = |guesses: &[Rigid], options: &RegistrationOptions| {
         let mut fits: Vec<Fit> = guesses.par_iter().map(|g| refine(g, options)).collect();
         fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         fits
     };
     let mut best: Vec<Rigid> = Vec::new();
     for fit in ranked(&guesses(start, end, config.turns), &rough) {
-        let differs =
-            |m: &Rigid| (m.inverse() * fit.motion).angle() > 0.1 || far(m, &fit.motion, start) > 2.0 * spacing;
+        let differs = |m: &Rigid| {
+            (m.inverse() * fit.motion).angle() > 0.1 || gap_at_middle(m, &fit.motion, start) > 2.0 * spacing
+        };
         if best.len() < REFINED && best.iter().all(differs) {
             best.push(fit.motion);
         }
@@ -64,20 +67,20 @@ pub(super) fn align(start: &Cloud, end: &Cloud, scales: &Scales, config: &Regist
 }
 
 /// The same motion kept on a joint and refined once more.
-pub(super) fn on_joint(start: &Cloud, end: &Cloud, guess: Rigid, kind: JointKind, scales: &Scales) -> Registration {
-    let points = [Searchable::new(start), Searchable::new(end)];
-    let spacing = f64::from(scales.spacing);
+pub(super) fn on_joint(start: &Cloud, end: &Cloud, guess: Rigid, kind: JointKind, lengths: &Lengths) -> Registration {
+    let points = PerState::new(IndexedCloud::new(start), IndexedCloud::new(end));
+    let spacing = f64::from(lengths.spacing);
     let options =
-        RegisterOptions { first_reach: 4.0 * spacing, last_reach: spacing, iterations: 20, max_points: 10_000 };
-    register(Match::mutual(&points[0], &points[1]), guess, Some(kind), &options)
+        RegistrationOptions { first_reach: 4.0 * spacing, last_reach: spacing, iterations: 20, max_points: 10_000 };
+    register(Matching::mutual(&points[State::START], &points[State::END]), guess, Some(kind), &options)
 }
 
-fn middle(cloud: &Cloud) -> DVec3 {
-    (cloud.points.iter().sum::<Vec3>() / cloud.len().max(1) as f32).as_dvec3()
+pub(super) fn middle(cloud: &Cloud) -> DVec3 {
+    cloud.middle().as_dvec3()
 }
 
-/// How far apart two motions take the middle of a cloud.
-fn far(a: &Rigid, b: &Rigid, cloud: &Cloud) -> f64 {
+/// Distance between the places to which two motions take the middle of a cloud.
+fn gap_at_middle(a: &Rigid, b: &Rigid, cloud: &Cloud) -> f64 {
     let at = middle(cloud);
     a.apply(at).distance(b.apply(at))
 }
@@ -108,9 +111,9 @@ fn principal_axes(cloud: &Cloud) -> [DVec3; 3] {
 }
 
 /// See [`Fit::cost`]. A partner must face the same way.
-fn cost(points: &[Searchable<'_>; 2], motion: &Rigid, samples: usize, scales: &Scales) -> f64 {
-    let cap = CAP * f64::from(scales.diagonal);
-    let one_way = |from: &Searchable<'_>, to: &Searchable<'_>, m: &Rigid| -> f64 {
+fn cost(points: &PerState<IndexedCloud<'_>>, motion: &Rigid, samples: usize, lengths: &Lengths) -> f64 {
+    let cap = CAP * f64::from(lengths.diagonal);
+    let one_way = |from: &IndexedCloud<'_>, to: &IndexedCloud<'_>, m: &Rigid| -> f64 {
         let stride = from.cloud.len().div_ceil(samples).max(1);
         let distance = |i: usize| {
             let p = m.apply(from.cloud.points[i].as_dvec3()).as_vec3();
@@ -123,13 +126,14 @@ fn cost(points: &[Searchable<'_>; 2], motion: &Rigid, samples: usize, scales: &S
         let all: Vec<f64> = (0..from.cloud.len()).step_by(stride).map(distance).collect();
         all.iter().sum::<f64>() / all.len().max(1) as f64
     };
-    let off = one_way(&points[0], &points[1], motion) + one_way(&points[1], &points[0], &motion.inverse());
-    0.5 * off + TURN_PRICE * f64::from(scales.spacing) * motion.angle() / PI
+    let distances = State::ALL.map(|s| one_way(&points[s], &points[s.other()], &motion.away_from(s)));
+    0.5 * distances.iter().sum::<f64>() + TURN_COST * f64::from(lengths.spacing) * motion.angle() / PI
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
 
     /// A box with sides 0.5, 0.3 and 0.1, one of whose faces is missing, moved.
     fn open_box(motion: &Rigid) -> Cloud {
@@ -155,13 +159,13 @@ mod tests {
 
     #[test]
     fn large_turns_and_slides_are_found_without_a_guess() {
-        let scales = Scales { spacing: 0.015, diagonal: 1.2 };
+        let lengths = Lengths { spacing: 0.015, diagonal: 1.2 };
         let start = open_box(&Rigid::IDENTITY);
         let hinge = Rigid::about(DVec3::new(0.1, 0.2, 1.0).normalize(), DVec3::new(0.5, 0.0, 0.0), 1.6);
         for truth in [hinge, Rigid::shift(DVec3::new(0.05, -0.4, 0.1))] {
-            let fit = align(&start, &open_box(&truth), &scales, &RegistrationConfig::default());
-            let off = (fit.motion.inverse() * truth).angle().to_degrees();
-            assert!(off < 0.5 && far(&fit.motion, &truth, &start) < 0.005, "off by {off} degrees");
+            let fit = align(&start, &open_box(&truth), &lengths, &RegistrationConfig::default());
+            let error = (fit.motion.inverse() * truth).angle().to_degrees();
+            assert!(error < 0.5 && gap_at_middle(&fit.motion, &truth, &start) < 0.005, "wrong by {error} degrees");
         }
     }
 }

@@ -1,18 +1,17 @@
 //! A baseline without Gaussians: what moved, seen in depth, is split into clusters, the clusters of the two states are
-//! matched one to one and registered, and the motions are read as joints. What registration baselines of the published
-//! comparisons stand for; nothing here looks back at a decision once it is made.
+//! matched one to one and registered, and the motions are read as joints. It stands for the registration baselines of the
+//! published comparisons; no decision is revised by a later step.
 
 mod align;
 
 use crate::canonical::CanonicalError;
 use crate::canonical::cluster::{ClusterConfig, spectral_clusters};
-use crate::discover::label::AtRest;
-use crate::discover::observe::Cloud;
-use crate::discover::{DiscoverError, Discovery, Scene, borne_out};
+use crate::discover::diagnosis::DiagnosisSettings;
+use crate::discover::visibility::Occupancy;
+use crate::discover::{Cloud, DiscoverError, Discovery, Scene, without_parts};
 use crate::evaluate::matching::hungarian;
-use align::Fit;
-use artgs_core::{Joint, JointEstimate, JointKind, Rigid};
-use glam::Vec3;
+use align::{Fit, middle};
+use artgs_core::{Joint, JointEstimate, JointKind, PerState, Rigid, State};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
@@ -26,10 +25,9 @@ const LEAST: usize = 24;
 pub struct RegistrationConfig {
     /// How the moved points of each state are split.
     pub cluster: ClusterConfig,
-    /// A part whose motion turns by more than this (degrees) is taken for revolute; the published rule for half motions
-    /// is 10.
+    /// A part whose motion turns by more than this (degrees) is revolute; the published rule for half motions is 10.
     pub revolute_deg: f64,
-    /// Farthest that points look for partners at first, relative to the object's diagonal.
+    /// Largest distance of matched points at first, relative to the object's diagonal.
     pub reach: f64,
     /// Turns tried about each principal axis of a cluster.
     pub turns: usize,
@@ -43,8 +41,9 @@ impl Default for RegistrationConfig {
     }
 }
 
-/// Why the baseline gives nothing.
+/// Why the baseline finds nothing.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum RegistrationError {
     /// A view has no depth.
     #[error("the registration baseline needs depth in every training view; state {0} lacks it: use the default method")]
@@ -57,7 +56,7 @@ pub enum RegistrationError {
     Cluster(#[from] CanonicalError),
 }
 
-/// Finds `movable` parts. Points that moved carry the part of their cluster, all others the static part. The same seed
+/// Finds `movable` parts. Points that moved have the part of their cluster, all others the static part. The same seed
 /// gives the same bytes.
 pub fn register_parts(
     scene: &Scene,
@@ -65,63 +64,75 @@ pub fn register_parts(
     config: &RegistrationConfig,
     seed: u64,
 ) -> Result<Discovery, RegistrationError> {
-    let clouds = [&scene.states[0].cloud, &scene.states[1].cloud];
-    let mut members: [Vec<Vec<usize>>; 2] = Default::default();
-    for state in 0..2 {
-        let at_rest = scene.at_rest(state);
-        let moved: Vec<usize> = (0..clouds[state].len()).filter(|&i| at_rest[i] == AtRest::Gone).collect();
-        if moved.len() < LEAST {
-            return Err(DiscoverError::NothingMoved.into());
-        }
-        let points: Vec<[f32; 3]> = moved.iter().map(|&i| clouds[state].points[i].to_array()).collect();
-        let mut rng = Pcg64Mcg::seed_from_u64(seed.wrapping_add(state as u64));
-        let clusters = spectral_clusters(&points, movable, &config.cluster, &mut rng)?;
-        members[state] = vec![Vec::new(); movable];
-        moved.iter().zip(&clusters).for_each(|(&i, &k)| members[state][usize::from(k)].push(i));
-    }
-    let groups = [0, 1].map(|s| members[s].iter().map(|m| clouds[s].select(m)).collect::<Vec<Cloud>>());
+    let members = State::ALL.map(|s| clusters(scene, s, movable, config, seed));
+    let [start, end] = members;
+    let members = PerState::new(start?, end?);
+    let groups =
+        PerState::from_fn(|s| members[s].iter().map(|m| scene.states[s].cloud.select(m)).collect::<Vec<Cloud>>());
     let pairs = matched(&groups, scene, config);
 
-    let mut labels = [vec![0u16; clouds[0].len()], vec![0u16; clouds[1].len()]];
-    let (mut parts, mut warnings) = (Vec::new(), Vec::new());
-    for (k, (a, b, fit)) in pairs.iter().enumerate() {
-        members[0][*a].iter().for_each(|&i| labels[0][i] = k as u16 + 1);
-        members[1][*b].iter().for_each(|&i| labels[1][i] = k as u16 + 1);
-        let (start, end) = (&groups[0][*a], &groups[1][*b]);
-        if fit.is_none() {
-            warnings.push(format!("part {} has too few points to be registered", k + 1));
+    let mut found = without_parts(scene);
+    for (k, (pair, fit)) in pairs.iter().enumerate() {
+        for s in State::ALL {
+            members[s][pair[s]].iter().for_each(|&i| found.labels[s][i] = k as u16 + 1);
         }
-        parts.push(part(start, end, *fit, scene, config));
+        if fit.is_none() {
+            found.warnings.push(format!("part {} has too few points to be registered", k + 1));
+        }
+        let cloud = |s: State| &groups[s][pair[s]];
+        found.parts.push(part(cloud(State::START), cloud(State::END), *fit, scene, config));
     }
-    for (k, part) in parts.iter_mut().enumerate() {
-        part.confidence = borne_out(scene, &labels, k as u16 + 1, &part.motion);
+    let diagnosis = DiagnosisSettings::default();
+    for (k, part) in found.parts.iter_mut().enumerate() {
+        part.confidence = diagnosis.visible_fit(scene, &found.labels, k as u16 + 1, &part.motion);
     }
-    Ok(Discovery {
-        clouds: [clouds[0].clone(), clouds[1].clone()],
-        labels,
-        parts,
-        diagonal: scene.scales.diagonal.into(),
-        spacing: scene.scales.spacing.into(),
-        tolerance: scene.tolerance.into(),
-        warnings,
-    })
+    Ok(found)
 }
 
+/// Points of each cluster of what moved, in one state.
+fn clusters(
+    scene: &Scene,
+    state: State,
+    movable: usize,
+    config: &RegistrationConfig,
+    seed: u64,
+) -> Result<Vec<Vec<usize>>, RegistrationError> {
+    let cloud = &scene.states[state].cloud;
+    let occupancy = scene.occupancy_elsewhere(state);
+    let moved: Vec<usize> = (0..cloud.len()).filter(|&i| occupancy[i] == Occupancy::Empty).collect();
+    if moved.len() < LEAST {
+        return Err(DiscoverError::NothingMoved.into());
+    }
+    let points: Vec<[f32; 3]> = moved.iter().map(|&i| cloud.points[i].to_array()).collect();
+    let mut rng = Pcg64Mcg::seed_from_u64(seed.wrapping_add(state.index() as u64));
+    let cluster_of = spectral_clusters(&points, movable, &config.cluster, &mut rng)?;
+    let mut members = vec![Vec::new(); movable];
+    moved.iter().zip(&cluster_of).for_each(|(&i, &k)| members[usize::from(k)].push(i));
+    Ok(members)
+}
+
+/// A cluster of each state and the motion between them.
+type MatchedClusters = (PerState<usize>, Option<Fit>);
+
 /// Clusters of start and end that fit each other best, one to one, with the motions between them; largest first.
-fn matched(groups: &[Vec<Cloud>; 2], scene: &Scene, config: &RegistrationConfig) -> Vec<(usize, usize, Option<Fit>)> {
-    let fit = |a: &Cloud, b: &Cloud| (a.len().min(b.len()) >= LEAST).then(|| align::align(a, b, &scene.scales, config));
-    let fits: Vec<Vec<Option<Fit>>> = groups[0].iter().map(|a| groups[1].iter().map(|b| fit(a, b)).collect()).collect();
-    let cost = |fit: &Option<Fit>| fit.map_or(f64::from(scene.scales.diagonal), |f| f.cost);
+fn matched(groups: &PerState<Vec<Cloud>>, scene: &Scene, config: &RegistrationConfig) -> Vec<MatchedClusters> {
+    let fit =
+        |a: &Cloud, b: &Cloud| (a.len().min(b.len()) >= LEAST).then(|| align::align(a, b, &scene.lengths, config));
+    let (starts, ends) = (&groups[State::START], &groups[State::END]);
+    let fits: Vec<Vec<Option<Fit>>> = starts.iter().map(|a| ends.iter().map(|b| fit(a, b)).collect()).collect();
+    let cost = |fit: &Option<Fit>| fit.map_or(f64::from(scene.lengths.diagonal), |f| f.cost);
     let costs: Vec<Vec<f64>> = fits.iter().map(|row| row.iter().map(cost).collect()).collect();
-    let taken = hungarian(&costs, groups[1].len());
-    let mut pairs: Vec<_> = taken.iter().enumerate().filter_map(|(a, b)| b.map(|b| (a, b, fits[a][b]))).collect();
-    pairs.sort_by_key(|&(a, b, _)| std::cmp::Reverse(groups[0][a].len() + groups[1][b].len()));
+    let taken = hungarian(&costs, ends.len());
+    let pairs = taken.iter().enumerate().filter_map(|(a, b)| b.map(|b| (PerState::new(a, b), fits[a][b])));
+    let mut pairs: Vec<MatchedClusters> = pairs.collect();
+    pairs.sort_by_key(|(pair, _)| {
+        std::cmp::Reverse(State::ALL.into_iter().map(|s| groups[s][pair[s]].len()).sum::<usize>())
+    });
     pairs
 }
 
 /// Type by the turn, then the motion on that joint. Without a fit: the shift between the middles.
 fn part(start: &Cloud, end: &Cloud, fit: Option<Fit>, scene: &Scene, config: &RegistrationConfig) -> JointEstimate {
-    let middle = |c: &Cloud| (c.points.iter().sum::<Vec3>() / c.len().max(1) as f32).as_dvec3();
     let Some(fit) = fit else {
         let motion = if start.is_empty() || end.is_empty() {
             Rigid::IDENTITY
@@ -136,6 +147,6 @@ fn part(start: &Cloud, end: &Cloud, fit: Option<Fit>, scene: &Scene, config: &Re
     } else {
         (JointKind::Prismatic, Rigid::shift(fit.motion.apply(middle(start)) - middle(start)))
     };
-    let bound = align::on_joint(start, end, guess, kind, &scene.scales);
-    JointEstimate { kind, motion: bound.motion, rms: bound.rms, confidence: None }
+    let on_joint = align::on_joint(start, end, guess, kind, &scene.lengths);
+    JointEstimate { rms: on_joint.rms, ..JointEstimate::new(kind, on_joint.motion) }
 }

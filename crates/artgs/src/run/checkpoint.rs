@@ -2,8 +2,8 @@
 
 use super::Error;
 use super::points::{points_as_splats, splats_as_points};
-use crate::articulation::Trained;
 use crate::articulation::MotionParameters;
+use crate::articulation::Trained;
 use crate::discover::Discovery;
 use artgs_core::{JointEstimate, PerState, Splats, State};
 use artgs_io::run_folder::{CANONICAL_FRAME, RunFolder, load_json, remove_file, save_json};
@@ -47,8 +47,8 @@ pub(super) fn load_single(folder: &RunFolder) -> Option<PerState<Splats>> {
 
 pub(super) fn save_discovery(folder: &RunFolder, found: &Discovery) -> Result<(), Error> {
     for state in State::ALL {
-        let splats = points_as_splats(&found.clouds[state.index()], found.spacing);
-        write_splat_ply(&folder.found_points(state), &splats, Some(&found.labels[state.index()]), state.name())?;
+        let splats = points_as_splats(&found.clouds[state], found.spacing);
+        write_splat_ply(&folder.found_points(state), &splats, Some(&found.labels[state]), state.name())?;
     }
     let Discovery { parts, diagonal, spacing, tolerance, warnings, .. } = found.clone();
     Ok(save_json(&folder.found_parts(), &FoundFile { parts, diagonal, spacing, tolerance, warnings })?)
@@ -61,14 +61,14 @@ pub(super) fn load_discovery(folder: &RunFolder) -> Option<Discovery> {
         Some((splats_as_points(&splats), labels?))
     };
     let ((start, start_labels), (end, end_labels)) = (load(State::START)?, load(State::END)?);
-    let (clouds, labels) = ([start, end], [start_labels, end_labels]);
+    let (clouds, labels) = (PerState::new(start, end), PerState::new(start_labels, end_labels));
     Some(Discovery { clouds, labels, parts, diagonal, spacing, tolerance, warnings })
 }
 
 /// What [`load_discovery`] loads after [`save_discovery`]: files hold less than memory, and a run must continue from
 /// the same whether it is resumed or not.
 pub(super) fn as_saved(found: Discovery) -> Discovery {
-    let clouds = found.clouds.each_ref().map(|cloud| splats_as_points(&points_as_splats(cloud, found.spacing)));
+    let clouds = found.clouds.as_ref().map(|cloud| splats_as_points(&points_as_splats(cloud, found.spacing)));
     Discovery { clouds, ..found }
 }
 
@@ -103,7 +103,7 @@ pub(super) fn save_times(folder: &RunFolder, times: &StageTimes) -> Result<(), F
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::discover::observe::Cloud;
+    use crate::discover::Cloud;
     use artgs_core::{JointKind, Rigid};
     use glam::Vec3;
 
@@ -145,8 +145,8 @@ mod tests {
             }
             cloud
         };
-        let clouds = [cloud(), cloud()];
-        let labels = [0, 1].map(|_| (0..500).map(|i| i % 3).collect());
+        let clouds = PerState::from_fn(|_| cloud());
+        let labels = PerState::from_fn(|_| (0..500).map(|i| i % 3).collect());
         let found = Discovery { clouds, labels, spacing: 0.01, diagonal: 1.0 / 3.0, ..Discovery::default() };
         save_discovery(&folder, &found).unwrap();
         let (loaded, kept) = (load_discovery(&folder).unwrap(), as_saved(found));

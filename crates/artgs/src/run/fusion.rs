@@ -32,7 +32,7 @@ pub(super) fn fuse_labelled(
     let labels = PerState::from_fn(|state| {
         let depths: Vec<&[f32]> = views[state].iter().map(|v| &v.depth[..]).collect();
         let cameras: Vec<Camera> = views[state].iter().map(|v| v.camera).collect();
-        label_pixels(&cameras, &depths, &found.clouds[state.index()], &found.labels[state.index()])
+        label_pixels(&cameras, &depths, &found.clouds[state], &found.labels[state])
     });
     let labelled = State::ALL.map(|state| {
         let pixels = views[state].iter().zip(&labels[state]);
@@ -42,14 +42,10 @@ pub(super) fn fuse_labelled(
 }
 
 /// Views at the size that voxels ask for.
-fn thinned<'p>(
-    pictures: &PerState<Vec<DepthPicture<'p>>>,
-    config: &SurfaceConfig,
-) -> PerState<Vec<FusionView<'p>>> {
+fn thinned<'p>(pictures: &PerState<Vec<DepthPicture<'p>>>, config: &SurfaceConfig) -> PerState<Vec<FusionView<'p>>> {
     // A pixel may be a little larger than a voxel.
     const PIXEL_PER_VOXEL: f64 = 1.2;
-    let fitting =
-        || discover::pixel_step(State::ALL.map(|s| &pictures[s][..]), PIXEL_PER_VOXEL / config.resolution);
+    let fitting = || discover::pixel_step(PerState::from_fn(|s| &pictures[s][..]), PIXEL_PER_VOXEL / config.resolution);
     let step = if config.voxel.is_none() { fitting() } else { 1 };
     let fusion_view = |picture: &DepthPicture<'p>| {
         let (camera, depth) = picture.thinned_depth(step);

@@ -2,13 +2,13 @@
 
 use super::points::discs;
 use crate::articulation::training::types::still_start;
-use crate::articulation::{Start, Trained};
 use crate::articulation::{MotionModel, MotionParameters};
+use crate::articulation::{Start, Trained};
 use crate::canonical::{Canonical, CanonicalError, canonical_init};
 use crate::config::Config;
 use crate::discover::Discovery;
 use crate::neighbours::PointTree;
-use artgs_core::{JointEstimate, JointKind, Rigid, State};
+use artgs_core::{JointEstimate, JointKind, PerState, Rigid, State};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -21,7 +21,7 @@ pub(super) fn uninformed_start(
     parts: usize,
     config: &Config,
 ) -> Result<(Start, Canonical), CanonicalError> {
-    let single = State::ALL.map(|state| discs(&found.clouds[state.index()], found.spacing, &config.start));
+    let single = State::ALL.map(|state| discs(&found.clouds[state], found.spacing, &config.start));
     let mut rng = Pcg64Mcg::seed_from_u64(config.seed);
     let canonical = canonical_init(&single, parts, &config.canonical, &mut rng)?;
     let start = still_start(&canonical, &vec![MotionModel::Free; parts - 1], config.seed);
@@ -59,12 +59,12 @@ fn shift_of_middle(trained: &Trained, part: usize, motion: &Rigid) -> DVec3 {
 
 /// The same points, each with the part of the nearest trained Gaussian of its state that is more than half opaque.
 pub(super) fn relabelled(found: &Discovery, trained: &Trained) -> Discovery {
-    let labels = State::ALL.map(|state| {
+    let labels = PerState::from_fn(|state| {
         let posed = trained.at_state(state.index());
         let opaque: Vec<usize> = (0..posed.len()).filter(|&i| posed.logit_opacities[i] > 0.0).collect();
         let tree = PointTree::new(&opaque.iter().map(|&i| posed.means[i]).collect::<Vec<_>>());
         let label = |p: &glam::Vec3| tree.nearest(&p.to_array()).map_or(0, |(j, _)| trained.labels[opaque[j]]);
-        found.clouds[state.index()].points.par_iter().with_min_len(256).map(label).collect()
+        found.clouds[state].points.par_iter().with_min_len(256).map(label).collect()
     });
     Discovery { labels, ..found.clone() }
 }

@@ -1,8 +1,7 @@
 //! From labelled surface points to the first canonical Gaussians, and from labelled points to labelled pixels.
 
 use crate::articulation::{MotionModel, MotionParameters};
-use crate::discover::Discovery;
-use crate::discover::observe::Cloud;
+use crate::discover::{Cloud, Discovery};
 use crate::fit::densify::logit;
 use crate::fit::init::random_box;
 use crate::fit::{FitError, RandomInit, Region};
@@ -86,8 +85,8 @@ pub(super) fn canonical_start(found: &Discovery, config: &StartConfig) -> (Splat
         for state in State::ALL {
             let to_canonical = half.away_from(state);
             let members: Vec<usize> =
-                (0..found.labels[state.index()].len()).filter(|&i| found.labels[state.index()][i] as usize == part).collect();
-            cloud.append(&moved(&found.clouds[state.index()].select(&members), &to_canonical));
+                (0..found.labels[state].len()).filter(|&i| found.labels[state][i] as usize == part).collect();
+            cloud.append(&moved(&found.clouds[state].select(&members), &to_canonical));
         }
         let cloud = cloud.thinned(spacing);
         for i in 0..cloud.len() {

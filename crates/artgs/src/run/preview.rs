@@ -179,7 +179,13 @@ fn label(canvas: &mut Canvas, tile: (usize, usize), text: &str, width: usize) {
 }
 
 /// Axes of the joints: through the hinge, or from the part's centre along the slide.
-fn axes(canvas: &mut Canvas, tile: (usize, usize), camera: &Camera, object: (&Trained, &[JointEstimate]), state: State) {
+fn axes(
+    canvas: &mut Canvas,
+    tile: (usize, usize),
+    camera: &Camera,
+    object: (&Trained, &[JointEstimate]),
+    state: State,
+) {
     let (trained, found) = object;
     let posed = trained.at_state(state.index());
     for (k, part) in found.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! The method in one call, on disk or in memory, and its three parts alone.
 
 use super::stages::Run;
-use super::{FittedParts, Error, Reconstructed};
+use super::{Error, FittedParts, Reconstructed};
 use crate::config::{Config, Method};
 use crate::discover::Discovery;
 use crate::fit::{Cpu, Devices};

@@ -154,7 +154,7 @@ impl<'a> Run<'a> {
 
     pub(super) fn scene(&self, depths: &Depths<'a>) -> Result<Scene, Error> {
         let pictures = depth_pictures(self.train_views(), depths);
-        Ok(Scene::new(State::ALL.map(|s| &pictures[s][..]), &self.config.discover)?)
+        Ok(Scene::new(PerState::from_fn(|s| &pictures[s][..]), &self.config.discover)?)
     }
 
     /// Parts, joints and labelled points; only points where training is to learn the parts.
@@ -163,7 +163,7 @@ impl<'a> Run<'a> {
             let scene = run.scene(depths)?;
             Ok(match run.config.start.parts {
                 PartSource::Labels => discover::discover(&scene, parts - 1, &run.config.discover)?,
-                PartSource::Learnt => discover::undiscovered(&scene),
+                PartSource::Learnt => discover::without_parts(&scene),
             })
         })
     }
@@ -247,7 +247,15 @@ impl<'a> Run<'a> {
             let config = PaperConfig { canonical, types, articulate };
             let mut follow = Following::new(run.observer, devices, &mut run.summary.warnings, "articulate");
             let (views, seed) = (views_of(run.what), run.config.seed);
-            let result = paper_pipeline(views, &State::ALL.map(|s| single[s].clone()), parts, &config, seed, devices, &mut follow)?;
+            let result = paper_pipeline(
+                views,
+                &State::ALL.map(|s| single[s].clone()),
+                parts,
+                &config,
+                seed,
+                devices,
+                &mut follow,
+            )?;
             run.summary.device = Some(devices.name());
             let parts = joints_of(&result.trained, config.types.half_angle_deg.to_radians());
             run.save(|folder| checkpoint::save_trained(folder, &result.trained, &parts))?;

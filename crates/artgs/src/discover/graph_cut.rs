@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 
-/// Energies are counted in thousandths, so that the flow is exact and ends.
+/// Energies are rounded to thousandths, so that the flow is exact and terminates.
 const UNIT: f32 = 1000.0;
 const NO_ARC: u32 = u32::MAX;
 const TERMINAL: u32 = u32::MAX - 1;
@@ -11,7 +11,14 @@ const ORPHAN: u32 = u32::MAX - 2;
 
 /// Lowers `sum data[i][label_i] + smooth * sum weight_ij [label_i != label_j]` from the given labels by at most `sweeps`
 /// rounds of expansion. `data` is `[n * parts]`; no expansion raises the energy, so the result is never worse.
-pub fn expand(data: &[f32], parts: usize, edges: &[(u32, u32, f32)], smooth: f32, labels: &mut [u16], sweeps: usize) {
+pub(super) fn expand(
+    data: &[f32],
+    parts: usize,
+    edges: &[(u32, u32, f32)],
+    smooth: f32,
+    labels: &mut [u16],
+    sweeps: usize,
+) {
     let units = |x: f32| (x * UNIT).round() as i32;
     let weights: Vec<i32> = edges.iter().map(|e| units(smooth * e.2)).collect();
     let data: Vec<i32> = data.iter().map(|x| units(*x)).collect();
@@ -71,7 +78,7 @@ pub(super) fn first_steps(nodes: usize, edges: &[(u32, u32, f32)]) -> Vec<u32> {
     first
 }
 
-/// Maximum flow on a fixed undirected graph whose capacities are set anew for each run.
+/// Maximum flow on a fixed undirected graph whose capacities are set again for each run.
 struct Flow {
     /// Arcs of node i are `first[i]..first[i + 1]`.
     first: Vec<u32>,
@@ -139,7 +146,7 @@ impl Flow {
     }
 
     fn on_source_side(&self, node: usize) -> bool {
-        // Nodes that nothing reaches keep what they have.
+        // Nodes that neither tree reaches keep their label.
         self.tree[node] != Tree::Sink
     }
 
@@ -271,7 +278,7 @@ impl Flow {
         self.capacity[self.twin[arc as usize] as usize] += amount;
     }
 
-    /// Distance of a node to the root of its tree, if it still hangs on one. Remembers the way it went.
+    /// Distance of a node to the root of its tree, if it is still connected to one. Stores the distances of the nodes on the way.
     fn depth(&mut self, node: u32) -> Option<u32> {
         let (mut at, mut steps) = (node as usize, 0);
         loop {
@@ -301,14 +308,14 @@ impl Flow {
         Some(steps)
     }
 
-    /// Finds new parents for nodes cut off from their root, or sets them free.
+    /// Finds new parents for nodes cut off from their root, or takes them out of their tree.
     fn adopt(&mut self) {
         while let Some(node) = self.orphans.pop_front() {
             let i = node as usize;
             let tree = self.tree[i];
             let mut best: Option<(u32, u32)> = None;
             for arc in self.first[i]..self.first[i + 1] {
-                // The way runs from the parent to the node in the source tree, and back in the sink tree.
+                // Flow runs from the parent to the node in the source tree, and from the node to the parent in the sink tree.
                 if self.residual(tree, self.twin[arc as usize]) == 0
                     || self.tree[self.head[arc as usize] as usize] != tree
                 {

@@ -1,13 +1,17 @@
-//! A voxel grid that answers, for any point in one state: how far is the nearest surface, which point is it, is it empty there.
+//! A voxel grid that answers for any place in one state: which surface point is nearest, and is the place empty?
 
-use super::observe::{Cloud, DepthView, Sightings};
+use super::cloud::Cloud;
+use super::visibility::{DepthLookup, ViewVotes};
 use glam::{IVec3, Vec3};
 
 /// No surface point.
-pub const NOWHERE: u32 = u32::MAX;
+pub(super) const NO_POINT: u32 = u32::MAX;
+
+/// A cell is empty if every place within this many cell edges of its centre is.
+const EMPTY_MARGIN: f32 = 0.9;
 
 /// Lookup of surfaces and empty space of one state.
-pub struct Field {
+pub(super) struct SpaceGrid {
     origin: Vec3,
     voxel: f32,
     size: IVec3,
@@ -15,18 +19,25 @@ pub struct Field {
     empty: Vec<bool>,
 }
 
-impl Field {
+impl SpaceGrid {
     /// Builds the grid over the box `lower..upper` with cubes of edge `voxel`.
-    pub fn new(cloud: &Cloud, views: &[DepthView], lower: Vec3, upper: Vec3, voxel: f32, tolerance: f32) -> Self {
+    pub(super) fn new(
+        cloud: &Cloud,
+        views: &[DepthLookup],
+        lower: Vec3,
+        upper: Vec3,
+        voxel: f32,
+        tolerance: f32,
+    ) -> Self {
         let size = ((upper - lower) / voxel).ceil().as_ivec3() + 1;
         let count = (size.x * size.y * size.z) as usize;
-        let mut field = Self { origin: lower, voxel, size, nearest: vec![NOWHERE; count], empty: vec![false; count] };
-        field.seed(cloud);
-        field.propagate(cloud);
-        let centres: Vec<Vec3> = (0..count).map(|i| field.centre(i)).collect();
-        let seen = Sightings::of_all(views, &centres, tolerance.max(0.9 * voxel));
-        field.empty = seen.iter().map(Sightings::is_empty_space).collect();
-        field
+        let mut grid = Self { origin: lower, voxel, size, nearest: vec![NO_POINT; count], empty: vec![false; count] };
+        grid.seed(cloud);
+        grid.propagate(cloud);
+        let centres: Vec<Vec3> = (0..count).map(|i| grid.centre(i)).collect();
+        let votes = ViewVotes::of_all(views, &centres, tolerance.max(EMPTY_MARGIN * voxel));
+        grid.empty = votes.iter().map(ViewVotes::is_empty_space).collect();
+        grid
     }
 
     fn centre(&self, index: usize) -> Vec3 {
@@ -45,8 +56,10 @@ impl Field {
         for (i, p) in cloud.points.iter().enumerate() {
             let Some(cell) = self.index(*p) else { continue };
             let centre = self.centre(cell);
-            let held = self.nearest[cell];
-            if held == NOWHERE || p.distance_squared(centre) < cloud.points[held as usize].distance_squared(centre) {
+            let current = self.nearest[cell];
+            if current == NO_POINT
+                || p.distance_squared(centre) < cloud.points[current as usize].distance_squared(centre)
+            {
                 self.nearest[cell] = i as u32;
             }
         }
@@ -66,14 +79,14 @@ impl Field {
                 let centre = self.origin + at.as_vec3() * self.voxel;
                 let mut best = self.nearest[cell];
                 let mut distance =
-                    if best == NOWHERE { f32::INFINITY } else { cloud.points[best as usize].distance_squared(centre) };
+                    if best == NO_POINT { f32::INFINITY } else { cloud.points[best as usize].distance_squared(centre) };
                 for offset in &before {
                     let n = if forward { at + *offset } else { at - *offset };
                     if n.cmplt(IVec3::ZERO).any() || n.cmpge(s).any() {
                         continue;
                     }
                     let candidate = self.nearest[((n.z * s.y + n.y) * s.x + n.x) as usize];
-                    if candidate == NOWHERE || candidate == best {
+                    if candidate == NO_POINT || candidate == best {
                         continue;
                     }
                     let d = cloud.points[candidate as usize].distance_squared(centre);
@@ -86,10 +99,10 @@ impl Field {
         }
     }
 
-    /// Index of the (nearly) nearest surface point, and whether the place is known to be empty.
-    /// Outside the grid there is nothing and it is empty.
-    pub fn lookup(&self, point: Vec3) -> (u32, bool) {
-        self.index(point).map_or((NOWHERE, true), |i| (self.nearest[i], self.empty[i]))
+    /// Index of the (nearly) nearest surface point, and whether the place is shown as empty.
+    /// Outside the grid there is no surface, and all is empty.
+    pub(super) fn lookup(&self, point: Vec3) -> (u32, bool) {
+        self.index(point).map_or((NO_POINT, true), |i| (self.nearest[i], self.empty[i]))
     }
 }
 
@@ -104,14 +117,14 @@ mod tests {
             let t = i as f32 * 0.37;
             cloud.points.push(Vec3::new(t.sin(), (1.7 * t).cos(), (0.6 * t).sin()));
         }
-        let field = Field::new(&cloud, &[], Vec3::splat(-1.2), Vec3::splat(1.2), 0.05, 0.01);
+        let grid = SpaceGrid::new(&cloud, &[], Vec3::splat(-1.2), Vec3::splat(1.2), 0.05, 0.01);
         for i in 0..300 {
             let t = i as f32 * 0.61;
             let p = Vec3::new((1.3 * t).cos(), (0.9 * t).sin(), (2.1 * t).cos());
             let best = cloud.points.iter().map(|q| q.distance(p)).fold(f32::INFINITY, f32::min);
-            let (index, empty) = field.lookup(p);
+            let (index, empty) = grid.lookup(p);
             assert!(cloud.points[index as usize].distance(p) < best + 0.1 && !empty);
         }
-        assert_eq!(field.lookup(Vec3::splat(5.0)), (NOWHERE, true));
+        assert_eq!(grid.lookup(Vec3::splat(5.0)), (NO_POINT, true));
     }
 }

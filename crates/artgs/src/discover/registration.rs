@@ -1,63 +1,60 @@
 //! Motion of one part between the two states: symmetric point-to-plane registration, free or bound to a joint.
 
-use super::observe::Cloud;
-use crate::neighbours::PointTree;
+use super::cloud::IndexedCloud;
 use artgs_core::{JointKind, Rigid};
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 use rayon::prelude::*;
 
-/// A cloud with a search tree.
-pub struct Searchable<'a> {
-    /// The points.
-    pub cloud: &'a Cloud,
-    tree: PointTree,
-}
-
-impl<'a> Searchable<'a> {
-    /// Builds the tree.
-    pub fn new(cloud: &'a Cloud) -> Self {
-        let points: Vec<[f32; 3]> = cloud.points.iter().map(|p| p.to_array()).collect();
-        Self { cloud, tree: PointTree::new(&points) }
-    }
-
-    /// Index of the nearest point within a squared distance, and its squared distance.
-    pub fn nearest_within(&self, point: glam::Vec3, limit: f32) -> Option<(usize, f32)> {
-        self.tree.nearest_within(&point.to_array(), limit)
-    }
-
-    /// Calls `visit(index, squared distance)` for the `n` nearest points within a squared distance, nearest first.
-    pub fn nearest_n(&self, point: glam::Vec3, n: usize, limit: f32, visit: impl FnMut(usize, f32)) {
-        self.tree.nearest_n(&point.to_array(), n, limit, visit);
-    }
-}
-
 /// Settings of a registration.
 #[derive(Clone, Copy, Debug)]
-pub struct RegisterOptions {
-    /// Pairs farther apart than this are dropped in the first iteration, scene units.
-    pub first_reach: f64,
+pub(crate) struct RegistrationOptions {
+    /// Pairs farther apart than this are ignored in the first iteration, scene units.
+    pub(crate) first_reach: f64,
     /// The same in the last iteration; shrinks geometrically in between.
-    pub last_reach: f64,
+    pub(crate) last_reach: f64,
     /// Gauss-Newton steps.
-    pub iterations: usize,
+    pub(crate) iterations: usize,
     /// At most so many points of each side take part.
-    pub max_points: usize,
+    pub(crate) max_points: usize,
 }
 
 /// Outcome of a registration.
 #[derive(Clone, Copy, Debug)]
-pub struct Registration {
+pub(crate) struct Registration {
     /// Motion from start to end.
-    pub motion: Rigid,
+    pub(crate) motion: Rigid,
     /// Root mean square distance to the planes over the pairs, scene units; none without enough pairs.
-    pub rms: Option<f64>,
+    pub(crate) rms: Option<f64>,
     /// Pairs in the last iteration.
-    pub pairs: usize,
+    pub(crate) pairs: usize,
+}
+
+/// How pairs are chosen and weighed in every registration. The values are those of robust regression; results hardly
+/// depend on them.
+struct RobustSettings {
+    /// With fewer pairs the motion stays as it is.
+    least_pairs: usize,
+    /// Least cosine between the normals of a pair.
+    least_facing: f64,
+    /// Points whose neighbourhood is this rough, in units of the reach, weigh half.
+    roughness: f64,
+    /// Residuals above this many robust standard deviations have no weight (Tukey's biweight).
+    tukey: f64,
+    /// Residuals below this fraction of the reach always have some weight, except in the last iterations.
+    least_cut: f64,
+    /// Number of those last iterations.
+    exact_iterations: usize,
+}
+
+impl Default for RobustSettings {
+    fn default() -> Self {
+        Self { least_pairs: 12, least_facing: 0.7, roughness: 0.25, tukey: 4.7, least_cut: 0.3, exact_iterations: 4 }
+    }
 }
 
 #[derive(Clone, Copy)]
-struct Pair {
+struct Correspondence {
     /// Point of the start state moved to the end state.
     moved: DVec3,
     normal: DVec3,
@@ -65,46 +62,52 @@ struct Pair {
     weight: f64,
 }
 
-/// What looks for partners, and where.
+/// Which points are matched, and with which.
 #[derive(Clone, Copy)]
-pub struct Match<'a> {
-    /// Points of the start state that look for partners among `end_target`.
-    pub start: Option<&'a Searchable<'a>>,
-    /// Points of the end state that look for partners among `start_target`.
-    pub end: Option<&'a Searchable<'a>>,
-    /// Where points of the end state look; may show more than the part.
-    pub start_target: &'a Searchable<'a>,
-    /// Where points of the start state look; may show more than the part.
-    pub end_target: &'a Searchable<'a>,
+pub(crate) struct Matching<'a> {
+    /// Points of the start state that are matched with those of `end_target`.
+    pub(crate) start: Option<&'a IndexedCloud<'a>>,
+    /// Points of the end state that are matched with those of `start_target`.
+    pub(crate) end: Option<&'a IndexedCloud<'a>>,
+    /// Points of the start state; may show more than the part.
+    pub(crate) start_target: &'a IndexedCloud<'a>,
+    /// Points of the end state; may show more than the part.
+    pub(crate) end_target: &'a IndexedCloud<'a>,
 }
 
-impl<'a> Match<'a> {
+impl<'a> Matching<'a> {
     /// Both states show the part and nothing else.
-    pub fn mutual(start: &'a Searchable<'a>, end: &'a Searchable<'a>) -> Self {
+    pub(crate) fn mutual(start: &'a IndexedCloud<'a>, end: &'a IndexedCloud<'a>) -> Self {
         Self { start: Some(start), end: Some(end), start_target: start, end_target: end }
     }
 
-    /// Only the points of `start` look for partners, in a state that may show more than the part.
-    pub fn one_sided(start: &'a Searchable<'a>, end_target: &'a Searchable<'a>) -> Self {
+    /// Only the points of `start` are matched, with a state that may show more than the part.
+    pub(crate) fn one_sided(start: &'a IndexedCloud<'a>, end_target: &'a IndexedCloud<'a>) -> Self {
         Self { start: Some(start), end: None, start_target: start, end_target }
     }
 }
 
 /// Registers a part beginning at `guess` (start to end). With `kind` the motion stays on the joint: three numbers for
 /// prismatic, five for revolute, six otherwise.
-pub fn register(points: Match<'_>, guess: Rigid, kind: Option<JointKind>, options: &RegisterOptions) -> Registration {
+pub(crate) fn register(
+    points: Matching<'_>,
+    guess: Rigid,
+    kind: Option<JointKind>,
+    options: &RegistrationOptions,
+) -> Registration {
     let mut motion = guess;
+    let settings = RobustSettings::default();
     let mut outcome = Registration { motion, rms: None, pairs: 0 };
     let shrink = (options.last_reach / options.first_reach).powf(1.0 / (options.iterations.max(2) - 1) as f64);
     let mut reach = options.first_reach;
     for iteration in 0..options.iterations {
-        let pairs = collect_pairs(points, &motion, reach, options.max_points);
-        if pairs.len() < 12 {
+        let pairs = collect_pairs(points, &motion, reach, options.max_points, &settings);
+        if pairs.len() < settings.least_pairs {
             return outcome;
         }
         // Large flat faces fit at once and would make everything that fixes the motion along them look like an outlier.
-        let closing = iteration + 4 >= options.iterations;
-        let pairs = reweighted(pairs, if closing { 0.0 } else { 0.3 * reach });
+        let last_ones = iteration + settings.exact_iterations >= options.iterations;
+        let pairs = reweighted(pairs, if last_ones { 0.0 } else { settings.least_cut * reach }, &settings);
         let total: f64 = pairs.iter().map(|p| p.weight).sum();
         let square: f64 = pairs.iter().map(|p| p.weight * p.residual * p.residual).sum();
         outcome = Registration { motion, rms: Some((square / total.max(1e-300)).sqrt()), pairs: pairs.len() };
@@ -116,10 +119,16 @@ pub fn register(points: Match<'_>, guess: Rigid, kind: Option<JointKind>, option
     outcome
 }
 
-fn collect_pairs(points: Match<'_>, motion: &Rigid, reach: f64, max_points: usize) -> Vec<Pair> {
+fn collect_pairs(
+    points: Matching<'_>,
+    motion: &Rigid,
+    reach: f64,
+    max_points: usize,
+    settings: &RobustSettings,
+) -> Vec<Correspondence> {
     let limit = (reach * reach) as f32;
     let inverse = motion.inverse();
-    let one_way = |from: &Searchable<'_>, to: &Searchable<'_>, m: &Rigid, forward: bool| -> Vec<Pair> {
+    let one_way = |from: &IndexedCloud<'_>, to: &IndexedCloud<'_>, m: &Rigid, forward: bool| -> Vec<Correspondence> {
         let stride = from.cloud.len().div_ceil(max_points).max(1);
         let count = from.cloud.len().div_ceil(stride);
         (0..count)
@@ -131,13 +140,13 @@ fn collect_pairs(points: Match<'_>, motion: &Rigid, reach: f64, max_points: usiz
                 let image = m.apply(p);
                 let (j, _) = to.nearest_within(image.as_vec3(), limit)?;
                 let (q, nq) = (to.cloud.points[j].as_dvec3(), to.cloud.normals[j].as_dvec3());
-                if m.turn(n).dot(nq) < 0.7 {
+                if m.turn(n).dot(nq) < settings.least_facing {
                     return None;
                 }
-                let weight = 1.0 / (1.0 + (f64::from(to.cloud.roughness[j]) / (0.25 * reach)).powi(2));
+                let weight = 1.0 / (1.0 + (f64::from(to.cloud.roughness[j]) / (settings.roughness * reach)).powi(2));
                 let (moved, normal, other) =
                     if forward { (image, nq, q) } else { (motion.apply(q), motion.turn(nq), p) };
-                Some(Pair { moved, normal, residual: normal.dot(moved - other), weight })
+                Some(Correspondence { moved, normal, residual: normal.dot(moved - other), weight })
             })
             .collect()
     };
@@ -149,33 +158,34 @@ fn collect_pairs(points: Match<'_>, motion: &Rigid, reach: f64, max_points: usiz
 }
 
 /// Registers a slide along the fixed unit direction `axis`; only its amount is free.
-pub fn register_along(points: Match<'_>, axis: DVec3, amount: f64, options: &RegisterOptions) -> f64 {
+pub(crate) fn register_along(points: Matching<'_>, axis: DVec3, amount: f64, options: &RegistrationOptions) -> f64 {
+    let settings = RobustSettings::default();
     let mut amount = amount;
     let mut reach = options.first_reach;
     let shrink = (options.last_reach / options.first_reach).powf(1.0 / (options.iterations.max(2) - 1) as f64);
     for _ in 0..options.iterations {
-        let pairs = collect_pairs(points, &Rigid::shift(axis * amount), reach, options.max_points);
-        if pairs.len() < 12 {
+        let pairs = collect_pairs(points, &Rigid::shift(axis * amount), reach, options.max_points, &settings);
+        if pairs.len() < settings.least_pairs {
             break;
         }
-        let (mut down, mut up) = (1e-12, 0.0);
-        for p in reweighted(pairs, 0.3 * reach) {
+        let (mut curvature, mut gradient) = (1e-12, 0.0);
+        for p in reweighted(pairs, settings.least_cut * reach, &settings) {
             let slope = p.normal.dot(axis);
-            down += p.weight * slope * slope;
-            up += p.weight * slope * p.residual;
+            curvature += p.weight * slope * slope;
+            gradient += p.weight * slope * p.residual;
         }
-        amount -= up / down;
+        amount -= gradient / curvature;
         reach *= shrink;
     }
     amount
 }
 
-/// Tukey's biweight at 4.7 robust standard deviations, but not below `least_cut`.
-fn reweighted(mut pairs: Vec<Pair>, least_cut: f64) -> Vec<Pair> {
+/// Tukey's biweight, cut at a multiple of the robust standard deviation but not below `least_cut`.
+fn reweighted(mut pairs: Vec<Correspondence>, least_cut: f64, settings: &RobustSettings) -> Vec<Correspondence> {
     let mut sizes: Vec<f64> = pairs.iter().map(|p| p.residual.abs()).collect();
     let middle = sizes.len() / 2;
     let scale = 1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let cut = (4.7 * scale).max(least_cut).max(1e-12);
+    let cut = (settings.tukey * scale).max(least_cut).max(1e-12);
     for p in &mut pairs {
         let u = p.residual / cut;
         p.weight *= if u.abs() < 1.0 { (1.0 - u * u).powi(2) } else { 0.0 };
@@ -184,7 +194,7 @@ fn reweighted(mut pairs: Vec<Pair>, least_cut: f64) -> Vec<Pair> {
 }
 
 /// One Gauss-Newton step. Twists are about `centre`: column of `omega`, then of `v`.
-fn advance(motion: &Rigid, kind: Option<JointKind>, pairs: &[Pair], centre: DVec3) -> Rigid {
+fn advance(motion: &Rigid, kind: Option<JointKind>, pairs: &[Correspondence], centre: DVec3) -> Rigid {
     let (mut a, mut b) = (Matrix6::<f64>::zeros(), Vector6::<f64>::zeros());
     for p in pairs {
         let m = (p.moved - centre).cross(p.normal);
@@ -246,6 +256,7 @@ fn solve(a: &DMatrix<f64>, b: &[f64]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::cloud::Cloud;
     use super::*;
     use glam::Vec3;
 
@@ -286,17 +297,17 @@ mod tests {
         let hinge = Rigid::about(axis, DVec3::new(0.0, 1.0, 0.2), 0.8);
         let slide = Rigid::shift(DVec3::new(0.03, -0.3, 0.1));
         let free = Rigid { translation: hinge.translation + axis * 0.1, ..hinge };
-        let options = RegisterOptions { first_reach: 0.1, last_reach: 0.02, iterations: 30, max_points: 4000 };
+        let options = RegistrationOptions { first_reach: 0.1, last_reach: 0.02, iterations: 30, max_points: 4000 };
         for (truth, kind) in [(hinge, Some(JointKind::Revolute)), (slide, Some(JointKind::Prismatic)), (free, None)] {
             let end = moved(&start, &truth);
-            let off = Rigid::about(DVec3::new(0.0, 0.6, 0.8), DVec3::ZERO, 0.03) * truth;
+            let disturbed = Rigid::about(DVec3::new(0.0, 0.6, 0.8), DVec3::ZERO, 0.03) * truth;
             let guess = if kind == Some(JointKind::Prismatic) {
                 Rigid::shift(truth.translation + DVec3::splat(0.02))
             } else {
-                off
+                disturbed
             };
             let found =
-                register(Match::mutual(&Searchable::new(&start), &Searchable::new(&end)), guess, kind, &options);
+                register(Matching::mutual(&IndexedCloud::new(&start), &IndexedCloud::new(&end)), guess, kind, &options);
             let x = DVec3::new(0.7, 0.4, 0.3);
             assert!((found.motion.apply(x) - truth.apply(x)).length() < 1e-5, "{kind:?}: {found:?}");
         }

@@ -1,0 +1,502 @@
+//! Candidate motions: a wide search of hinges and slides for each cluster of moved points, refined by registration.
+
+use super::cloud::{Cloud, IndexedCloud, components, principal_axes};
+use super::poses::{Pose, PoseSettings};
+use super::ranking::{RankingSettings, alike, better_seen};
+use super::registration::{Matching, RegistrationOptions, register, register_along};
+use super::scene::Lengths;
+use super::space_grid::{NO_POINT, SpaceGrid};
+use artgs_core::{PerState, Rigid, State};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Settings of the search. Distances are in spacings (between neighbouring points) or fractions of the object's diagonal.
+/// Calibrated on the stand-ins of the paper's objects: as few poses are kept as lose none of their true motions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct CandidateSettings {
+    /// Poses of the wide search.
+    pub(crate) poses: PoseSettings,
+    /// Value of landing on a point that is in both states, where 1 is a point that moved and is not explained yet.
+    pub(crate) on_static: f32,
+    /// Value of landing on a point that the other state cannot see.
+    pub(crate) on_unseen: f32,
+    /// Value of landing in empty space.
+    pub(crate) in_empty: f32,
+    /// Value of landing where nothing was seen.
+    pub(crate) in_unseen: f32,
+    /// Points this close to a surface count in the wide search, fraction of the diagonal.
+    pub(crate) reach: f32,
+    /// Points this close to a surface count after registration, spacings.
+    pub(crate) fine_reach: f32,
+    /// Points that score a pose of the wide search.
+    pub(crate) coarse_points: usize,
+    /// Points that score a registered motion.
+    pub(crate) fine_points: usize,
+    /// Poses that are registered: the best, and in all with the best small ones.
+    pub(crate) registered: [usize; 2],
+    /// Motions that are kept after a rough registration: the same two counts.
+    pub(crate) rough: [usize; 2],
+    /// Motions that are kept after the final registration: the same two counts.
+    pub(crate) kept: [usize; 2],
+    /// Registered motions of a lower mean value are dropped.
+    pub(crate) least_value: f32,
+    /// Two points this close belong to one cluster, spacings.
+    pub(crate) cluster_reach: f32,
+    /// Clusters of a state that are searched, largest first.
+    pub(crate) clusters: usize,
+    /// Least points of a cluster.
+    pub(crate) least_cluster: usize,
+    /// A cluster whose best motion has a lower mean value is cut in two.
+    pub(crate) explained: f32,
+    /// A cluster is cut this often at most.
+    pub(crate) cuts: usize,
+}
+
+impl Default for CandidateSettings {
+    fn default() -> Self {
+        Self {
+            poses: PoseSettings::default(),
+            on_static: 0.35,
+            on_unseen: 0.8,
+            in_empty: -1.0,
+            in_unseen: -0.1,
+            reach: 0.035,
+            fine_reach: 1.6,
+            coarse_points: 120,
+            fine_points: 600,
+            registered: [30, 50],
+            rough: [14, 28],
+            kept: [5, 9],
+            least_value: 0.03,
+            cluster_reach: 2.6,
+            clusters: 20,
+            least_cluster: 12,
+            explained: 0.6,
+            cuts: 2,
+        }
+    }
+}
+
+/// One state as the search sees it.
+pub(super) struct SearchState<'a> {
+    /// Points with their search tree.
+    pub(super) points: &'a IndexedCloud<'a>,
+    /// Lookup of surfaces and empty space.
+    pub(super) grid: &'a SpaceGrid,
+    /// Points at whose place the other state shows empty space.
+    pub(super) moved: &'a [usize],
+    /// Points whose place the other state does not show: they may have moved.
+    pub(super) unseen: &'a [usize],
+}
+
+/// A motion with what it explains.
+#[derive(Clone, Debug)]
+pub(super) struct Candidate {
+    /// Motion from start to end.
+    pub(super) motion: Rigid,
+    /// Moved points of each state it explains.
+    pub(super) explained: PerState<Vec<usize>>,
+    /// Value of the explained points, in points.
+    pub(super) gain: f64,
+    /// See [`RankingSettings::implausibility`].
+    pub(super) implausibility: f32,
+}
+
+/// Flags of the points `members`.
+fn flags(len: usize, members: &[usize]) -> Vec<bool> {
+    let mut out = vec![false; len];
+    members.iter().for_each(|&i| out[i] = true);
+    out
+}
+
+/// `count` points of a group with their normals. A golden-ratio sequence spreads even the first third over the group.
+pub(super) fn sample_of(cloud: &Cloud, group: &[usize], count: usize) -> Vec<(Vec3, Vec3)> {
+    let n = group.len();
+    (0..count.min(n))
+        .map(|i| {
+            let f = (i as f64 * 0.618_033_988_75).fract();
+            let k = group[((f * n as f64) as usize).min(n - 1)];
+            (cloud.points[k], cloud.normals[k])
+        })
+        .collect()
+}
+
+/// Splits a group in two along its longest direction, at the widest sparse place near the middle.
+fn halves(cloud: &Cloud, group: &[usize]) -> [Vec<usize>; 2] {
+    const BINS: usize = 40;
+    let axes = principal_axes(cloud, group);
+    let mut sorted: Vec<(f32, usize)> = group.iter().map(|&i| (axes[0].dot(cloud.points[i]), i)).collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (lo, hi) = (sorted[0].0, sorted[sorted.len() - 1].0);
+    let mut counts = vec![0usize; BINS];
+    for (x, _) in &sorted {
+        counts[(((x - lo) / (hi - lo).max(1e-12) * BINS as f32) as usize).min(BINS - 1)] += 1;
+    }
+    let cut = (BINS / 4..3 * BINS / 4).min_by_key(|&b| (counts[b], b.abs_diff(BINS / 2))).unwrap_or(BINS / 2);
+    let at = lo + (hi - lo) * (cut as f32 + 0.5) / BINS as f32;
+    let split = sorted.partition_point(|(x, _)| *x < at);
+    [sorted[..split].iter().map(|s| s.1).collect(), sorted[split..].iter().map(|s| s.1).collect()]
+}
+
+/// Motions (own state to other state) that were found for a group of a state.
+type Searched = (State, Vec<usize>, Vec<(f32, Rigid)>);
+
+/// Collects candidate motions from both states.
+pub(super) struct Search<'a> {
+    pub(super) states: PerState<SearchState<'a>>,
+    pub(super) lengths: Lengths,
+    pub(super) settings: CandidateSettings,
+    pub(super) ranking: RankingSettings,
+    /// Least value of what a motion explains, in points.
+    pub(super) least_gain: f64,
+}
+
+impl Search<'_> {
+    /// At most `pool` distinct and registered motions, those that explain most first. Groups of moved points are
+    /// searched, the points that the best motion explains are removed, and the rest is searched again, `rounds` times or
+    /// until nothing worth `least_gain` points remains.
+    pub(super) fn candidates(&self, rounds: usize, pool: usize) -> Vec<Candidate> {
+        let mut open = self.states.as_ref().map(|s| s.moved.to_vec());
+        let all_open = open.clone();
+        let all_values = self.landing_values(&open);
+        let faces = self.settings.poses.face_directions(self.states[State::END].points.cloud);
+        let mut cache = Vec::new();
+        let (mut winners, mut others): (Vec<Rigid>, Vec<Rigid>) = Default::default();
+        for _ in 0..rounds {
+            let values = self.landing_values(&open);
+            let found = self.hypotheses(&open, &values, &faces, &mut cache);
+            let weighed = found.iter().map(|m| self.weigh(&open, &values, *m));
+            let best = weighed.reduce(|a, b| if b.gain > a.gain { b } else { a });
+            winners.extend(best.iter().map(|b| b.motion));
+            others.extend(found);
+            let Some(best) = best.filter(|b| b.gain > self.least_gain) else { break };
+            for s in State::ALL {
+                let claimed = self.claim(s, &open[s], &best);
+                open[s].retain(|&i| !claimed[i]);
+            }
+        }
+        // Winners of each round first: variants of a large part's motion must not displace a small part's.
+        let judge = |m: Rigid| self.weigh(&all_open, &all_values, m);
+        let rest: Vec<Candidate> = others.into_iter().map(judge).filter(|c| c.gain > 0.3 * self.least_gain).collect();
+        let winners: Vec<Candidate> = winners.into_iter().map(judge).collect();
+        let order = self.order(&rest, 2 * pool);
+        let ranked = winners.into_iter().chain(order.into_iter().map(|i| rest[i].clone()));
+        self.registered(ranked, pool, &faces)
+    }
+
+    fn clouds(&self) -> PerState<&IndexedCloud<'_>> {
+        self.states.as_ref().map(|s| s.points)
+    }
+
+    /// Alternates between those that explain most and those that explain most by small motions.
+    fn order(&self, rest: &[Candidate], count: usize) -> Vec<usize> {
+        let (by_gain, by_small_motion) = rayon::join(
+            || self.ranking.diverse_order(rest, self.clouds(), count, |c| f64::from(1.0 - c.implausibility)),
+            || {
+                let factor = |c: &Candidate| (1.0 - c.implausibility) * self.ranking.small_motion(c.implausibility);
+                self.ranking.diverse_order(rest, self.clouds(), count, |c| f64::from(factor(c)))
+            },
+        );
+        let mut taken = vec![false; rest.len()];
+        let alternating = by_gain.iter().zip(&by_small_motion).flat_map(|(a, b)| [*a, *b]);
+        alternating.filter(|&i| !std::mem::replace(&mut taken[i], true)).collect()
+    }
+
+    /// Registers candidates in their order until `pool` distinct motions are found.
+    fn registered(&self, ranked: impl Iterator<Item = Candidate>, pool: usize, faces: &[Vec3]) -> Vec<Candidate> {
+        let same = |m: &Rigid, c: &Candidate| alike(m, c, self.clouds(), &self.lengths);
+        let mut unregistered: Vec<Rigid> = Vec::new();
+        let mut kept: Vec<Candidate> = Vec::new();
+        for c in ranked {
+            if kept.len() >= pool {
+                break;
+            }
+            if unregistered.iter().any(|m| same(m, &c)) {
+                continue;
+            }
+            unregistered.push(c.motion);
+            for motion in self.variants(&c, faces) {
+                let candidate = Candidate { motion, ..c.clone() };
+                if kept.iter().all(|k| !same(&k.motion, &candidate)) {
+                    kept.push(candidate);
+                }
+            }
+        }
+        kept
+    }
+
+    /// Value of landing on each point of each state while `open` of its moved points are unexplained.
+    fn landing_values(&self, open: &PerState<Vec<usize>>) -> PerState<Vec<f32>> {
+        PerState::from_fn(|s| {
+            let state = &self.states[s];
+            let mut out = vec![self.settings.on_static; state.points.cloud.len()];
+            state.unseen.iter().for_each(|&i| out[i] = self.settings.on_unseen);
+            open[s].iter().for_each(|&i| out[i] = 1.0);
+            out
+        })
+    }
+
+    /// Value of one point of another state at pose `pose` in `target`: near 1 on a surface that faces the same way,
+    /// negative in empty space and slightly negative where nothing was seen. `landing` are values of the target's points.
+    fn value(&self, pose: &Pose, p: Vec3, n: Vec3, target: &SearchState<'_>, landing: &[f32], radius: f32) -> f32 {
+        let q = pose.apply(p);
+        let (nearest, empty) = target.grid.lookup(q);
+        if nearest != NO_POINT {
+            let cloud = target.points.cloud;
+            let d = cloud.points[nearest as usize].distance(q) / radius;
+            if d < 1.0 {
+                let facing = (pose.rotation * n).dot(cloud.normals[nearest as usize]).max(0.0);
+                return (1.0 - d * d) * facing * landing[nearest as usize];
+            }
+        }
+        if empty { self.settings.in_empty } else { self.settings.in_unseen }
+    }
+
+    fn mean_value(
+        &self,
+        pose: &Pose,
+        sample: &[(Vec3, Vec3)],
+        target: &SearchState<'_>,
+        landing: &[f32],
+        radius: f32,
+    ) -> f32 {
+        // Most poses of the wide search are wrong, and a third of the points shows it.
+        let third = sample.len() / 3;
+        let mut sum = 0.0;
+        for (i, (p, n)) in sample.iter().enumerate() {
+            sum += self.value(pose, *p, *n, target, landing, radius);
+            if i == third && sum < 0.0 {
+                return -1.0;
+            }
+        }
+        sum / sample.len() as f32
+    }
+
+    /// Motions from start to end for the groups of open points of both states. Groups that no single motion explains are
+    /// cut in halves and quarters.
+    fn hypotheses(
+        &self,
+        open: &PerState<Vec<usize>>,
+        landing: &PerState<Vec<f32>>,
+        faces: &[Vec3],
+        cache: &mut Vec<Searched>,
+    ) -> Vec<Rigid> {
+        let settings = &self.settings;
+        let least = settings.least_cluster.max((0.3 * self.least_gain) as usize);
+        let mut motions = Vec::new();
+        for s in State::ALL {
+            let cloud = self.states[s].points.cloud;
+            let groups = components(cloud, &open[s], settings.cluster_reach * self.lengths.spacing, least);
+            let mut queue: Vec<(Vec<usize>, usize)> =
+                groups.into_iter().take(settings.clusters).map(|g| (g, 0)).collect();
+            let mut next = 0;
+            while next < queue.len() {
+                let (group, depth) = queue[next].clone();
+                next += 1;
+                let hit = cache.iter().position(|c| c.0 == s && c.1 == group).unwrap_or_else(|| {
+                    let found = self.search(s, &group, &landing[s.other()], faces);
+                    cache.push((s, group.clone(), found));
+                    cache.len() - 1
+                });
+                let found = &cache[hit].2;
+                motions.extend(found.iter().map(|(_, m)| m.away_from(s)));
+                let explained = found.first().map_or(0.0, |f| f.0);
+                if explained < settings.explained && depth < settings.cuts && group.len() >= 4 * least {
+                    let parts = halves(cloud, &group).into_iter().filter(|h| h.len() >= least);
+                    queue.extend(parts.map(|h| (h, depth + 1)));
+                }
+            }
+        }
+        motions
+    }
+
+    /// Best motions (own state to other state) of a group of a state, refined by registration, with their mean value;
+    /// best first.
+    fn search(&self, state: State, group: &[usize], landing: &[f32], faces: &[Vec3]) -> Vec<(f32, Rigid)> {
+        let settings = &self.settings;
+        let (cloud, target) = (self.states[state].points.cloud, &self.states[state.other()]);
+        let guesses = self.best_poses(state, group, landing, faces);
+        let own = cloud.select(group);
+        let source = IndexedCloud::new(&own);
+        let fine = sample_of(cloud, group, settings.fine_points);
+        let register_all = |guesses: &[Rigid], iterations: usize, max_points: usize| -> Vec<(f32, f32, Rigid)> {
+            let options = RegistrationOptions {
+                first_reach: f64::from(0.05 * self.lengths.diagonal),
+                last_reach: f64::from(1.5 * self.lengths.spacing),
+                iterations,
+                max_points,
+            };
+            let judged = guesses.par_iter().map(|guess| {
+                let motion = register(Matching::one_sided(&source, target.points), *guess, None, &options).motion;
+                let radius = settings.fine_reach * self.lengths.spacing;
+                let value = self.mean_value(&Pose::of(&motion), &fine, target, landing, radius);
+                let implausibility = self.ranking.implausibility(&motion, &fine, &self.lengths);
+                (value * (1.0 - implausibility), value * self.ranking.small_motion(implausibility), motion)
+            });
+            judged.filter(|r| r.0 > settings.least_value).collect()
+        };
+        // A rough registration shows of most guesses that they are wrong.
+        let rough = self.best_by_both(register_all(&guesses, 14, 250), settings.rough, &fine);
+        let refined = register_all(&rough.iter().map(|r| r.1).collect::<Vec<_>>(), 20, 400);
+        self.best_by_both(refined, settings.kept, &fine)
+    }
+
+    /// Poses of the wide search that are worth a registration.
+    fn best_poses(&self, state: State, group: &[usize], landing: &[f32], faces: &[Vec3]) -> Vec<Rigid> {
+        let settings = &self.settings;
+        let (cloud, target) = (self.states[state].points.cloud, &self.states[state.other()]);
+        let poses = settings.poses.poses(cloud, group, faces, self.lengths.diagonal);
+        let sample = sample_of(cloud, group, settings.coarse_points);
+        let radius = settings.reach * self.lengths.diagonal;
+        let centre = sample.iter().map(|s| s.0).sum::<Vec3>() / sample.len() as f32;
+        let mut by_value: Vec<(f32, usize)> = poses
+            .par_iter()
+            .enumerate()
+            .with_min_len(256)
+            .map(|(i, pose)| (self.mean_value(pose, &sample, target, landing, radius), i))
+            .filter(|s| s.0 > 0.0)
+            .collect();
+        by_value.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let shift = |i: usize| poses[i].translation + poses[i].rotation * centre - centre;
+        let small =
+            |i: usize| self.ranking.small_motion(self.ranking.shift * shift(i).length() / self.lengths.diagonal);
+        let mut by_small_motion: Vec<(f32, usize)> = by_value.iter().map(|(v, i)| (v * small(*i), *i)).collect();
+        by_small_motion.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let mut kept: Vec<Rigid> = Vec::new();
+        for (ranking, most) in [&by_value, &by_small_motion].into_iter().zip(settings.registered) {
+            for (_, i) in ranking {
+                if kept.len() >= most {
+                    break;
+                }
+                let pose = poses[*i];
+                let differs = |k: &Rigid| {
+                    let shift = pose.apply(centre).distance(k.apply(centre.as_dvec3()).as_vec3());
+                    let angle = (k.inverse() * pose.rigid()).angle();
+                    shift > 0.7 * radius || angle > 0.2
+                };
+                if kept.iter().all(differs) {
+                    kept.push(pose.rigid());
+                }
+            }
+        }
+        kept
+    }
+
+    /// The first distinct motions ranked by the first number, then by the second until there are `in_all`.
+    fn best_by_both(
+        &self,
+        judged: Vec<(f32, f32, Rigid)>,
+        [by_value, in_all]: [usize; 2],
+        fine: &[(Vec3, Vec3)],
+    ) -> Vec<(f32, Rigid)> {
+        let mut distinct: Vec<(f32, Rigid)> = Vec::new();
+        let reach = f64::from(1.5 * self.lengths.spacing);
+        for (rank, most) in [(0, by_value), (1, in_all)] {
+            let mut ranking = judged.clone();
+            ranking.sort_by(|a, b| if rank == 0 { b.0.total_cmp(&a.0) } else { b.1.total_cmp(&a.1) });
+            for r in ranking {
+                let gap = |m: &Rigid, p: Vec3| m.apply(p.as_dvec3()).distance(r.2.apply(p.as_dvec3()));
+                if distinct.len() < most && distinct.iter().all(|d| fine.iter().any(|(p, _)| gap(&d.1, *p) > reach)) {
+                    distinct.push((r.0, r.2));
+                }
+            }
+        }
+        distinct
+    }
+
+    /// Values of some points of a state under a motion from start to end.
+    fn values(&self, state: State, members: &[usize], landing: &[f32], motion: &Rigid) -> Vec<f32> {
+        let pose = Pose::of(&motion.away_from(state));
+        let (own, target) = (self.states[state].points.cloud, &self.states[state.other()]);
+        let reach = self.settings.fine_reach * self.lengths.spacing;
+        members
+            .par_iter()
+            .with_min_len(512)
+            .map(|&i| self.value(&pose, own.points[i], own.normals[i], target, landing, reach))
+            .collect()
+    }
+
+    /// What a motion explains of the open points of both states.
+    fn weigh(&self, open: &PerState<Vec<usize>>, landing: &PerState<Vec<f32>>, motion: Rigid) -> Candidate {
+        /// Points that judge the plausibility.
+        const SAMPLES: usize = 300;
+        let mut gain = 0.0f64;
+        let explained = PerState::from_fn(|s| {
+            let values = self.values(s, &open[s], &landing[s.other()], &motion);
+            gain += values.iter().filter(|v| **v > 0.0).map(|v| f64::from(*v)).sum::<f64>();
+            let least = 0.3 * self.settings.on_static;
+            open[s].iter().zip(&values).filter(|(_, v)| **v > least).map(|(i, _)| *i).collect()
+        });
+        let s = better_seen(&explained);
+        let sample = sample_of(self.states[s].points.cloud, &explained[s], SAMPLES);
+        let implausibility = self.ranking.implausibility(&motion.away_from(s), &sample, &self.lengths);
+        Candidate { motion, explained, gain: gain * f64::from(1.0 - implausibility), implausibility }
+    }
+
+    /// Open points that belong to a chosen motion: the explained ones, and those it moves to where nothing was seen if
+    /// they are connected with explained ones (the inside of a drawer that was closed).
+    fn claim(&self, state: State, open: &[usize], candidate: &Candidate) -> Vec<bool> {
+        /// Groups of which this fraction is explained belong to the motion as a whole.
+        const SURE: usize = 4;
+        let cloud = self.states[state].points.cloud;
+        let any = vec![1.0; self.states[state.other()].points.cloud.len()];
+        let values = self.values(state, open, &any, &candidate.motion);
+        let possible: Vec<usize> = open.iter().zip(&values).filter(|(_, v)| **v > -0.5).map(|(i, _)| *i).collect();
+        let mut claimed = flags(cloud.len(), &candidate.explained[state]);
+        for group in components(cloud, &possible, self.settings.cluster_reach * self.lengths.spacing, 1) {
+            let sure = group.iter().filter(|&&i| claimed[i]).count();
+            if SURE * sure >= group.len() {
+                group.iter().for_each(|&i| claimed[i] = true);
+            }
+        }
+        claimed
+    }
+
+    /// Variants of a candidate registered from its explained points of both states: free; where it hardly turns, the
+    /// slide that shifts the points by the same; and where that slide nearly follows a direction in which the object's
+    /// faces look, the slide along it (a flat front says little about motion along itself).
+    fn variants(&self, candidate: &Candidate, faces: &[Vec3]) -> Vec<Rigid> {
+        /// Candidates that turn more are no slides, radians.
+        const SLIDE: f64 = 0.1;
+        /// Least cosine between a slide and the face direction that it is taken to follow.
+        const ALONG: f64 = 0.85;
+        let clouds = PerState::from_fn(|s| self.states[s].points.cloud.select(&candidate.explained[s]));
+        let sources = clouds.as_ref().map(IndexedCloud::new);
+        let source = |s: State| (clouds[s].len() >= 12).then_some(&sources[s]);
+        let points = Matching {
+            start: source(State::START),
+            end: source(State::END),
+            start_target: self.states[State::START].points,
+            end_target: self.states[State::END].points,
+        };
+        let spacing = f64::from(self.lengths.spacing);
+        let options = RegistrationOptions {
+            first_reach: f64::from(3.0 * self.lengths.spacing),
+            last_reach: spacing,
+            iterations: 15,
+            max_points: 2500,
+        };
+        let free = register(points, candidate.motion, None, &options).motion;
+        let mut out = vec![free];
+        if free.angle() > SLIDE {
+            return out;
+        }
+        let s = better_seen(&candidate.explained);
+        let centre = clouds[s].middle().as_dvec3();
+        let centre = if s == State::START { centre } else { free.inverse().apply(centre) };
+        let shift = free.apply(centre) - centre;
+        if shift.length() < spacing {
+            return out;
+        }
+        out.push(Rigid::shift(shift));
+        for face in faces {
+            let axis = face.as_dvec3().normalize();
+            let along = shift.dot(axis);
+            if along.abs() > ALONG * shift.length() {
+                let amount = register_along(points, axis, along, &options);
+                out.push(Rigid::shift(axis * amount));
+            }
+        }
+        out
+    }
+}

@@ -1,0 +1,220 @@
+//! Oriented surface points and searches among them.
+
+use super::visibility::{DepthLookup, STEEPEST};
+use crate::neighbours::PointTree;
+use glam::{DVec2, Vec3};
+use nalgebra::{Matrix3, SymmetricEigen};
+use rayon::prelude::*;
+
+/// Oriented, coloured surface points.
+#[derive(Clone, Debug, Default)]
+pub struct Cloud {
+    /// Positions, world frame of the state.
+    pub points: Vec<Vec3>,
+    /// Unit normals towards the cameras.
+    pub normals: Vec<Vec3>,
+    /// sRGB in [0, 1].
+    pub colors: Vec<Vec3>,
+    /// Root mean square distance of the neighbourhood from its plane, scene units.
+    pub roughness: Vec<f32>,
+}
+
+impl Cloud {
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// True if there are none.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    fn push(&mut self, point: Vec3, normal: Vec3, color: Vec3, roughness: f32) {
+        self.points.push(point);
+        self.normals.push(normal);
+        self.colors.push(color);
+        self.roughness.push(roughness);
+    }
+
+    /// Concatenates another cloud.
+    pub fn append(&mut self, other: &Self) {
+        self.points.extend(&other.points);
+        self.normals.extend(&other.normals);
+        self.colors.extend(&other.colors);
+        self.roughness.extend(&other.roughness);
+    }
+
+    /// The points `indices`, in that order.
+    pub fn select(&self, indices: &[usize]) -> Self {
+        let mut out = Self::default();
+        for &i in indices {
+            out.push(self.points[i], self.normals[i], self.colors[i], self.roughness[i]);
+        }
+        out
+    }
+
+    /// Mean of the points; the origin if there are none.
+    pub(crate) fn middle(&self) -> Vec3 {
+        self.points.iter().sum::<Vec3>() / self.len().max(1) as f32
+    }
+
+    /// Keeps, of every occupied cube of edge `voxel` and main direction, the point with the smoothest neighbourhood.
+    /// Two sides of a thin plate are kept apart by the main axis of their normals. Sorted by cube.
+    pub(crate) fn thinned(&self, voxel: f32) -> Self {
+        let key = |i: usize| {
+            let (c, n) = ((self.points[i] / voxel).floor().as_ivec3(), self.normals[i]);
+            let axis = n.abs().max_position();
+            (c.to_array(), 2 * axis as u8 + u8::from(n[axis] < 0.0))
+        };
+        let mut order: Vec<_> = (0..self.len()).map(|i| (key(i), i)).collect();
+        order.par_sort_unstable();
+        let mut keep = Vec::new();
+        for run in order.chunk_by(|a, b| a.0 == b.0) {
+            let best = run.iter().min_by(|a, b| self.roughness[a.1].total_cmp(&self.roughness[b.1]));
+            keep.extend(best.map(|b| b.1));
+        }
+        self.select(&keep)
+    }
+}
+
+/// A cloud with a search tree.
+pub(crate) struct IndexedCloud<'a> {
+    /// The points.
+    pub(crate) cloud: &'a Cloud,
+    tree: PointTree,
+}
+
+impl<'a> IndexedCloud<'a> {
+    /// Builds the tree.
+    pub(crate) fn new(cloud: &'a Cloud) -> Self {
+        let points: Vec<[f32; 3]> = cloud.points.iter().map(|p| p.to_array()).collect();
+        Self { cloud, tree: PointTree::new(&points) }
+    }
+
+    /// Index of the nearest point within a squared distance, and its squared distance.
+    pub(crate) fn nearest_within(&self, point: Vec3, limit: f32) -> Option<(usize, f32)> {
+        self.tree.nearest_within(&point.to_array(), limit)
+    }
+
+    /// Calls `visit(index, squared distance)` for the `n` nearest points within a squared distance, nearest first.
+    pub(super) fn nearest_n(&self, point: Vec3, n: usize, limit: f32, visit: impl FnMut(usize, f32)) {
+        self.tree.nearest_n(&point.to_array(), n, limit, visit);
+    }
+}
+
+/// Half the edge of the square of pixels that gives a point its normal, pixels.
+const PATCH: usize = 2;
+/// Least pixels of that square on the same surface; fewer means an edge, where the normal would be wrong.
+const LEAST_OF_PATCH: usize = 12;
+
+/// Surface points of one view by back-projection, with normals from a plane through the 5x5 neighbourhood.
+/// `stride` skips pixels. Pixels at the edge of a surface (fewer than 12 of 25 neighbours on it) are left out.
+pub(super) fn surface_points(view: &DepthLookup, rgba: &[[u8; 4]], stride: usize) -> Cloud {
+    let k = view.camera.intrinsics;
+    let (w, h) = (k.width as usize, k.height as usize);
+    let eye = view.camera.position().as_vec3();
+    let world =
+        |x: usize, y: usize, d: f32| view.camera.unproject(DVec2::new(x as f64 + 0.5, y as f64 + 0.5), d.into());
+    let depth: Vec<f32> = view.depth.iter().collect();
+    let mut cloud = Cloud::default();
+    let mut patch = Vec::with_capacity(25);
+    for y in (PATCH..h.saturating_sub(PATCH)).step_by(stride) {
+        for x in (PATCH..w.saturating_sub(PATCH)).step_by(stride) {
+            let d = depth[y * w + x];
+            if d <= 0.0 {
+                continue;
+            }
+            let reach = 2.0 * STEEPEST * d / k.fx as f32;
+            let centre = world(x, y, d);
+            patch.clear();
+            for yy in y - PATCH..=y + PATCH {
+                for xx in x - PATCH..=x + PATCH {
+                    let dd = depth[yy * w + xx];
+                    if dd > 0.0 && (dd - d).abs() < reach {
+                        patch.push((world(xx, yy, dd) - centre).as_vec3());
+                    }
+                }
+            }
+            if patch.len() < LEAST_OF_PATCH {
+                continue;
+            }
+            let (normal, roughness) = fit_plane(&patch);
+            let p = centre.as_vec3();
+            let normal = if normal.dot(eye - p) < 0.0 { -normal } else { normal };
+            let c = rgba[y * w + x];
+            let color = Vec3::new(c[0].into(), c[1].into(), c[2].into()) / 255.0;
+            cloud.push(p, normal, color, roughness);
+        }
+    }
+    cloud
+}
+
+/// Unit normal of the least-squares plane and the root mean square distance from it.
+pub(super) fn fit_plane(points: &[Vec3]) -> (Vec3, f32) {
+    let mean = points.iter().sum::<Vec3>() / points.len() as f32;
+    let mut c = Matrix3::<f64>::zeros();
+    for p in points {
+        let d = (*p - mean).as_dvec3();
+        let v = nalgebra::Vector3::new(d.x, d.y, d.z);
+        c += v * v.transpose();
+    }
+    let eigen = SymmetricEigen::new(c / points.len() as f64);
+    let i = eigen.eigenvalues.imin();
+    let v = eigen.eigenvectors.column(i);
+    (Vec3::new(v[0] as f32, v[1] as f32, v[2] as f32), eigen.eigenvalues[i].max(0.0).sqrt() as f32)
+}
+
+/// Principal directions of a group of points, longest first.
+pub(super) fn principal_axes(cloud: &Cloud, group: &[usize]) -> [Vec3; 3] {
+    let points: Vec<Vec3> = group.iter().map(|&i| cloud.points[i]).collect();
+    let (short, _) = fit_plane(&points);
+    let mean = points.iter().sum::<Vec3>() / points.len() as f32;
+    let (u, v) = short.any_orthonormal_pair();
+    let (mut uu, mut uv, mut vv) = (0.0f32, 0.0, 0.0);
+    for p in &points {
+        let (a, b) = ((*p - mean).dot(u), (*p - mean).dot(v));
+        uu += a * a;
+        uv += a * b;
+        vv += b * b;
+    }
+    let angle = 0.5 * (2.0 * uv).atan2(uu - vv);
+    let long = u * angle.cos() + v * angle.sin();
+    [long, short.cross(long), short]
+}
+
+/// Groups of points connected by steps of at most `reach` (scene units); largest first, groups under `least` points
+/// left out.
+pub(super) fn components(cloud: &Cloud, members: &[usize], reach: f32, least: usize) -> Vec<Vec<usize>> {
+    let cell = |p: Vec3| (p / reach).floor().as_ivec3().to_array();
+    let mut grid: std::collections::BTreeMap<[i32; 3], Vec<usize>> = std::collections::BTreeMap::new();
+    for &i in members {
+        grid.entry(cell(cloud.points[i])).or_default().push(i);
+    }
+    let mut visited = std::collections::BTreeSet::new();
+    let mut groups = Vec::new();
+    for &seed in members {
+        if !visited.insert(seed) {
+            continue;
+        }
+        let (mut group, mut next) = (vec![seed], 0);
+        while next < group.len() {
+            let p = cloud.points[group[next]];
+            next += 1;
+            let c = cell(p);
+            for d in 0..27 {
+                let key = [c[0] + d % 3 - 1, c[1] + d / 3 % 3 - 1, c[2] + d / 9 - 1];
+                for &j in grid.get(&key).map_or(&[][..], |v| v) {
+                    if cloud.points[j].distance(p) <= reach && visited.insert(j) {
+                        group.push(j);
+                    }
+                }
+            }
+        }
+        if group.len() >= least {
+            groups.push(group);
+        }
+    }
+    groups.sort_by_key(|g| std::cmp::Reverse(g.len()));
+    groups
+}

@@ -1,0 +1,55 @@
+//! Settings of part discovery. Those a user may want to change are in [`DiscoverConfig`]; the others are grouped by the
+//! step that reads them, each group in the module of that step.
+
+use super::candidates::CandidateSettings;
+use super::diagnosis::DiagnosisSettings;
+use super::joints::JointSettings;
+use super::ranking::RankingSettings;
+use super::segmentation::{GraphSettings, LabelCosts, SegmentationSettings};
+use super::selection::SelectionSettings;
+use serde::{Deserialize, Serialize};
+
+/// Settings of part discovery. Lengths are fractions of the object's diagonal unless said otherwise.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DiscoverConfig {
+    /// Distance between the surface points that are labelled; never below one pixel.
+    pub spacing: f64,
+    /// Edge of a cell of the grid that candidate motions are scored with.
+    pub voxel: f64,
+    /// A motion must explain at least this fraction of all moved points.
+    pub least_share: f64,
+    /// Rounds of labelling and registering.
+    pub rounds: usize,
+    /// Motions that turn less than this are slides, degrees, unless a hinge fits clearly better.
+    pub revolute_deg: f64,
+    /// Decide between hinge and slide and register parts on their joints. Otherwise, an ablation, they keep general rigid
+    /// motions, and those that turn by more than `revolute_deg` are called revolute in the end.
+    pub decide_joints: bool,
+}
+
+impl Default for DiscoverConfig {
+    fn default() -> Self {
+        Self {
+            spacing: 1.0 / 160.0,
+            voxel: 1.0 / 110.0,
+            least_share: 0.004,
+            rounds: 3,
+            revolute_deg: 3.0,
+            decide_joints: true,
+        }
+    }
+}
+
+/// Settings that are not in the configuration file.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct StepSettings {
+    pub(crate) candidates: CandidateSettings,
+    pub(crate) ranking: RankingSettings,
+    pub(crate) selection: SelectionSettings,
+    pub(crate) segmentation: SegmentationSettings,
+    pub(crate) graph: GraphSettings,
+    pub(crate) label_costs: LabelCosts,
+    pub(crate) joints: JointSettings,
+    pub(crate) diagnosis: DiagnosisSettings,
+}

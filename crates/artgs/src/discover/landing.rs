@@ -1,0 +1,124 @@
+//! Where points of one state are under a motion in the other state, and what that costs.
+
+use super::cloud::IndexedCloud;
+use super::segmentation::LabelCosts;
+use super::visibility::{CHUNK, DepthLookup, ViewVotes};
+use artgs_core::Rigid;
+use glam::{Mat3, Vec3};
+use rayon::prelude::*;
+
+/// Points of a state with what is needed to look them up in another one.
+pub(super) struct StatePair<'a> {
+    /// Points of the state that is labelled.
+    pub(super) own: &'a IndexedCloud<'a>,
+    /// Points of the other state.
+    pub(super) other: &'a IndexedCloud<'a>,
+    /// Depth maps of the other state.
+    pub(super) other_views: &'a [DepthLookup],
+    /// Depth tolerance, scene units.
+    pub(super) tolerance: f32,
+    /// Distance between neighbouring points, scene units.
+    pub(super) spacing: f32,
+}
+
+/// Where a point of one state is in the other one under a motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) enum Landing {
+    /// In space shown as empty, at this cost.
+    Empty(f32),
+    /// Where no view shows anything.
+    #[default]
+    Hidden,
+    /// At the depth of a surface of which too little is seen to give points.
+    Unsampled,
+    /// On a surface: its point there, and the cost of looking different from it.
+    Surface(u32, f32),
+}
+
+impl Landing {
+    /// True on a surface that looks the same.
+    pub(super) fn fits(&self, costs: &LabelCosts) -> bool {
+        matches!(self, Self::Surface(_, cost) if *cost < 0.5 * costs.mismatch)
+    }
+}
+
+impl StatePair<'_> {
+    /// Where point `i` is that moves to `q`, for which the other state's views cast `votes`.
+    fn landing(&self, i: usize, q: Vec3, rotation: &Mat3, votes: ViewVotes, costs: &LabelCosts) -> Landing {
+        if votes.through + votes.surface == 0 {
+            return Landing::Hidden;
+        }
+        if !votes.is_surface() {
+            let through = votes.through as f32 / (votes.through + votes.surface) as f32;
+            // One or two views are weak evidence.
+            let trust = (votes.through as f32 / 3.0).min(1.0);
+            return Landing::Empty(trust * (0.5 + 0.5 * through));
+        }
+        // Of the nearest points the one whose surface fits best; nearer ones first, so that differences of texture count.
+        let normal = *rotation * self.own.cloud.normals[i];
+        let mut best: Option<(usize, f32)> = None;
+        self.other.nearest_n(q, 4, (2.0 * self.spacing).powi(2), |j, _| {
+            let shape = self.misplacement(j, q, normal);
+            if best.is_none_or(|b| shape < b.1 - 0.1) {
+                best = Some((j, shape));
+            }
+        });
+        let Some((j, shape)) = best else { return Landing::Unsampled };
+        // The other side of a thin plate may have another colour.
+        let same_side = normal.dot(self.other.cloud.normals[j]) > -0.7;
+        let tint = (self.own.cloud.colors[i] - self.other.cloud.colors[j]).abs().max_element();
+        let tint = if same_side { (tint / 0.5).min(1.0) } else { 0.0 };
+        Landing::Surface(j as u32, costs.mismatch * shape + costs.color * tint * tint)
+    }
+
+    /// How badly a point at `q` with `normal` fits the surface at point `j` of the other state, 0 to 1. The other side of
+    /// a thin plate fits nearly as well as the same side.
+    fn misplacement(&self, j: usize, q: Vec3, normal: Vec3) -> f32 {
+        let other = self.other.cloud;
+        let facing = normal.dot(other.normals[j]);
+        let turned_away = if facing < 0.0 { 1.0 + 0.7 * facing } else { 1.0 - facing };
+        let off_plane = ((q - other.points[j]).dot(other.normals[j]).abs() / self.spacing).min(1.0);
+        turned_away.max(0.5 * off_plane * off_plane)
+    }
+
+    /// Cost of every motion for every point, `[n * motions]`, each judged by itself. The first motion is rest.
+    pub(super) fn plain_costs(&self, to_other: &[Rigid], costs: &LabelCosts) -> Vec<f32> {
+        self.fill_rows(to_other, costs, |k, landing| match landing {
+            Landing::Empty(cost) | Landing::Surface(_, cost) => cost,
+            Landing::Unsampled => costs.mismatch,
+            Landing::Hidden if k == 0 => costs.hidden_static,
+            Landing::Hidden => costs.hidden_moved,
+        })
+    }
+
+    /// Where every point lands under every motion, `[n * motions]`.
+    pub(super) fn landings(&self, to_other: &[Rigid], costs: &LabelCosts) -> Vec<Landing> {
+        self.fill_rows(to_other, costs, |_, landing| landing)
+    }
+
+    /// `f(motion's number, landing)` of every point under every motion, `[n * motions]`.
+    fn fill_rows<T: Copy + Default + Send>(
+        &self,
+        to_other: &[Rigid],
+        costs: &LabelCosts,
+        f: impl Fn(usize, Landing) -> T + Sync,
+    ) -> Vec<T> {
+        let poses: Vec<(Mat3, Vec3)> =
+            to_other.iter().map(|m| (m.matrix().as_mat3(), m.translation.as_vec3())).collect();
+        let mut out = vec![T::default(); self.own.cloud.len() * poses.len()];
+        out.par_chunks_mut(CHUNK * poses.len()).zip(self.own.cloud.points.par_chunks(CHUNK)).enumerate().for_each(
+            |(chunk, (out, points))| {
+                let (mut moved, mut votes) = (vec![Vec3::ZERO; points.len()], vec![ViewVotes::default(); points.len()]);
+                for (k, (rotation, translation)) in poses.iter().enumerate() {
+                    moved.iter_mut().zip(points).for_each(|(q, p)| *q = *rotation * *p + *translation);
+                    ViewVotes::of_each(self.other_views, &moved, self.tolerance, &mut votes);
+                    for (n, row) in out.chunks_mut(poses.len()).enumerate() {
+                        let i = chunk * CHUNK + n;
+                        row[k] = f(k, self.landing(i, moved[n], rotation, votes[n], costs));
+                    }
+                }
+            },
+        );
+        out
+    }
+}
