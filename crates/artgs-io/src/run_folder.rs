@@ -271,8 +271,8 @@ impl RunFolder {
     pub fn save_replica<'m>(
         &self,
         replica: &Replica,
-        parts: impl IntoIterator<Item = &'m [Mesh; 2]>,
-        whole: &'m [Mesh; 2],
+        parts: impl IntoIterator<Item = &'m PerState<Mesh>>,
+        whole: &'m PerState<Mesh>,
     ) -> Result<(), crate::replica::ReplicaFileError> {
         let of_parts = replica.parts.iter().zip(parts).map(|(part, meshes)| (&part.meshes, meshes));
         for (paths, meshes) in of_parts.chain([(&replica.whole, whole)]) {

@@ -5,7 +5,7 @@ use crate::articulation::normal;
 use crate::fit::RandomInit;
 use crate::fit::init::random_cube;
 use crate::fit::region::Region;
-use artgs_core::Splats;
+use artgs_core::{PerState, Splats, State};
 use glam::DVec3;
 use rand_pcg::Pcg64Mcg;
 
@@ -14,7 +14,7 @@ use rand_pcg::Pcg64Mcg;
 const SPREAD: f64 = 0.01;
 
 /// Box around the opaque Gaussians of both states without the outermost 1 % on each side.
-fn region(single: &[Splats; 2]) -> Region {
+fn region(single: &PerState<Splats>) -> Region {
     let range = |axis: usize| {
         let of_state = |s: &Splats| -> Vec<f32> {
             (0..s.len()).filter(|&i| s.logit_opacities[i] > 0.0).map(|i| s.means[i][axis]).collect()
@@ -33,16 +33,17 @@ fn region(single: &[Splats; 2]) -> Region {
 
 /// Gaussians at random in a cube around both states of the object.
 pub(super) fn random_gaussians(
-    single: &[Splats; 2],
+    single: &PerState<Splats>,
     config: &RandomInit,
     rng: &mut Pcg64Mcg,
 ) -> Result<Splats, CanonicalError> {
-    random_cube(&region(single), config, single[0].sh_degree, rng).map_err(|e| CanonicalError::Random(e.to_string()))
+    random_cube(&region(single), config, single[State::START].sh_degree, rng)
+        .map_err(|e| CanonicalError::Random(e.to_string()))
 }
 
 /// Centres and radii, `[K]`, as published code draws them without a start: with half the object's longest side for 1 and
 /// its middle for the origin, centres normal with deviation 0.01 and radii near 1.
-pub(super) fn random_centres(single: &[Splats; 2], parts: usize, rng: &mut Pcg64Mcg) -> (Vec<[f32; 3]>, Vec<f32>) {
+pub(super) fn random_centres(single: &PerState<Splats>, parts: usize, rng: &mut Pcg64Mcg) -> (Vec<[f32; 3]>, Vec<f32>) {
     let region = region(single);
     let half = region.half_side().max(1e-12);
     let mut draw = || SPREAD * normal(rng);

@@ -7,6 +7,7 @@ use super::images::TrainImage;
 use super::loss::{ImageLoss, LossConfig, LossTerms, opacity_entropy};
 use super::views::ViewPlan;
 use crate::articulation::Warp;
+use artgs_core::State;
 use artgs_raster::{Rasterizer, RenderOptions, SplatGrads, SplatView};
 use std::ops::ControlFlow;
 
@@ -89,7 +90,7 @@ impl<'a> CpuBackend<'a> {
 fn prepare<'a>(
     config: &TrainConfig,
     state: &'a mut TrainState,
-    pose: usize,
+    pose: State,
     background: [f32; 3],
     work: &'a mut DeformWorkspace,
 ) -> (SplatView<'a>, RenderOptions) {

@@ -140,7 +140,7 @@ pub struct DensifyReport {
     pub pruned: usize,
 }
 
-/// Changes the set at `step`: clones, splits, prunes; the optimiser's moments follow, `stats` start anew. `extent` is
+/// Changes the set at `step`: clones, splits, prunes; the optimiser's moments follow, `stats` start again at 0. `extent` is
 /// the size of the scene (largest distance of a camera from their mean) that sizes are relative to. Survivors keep
 /// their order, followed by clones, then by halves. Also returns which of the old Gaussians each new one descends from.
 pub fn densify(

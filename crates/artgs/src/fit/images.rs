@@ -1,6 +1,6 @@
 //! Training images, prepared once: resampled, kept small, with the rectangle the object fills.
 
-use artgs_core::{Camera, DepthMap, Intrinsics, View};
+use artgs_core::{Camera, DepthMap, Intrinsics, State, View};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -59,8 +59,8 @@ pub enum DepthPick {
 /// One view as training sees it. At full size it borrows the pixels of the view: those of many fine views fill memory.
 #[derive(Clone, Debug)]
 pub struct TrainImage<'a> {
-    /// State it was taken in, 0 or 1.
-    pub state: usize,
+    /// State it was taken in.
+    pub state: State,
     /// Pose and intrinsics at the size of this image.
     pub camera: Camera,
     /// Width in pixels.
@@ -84,7 +84,7 @@ pub const COVERED: u8 = 128;
 impl<'a> TrainImage<'a> {
     /// Resamples a view by an integer factor: colour weighted by alpha, alpha averaged, depth picked.
     /// Rows and columns that do not fill a coarse pixel are dropped at the right and bottom.
-    pub fn new(view: &'a View, state: usize, divisor: usize, pick: DepthPick) -> Self {
+    pub fn new(view: &'a View, state: State, divisor: usize, pick: DepthPick) -> Self {
         if divisor <= 1 {
             let depth = view.depth.as_ref().map(Cow::Borrowed);
             return Self::of_pixels(view.camera, state, Cow::Borrowed(&view.rgba), depth);
@@ -92,7 +92,7 @@ impl<'a> TrainImage<'a> {
         Self::resampled(&view.camera, &view.rgba, view.depth.as_ref(), state, divisor, pick)
     }
 
-    fn of_pixels(camera: Camera, state: usize, rgba: Cow<'a, [[u8; 4]]>, depth: Option<Cow<'a, DepthMap>>) -> Self {
+    fn of_pixels(camera: Camera, state: State, rgba: Cow<'a, [[u8; 4]]>, depth: Option<Cow<'a, DepthMap>>) -> Self {
         let (width, height) = (camera.intrinsics.width as usize, camera.intrinsics.height as usize);
         let object = occupied(&rgba, width);
         let missing = |(p, count): &(&[u8; 4], &u16)| p[3] >= COVERED && **count == 0;
@@ -104,7 +104,7 @@ impl<'a> TrainImage<'a> {
         camera: &Camera,
         rgba: &[[u8; 4]],
         depth: Option<&DepthMap>,
-        state: usize,
+        state: State,
         divisor: usize,
         pick: DepthPick,
     ) -> Self {
@@ -140,7 +140,7 @@ impl<'a> TrainImage<'a> {
 }
 
 /// Prepares all views of one state.
-pub fn prepare(views: &[View], state: usize, divisor: usize, pick: DepthPick) -> Vec<TrainImage<'_>> {
+pub fn prepare(views: &[View], state: State, divisor: usize, pick: DepthPick) -> Vec<TrainImage<'_>> {
     views.par_iter().map(|v| TrainImage::new(v, state, divisor, pick)).collect()
 }
 
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn shrinking_weights_colour_by_alpha_and_keeps_depth_sharp() {
         let view = view();
-        let t = TrainImage::new(&view, 1, 2, DepthPick::Median);
+        let t = TrainImage::new(&view, State::END, 2, DepthPick::Median);
         assert_eq!((t.width, t.height), (2, 2));
         assert_eq!(t.rgba[0], [200, 100, 0, 64], "one opaque pixel of four keeps its colour");
         assert_eq!(t.object, Rect { x0: 0, y0: 0, x1: 2, y1: 2 });
@@ -243,14 +243,14 @@ mod tests {
         );
         let k = t.camera.intrinsics;
         assert_eq!((k.fx, k.fy, k.cx, k.cy), (4.0, 4.5, 1.25, 1.0));
-        let nearest = TrainImage::new(&view, 1, 2, DepthPick::Nearest).depth;
+        let nearest = TrainImage::new(&view, State::END, 2, DepthPick::Nearest).depth;
         assert_eq!(nearest.unwrap().counts(), [0; 4], "the middle pixel has no depth");
     }
 
     #[test]
     fn full_size_is_untouched() {
         let view = view();
-        let t = TrainImage::new(&view, 0, 1, DepthPick::Median);
+        let t = TrainImage::new(&view, State::START, 1, DepthPick::Median);
         assert!(matches!((&t.rgba, &t.depth), (Cow::Borrowed(_), Some(Cow::Borrowed(_)))));
         assert_eq!(*t.rgba, *view.rgba);
         assert_eq!((t.depth_at(7), t.depth_at(8)), (5.0, 0.0), "below half alpha there is no depth");

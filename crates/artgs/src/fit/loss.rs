@@ -35,7 +35,7 @@ pub struct LossConfig {
     pub depth: f32,
     /// Form of the depth loss.
     pub depth_mode: DepthMode,
-    /// Weight of the mean absolute difference between rendered and photographed alpha.
+    /// Weight of the mean absolute difference between rendered and measured alpha.
     pub mask: f32,
     /// Weight of the entropy of opacities.
     pub opacity_entropy: f32,
@@ -327,7 +327,7 @@ pub fn opacity_entropy(logits: &[f32], weight: f32, grads: &mut [f32]) -> f64 {
 mod tests {
     use super::*;
     use crate::fit::images::DepthPick;
-    use artgs_core::{Camera, Intrinsics, Rigid, View};
+    use artgs_core::{Camera, Intrinsics, Rigid, State, View};
 
     const W: usize = 19;
     const H: usize = 23;
@@ -342,7 +342,7 @@ mod tests {
     }
 
     fn image(view: &View) -> TrainImage<'_> {
-        TrainImage::new(view, 0, 1, DepthPick::Median)
+        TrainImage::new(view, State::START, 1, DepthPick::Median)
     }
 
     fn frame() -> Frame {

@@ -2,7 +2,7 @@
 
 use super::images::{DepthPick, Rect, TrainImage};
 use super::ssim::Ssim;
-use artgs_core::{Camera, Splats, View};
+use artgs_core::{Camera, Splats, State, View};
 use artgs_raster::{Frame, Rasterizer, RenderOptions, SplatView};
 
 /// Scores of one view over black.
@@ -75,7 +75,7 @@ pub fn depth_error(splats: &Splats, views: &[View]) -> Option<f64> {
     let mut rasterizer = Rasterizer::new();
     let (mut sum, mut count) = (0.0, 0_usize);
     for view in views {
-        let image = TrainImage::new(view, 0, 1, DepthPick::Nearest);
+        let image = TrainImage::new(view, State::START, 1, DepthPick::Nearest);
         if image.depth.is_none() {
             continue;
         }

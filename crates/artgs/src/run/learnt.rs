@@ -21,7 +21,7 @@ pub(super) fn uninformed_start(
     parts: usize,
     config: &Config,
 ) -> Result<(Start, Canonical), CanonicalError> {
-    let single = State::ALL.map(|state| discs(&found.clouds[state.index()], found.spacing, &config.start));
+    let single = PerState::from_fn(|state| discs(&found.clouds[state], found.spacing, &config.start));
     let mut rng = Pcg64Mcg::seed_from_u64(config.seed);
     let canonical = canonical_init(&single, parts, &config.canonical, &mut rng)?;
     let start = still_start(&canonical, &vec![MotionModel::Free; parts - 1], config.seed);
@@ -60,7 +60,7 @@ fn shift_of_middle(trained: &Trained, part: usize, motion: &Rigid) -> DVec3 {
 /// The same points, each with the part of the nearest trained Gaussian of its state that is more than half opaque.
 pub(super) fn relabelled(found: &Discovery, trained: &Trained) -> Discovery {
     let labels = PerState::from_fn(|state| {
-        let posed = trained.at_state(state.index());
+        let posed = trained.at_state(state);
         let opaque: Vec<usize> = (0..posed.len()).filter(|&i| posed.logit_opacities[i] > 0.0).collect();
         let tree = PointTree::new(&opaque.iter().map(|&i| posed.means[i]).collect::<Vec<_>>());
         let label = |p: &glam::Vec3| tree.nearest(&p.to_array()).map_or(0, |(j, _)| trained.labels[opaque[j]]);

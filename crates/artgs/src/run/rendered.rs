@@ -3,10 +3,9 @@
 use crate::articulation::Trained;
 use crate::fit::score::render_view;
 use crate::surface::part_meshes::{PartMeshes, fuse};
-use crate::surface::{DepthView, PixelUse, SurfaceConfig, TsdfParams};
+use crate::surface::{FusionView, Selection, SurfaceConfig};
 use artgs_core::{Mesh, PerState, Splats, State, View};
 use artgs_raster::{Frame, Rasterizer};
-use rayon::prelude::*;
 
 /// Depth divided by alpha where the rendering is mostly opaque and the photo shows the object, else 0.
 fn opaque_depth(frame: &Frame, view: &View) -> Vec<f32> {
@@ -28,13 +27,13 @@ pub(super) fn part_meshes_from_renderings(
 ) -> PartMeshes {
     let mut meshes = PartMeshes { parts: vec![Default::default(); trained.joints.len() + 1], ..PartMeshes::default() };
     for state in State::ALL {
-        let splats = trained.at_state(state.index());
+        let splats = trained.at_state(state);
         let voxel = config.voxel.unwrap_or_else(|| diagonal(&splats) / config.resolution);
         for part in 0..meshes.parts.len() {
             let members = (0..splats.len()).filter(|&i| usize::from(trained.labels[i]) == part);
-            meshes.parts[part][state.index()] = fuse_renderings(&splats.select(members), views[state], voxel, config);
+            meshes.parts[part][state] = fuse_renderings(&splats.select(members), views[state], voxel, config);
         }
-        meshes.whole[state.index()] = fuse_renderings(&splats, views[state], voxel, config);
+        meshes.whole[state] = fuse_renderings(&splats, views[state], voxel, config);
     }
     meshes
 }
@@ -43,25 +42,13 @@ fn fuse_renderings(splats: &Splats, views: &[View], voxel: f64, config: &Surface
     if splats.is_empty() || voxel <= 0.0 {
         return Mesh::default();
     }
-    let depths = rendered_depths(splats, views);
-    // Only rendered pixels count: what hides a part in the photo is not in the rendering of the part alone.
-    let uses: Vec<Vec<PixelUse>> = depths
-        .par_iter()
-        .map(|d| d.iter().map(|d| if *d > 0.0 { PixelUse::Surface } else { PixelUse::Ignore }).collect())
-        .collect();
-    let views: Vec<DepthView> = views
+    // Without labels only rendered pixels count: what hides a part in the photo is not in the rendering of the part alone.
+    let views: Vec<FusionView> = views
         .iter()
-        .zip(&depths)
-        .zip(&uses)
-        .map(|((v, depth), uses)| DepthView { camera: v.camera, depth, uses: Some(uses), rgba: Some(&v.rgba) })
+        .zip(rendered_depths(splats, views))
+        .map(|(v, depth)| FusionView { rgba: Some(v.rgba.as_slice().into()), ..FusionView::new(v.camera, depth) })
         .collect();
-    let params = TsdfParams {
-        voxel,
-        truncation: config.truncation_voxels * voxel,
-        behind: config.behind_voxels * voxel,
-        jump: config.jump_voxels * voxel,
-    };
-    fuse(&views, params, config)
+    fuse(&views, Selection::ALL, config.volume(voxel), config)
 }
 
 /// Diagonal of the box around the opaque Gaussians without the outermost 1 % on each side.
