@@ -14,7 +14,7 @@
 use crate::asset::Format;
 use crate::error::read_bytes;
 use crate::{FileError, read_mesh_ply, read_splat_ply, write_atomic, write_mesh_ply, write_splat_ply};
-use artgs_core::{Mesh, Replica, Splats, State};
+use artgs_core::{Mesh, PerState, Replica, Splats, State};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs;

@@ -24,6 +24,7 @@ const VARIANTS: [(&str, &str); 8] = [
 
 /// Why there is no such variant.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum AblationError {
     /// Not a name of [`variants`].
     #[error("there is no variant `{name}`; there are: {known}")]

@@ -93,7 +93,7 @@ fn timings() {
     }
     let labels = vec![2u16; n];
     for (name, skin) in [("weights", Skin::Weights(&weights)), ("labels", Skin::Labels(&labels))] {
-        let input = WarpInput { means: &means, rotations: &rotations, skin, motions, state: 1 };
+        let input = WarpInput { means: &means, rotations: &rotations, skin, motions, state: artgs_core::State::END };
         let mut warp = Warp::new(true);
         let (mut x, mut q) = (means.clone(), rotations.clone());
         time(&format!("warp forward, 50000, {name}"), || warp.forward(&input, &mut x, &mut q));

@@ -24,9 +24,9 @@ fn true_depth_gives_surfaces_near_the_floor() {
     let truth = Truth {
         joints: found.joints,
         parents: found.parents,
-        whole: found.whole.into(),
-        fixed: found.fixed.into(),
-        movable: found.movable.into_iter().map(Into::into).collect(),
+        whole: found.whole,
+        fixed: found.fixed,
+        movable: found.movable,
     };
     let views = PerState::from_fn(|state| {
         let view = |(i, view): (usize, &View)| {

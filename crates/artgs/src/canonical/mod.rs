@@ -15,6 +15,7 @@ use artgs_core::State;
 
 /// A reason why there is no canonical start.
 #[derive(Debug, thiserror::Error, PartialEq)]
+#[non_exhaustive]
 pub enum CanonicalError {
     /// Nothing to work on.
     #[error("there are no {0}")]

@@ -1,10 +1,11 @@
 //! Starts that look at neither motion nor surface: what the published ones are compared with.
 
 use super::CanonicalError;
-use crate::articulation::normal;
 use crate::fit::RandomInit;
 use crate::fit::init::random_cube;
 use crate::fit::region::Region;
+use crate::random::normal;
+use crate::trimmed::trimmed_range;
 use artgs_core::{PerState, Splats, State};
 use glam::DVec3;
 use rand_pcg::Pcg64Mcg;
@@ -23,12 +24,10 @@ fn region(single: &PerState<Splats>) -> Region {
         if xs.is_empty() {
             xs = single.iter().flat_map(|s| s.means.iter().map(|p| p[axis])).collect();
         }
-        xs.sort_unstable_by(f32::total_cmp);
-        let cut = xs.len() / 100;
-        if xs.is_empty() { (0.0, 0.0) } else { (f64::from(xs[cut]), f64::from(xs[xs.len() - 1 - cut])) }
+        trimmed_range(&mut xs, 100, f32::total_cmp).unwrap_or_default().map(f64::from)
     };
-    let (x, y, z) = (range(0), range(1), range(2));
-    Region { low: DVec3::new(x.0, y.0, z.0), high: DVec3::new(x.1, y.1, z.1) }
+    let [x, y, z] = [range(0), range(1), range(2)];
+    Region { low: DVec3::new(x[0], y[0], z[0]), high: DVec3::new(x[1], y[1], z[1]) }
 }
 
 /// Gaussians at random in a cube around both states of the object.

@@ -1,5 +1,6 @@
 //! Training images, prepared once: resampled, kept small, with the rectangle the object fills.
 
+use artgs_core::capture::OBJECT_ALPHA;
 use artgs_core::{Camera, DepthMap, Intrinsics, State, View};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -69,7 +70,7 @@ pub struct TrainImage<'a> {
     pub height: usize,
     /// Straight colour and alpha, `[height * width]`.
     pub rgba: Cow<'a, [[u8; 4]]>,
-    /// Planar depth, `[height * width]`, of the object only where the mask is at least [`COVERED`]; see
+    /// Planar depth, `[height * width]`, of the object only where the mask is at least [`OBJECT_ALPHA`]; see
     /// [`TrainImage::depth_at`].
     pub depth: Option<Cow<'a, DepthMap>>,
     /// Smallest rectangle around all pixels with alpha above 0; empty if there are none.
@@ -77,9 +78,6 @@ pub struct TrainImage<'a> {
     /// Number of pixels the mask covers but that have no depth.
     pub without_depth: usize,
 }
-
-/// Least alpha of a pixel whose depth is that of the object.
-pub const COVERED: u8 = 128;
 
 impl<'a> TrainImage<'a> {
     /// Resamples a view by an integer factor: colour weighted by alpha, alpha averaged, depth picked.
@@ -95,7 +93,7 @@ impl<'a> TrainImage<'a> {
     fn of_pixels(camera: Camera, state: State, rgba: Cow<'a, [[u8; 4]]>, depth: Option<Cow<'a, DepthMap>>) -> Self {
         let (width, height) = (camera.intrinsics.width as usize, camera.intrinsics.height as usize);
         let object = occupied(&rgba, width);
-        let missing = |(p, count): &(&[u8; 4], &u16)| p[3] >= COVERED && **count == 0;
+        let missing = |(p, count): &(&[u8; 4], &u16)| p[3] >= OBJECT_ALPHA && **count == 0;
         let without_depth = depth.as_ref().map_or(0, |depth| rgba.iter().zip(depth.counts()).filter(missing).count());
         Self { state, camera, width, height, rgba, depth, object, without_depth }
     }
@@ -133,7 +131,7 @@ impl<'a> TrainImage<'a> {
     /// Depth of the object at a pixel, scene units; 0 where there is none or the mask is below one half.
     pub fn depth_at(&self, index: usize) -> f32 {
         match &self.depth {
-            Some(depth) if self.rgba[index][3] >= COVERED => depth.at(index),
+            Some(depth) if self.rgba[index][3] >= OBJECT_ALPHA => depth.at(index),
             _ => 0.0,
         }
     }
@@ -179,7 +177,7 @@ fn shrink_depth(
     let counts = depth.counts();
     let mut found = Vec::with_capacity(d * d);
     let choose = |(i, pixel): (usize, &[u8; 4])| {
-        if pixel[3] < COVERED {
+        if pixel[3] < OBJECT_ALPHA {
             return 0;
         }
         let (y, x) = (i / width * d, i % width * d);

@@ -1,8 +1,9 @@
 //! What training minimises: colour, depth and mask of a rendering against a photograph, and undecided opacities.
 
-use super::images::{COVERED, Rect, TrainImage};
+use super::images::{Rect, TrainImage};
 use super::ssim::Ssim;
 use artgs_core::DepthMap;
+use artgs_core::capture::OBJECT_ALPHA;
 use artgs_raster::simd::level;
 use artgs_raster::{Frame, FrameGrad};
 use fearless_simd::dispatch;
@@ -256,7 +257,7 @@ fn accumulated(
 ) -> f64 {
     let mut sum = 0.0;
     for i in 0..depth.len() {
-        let covered = photo[i][3] >= COVERED;
+        let covered = photo[i][3] >= OBJECT_ALPHA;
         if measured[i] == 0 && covered {
             continue;
         }
@@ -280,7 +281,7 @@ fn normalized(
 ) -> f64 {
     let mut sum = 0.0;
     for i in 0..depth.len() {
-        if measured[i] == 0 || photo[i][3] < COVERED || alpha[i] <= MIN_ALPHA {
+        if measured[i] == 0 || photo[i][3] < OBJECT_ALPHA || alpha[i] <= MIN_ALPHA {
             continue;
         }
         let z = depth[i] / alpha[i];

@@ -8,7 +8,7 @@ use crate::canonical::{Canonical, CanonicalError, canonical_init};
 use crate::config::Config;
 use crate::discover::Discovery;
 use crate::neighbours::PointTree;
-use artgs_core::{JointEstimate, JointKind, PerState, Rigid, State};
+use artgs_core::{JointEstimate, JointKind, PerState, Rigid};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -49,8 +49,8 @@ pub(super) fn joints_of(trained: &Trained, half_angle: f64) -> Vec<JointEstimate
 
 /// How far a motion from start to end takes the middle of a part; where it has no Gaussians, the world's origin.
 fn shift_of_middle(trained: &Trained, part: usize, motion: &Rigid) -> DVec3 {
-    let members = (0..trained.labels.len()).filter(|&i| usize::from(trained.labels[i]) == part);
-    let points: Vec<DVec3> = members.map(|i| DVec3::from_array(trained.splats.means[i].map(f64::from))).collect();
+    let points: Vec<DVec3> =
+        trained.members(part).map(|i| DVec3::from_array(trained.splats.means[i].map(f64::from))).collect();
     let middle = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
     // From the canonical state, where the Gaussians are, to both ends.
     let half = motion.power(0.5);

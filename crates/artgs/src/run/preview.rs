@@ -189,8 +189,8 @@ fn axes(
     let (trained, found) = object;
     let posed = trained.at_state(state);
     for (k, part) in found.iter().enumerate() {
-        let members = (0..posed.len()).filter(|&i| usize::from(trained.labels[i]) == k + 1);
-        let points: Vec<DVec3> = members.map(|i| DVec3::from_array(posed.means[i].map(f64::from))).collect();
+        let points: Vec<DVec3> =
+            trained.members(k + 1).map(|i| DVec3::from_array(posed.means[i].map(f64::from))).collect();
         if points.is_empty() {
             continue;
         }

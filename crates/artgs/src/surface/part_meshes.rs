@@ -4,6 +4,7 @@
 //! other parts and of the background carve: space before them holds nothing of this part.
 
 use super::{BACKGROUND, FusionView, Selection, Tsdf, TsdfParams, clean, marching_cubes, paint};
+use crate::trimmed::trimmed_range;
 use artgs_core::{Mesh, PerState, Rigid, State};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -76,6 +77,7 @@ impl SurfaceConfig {
 
 /// A reason why there are no meshes.
 #[derive(Debug, thiserror::Error, PartialEq)]
+#[non_exhaustive]
 pub enum SurfaceError {
     /// A buffer does not fit its image.
     #[error("{} state, view {view}: depth, colours or labels do not have the size of the image", .state.name())]
@@ -194,14 +196,9 @@ fn object_diagonal(states: PerState<&[FusionView]>) -> f64 {
             })
         })
         .collect();
-    if points.is_empty() {
-        return 0.0;
-    }
     let side = |axis: usize| {
         let mut values: Vec<f64> = points.iter().map(|p| p[axis]).collect();
-        values.sort_unstable_by(f64::total_cmp);
-        let skip = values.len() / 1000;
-        values[values.len() - 1 - skip] - values[skip]
+        trimmed_range(&mut values, 1000, f64::total_cmp).map_or(0.0, |[low, high]| high - low)
     };
     DVec3::new(side(0), side(1), side(2)).length()
 }

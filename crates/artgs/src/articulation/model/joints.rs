@@ -2,7 +2,7 @@
 
 use super::quaternion::{Quat, Vec3, conjugate, cross, dot, multiply, normalise, normalise_vjp, vector};
 use super::warp::DualQuaternion;
-use crate::articulation::normal;
+use crate::random::normal;
 use artgs_core::{Joint, JointKind, PerState, Rigid};
 use glam::DVec3;
 use rand_pcg::Pcg64Mcg;

@@ -270,7 +270,7 @@ impl Warp {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::articulation::normal;
+    use crate::random::normal;
     use glam::DVec3;
     use rand_pcg::Pcg64Mcg;
 

@@ -50,6 +50,11 @@ impl Posed<'_> {
 }
 
 impl Trained {
+    /// Indices of the Gaussians of a part, ascending.
+    pub fn members(&self, part: usize) -> impl Iterator<Item = usize> {
+        self.labels.iter().enumerate().filter(move |(_, label)| usize::from(**label) == part).map(|(i, _)| i)
+    }
+
     fn dual_quaternions(&self) -> Vec<DualQuaternion> {
         let mut motions = Vec::new();
         half_motions(&self.joints, &mut motions);
