@@ -3,6 +3,9 @@
 use crate::{Camera, DepthMap, PerState};
 use glam::DVec3;
 
+/// Least alpha of a pixel that shows the object.
+pub const OBJECT_ALPHA: u8 = 128;
+
 /// One posed image.
 #[derive(Clone, Debug)]
 pub struct View {

@@ -8,6 +8,7 @@ pub mod capture;
 pub mod depth;
 pub mod joint;
 pub mod mesh;
+pub mod random;
 pub mod replica;
 pub mod rigid;
 pub mod splats;

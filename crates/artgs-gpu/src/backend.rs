@@ -13,7 +13,7 @@ use crate::{Gpu, GpuError, chamfer, joints, membership};
 use artgs::articulation::Assignment;
 use artgs::fit::{
     Backend, Deformation, Devices, FitError, LossConfig, LossTerms, Membership, StepStats, TrainConfig, TrainImage,
-    TrainState, ViewPlan,
+    TrainState, ViewPlan, psnr_of_mse,
 };
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -239,7 +239,7 @@ impl<'a> GpuBackend<'a> {
         let loss = terms.total
             + weight * f64::from(seen.outcome.entropy) / n as f64
             + f64::from(seen.parts.chamfer + seen.parts.centre);
-        let psnr = -10.0 * terms.mse.max(1e-12).log10();
+        let psnr = psnr_of_mse(terms.mse);
         StepStats { step: self.state.step, total: self.config.total, loss, psnr, gaussians: n, terms }
     }
 
@@ -354,7 +354,7 @@ impl Backend for GpuBackend<'_> {
         let mut sum = 0.0;
         for view in self.views.held.clone() {
             let seen = self.evaluate(view, &colors).map_err(device)?;
-            sum -= 10.0 * self.terms(&seen, view, &colors).mse.max(1e-12).log10();
+            sum += psnr_of_mse(self.terms(&seen, view, &colors).mse);
         }
         Ok((!self.views.held.is_empty()).then(|| sum / self.views.held.len() as f64))
     }

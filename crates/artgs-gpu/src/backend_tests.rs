@@ -7,6 +7,7 @@ use artgs::articulation::Warp;
 use artgs::fit::deform::DeformWorkspace;
 use artgs::fit::loss::opacity_entropy;
 use artgs::fit::{CpuBackend, DepthMode, ImageLoss, PlateauConfig, RateConfig, ViewSampler};
+use artgs_core::State;
 use artgs_raster::{Frame, Rasterizer, RenderOptions, SplatGrads, SplatView};
 
 pub(super) fn config(loss: LossConfig) -> TrainConfig {
@@ -109,7 +110,7 @@ fn compare_with(gpu: &Gpu, mut state: TrainState, seed: u64, config: TrainConfig
         })
         .unwrap();
     // The same sampler on the CPU gives the view.
-    let states: Vec<usize> = images.iter().map(|i| i.state).collect();
+    let states: Vec<State> = images.iter().map(|i| i.state).collect();
     let mut sampler = ViewSampler::new(&states, config.with_replacement, 3);
     let (view, background) = (sampler.view(), sampler.color());
     let want = expected(&mut state, &images[view], background, &config);

@@ -100,7 +100,7 @@ fn sort_into_cells(points: &[[f32; 3]], cells: &mut Vec<u32>, sorted: &mut Vec<[
 impl Targets {
     fn new(gpu: &Gpu, of: &Arc<ChamferTargets>) -> Result<Self, GpuError> {
         let (mut cells, mut points) = (Vec::new(), Vec::new());
-        let grids = State::ALL.map(|state| sort_into_cells(of.points(state.index()), &mut cells, &mut points));
+        let grids = State::ALL.map(|state| sort_into_cells(of.points(state), &mut cells, &mut points));
         Ok(Self {
             of: of.clone(),
             grids: constant(gpu, "grids of targets", &grids),

@@ -5,13 +5,13 @@ use crate::scene::{Gaussians, ImageBuffers, Program, Size, StepBuffers};
 use crate::step::Step;
 use crate::{Gpu, GpuError};
 use artgs::fit::{LossConfig, Rect, TrainConfig, TrainImage};
-use artgs_core::Camera;
+use artgs_core::{Camera, State};
 use wgpu::Buffer;
 
 /// A training image.
 #[derive(Debug)]
 pub(crate) struct DeviceImage {
-    pub(crate) state: usize,
+    pub(crate) state: State,
     pub(crate) size: [usize; 2],
     camera: Camera,
     object: Rect,
@@ -43,7 +43,7 @@ impl DeviceImage {
         let rect = self.rect(loss);
         step.background = background;
         step.rect = if rect.is_empty() { [0; 4] } else { [rect.x0, rect.y0, rect.x1, rect.y1].map(|v| v as u32) };
-        step.pose = self.state as u32;
+        step.pose = self.state.index() as u32;
         step.losses(loss, config.depth_unit, self.depth_per_unit, self.without_depth);
         step
     }

@@ -5,7 +5,7 @@ use super::*;
 use crate::testing::{articulated, gpu, images, parts, rng, splats};
 use artgs::articulation::{AssignConfig, AssignKind, AssignState, HashGridConfig, PartAssignment};
 use artgs::fit::{Articulated, ChamferTargets, CpuBackend, DeformConfig};
-use artgs_core::Splats;
+use artgs_core::{PerState, Splats};
 use rand::RngExt;
 
 const PARTS: usize = 5;
@@ -41,7 +41,7 @@ fn assignment(settings: AssignConfig, seed: u64) -> Assignment {
 fn targets(seed: u64) -> Arc<ChamferTargets> {
     let mut rng = rng(seed);
     let mut cloud = |n: usize| (0..n).map(|_| [0; 3].map(|_| rng.random_range(-0.8..0.8f32))).collect::<Vec<_>>();
-    Arc::new(ChamferTargets::new(&[cloud(700), cloud(300)]))
+    Arc::new(ChamferTargets::new(&PerState::new(cloud(700), cloud(300))))
 }
 
 fn state(splats: Splats, articulated: Articulated) -> TrainState {
@@ -322,7 +322,7 @@ fn targets_are_found_in_flat_and_empty_clouds_and_from_a_distance() {
         let mut far = splats(&mut rng(33), 300, 1);
         (far.means[5], far.means[6]) = ([30.0, 2.0, -50.0], [-0.3, 9.0, 0.1]);
         let labels = (0..300).map(|i| (i % PARTS) as u16).collect();
-        let targets = Arc::new(ChamferTargets::new(&clouds));
+        let targets = Arc::new(ChamferTargets::new(&PerState::from(clouds)));
         let start = state(far, parts(Membership::Labels(labels), true, true, Some(targets)));
         let terms = |backend: &mut dyn Backend| {
             let mut terms = Vec::new();

@@ -3,7 +3,7 @@
 use crate::{Gpu, GpuError};
 use artgs::articulation::{MotionModel, MotionParameters};
 use artgs::fit::{Articulated, ChamferTargets, DeformConfig, DepthPick, LogLinear, Membership, TrainImage};
-use artgs_core::{Camera, DepthMap, Intrinsics, Rigid, Splats, View};
+use artgs_core::{Camera, DepthMap, Intrinsics, Rigid, Splats, State, View};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -74,7 +74,7 @@ pub(crate) fn images(seed: u64) -> Vec<TrainImage<'static>> {
                 .map(|p| if inside(p) && p % 7 != 0 { rng.random_range(1.5..3.0) } else { 0.0 })
                 .collect();
             let view = View { name: String::new(), camera, rgba, depth: Some(DepthMap::nearest(&depth)) };
-            TrainImage::new(&view, i % 2, 1, DepthPick::Median).smaller(1)
+            TrainImage::new(&view, State::ALL[i % 2], 1, DepthPick::Median).smaller(1)
         })
         .collect()
 }

@@ -54,7 +54,8 @@ impl Trial {
 /// Trains on a synthetic scene for a few steps.
 pub fn trial(devices: &dyn Devices, scene: Scene) -> Result<Trial, FitError> {
     let views = [0.0, 2.0].map(|turn| disc(turn, scene.side));
-    let images = views.iter().map(|view| TrainImage::new(view, 0, 1, DepthPick::Median)).collect();
+    let images =
+        views.iter().map(|view| TrainImage::new(view, artgs_core::State::START, 1, DepthPick::Median)).collect();
     let config = TrainConfig {
         total: 100,
         loss: LossConfig::default(),

@@ -14,7 +14,7 @@
 use crate::asset::Format;
 use crate::error::read_bytes;
 use crate::{FileError, read_mesh_ply, read_splat_ply, write_atomic, write_mesh_ply, write_splat_ply};
-use artgs_core::{Mesh, Replica, Splats, State};
+use artgs_core::{Mesh, PerState, Replica, Splats, State};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs;
@@ -271,8 +271,8 @@ impl RunFolder {
     pub fn save_replica<'m>(
         &self,
         replica: &Replica,
-        parts: impl IntoIterator<Item = &'m [Mesh; 2]>,
-        whole: &'m [Mesh; 2],
+        parts: impl IntoIterator<Item = &'m PerState<Mesh>>,
+        whole: &'m PerState<Mesh>,
     ) -> Result<(), crate::replica::ReplicaFileError> {
         let of_parts = replica.parts.iter().zip(parts).map(|(part, meshes)| (&part.meshes, meshes));
         for (paths, meshes) in of_parts.chain([(&replica.whole, whole)]) {

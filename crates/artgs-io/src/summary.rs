@@ -151,7 +151,7 @@ fn summarize_split(views: &[View]) -> SplitSummary {
 }
 
 fn object_pixels(view: &View) -> usize {
-    view.rgba.iter().filter(|p| p[3] >= 128).count()
+    view.rgba.iter().filter(|p| p[3] >= artgs_core::capture::OBJECT_ALPHA).count()
 }
 
 fn summarize_depth(views: &[View]) -> Option<DepthSummary> {

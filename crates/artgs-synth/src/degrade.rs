@@ -127,8 +127,8 @@ pub(crate) fn depth_count(depth: f64, scale: f64) -> u16 {
 
 /// A standard normal number (Box and Muller).
 pub(crate) fn gaussian(rng: &mut Pcg64Mcg) -> f64 {
-    let (u, v): (f64, f64) = (rng.random(), rng.random());
-    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+    let (u, v) = (rng.random(), rng.random());
+    artgs_core::random::box_muller(u, v)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use artgs::articulation::{AssignConfig, PartAssignment};
 use artgs::canonical::cluster::{ClusterConfig, spectral_clusters};
 use artgs::canonical::fps::farthest_points;
 use artgs::canonical::matching::match_points;
-use artgs::surface::{DepthView, Tsdf, TsdfParams, marching_cubes};
+use artgs::surface::{FusionView, Selection, Tsdf, TsdfParams, marching_cubes};
 use artgs_core::{JointKind, Rigid};
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
 use common::{GAUSSIANS, ball, camera};
@@ -90,12 +90,11 @@ fn ball_depth(size: u32, turn: f64) -> (artgs_core::Camera, Vec<f32>) {
 #[divan::bench(args = [(400, 100.0), (400, 200.0), (800, 100.0), (800, 200.0)], sample_count = 5)]
 fn fusion(bencher: Bencher<'_, '_>, (size, resolution): (u32, f64)) {
     let maps: Vec<_> = (0..64).map(|i| ball_depth(size, 0.1 * f64::from(i))).collect();
-    let views: Vec<DepthView> =
-        maps.iter().map(|(camera, depth)| DepthView { camera: *camera, depth, uses: None, rgba: None }).collect();
+    let views: Vec<FusionView> = maps.iter().map(|(camera, depth)| FusionView::new(*camera, depth)).collect();
     bencher.bench_local(|| {
         let mut volume = Tsdf::new(TsdfParams::with_voxel(1.0 / resolution));
-        assert!(volume.allocate(&views, 1 << 20));
-        volume.integrate(&views);
+        assert!(volume.allocate(&views, Selection::ALL, 1 << 20));
+        volume.integrate(&views, Selection::ALL);
         marching_cubes(&volume, 0.1)
     });
 }

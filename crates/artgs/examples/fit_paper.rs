@@ -4,7 +4,7 @@
 
 use artgs::articulation::{PaperConfig, paper_pipeline, score_state};
 use artgs::fit::{Cpu, Follow, SingleConfig, StepStats, fit_single, score};
-use artgs_core::JointKind;
+use artgs_core::{JointKind, PerState, State};
 use std::time::Instant;
 
 fn main() {
@@ -14,24 +14,25 @@ fn main() {
     let number = |i: usize, default: usize| args.get(i).map_or(default, |a| a.parse().unwrap());
     let config = SingleConfig { steps: number(2, 10_000), ..SingleConfig::paper() };
     let mut reports = Reports { stage: "single", clock: Instant::now() };
-    let single = [0, 1].map(|state| fit_single(&capture.states[state].train, &config, 1, &Cpu, &mut reports).unwrap());
+    let single =
+        PerState::from_fn(|state| fit_single(&capture.states[state].train, &config, 1, &Cpu, &mut reports).unwrap());
     let mut config = PaperConfig::default();
     config.types.train.steps = number(3, config.types.train.steps);
     config.types.steps_for_many = number(3, config.types.steps_for_many);
     config.articulate.steps = number(4, config.articulate.steps);
-    let views = [0, 1].map(|state| &capture.states[state].train[..]);
+    let views = capture.states.as_ref().map(|views| &views.train[..]);
     let result = paper_pipeline(views, &single, parts, &config, 1, &Cpu, &mut reports).unwrap();
     println!("{:?}", result.models);
     for joint in &result.trained.joints {
         let kind = joint.joint_kind(10_f64.to_radians());
         let joint = joint.joint(kind);
-        let [_, value] = joint.state_values.into();
+        let value = joint.state_values[State::END];
         let value = if kind == JointKind::Revolute { value.to_degrees() } else { value };
         println!("{kind:?} {value:.3} about {:?} through {:?}", joint.axis, joint.origin);
     }
-    for state in 0..2 {
+    for state in State::ALL {
         let mean = score::mean_score(&score_state(&result.trained, &capture.states[state].test, state, false));
-        println!("state {state} held out: {:.2} dB, SSIM {:.4}", mean.psnr, mean.ssim);
+        println!("{} held out: {:.2} dB, SSIM {:.4}", state.name(), mean.psnr, mean.ssim);
     }
 }
 

@@ -1,13 +1,15 @@
-//! Fits one state of a capture and prints how well and how fast: `fit_state CAPTURE STATE [CONFIG.toml]`.
+//! Fits one state of a capture and prints scores and times: `fit_state CAPTURE start|end [CONFIG.toml]`.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
 use artgs::fit::{Cpu, SingleConfig, StepStats, fit_single, score, score_views};
+use artgs_core::State;
 use std::time::Instant;
 
 fn main() {
     let mut args = std::env::args().skip(1);
     let capture = artgs_io::load_capture(args.next().unwrap().as_ref()).unwrap();
-    let state: usize = args.next().unwrap().parse().unwrap();
+    let name = args.next().unwrap();
+    let state = State::ALL.into_iter().find(|state| state.name() == name).unwrap();
     let config: SingleConfig = match args.next().as_deref() {
         Some("paper") => SingleConfig::paper(),
         Some(file) => toml::from_str(&std::fs::read_to_string(file).unwrap()).unwrap(),

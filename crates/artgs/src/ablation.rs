@@ -3,7 +3,7 @@
 //! The paper learns which Gaussian belongs to which part; the default method does not, it has labels from depth. Variants
 //! that change how this is learnt therefore make the default learn it first (`learnt-parts`, which is what to compare them
 //! with): no discovery, the surface points of each state matched and clustered as the paper does with its Gaussians,
-//! general rigid motions that begin at rest and are trained with all else, joint types told in the end by the turn.
+//! general rigid motions that begin at rest and are trained with all else, joint types decided in the end by the turn.
 
 use crate::articulation::AssignKind;
 use crate::canonical::{CanonicalStart, CentreSource};
@@ -16,7 +16,7 @@ const VARIANTS: [(&str, &str); 8] = [
     ("random-gaussians", "canonical Gaussians begin at random in the object's box (w/o Cano. Init.)"),
     ("random-centres", "part centres are learnt from random ones (w/o Center Init.)"),
     ("cluster-all", "part centres are learnt from clusters of everything, not of what moved (w/o Motion Prior)"),
-    ("no-types", "joints stay general rigid motions; types are told by the turn in the end (w/o Joint Pred.)"),
+    ("no-types", "joints stay general rigid motions; types are decided by the turn in the end (w/o Joint Pred.)"),
     ("mlp", "a perceptron of the position assigns parts (w/ MLP Seg)"),
     ("slots", "slot attention assigns parts (w/ SA Seg)"),
     ("learnt-parts", "default only: parts and motions learnt as the paper learns them, instead of found in depth"),
@@ -24,6 +24,7 @@ const VARIANTS: [(&str, &str); 8] = [
 
 /// Why there is no such variant.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum AblationError {
     /// Not a name of [`variants`].
     #[error("there is no variant `{name}`; there are: {known}")]

@@ -3,7 +3,7 @@
 use crate::articulation::adam;
 use crate::articulation::assignment::{centres, hash_grid};
 use crate::articulation::model::warp;
-use crate::fit::{images, loss, ssim};
+use crate::fit::{loss, ssim};
 
 /// Decay of the first and second moment of motions and membership.
 pub const ADAM_BETA: [f64; 2] = adam::BETA;
@@ -24,7 +24,7 @@ pub const HASH_NEGLIGIBLE: f32 = hash_grid::NEGLIGIBLE;
 /// Least length of a sum of weighted motions that is divided by it.
 pub const MOTION_LENGTH_MIN: f64 = warp::LENGTH_MIN;
 /// Least alpha of an image, of 255, where its depth is that of the object.
-pub const COVERED: u8 = images::COVERED;
+pub const COVERED: u8 = artgs_core::capture::OBJECT_ALPHA;
 /// Least alpha of a rendering by which its depth is divided.
 pub const MIN_ALPHA: f32 = loss::MIN_ALPHA;
 /// Constants of structural similarity.

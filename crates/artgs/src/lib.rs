@@ -49,10 +49,12 @@ pub mod fit;
 pub mod kernel_constants;
 pub mod neighbours;
 pub mod observer;
+mod random;
 pub mod registration;
 pub mod run;
 mod shorten;
 pub mod surface;
+mod trimmed;
 
 pub use config::Config;
 pub use run::{Error, Reconstructed, Reconstruction, Summary};

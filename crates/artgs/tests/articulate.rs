@@ -5,7 +5,7 @@
 use artgs::articulation::{ArticulateConfig, SkinStart, Start, Trained, articulate, score_state};
 use artgs::articulation::{MotionModel, MotionParameters};
 use artgs::fit::{Cpu, DensifyConfig, FitError, LogLinear, PlateauConfig, RateConfig, StepStats, score};
-use artgs_core::{Camera, DepthMap, Intrinsics, Rigid, Splats, View};
+use artgs_core::{Camera, DepthMap, Intrinsics, PerState, Rigid, Splats, State, View};
 use artgs_raster::Rasterizer;
 use glam::DVec3;
 
@@ -38,7 +38,7 @@ fn truth() -> Trained {
     Trained { splats, labels, joints: vec![MotionParameters::from_motion(MotionModel::Hinge, &hinge)] }
 }
 
-fn views(truth: &Trained, state: usize) -> Vec<View> {
+fn views(truth: &Trained, state: State) -> Vec<View> {
     let k = Intrinsics { fx: 80.0, fy: 80.0, cx: 28.0, cy: 28.0, width: SIZE, height: SIZE };
     let mut rasterizer = Rasterizer::new();
     let posed = truth.posed(state);
@@ -59,8 +59,8 @@ fn views(truth: &Trained, state: usize) -> Vec<View> {
     (0..12).map(view).collect()
 }
 
-fn captured(truth: &Trained) -> [Vec<View>; 2] {
-    [views(truth, 0), views(truth, 1)]
+fn captured(truth: &Trained) -> PerState<Vec<View>> {
+    PerState::from_fn(|state| views(truth, state))
 }
 
 fn gentle(steps: usize) -> ArticulateConfig {
@@ -77,8 +77,10 @@ fn gentle(steps: usize) -> ArticulateConfig {
 
 fn run(truth: &Trained, start: Start, config: &ArticulateConfig, seed: u64) -> Trained {
     let views = captured(truth);
-    articulate([&views[0], &views[1]], start, None, config, seed, &Cpu, &mut |s: StepStats| assert!(s.loss.is_finite()))
-        .unwrap()
+    articulate(views.as_ref().map(|v| &v[..]), start, None, config, seed, &Cpu, &mut |s: StepStats| {
+        assert!(s.loss.is_finite())
+    })
+    .unwrap()
 }
 
 fn tilt(found: &Trained, truth: &Trained) -> f64 {
@@ -163,7 +165,8 @@ fn labels_follow_densification_and_threads_do_not_show() {
             let same = |i: &usize| truth.labels[nearest(&found.splats.means[*i])] == found.labels[*i];
             let right = (0..found.splats.len()).filter(same).count();
             assert!(right * 100 > 95 * found.splats.len(), "{right} of {}", found.splats.len());
-            let psnr = |t: &Trained| score::mean_score(&score_state(t, &views(&truth, 1), 1, true)).psnr;
+            let psnr =
+                |t: &Trained| score::mean_score(&score_state(t, &views(&truth, State::END), State::END, true)).psnr;
             assert!(psnr(&found) > 25.0, "{}", psnr(&found));
         }
     }
@@ -175,7 +178,7 @@ fn starts_that_do_not_fit_together_are_refused() {
     let views = captured(&truth);
     let refuse = |skin: SkinStart| {
         let start = Start { splats: truth.splats.clone(), skin, joints: truth.joints.clone() };
-        let views = [&views[0][..], &views[1][..]];
+        let views = views.as_ref().map(|v| &v[..]);
         articulate(views, start, None, &gentle(1), 1, &Cpu, &mut |_: StepStats| {}).unwrap_err()
     };
     let mut labels = truth.labels.clone();

@@ -10,7 +10,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use std::time::Instant;
 
-/// Processor time of all threads so far, seconds; zero where the system does not tell.
+/// Processor time of all threads so far, seconds; zero where the system does not report it.
 fn processor() -> f64 {
     let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
     let of = |task: std::fs::DirEntry| -> Option<f64> {
@@ -63,7 +63,7 @@ fn timings() {
         |rng: &mut Pcg64Mcg| -> Vec<[f32; 3]> { (0..5000).map(|_| std::array::from_fn(|_| rng.random())).collect() };
     let (ra, rb) = (random(&mut rng), random(&mut rng));
     time("matching 5000, random", || match_points(&ra, &rb));
-    time("motion analysis 200000 both ways", || analyse([&large, &moved]).unwrap());
+    time("motion analysis 200000 both ways", || analyse(artgs_core::PerState::new(&large, &moved)).unwrap());
     time("clusters, graph 5000", || {
         spectral_clusters(&a, 3, &ClusterConfig::default(), &mut Pcg64Mcg::new(1)).unwrap()
     });
@@ -93,7 +93,7 @@ fn timings() {
     }
     let labels = vec![2u16; n];
     for (name, skin) in [("weights", Skin::Weights(&weights)), ("labels", Skin::Labels(&labels))] {
-        let input = WarpInput { means: &means, rotations: &rotations, skin, motions, state: 1 };
+        let input = WarpInput { means: &means, rotations: &rotations, skin, motions, state: artgs_core::State::END };
         let mut warp = Warp::new(true);
         let (mut x, mut q) = (means.clone(), rotations.clone());
         time(&format!("warp forward, 50000, {name}"), || warp.forward(&input, &mut x, &mut q));

@@ -2,8 +2,8 @@
 //! reconstruction can reach with this fusion. Needs `ARTGS_DATASETS` or `../shared/datasets`.
 
 use artgs::evaluate::{EvaluateConfig, MeshScore, Truth, evaluate};
-use artgs::surface::{BACKGROUND, LabelledDepth, SurfaceConfig, part_meshes};
-use artgs_core::{Replica, STATE_NAMES};
+use artgs::surface::{BACKGROUND, FusionView, SurfaceConfig, part_meshes};
+use artgs_core::{PerState, Replica, View};
 use artgs_io::{image_io::read_rgba, load_capture, load_ground_truth};
 use std::path::PathBuf;
 
@@ -24,37 +24,26 @@ fn true_depth_gives_surfaces_near_the_floor() {
     let truth = Truth {
         joints: found.joints,
         parents: found.parents,
-        whole: found.whole.into(),
-        fixed: found.fixed.into(),
-        movable: found.movable.into_iter().map(Into::into).collect(),
+        whole: found.whole,
+        fixed: found.fixed,
+        movable: found.movable,
     };
-    let masks: Vec<Vec<Vec<u16>>> = (0..2)
-        .map(|s| {
-            let mask = |i: usize| {
-                let file = dir.join(format!("gt/part_masks/{}/train/{i:04}.png", STATE_NAMES[s]));
-                let label = |p: &[u8; 4]| if p[0] == 0 { BACKGROUND } else { u16::from(p[0]) - 1 };
-                read_rgba(&file).unwrap().pixels.iter().map(label).collect()
-            };
-            (0..capture.states[s].train.len()).map(mask).collect()
-        })
-        .collect();
-    let depths: Vec<Vec<Vec<f32>>> = (0..2)
-        .map(|s| capture.states[s].train.iter().map(|v| v.depth.as_ref().unwrap().iter().collect()).collect())
-        .collect();
-    let views: Vec<Vec<LabelledDepth>> = (0..2)
-        .map(|s| {
-            let train = capture.states[s].train.iter().zip(&depths[s]).zip(&masks[s]);
-            train
-                .map(|((v, depth), labels)| LabelledDepth { camera: v.camera, depth, rgba: Some(&v.rgba), labels })
-                .collect()
-        })
-        .collect();
+    let views = PerState::from_fn(|state| {
+        let view = |(i, view): (usize, &View)| {
+            let file = dir.join(format!("gt/part_masks/{}/train/{i:04}.png", state.name()));
+            let label = |p: &[u8; 4]| if p[0] == 0 { BACKGROUND } else { u16::from(p[0]) - 1 };
+            let labels: Vec<u16> = read_rgba(&file).unwrap().pixels.iter().map(label).collect();
+            let depth: Vec<f32> = view.depth.as_ref().unwrap().iter().collect();
+            let (rgba, labels) = (Some(view.rgba.clone().into()), Some(labels.into()));
+            FusionView { rgba, labels, ..FusionView::new(view.camera, depth) }
+        };
+        capture.states[state].train.iter().enumerate().map(view).collect::<Vec<_>>()
+    });
     // The truth starts at 0, the canonical frame lies midway: parts are scored in the world frames of the states.
     let mut half = vec![artgs_core::Rigid::IDENTITY];
     half.extend(truth.joints.iter().map(|j| j.start_to_end().power(0.5)));
-    let out =
-        part_meshes([&views[0], &views[1]], &half, &SurfaceConfig { resolution: 250.0, ..SurfaceConfig::default() })
-            .unwrap();
+    let surface = SurfaceConfig { resolution: 250.0, ..SurfaceConfig::default() };
+    let out = part_meshes(views.as_ref().map(|views| &views[..]), &half, &surface).unwrap();
     let mut config = EvaluateConfig::default();
     config.geometry.dense_samples = 0;
     config.geometry.seeds = vec![0];

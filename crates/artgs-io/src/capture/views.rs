@@ -3,12 +3,10 @@
 use super::CaptureError;
 use crate::FileError;
 use crate::image_io::{RgbaImage, read_depth, read_rgba};
+use artgs_core::capture::OBJECT_ALPHA;
 use artgs_core::{Camera, DepthMap, Intrinsics, Rigid, View};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
-
-/// Pixels below this alpha are background and lose their depth.
-const OBJECT_ALPHA: u8 = 128;
 
 /// A focal length in the form of the file.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,7 +6,7 @@ use artgs::fit::{
     AdamConfig, Articulated, Backend, CpuBackend, DeformConfig, Deformation, DepthPick, LogLinear, LossConfig,
     Membership, PlateauConfig, RateConfig, TrainConfig, TrainImage, TrainState,
 };
-use artgs_core::{DepthMap, Rigid, Splats, View};
+use artgs_core::{DepthMap, Rigid, Splats, State, View};
 use artgs_raster::{Rasterizer, RenderOptions};
 use glam::DVec3;
 
@@ -15,7 +15,7 @@ mod scene;
 
 pub use scene::{GAUSSIANS, ball, camera};
 
-/// A photograph of the ball in other colours.
+/// An image of the ball in other colours.
 pub fn view(size: u32, turn: f64) -> View {
     let (ball, camera, mut raster) = (ball(GAUSSIANS, 2), camera(size, turn), Rasterizer::new());
     let frame = raster.forward((&ball).into(), &camera, &RenderOptions::default());
@@ -30,7 +30,8 @@ pub fn view(size: u32, turn: f64) -> View {
 }
 
 pub fn images(size: u32) -> Vec<TrainImage<'static>> {
-    let image = |i: usize| TrainImage::new(&view(size, 0.8 * i as f64), i % 2, 1, DepthPick::Median).smaller(1);
+    let image =
+        |i: usize| TrainImage::new(&view(size, 0.8 * i as f64), State::ALL[i % 2], 1, DepthPick::Median).smaller(1);
     (0..8).map(image).collect()
 }
 

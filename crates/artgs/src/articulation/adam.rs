@@ -8,7 +8,7 @@ pub(crate) fn corrections(step: u32) -> [f64; 2] {
     BETA.map(|beta| 1.0 - beta.powf(f64::from(step)))
 }
 
-/// First and second moments of a parameter vector, in f64 whatever the parameters are.
+/// First and second moments of a parameter vector, in f64 for parameters of any precision.
 #[derive(Clone, Debug)]
 pub(crate) struct Adam {
     moments: Vec<[f64; 2]>,

@@ -22,12 +22,3 @@ pub use training::{
     ArticulateConfig, PaperConfig, PaperResult, Posed, SkinStart, Start, Trained, TypeConfig, articulate,
     paper_pipeline, predict_types, render_state, render_state_fixed, score_state,
 };
-
-use rand::RngExt;
-use rand_pcg::Pcg64Mcg;
-
-/// A standard normal variate (Box and Muller).
-pub(crate) fn normal(rng: &mut Pcg64Mcg) -> f64 {
-    let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
-    radius * (std::f64::consts::TAU * rng.random::<f64>()).cos()
-}

@@ -7,7 +7,7 @@ use super::matching::match_points;
 use super::motion::{StaticRule, analyse};
 use super::uninformed::{random_centres, random_gaussians};
 use crate::fit::RandomInit;
-use artgs_core::Splats;
+use artgs_core::{PerState, Splats, State};
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
 
@@ -52,7 +52,7 @@ pub struct CanonicalConfig {
     pub max_matched: usize,
     /// Which Gaussians are copied as static.
     pub static_rule: StaticRule,
-    /// Ratio of that rule where parts are told apart; none: 0.05 for more than three parts, otherwise unchanged.
+    /// Ratio of that rule where parts are separated; none: 0.05 for more than three parts, otherwise unchanged.
     /// Published code also takes 0.05 for real captures.
     pub centre_ratio: Option<f32>,
     /// Whether quaternions are averaged with equal signs; published code does not look at signs.
@@ -95,23 +95,23 @@ pub struct Canonical {
     pub centres: Vec<[f32; 3]>,
     /// Radius of every part, `[K]`, positive.
     pub radii: Vec<f32>,
-    /// State in which moved parts show best, 0 or 1.
-    pub more_motion_state: usize,
+    /// State in which moved parts show best.
+    pub more_motion_state: State,
     /// All centres of each state's Gaussians, targets for the warped canonical ones.
-    pub cd_targets: [Vec<[f32; 3]>; 2],
+    pub cd_targets: PerState<Vec<[f32; 3]>>,
     /// Gaussians of that state in movable parts: index and part (1..K); none where centres are random.
     pub movable_clusters: Vec<(usize, u16)>,
 }
 
 /// Builds the canonical start for `parts` parts, the static one included.
 pub fn canonical_init(
-    single: &[Splats; 2],
+    single: &PerState<Splats>,
     parts: usize,
     config: &CanonicalConfig,
     rng: &mut Pcg64Mcg,
 ) -> Result<Canonical, CanonicalError> {
     check(single, parts)?;
-    let motion = analyse([&single[0].means, &single[1].means])?;
+    let motion = analyse(single.as_ref().map(|splats| &splats.means[..]))?;
     let state = motion.more_motion_state;
     let (distances, source) = (&motion.squared_distances[state], &single[state]);
 
@@ -135,7 +135,7 @@ pub fn canonical_init(
         _ => balls(source, &clusters, parts, config.radius_factor),
     };
     let movable_clusters = clusters.into_iter().enumerate().filter(|(_, part)| *part > 0).collect();
-    let cd_targets = [single[0].means.clone(), single[1].means.clone()];
+    let cd_targets = single.as_ref().map(|splats| splats.means.clone());
     Ok(Canonical { splats, centres, radii, more_motion_state: state, cd_targets, movable_clusters })
 }
 
@@ -188,11 +188,11 @@ fn balls(source: &Splats, clusters: &[u16], parts: usize, factor: f32) -> (Vec<[
     (0..parts).map(of_part).unzip()
 }
 
-fn check(single: &[Splats; 2], parts: usize) -> Result<(), CanonicalError> {
+fn check(single: &PerState<Splats>, parts: usize) -> Result<(), CanonicalError> {
     if parts < 2 {
         return Err(CanonicalError::Parts(parts));
     }
-    for (state, splats) in single.iter().enumerate() {
+    for (state, splats) in single.enumerate() {
         if splats.is_empty() {
             return Err(CanonicalError::Empty("Gaussians in one of the states"));
         }
@@ -200,16 +200,18 @@ fn check(single: &[Splats; 2], parts: usize) -> Result<(), CanonicalError> {
             return Err(CanonicalError::NotFinite { state });
         }
     }
-    if single[0].sh_degree != single[1].sh_degree {
-        return Err(CanonicalError::Degrees(single[0].sh_degree, single[1].sh_degree));
+    let degrees = single.as_ref().map(|splats| splats.sh_degree);
+    if degrees[State::START] != degrees[State::END] {
+        return Err(CanonicalError::Degrees(degrees[State::START], degrees[State::END]));
     }
     Ok(())
 }
 
 /// Thins both states to equally many Gaussians, matches them and averages every raw parameter of the pairs.
-pub fn midpoints(single: &[Splats; 2], config: &CanonicalConfig) -> Splats {
-    let count = single[0].len().min(single[1].len()).min(config.max_matched);
-    let [first, second] = [0, 1].map(|s| single[s].select(farthest_points(&single[s].means, count)));
+pub fn midpoints(single: &PerState<Splats>, config: &CanonicalConfig) -> Splats {
+    let count = single.iter().map(Splats::len).fold(config.max_matched, usize::min);
+    let thinned = |splats: &Splats| splats.select(farthest_points(&splats.means, count));
+    let (first, second) = (thinned(&single[State::START]), thinned(&single[State::END]));
     let partner = match_points(&first.means, &second.means);
     let mut out = first;
     let stride = out.sh_stride();
@@ -269,11 +271,11 @@ mod tests {
         (0..400).map(|i| [x + (i % 20) as f32 * 0.02, y + (i / 20) as f32 * 0.02, z]).collect()
     }
 
-    /// A plate and two drawers' fronts that come out of it by 0.5 in state 1.
-    fn cabinet() -> [Splats; 2] {
+    /// A plate and two drawers' fronts that come out of it by 0.5 at the end.
+    fn cabinet() -> PerState<Splats> {
         let plate: Vec<[f32; 3]> = (0..2500).map(|i| [(i % 50) as f32 * 0.02, (i / 50) as f32 * 0.02, 0.0]).collect();
         let at = |z: f32| [plate.clone(), sheet(0.0, 0.0, z), sheet(0.6, 0.6, z)].concat();
-        [splats(at(0.01), [1.0, 0.0, 0.0, 0.0], 1.0), splats(at(0.51), [-1.0, 0.0, 0.0, 0.0], 3.0)]
+        PerState::new(splats(at(0.01), [1.0, 0.0, 0.0, 0.0], 1.0), splats(at(0.51), [-1.0, 0.0, 0.0, 0.0], 3.0))
     }
 
     #[test]
@@ -281,14 +283,14 @@ mod tests {
         let single = cabinet();
         let config = CanonicalConfig { max_matched: 2000, ..Default::default() };
         let c = canonical_init(&single, 3, &config, &mut Pcg64Mcg::new(1)).unwrap();
-        assert_eq!(c.more_motion_state, 1);
+        assert_eq!(c.more_motion_state, State::END);
         assert_eq!(c.splats.len(), 2500 + 2000);
         assert_eq!(c.splats.sh.len(), 12 * 4500);
         assert!(c.splats.means[..2500].iter().all(|p| p[2] == 0.0));
         assert!(c.splats.log_scales[..2500].iter().all(|s| s[0] == 3.0));
         assert!(c.splats.log_scales[2500..].iter().all(|s| s[0] == 2.0));
         assert!(c.splats.rotations[2500..].iter().all(|q| q[0] == 1.0));
-        assert_eq!(c.cd_targets[1], single[1].means);
+        assert_eq!(c.cd_targets[State::END], single[State::END].means);
         assert_eq!(c.movable_clusters.len(), 800);
         let part_of = |i: usize| c.movable_clusters.iter().find(|m| m.0 == i).map(|m| m.1).unwrap();
         let (a, b) = (part_of(2500), part_of(2900));
@@ -325,7 +327,7 @@ mod tests {
 
         let all = with(|c| c.centres = CentreSource::All);
         assert_eq!(all.splats, full.splats);
-        // What lies far apart is told apart without motion too, the largest being static; published clustering is not
+        // What lies far apart is separated without motion too, the largest being static; published clustering is not
         // as lucky and cuts the plate.
         assert!(all.movable_clusters.len() == 800 && all.centres[0] == full.centres[0]);
         let cut = with(|c| (c.centres, c.cluster) = (CentreSource::All, ClusterConfig::paper()));
@@ -351,25 +353,25 @@ mod tests {
 
     #[test]
     fn unusable_input_is_refused_with_a_reason() {
-        let init = |single: &[Splats; 2], k: usize| {
+        let init = |single: &PerState<Splats>, k: usize| {
             canonical_init(single, k, &CanonicalConfig::default(), &mut Pcg64Mcg::new(1)).unwrap_err()
         };
         let good = cabinet();
         assert_eq!(init(&good, 1), CanonicalError::Parts(1));
         let mut bad = good.clone();
-        bad[1].means[7][2] = f32::NAN;
-        assert_eq!(init(&bad, 2), CanonicalError::NotFinite { state: 1 });
+        bad[State::END].means[7][2] = f32::NAN;
+        assert_eq!(init(&bad, 2), CanonicalError::NotFinite { state: State::END });
         let mut bad = good.clone();
-        bad[0].sh_degree = 0;
+        bad[State::START].sh_degree = 0;
         assert_eq!(init(&bad, 2), CanonicalError::Degrees(0, 1));
-        let empty = [good[0].clone(), Splats::empty(1)];
+        let empty = PerState::new(good[State::START].clone(), Splats::empty(1));
         assert!(matches!(init(&empty, 2), CanonicalError::Empty(_)));
     }
 
     #[test]
     fn states_that_are_the_same_have_no_static_part_yet_finite_centres() {
         let single = cabinet();
-        let same = [single[0].clone(), single[0].clone()];
+        let same = PerState::from_fn(|_| single[State::START].clone());
         let c = canonical_init(&same, 2, &CanonicalConfig::default(), &mut Pcg64Mcg::new(1)).unwrap();
         assert!(c.centres.iter().flatten().all(|v| v.is_finite()) && c.radii.iter().all(|r| *r > 0.0));
     }

@@ -11,17 +11,20 @@ mod uninformed;
 
 pub use init::{Canonical, CanonicalConfig, CanonicalStart, CentreSource, canonical_init};
 
+use artgs_core::State;
+
 /// A reason why there is no canonical start.
 #[derive(Debug, thiserror::Error, PartialEq)]
+#[non_exhaustive]
 pub enum CanonicalError {
     /// Nothing to work on.
     #[error("there are no {0}")]
     Empty(&'static str),
     /// A diverged fit.
-    #[error("state {state} has a Gaussian whose centre is not finite")]
+    #[error("the {} state has a Gaussian whose centre is not finite", .state.name())]
     NotFinite {
-        /// 0 or 1.
-        state: usize,
+        /// The state.
+        state: State,
     },
     /// The states cannot be averaged.
     #[error("the states store harmonics of degrees {0} and {1}")]

@@ -1,17 +1,18 @@
-//! What moved between two states, told from distances alone.
+//! What moved between two states, found from distances alone.
 
 use super::CanonicalError;
 use super::tree::Tree;
+use artgs_core::{PerState, State};
 use serde::{Deserialize, Serialize};
 
 /// Distances of each state's points to the other state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionAnalysis {
     /// Squared distance of every point to the nearest point of the other state, per state.
-    pub squared_distances: [Vec<f32>; 2],
+    pub squared_distances: PerState<Vec<f32>>,
     /// The state whose points are farther from the other on average (of the squares), where moved parts show best.
-    /// Equal means give 1.
-    pub more_motion_state: usize,
+    /// Equal means give the end.
+    pub more_motion_state: State,
 }
 
 /// When a point counts as static.
@@ -51,10 +52,12 @@ pub fn nearest_squared(from: &[[f32; 3]], to: &[[f32; 3]]) -> Result<Vec<f32>, C
 }
 
 /// Compares two states, both ways.
-pub fn analyse(states: [&[[f32; 3]]; 2]) -> Result<MotionAnalysis, CanonicalError> {
-    let squared_distances = [nearest_squared(states[0], states[1])?, nearest_squared(states[1], states[0])?];
+pub fn analyse(states: PerState<&[[f32; 3]]>) -> Result<MotionAnalysis, CanonicalError> {
+    let squared_distances =
+        PerState::from_fn(|state| nearest_squared(states[state], states[state.other()])).transpose()?;
     let mean = |d: &[f32]| d.iter().map(|&v| f64::from(v)).sum::<f64>() / d.len().max(1) as f64;
-    let more_motion_state = usize::from(mean(&squared_distances[0]) <= mean(&squared_distances[1]));
+    let [start, end] = State::ALL.map(|state| mean(&squared_distances[state]));
+    let more_motion_state = if start <= end { State::END } else { State::START };
     Ok(MotionAnalysis { squared_distances, more_motion_state })
 }
 
@@ -67,13 +70,13 @@ mod tests {
         let body: Vec<[f32; 3]> = (0..400).map(|i| [(i % 20) as f32, (i / 20) as f32, 0.0]).collect();
         let closed = [body.clone(), vec![[5.0, 5.0, 0.5]; 30]].concat();
         let open = [body, vec![[5.0, 5.0, 8.0]; 30]].concat();
-        let motion = analyse([&open, &closed]).unwrap();
-        assert_eq!(motion.more_motion_state, 0);
-        assert_eq!(analyse([&closed, &open]).unwrap().more_motion_state, 1);
-        assert_eq!(analyse([&open, &open]).unwrap().more_motion_state, 1);
-        let mask = StaticRule::default().mask(&motion.squared_distances[0]);
+        let motion = analyse(PerState::new(&open, &closed)).unwrap();
+        assert_eq!(motion.more_motion_state, State::START);
+        assert_eq!(analyse(PerState::new(&closed, &open)).unwrap().more_motion_state, State::END);
+        assert_eq!(analyse(PerState::new(&open, &open)).unwrap().more_motion_state, State::END);
+        let mask = StaticRule::default().mask(&motion.squared_distances[State::START]);
         assert!(mask.iter().enumerate().all(|(i, &fixed)| fixed == (i < 400)));
-        assert_eq!(motion.squared_distances[0][400], 7.5 * 7.5);
+        assert_eq!(motion.squared_distances[State::START][400], 7.5 * 7.5);
     }
 
     #[test]

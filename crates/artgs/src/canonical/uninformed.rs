@@ -1,11 +1,12 @@
 //! Starts that look at neither motion nor surface: what the published ones are compared with.
 
 use super::CanonicalError;
-use crate::articulation::normal;
 use crate::fit::RandomInit;
 use crate::fit::init::random_cube;
 use crate::fit::region::Region;
-use artgs_core::Splats;
+use crate::random::normal;
+use crate::trimmed::trimmed_range;
+use artgs_core::{PerState, Splats, State};
 use glam::DVec3;
 use rand_pcg::Pcg64Mcg;
 
@@ -14,7 +15,7 @@ use rand_pcg::Pcg64Mcg;
 const SPREAD: f64 = 0.01;
 
 /// Box around the opaque Gaussians of both states without the outermost 1 % on each side.
-fn region(single: &[Splats; 2]) -> Region {
+fn region(single: &PerState<Splats>) -> Region {
     let range = |axis: usize| {
         let of_state = |s: &Splats| -> Vec<f32> {
             (0..s.len()).filter(|&i| s.logit_opacities[i] > 0.0).map(|i| s.means[i][axis]).collect()
@@ -23,26 +24,25 @@ fn region(single: &[Splats; 2]) -> Region {
         if xs.is_empty() {
             xs = single.iter().flat_map(|s| s.means.iter().map(|p| p[axis])).collect();
         }
-        xs.sort_unstable_by(f32::total_cmp);
-        let cut = xs.len() / 100;
-        if xs.is_empty() { (0.0, 0.0) } else { (f64::from(xs[cut]), f64::from(xs[xs.len() - 1 - cut])) }
+        trimmed_range(&mut xs, 100, f32::total_cmp).unwrap_or_default().map(f64::from)
     };
-    let (x, y, z) = (range(0), range(1), range(2));
-    Region { low: DVec3::new(x.0, y.0, z.0), high: DVec3::new(x.1, y.1, z.1) }
+    let [x, y, z] = [range(0), range(1), range(2)];
+    Region { low: DVec3::new(x[0], y[0], z[0]), high: DVec3::new(x[1], y[1], z[1]) }
 }
 
 /// Gaussians at random in a cube around both states of the object.
 pub(super) fn random_gaussians(
-    single: &[Splats; 2],
+    single: &PerState<Splats>,
     config: &RandomInit,
     rng: &mut Pcg64Mcg,
 ) -> Result<Splats, CanonicalError> {
-    random_cube(&region(single), config, single[0].sh_degree, rng).map_err(|e| CanonicalError::Random(e.to_string()))
+    random_cube(&region(single), config, single[State::START].sh_degree, rng)
+        .map_err(|e| CanonicalError::Random(e.to_string()))
 }
 
 /// Centres and radii, `[K]`, as published code draws them without a start: with half the object's longest side for 1 and
 /// its middle for the origin, centres normal with deviation 0.01 and radii near 1.
-pub(super) fn random_centres(single: &[Splats; 2], parts: usize, rng: &mut Pcg64Mcg) -> (Vec<[f32; 3]>, Vec<f32>) {
+pub(super) fn random_centres(single: &PerState<Splats>, parts: usize, rng: &mut Pcg64Mcg) -> (Vec<[f32; 3]>, Vec<f32>) {
     let region = region(single);
     let half = region.half_side().max(1e-12);
     let mut draw = || SPREAD * normal(rng);

@@ -4,7 +4,7 @@ use super::cloud::{Cloud, IndexedCloud, surface_points};
 use super::landing::StatePair;
 use super::visibility::{DepthLookup, Occupancy, ViewVotes};
 use super::{DiscoverConfig, DiscoverError};
-use crate::fit::images::COVERED;
+use artgs_core::capture::OBJECT_ALPHA;
 use artgs_core::{Camera, DepthMap, PerState, State, View};
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
@@ -66,7 +66,7 @@ impl<'a> DepthPicture<'a> {
         /// Every so many pixels and rows give a point: enough for the object's size.
         const STRIDE: usize = 5;
         let ((camera, depth), rgba) = (self.thinned_depth(step), self.thinned_colors(step));
-        let mask: Vec<bool> = rgba.iter().map(|p| p[3] >= COVERED).collect();
+        let mask: Vec<bool> = rgba.iter().map(|p| p[3] >= OBJECT_ALPHA).collect();
         let view = DepthLookup::new(camera, depth, &mask);
         let rough = surface_points(&view, &rgba, STRIDE);
         (view, rough)

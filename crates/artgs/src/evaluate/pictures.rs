@@ -112,7 +112,7 @@ pub fn score_replica(
     let rotate_sh = settings(folder)?.articulate.rotate_sh;
     let mut rasterizer = Rasterizer::new();
     Ok(State::ALL.map(|state| {
-        let posed = trained.posed(state.index());
+        let posed = trained.posed(state);
         let score = |view: &View| score_view(posed.render(&mut rasterizer, &view.camera, rotate_sh), view, lpips);
         let scores: Vec<PictureScores> = capture.states[state].test.iter().map(score).collect();
         PictureScores::mean_of(&scores)

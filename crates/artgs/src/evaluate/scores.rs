@@ -5,7 +5,7 @@ use super::joints::{JointErrors, Motion, joint_errors, read_as};
 use super::matching::{match_parts, pair_cost};
 use super::pictures::PictureScores;
 use crate::surface::PartMeshes;
-use artgs_core::{Joint, JointKind, Mesh, Replica};
+use artgs_core::{Joint, JointKind, Mesh, PerState, Replica};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
@@ -19,11 +19,11 @@ pub struct Truth {
     /// Position in `joints` of the part that carries each; none, or no entry at all: the static part.
     pub parents: Vec<Option<usize>>,
     /// The whole object.
-    pub whole: [Mesh; 2],
+    pub whole: PerState<Mesh>,
     /// The static part.
-    pub fixed: [Mesh; 2],
+    pub fixed: PerState<Mesh>,
     /// The movable parts.
-    pub movable: Vec<[Mesh; 2]>,
+    pub movable: Vec<PerState<Mesh>>,
 }
 
 /// Settings of an evaluation.
@@ -154,15 +154,15 @@ impl Stated {
 /// Scores a replica, whose meshes are `meshes`, against the truth. Parts are matched by [`pair_cost`]; part 0 is the
 /// static one. Missing meshes score 1000, missing joints no error but a count. Deterministic.
 pub fn evaluate(replica: &Replica, meshes: &PartMeshes, truth: &Truth, config: &EvaluateConfig) -> Scores {
-    let none = <[Mesh; 2]>::default();
+    let none = PerState::<Mesh>::default();
     let moving: Vec<usize> = (1..replica.parts.len().max(meshes.parts.len())).collect();
     let matched = match_movable(replica, meshes, &moving, truth, config);
     let diagonals = [0, 1].map(|s| diagonal(&truth.whole[s]));
-    let score = |guess: Option<&[Mesh; 2]>, true_mesh: &[Mesh; 2]| {
+    let score = |guess: Option<&PerState<Mesh>>, true_mesh: &PerState<Mesh>| {
         MeshScore::new([0, 1].map(|s| score_mesh(guess.map(|m| &m[s]), &true_mesh[s], diagonals[s], &config.geometry)))
     };
     let mut absent = 0;
-    let mut count_absent = |guess: Option<&[Mesh; 2]>, true_mesh: &[Mesh; 2]| {
+    let mut count_absent = |guess: Option<&PerState<Mesh>>, true_mesh: &PerState<Mesh>| {
         absent += (0..2).filter(|s| !true_mesh[*s].is_empty() && guess.is_none_or(|m| m[*s].is_empty())).count();
     };
     let (mut parts, mut wrong_parent) = (Vec::new(), 0);
@@ -214,7 +214,7 @@ fn match_movable(
     truth: &Truth,
     config: &EvaluateConfig,
 ) -> Vec<Option<usize>> {
-    let sample = |mesh: Option<&[Mesh; 2]>| {
+    let sample = |mesh: Option<&PerState<Mesh>>| {
         [0, 1].map(|s| {
             let mut rng = Pcg64Mcg::seed_from_u64(s as u64);
             mesh.map(|m| sample_surface(&m[s], config.matching_samples, &mut rng)).unwrap_or_default()
@@ -293,21 +293,21 @@ mod tests {
         let door = joint(JointKind::Revolute, DVec3::X, 1.0);
         let joints = vec![drawer, drawer, door];
         let fixed = plate([0.0, 0.0], [1.0, 1.0], 0.0);
-        let movable: Vec<[Mesh; 2]> = joints
+        let movable: Vec<PerState<Mesh>> = joints
             .iter()
             .enumerate()
             .map(|(i, j)| {
                 let start = plate([0.0, 0.0], [0.4, 0.4], 0.3 * (i + 1) as f32);
                 let end = start.moved(&j.start_to_end());
-                [start, end]
+                PerState::new(start, end)
             })
             .collect();
-        let whole = [0, 1].map(|s| {
+        let whole = PerState::from_fn(|s| {
             let mut all = fixed.clone();
             movable.iter().for_each(|m| all.append(&m[s]));
             all
         });
-        Truth { joints, parents: vec![], whole, fixed: [fixed.clone(), fixed], movable }
+        Truth { joints, parents: vec![], whole, fixed: PerState::new(fixed.clone(), fixed), movable }
     }
 
     /// The truth as a replica whose movable parts are the true ones in the given order.
@@ -379,20 +379,20 @@ mod tests {
         let (door, drawer) = (joint(JointKind::Revolute, DVec3::X, 1.2), joint(JointKind::Prismatic, DVec3::Y, 0.3));
         let carried = door.start_to_end() * drawer.start_to_end();
         let fixed = plate([0.0, 0.0], [1.0, 1.0], 0.0);
-        let movable: Vec<[Mesh; 2]> = [(0.3, door.start_to_end()), (0.5, carried)]
+        let movable: Vec<PerState<Mesh>> = [(0.3, door.start_to_end()), (0.5, carried)]
             .iter()
             .map(|(z, motion)| {
                 let start = plate([0.0, 0.2], [0.4, 0.4], *z);
-                [start.clone(), start.moved(motion)]
+                PerState::new(start.clone(), start.moved(motion))
             })
             .collect();
-        let whole = [0, 1].map(|s| {
+        let whole = PerState::from_fn(|s| {
             let mut all = fixed.clone();
             movable.iter().for_each(|m| all.append(&m[s]));
             all
         });
         let (joints, parents) = (vec![door, drawer], vec![None, Some(0)]);
-        (Truth { joints, parents, whole, fixed: [fixed.clone(), fixed], movable }, carried)
+        (Truth { joints, parents, whole, fixed: PerState::new(fixed.clone(), fixed), movable }, carried)
     }
 
     #[test]

@@ -29,7 +29,7 @@ impl Deformation {
     }
 }
 
-/// All that training changes. Whatever holds it can go on where another left off.
+/// All that training changes. A device that holds it can resume where another stopped.
 #[derive(Clone, Debug, Default)]
 pub struct TrainState {
     /// Steps done.
@@ -243,8 +243,8 @@ pub trait Backend {
     /// Takes the state over. A device that cannot train it says why ([`FitError::Device`]).
     fn upload(&mut self, state: TrainState) -> Result<(), FitError>;
 
-    /// Makes `steps` steps and reports each, in order; fewer if `on_step` breaks off, after the step that it was told of.
-    /// A device that makes several steps at once breaks off after the last of them; it goes on reporting. Without
+    /// Makes `steps` steps and reports each, in order; fewer if `on_step` breaks off, after the step that was reported.
+    /// A device that makes several steps at once breaks off after the last of them and reports them all. Without
     /// `update_last` the last of all `steps` leaves the Gaussians as they are and only gathers statistics; what moves them
     /// is updated all the same.
     fn run(

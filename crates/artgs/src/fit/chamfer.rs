@@ -1,6 +1,7 @@
 //! One-sided Chamfer distance from moved Gaussians to the centres of a separately fitted state.
 
 use crate::neighbours::PointTree;
+use artgs_core::{PerState, State};
 use rayon::prelude::*;
 
 /// Points per task. Fixed, so that sums do not depend on the number of threads.
@@ -9,18 +10,18 @@ const CHUNK: usize = 512;
 /// Targets of both states, ready for search.
 #[derive(Debug)]
 pub struct ChamferTargets {
-    points: [Vec<[f32; 3]>; 2],
-    trees: [PointTree; 2],
+    points: PerState<Vec<[f32; 3]>>,
+    trees: PerState<PointTree>,
 }
 
 impl ChamferTargets {
     /// Centres of each state, finite, scene units.
-    pub fn new(points: &[Vec<[f32; 3]>; 2]) -> Self {
-        Self { points: points.clone(), trees: [0, 1].map(|state: usize| PointTree::new(&points[state])) }
+    pub fn new(points: &PerState<Vec<[f32; 3]>>) -> Self {
+        Self { points: points.clone(), trees: points.as_ref().map(|points| PointTree::new(points)) }
     }
 
     /// Centres of a state.
-    pub fn points(&self, state: usize) -> &[[f32; 3]] {
+    pub fn points(&self, state: State) -> &[[f32; 3]] {
         &self.points[state]
     }
 
@@ -28,7 +29,7 @@ impl ChamferTargets {
     /// `sums` is scratch memory. Without targets, and for centres that are not finite, nothing.
     pub fn evaluate(
         &self,
-        state: usize,
+        state: State,
         means: &[[f32; 3]],
         weight: f64,
         d_means: &mut [[f32; 3]],
@@ -59,13 +60,13 @@ mod tests {
 
     #[test]
     fn distance_and_gradient_of_two_points() {
-        let targets = ChamferTargets::new(&[vec![[0.0; 3], [10.0, 0.0, 0.0]], vec![]]);
+        let targets = ChamferTargets::new(&PerState::new(vec![[0.0; 3], [10.0, 0.0, 0.0]], vec![]));
         let means = [[1.0, 2.0, 0.0], [10.0, 0.0, 3.0]];
         let (mut d, mut sums) = ([[9.0; 3]; 2], Vec::new());
-        let loss = targets.evaluate(0, &means, 100.0, &mut d, &mut sums);
+        let loss = targets.evaluate(State::START, &means, 100.0, &mut d, &mut sums);
         assert!((loss - 100.0 * (5.0 + 9.0) / 2.0).abs() < 1e-4, "{loss}");
         assert_eq!(d, [[100.0, 200.0, 0.0], [0.0, 0.0, 300.0]]);
-        assert_eq!(targets.evaluate(1, &means, 100.0, &mut d, &mut sums), 0.0);
+        assert_eq!(targets.evaluate(State::END, &means, 100.0, &mut d, &mut sums), 0.0);
         assert_eq!(d, [[0.0; 3]; 2]);
     }
 }

@@ -5,8 +5,10 @@ use super::backend::{Backend, Deformation, StepStats, TrainConfig, TrainState};
 use super::deform::DeformWorkspace;
 use super::images::TrainImage;
 use super::loss::{ImageLoss, LossConfig, LossTerms, opacity_entropy};
+use super::score::psnr_of_mse;
 use super::views::ViewPlan;
 use crate::articulation::Warp;
+use artgs_core::State;
 use artgs_raster::{Rasterizer, RenderOptions, SplatGrads, SplatView};
 use std::ops::ControlFlow;
 
@@ -59,7 +61,7 @@ impl<'a> CpuBackend<'a> {
         if let Deformation::Articulated(articulated) = &mut state.deformation {
             articulated.update(step, work);
         }
-        let psnr = -10.0 * terms.mse.max(1e-12).log10();
+        let psnr = psnr_of_mse(terms.mse);
         StepStats { step, total: config.total, loss: total, psnr, gaussians: state.splats.len(), terms }
     }
 
@@ -89,7 +91,7 @@ impl<'a> CpuBackend<'a> {
 fn prepare<'a>(
     config: &TrainConfig,
     state: &'a mut TrainState,
-    pose: usize,
+    pose: State,
     background: [f32; 3],
     work: &'a mut DeformWorkspace,
 ) -> (SplatView<'a>, RenderOptions) {
@@ -150,7 +152,7 @@ impl Backend for CpuBackend<'_> {
             let (drawn, options) = prepare(config, state, image.state, [0.0; 3], work);
             let frame = rasterizer.forward(drawn, &image.camera, &options);
             let terms = loss.evaluate(frame, image, [0.0; 3], &colors, config.depth_unit);
-            sum -= 10.0 * terms.mse.max(1e-12).log10();
+            sum += psnr_of_mse(terms.mse);
         }
         Ok((!views.held.is_empty()).then(|| sum / views.held.len() as f64))
     }

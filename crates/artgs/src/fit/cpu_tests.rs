@@ -5,7 +5,7 @@ use crate::fit::{
     AdamConfig, Articulated, ChamferTargets, DeformConfig, DepthMode, LogLinear, LossConfig, Membership, PlateauConfig,
     RateConfig,
 };
-use artgs_core::{Camera, DepthMap, Intrinsics, Rigid, Splats, View};
+use artgs_core::{Camera, DepthMap, Intrinsics, PerState, Rigid, Splats, State, View};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -35,8 +35,8 @@ fn splats() -> Splats {
 /// A black photograph far behind everything, per state: no difference changes its sign.
 fn images() -> Vec<TrainImage<'static>> {
     let k = Intrinsics { fx: 300.0, fy: 300.0, cx: 20.0, cy: 20.0, width: 40, height: 40 };
-    let image = |state: usize| {
-        let eye = DVec3::new(0.4 - state as f64, 0.2, 6.0);
+    let image = |state: State| {
+        let eye = DVec3::new(0.4 - state.index() as f64, 0.2, 6.0);
         let camera = Camera::look_at(k, eye, DVec3::ZERO, DVec3::Y);
         let view = View {
             name: String::new(),
@@ -46,7 +46,7 @@ fn images() -> Vec<TrainImage<'static>> {
         };
         TrainImage::new(&view, state, 1, DepthPick::Median).smaller(1)
     };
-    vec![image(0), image(1)]
+    State::ALL.map(image).into()
 }
 
 fn deform() -> DeformConfig {
@@ -98,7 +98,7 @@ fn backend_config() -> TrainConfig {
 
 fn backend(membership: Membership, config: DeformConfig) -> CpuBackend<'static> {
     // One target each: a change of neighbour would disturb a difference quotient.
-    let targets = Arc::new(ChamferTargets::new(&[vec![[0.5, -0.3, 0.2]], vec![[-0.4, -0.3, 0.2]]]));
+    let targets = Arc::new(ChamferTargets::new(&PerState::new(vec![[0.5, -0.3, 0.2]], vec![[-0.4, -0.3, 0.2]])));
     let middles = vec![DVec3::new(0.3, -0.2, 0.5), DVec3::new(-0.4, 0.1, 0.2), DVec3::X];
     let articulated = Articulated::new(membership, joints(), middles, Some(targets), config, 1);
     let mut backend = CpuBackend::new(images(), backend_config(), 1).unwrap();

@@ -6,7 +6,7 @@ use super::schedule::LogLinear;
 use crate::articulation::adam::{Adam, corrections};
 use crate::articulation::{Assignment, DualQuaternion, MotionModel, MotionParameters, Skin};
 use crate::articulation::{Warp, WarpGradients, WarpInput};
-use artgs_core::{Rigid, Splats};
+use artgs_core::{Rigid, Splats, State};
 use artgs_raster::{Colors, ShFrames, SplatGrads, SplatView};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
@@ -204,7 +204,7 @@ impl Articulated {
     }
 
     /// Moves canonical Gaussians to a state for training step `step`.
-    pub fn forward(&mut self, splats: &Splats, state: usize, step: usize, work: &mut DeformWorkspace) {
+    pub fn forward(&mut self, splats: &Splats, state: State, step: usize, work: &mut DeformWorkspace) {
         let (n, parts) = (splats.len(), self.parts());
         half_motions(&self.joints, &mut work.motions);
         for (motion, middle) in work.motions[1..].iter_mut().zip(&self.middles) {
@@ -245,7 +245,7 @@ impl Articulated {
     pub fn backward(
         &mut self,
         splats: &Splats,
-        state: usize,
+        state: State,
         step: usize,
         warp: &mut Warp,
         grads: &mut SplatGrads,
@@ -290,7 +290,7 @@ impl Articulated {
     }
 
     /// The Chamfer term, if it acts: adds its gradients by motions and weights.
-    fn chamfer(&self, splats: &Splats, state: usize, step: usize, warp: &mut Warp, work: &mut DeformWorkspace) -> f64 {
+    fn chamfer(&self, splats: &Splats, state: State, step: usize, warp: &mut Warp, work: &mut DeformWorkspace) -> f64 {
         let [after, before] = self.config.chamfer_steps;
         let Some(targets) = &self.targets else { return 0.0 };
         if self.config.chamfer <= 0.0 || step <= after || step >= before {
@@ -380,11 +380,11 @@ pub fn half_motions(joints: &[MotionParameters], out: &mut Vec<DualQuaternion>) 
 }
 
 /// Rotations from the world at a state back to the canonical directions of every part, `[K]`, row-major.
-pub fn sh_frames(motions: &[DualQuaternion], state: usize, out: &mut Vec<[[f32; 3]; 3]>) {
+pub fn sh_frames(motions: &[DualQuaternion], state: State, out: &mut Vec<[[f32; 3]; 3]>) {
     out.clear();
     out.extend(motions.iter().map(|motion| {
         let rotation = Rigid::from_dual_quaternion(motion.real, motion.dual).matrix();
-        let back = if state == 1 { rotation.transpose() } else { rotation };
+        let back = if state == State::END { rotation.transpose() } else { rotation };
         let row = |i: usize| back.row(i).as_vec3().to_array();
         [row(0), row(1), row(2)]
     }));

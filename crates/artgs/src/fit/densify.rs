@@ -1,7 +1,7 @@
 //! Adaptive density control of 3DGS: clone small, split large, prune faint Gaussians; reset opacities now and then.
 
 use super::adam::SplatAdam;
-use super::normal;
+use crate::random::normal;
 use artgs_core::Splats;
 use artgs_raster::SplatGrads;
 use glam::{Quat, Vec3};
@@ -140,7 +140,7 @@ pub struct DensifyReport {
     pub pruned: usize,
 }
 
-/// Changes the set at `step`: clones, splits, prunes; the optimiser's moments follow, `stats` start anew. `extent` is
+/// Changes the set at `step`: clones, splits, prunes; the optimiser's moments follow, `stats` start again at 0. `extent` is
 /// the size of the scene (largest distance of a camera from their mean) that sizes are relative to. Survivors keep
 /// their order, followed by clones, then by halves. Also returns which of the old Gaussians each new one descends from.
 pub fn densify(
@@ -207,7 +207,7 @@ fn halves(splats: &Splats, parents: &[usize], shrink: f32, rng: &mut Pcg64Mcg) -
         let [w, x, y, z] = out.rotations[i];
         let rotation = Quat::from_xyzw(x, y, z, w).normalize();
         let scale = out.log_scales[i].map(f32::exp);
-        let local = Vec3::from_array(scale.map(|s| s * normal(rng)));
+        let local = Vec3::from_array(scale.map(|s| s * normal(rng) as f32));
         out.means[i] = (Vec3::from_array(out.means[i]) + rotation * local).to_array();
         out.log_scales[i] = scale.map(|s| (s / shrink).ln());
     }

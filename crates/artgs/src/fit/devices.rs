@@ -1,4 +1,4 @@
-//! Where training runs: whatever makes the backend of each optimisation of a run.
+//! Where training runs: the devices that make the backend of each optimisation of a run.
 
 use super::FitError;
 use super::backend::{Backend, TrainConfig};
@@ -19,7 +19,7 @@ pub trait Devices: fmt::Debug + Sync {
         seed: u64,
     ) -> Result<Box<dyn Backend + 'a>, FitError>;
 
-    /// Why training went over to another device, told once; none if it did not.
+    /// Why training changed to another device, returned once; none if it did not.
     fn notice(&self) -> Option<String> {
         None
     }

@@ -22,7 +22,7 @@ pub struct WithFallback {
 #[derive(Debug, Default)]
 struct Fall {
     fallen: bool,
-    /// Why, until it is told.
+    /// Why, until it is returned once.
     notice: Option<String>,
 }
 
@@ -42,7 +42,7 @@ impl WithFallback {
 
     /// From now on on the processor.
     fn give_up(&self, reason: &str) {
-        let notice = Some(format!("training goes on on the CPU: {}: {reason}", self.first.name()));
+        let notice = Some(format!("training continues on the CPU: {}: {reason}", self.first.name()));
         *self.fall() = Fall { fallen: true, notice };
     }
 }
@@ -102,22 +102,26 @@ struct Stretch {
 }
 
 /// Reports every step once, also if steps are repeated.
-struct Teller<'t> {
+struct Reporter<'t> {
     on_step: &'t mut dyn FnMut(StepStats) -> ControlFlow<()>,
-    /// Number of the last step told.
-    told: &'t Cell<usize>,
-    /// Whoever follows broke off.
+    /// Number of the last reported step.
+    reported: &'t Cell<usize>,
+    /// The observer broke off.
     broken: &'t Cell<bool>,
 }
 
-impl Teller<'_> {
-    fn tell(&mut self, s: StepStats) -> ControlFlow<()> {
-        if s.step > self.told.get() {
-            self.told.set(s.step);
+impl Reporter<'_> {
+    fn report(&mut self, s: StepStats) -> ControlFlow<()> {
+        if s.step > self.reported.get() {
+            self.reported.set(s.step);
             self.broken.set((self.on_step)(s).is_break() || self.broken.get());
         }
         // A repeated stretch breaks off where the first one had: what was reported has to have happened.
-        if self.broken.get() && s.step >= self.told.get() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if self.broken.get() && s.step >= self.reported.get() {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
     }
 }
 
@@ -150,13 +154,13 @@ impl Falling<'_> {
         Ok(())
     }
 
-    fn stretch(&mut self, steps: usize, update_last: bool, teller: &mut Teller<'_>) -> Result<(), FitError> {
-        if let Err(error) = self.backend.run(steps, update_last, &mut |s| teller.tell(s)) {
+    fn stretch(&mut self, steps: usize, update_last: bool, reporter: &mut Reporter<'_>) -> Result<(), FitError> {
+        if let Err(error) = self.backend.run(steps, update_last, &mut |s| reporter.report(s)) {
             self.fall(error)?;
-            return self.backend.run(steps, update_last, &mut |s| teller.tell(s));
+            return self.backend.run(steps, update_last, &mut |s| reporter.report(s));
         }
         if let Some(saved) = &mut self.saved {
-            saved.made.push(Stretch { steps, update_last, end: teller.told.get() });
+            saved.made.push(Stretch { steps, update_last, end: reporter.reported.get() });
         }
         Ok(())
     }
@@ -177,21 +181,21 @@ impl Backend for Falling<'_> {
         update_last: bool,
         on_step: &mut dyn FnMut(StepStats) -> ControlFlow<()>,
     ) -> Result<(), FitError> {
-        let (told, broken) = (Cell::new(0), Cell::new(false));
-        let mut teller = Teller { on_step, told: &told, broken: &broken };
+        let (reported, broken) = (Cell::new(0), Cell::new(false));
+        let mut reporter = Reporter { on_step, reported: &reported, broken: &broken };
         if self.saved.as_ref().is_some_and(|s| s.made.iter().map(|m| m.steps).sum::<usize>() >= SAVE_EVERY) {
             self.save()?;
         }
         let mut left = steps;
         while left > SAVE_EVERY && self.saved.is_some() {
-            self.stretch(SAVE_EVERY, true, &mut teller)?;
+            self.stretch(SAVE_EVERY, true, &mut reporter)?;
             if broken.get() {
                 return Ok(());
             }
             left -= SAVE_EVERY;
             self.save()?;
         }
-        self.stretch(left, update_last, &mut teller)
+        self.stretch(left, update_last, &mut reporter)
     }
 
     fn held_back(&mut self) -> Result<Option<f64>, FitError> {

@@ -3,7 +3,7 @@ use crate::fit::adam::AdamConfig;
 use crate::fit::follow::Follow;
 use crate::fit::train::{RunPlan, train};
 use crate::fit::{CpuBackend, DensifyConfig, DepthPick, LossConfig, PlateauConfig, RateConfig};
-use artgs_core::{Camera, Intrinsics, Splats, View};
+use artgs_core::{Camera, Intrinsics, Splats, State, View};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -23,7 +23,8 @@ fn images() -> Vec<TrainImage<'static>> {
         let angle = 0.7 * i as f64;
         let camera = Camera::look_at(k, DVec3::new(4.0 * angle.cos(), 4.0 * angle.sin(), 1.0), DVec3::ZERO, DVec3::Z);
         let rgba = (0..576).map(|p| [(p / 3) as u8, (40 * i) as u8, 90, 255]).collect();
-        TrainImage::new(&View { name: String::new(), camera, rgba, depth: None }, 0, 1, DepthPick::Median).smaller(1)
+        TrainImage::new(&View { name: String::new(), camera, rgba, depth: None }, State::START, 1, DepthPick::Median)
+            .smaller(1)
     };
     (0..8).map(image).collect()
 }
@@ -144,16 +145,16 @@ impl Backend for BrittleBackend<'_> {
     }
 }
 
-/// The processor, made anew before one of the uploads: what a fall must be like.
-struct Anew {
+/// The processor, created again before one of the uploads: the result that a fallback must give.
+struct Recreated {
     cpu: CpuBackend<'static>,
     uploads: usize,
-    anew: usize,
+    recreated_at: usize,
 }
 
-impl Backend for Anew {
+impl Backend for Recreated {
     fn upload(&mut self, state: TrainState) -> Result<(), FitError> {
-        if self.uploads == self.anew {
+        if self.uploads == self.recreated_at {
             self.cpu = CpuBackend::new(images(), config(), 7)?;
         }
         self.uploads += 1;
@@ -210,9 +211,9 @@ fn trained(backend: &mut dyn Backend, wants_at: Option<usize>) -> (String, Looke
     (format!("{state:?}"), looker)
 }
 
-fn expected(anew: usize, wants_at: Option<usize>) -> (String, Looker) {
+fn expected(recreated_at: usize, wants_at: Option<usize>) -> (String, Looker) {
     let cpu = CpuBackend::new(images(), config(), 7).unwrap();
-    trained(&mut Anew { cpu, uploads: 0, anew }, wants_at)
+    trained(&mut Recreated { cpu, uploads: 0, recreated_at }, wants_at)
 }
 
 fn falling(at: At, at_once: usize) -> (WithFallback, Arc<AtomicUsize>) {
@@ -221,7 +222,7 @@ fn falling(at: At, at_once: usize) -> (WithFallback, Arc<AtomicUsize>) {
 }
 
 #[test]
-fn wherever_a_device_fails_the_processor_goes_on_from_the_last_upload() {
+fn wherever_a_device_fails_the_processor_resumes_from_the_last_upload() {
     let places = [
         (At::Making, 0),
         (At::Upload(0), 0),
@@ -234,16 +235,16 @@ fn wherever_a_device_fails_the_processor_goes_on_from_the_last_upload() {
         (At::Download(20), 1),
     ];
     let undisturbed = expected(STEPS, None).0;
-    for (at, anew) in places {
+    for (at, recreated_at) in places {
         let (devices, made) = falling(at, 4);
         let mut backend = devices.backend(images(), config(), 7).unwrap();
         let (state, looker) = trained(backend.as_mut(), None);
         assert_eq!(looker.steps, (1..=STEPS).collect::<Vec<usize>>(), "{at:?}");
-        assert!(state == expected(anew, None).0, "{at:?}");
-        assert_eq!(state == undisturbed, anew == 0, "views would come in another order: {at:?}");
+        assert!(state == expected(recreated_at, None).0, "{at:?}");
+        assert_eq!(state == undisturbed, recreated_at == 0, "views would come in another order: {at:?}");
         let notice = devices.notice().unwrap();
         assert!(notice.contains("Brittle: scripted") && notice.contains("CPU"), "{notice}");
-        assert!(devices.notice().is_none(), "told once");
+        assert!(devices.notice().is_none(), "returned once");
         drop(backend);
         assert_eq!(devices.name(), Cpu.name());
         let (state, _) = trained(devices.backend(images(), config(), 7).unwrap().as_mut(), None);
@@ -278,11 +279,11 @@ fn long_stretches_are_saved_on_the_way() {
     let mut backend = devices.backend(images(), config(), 7).unwrap();
     let mut steps = Vec::new();
     backend.upload(start()).unwrap();
-    let tell = &mut |s: StepStats| {
+    let report = &mut |s: StepStats| {
         steps.push(s.step);
         ControlFlow::Continue(())
     };
-    backend.run(SAVE_EVERY + 60, false, tell).unwrap();
+    backend.run(SAVE_EVERY + 60, false, report).unwrap();
     let state = backend.download().unwrap();
     assert_eq!(steps, (1..=SAVE_EVERY + 60).collect::<Vec<usize>>());
 

@@ -1,4 +1,4 @@
-//! Whoever looks on while training runs.
+//! Observers of a training run.
 
 use super::backend::{StepStats, TrainState};
 

@@ -1,6 +1,7 @@
 //! Training images, prepared once: resampled, kept small, with the rectangle the object fills.
 
-use artgs_core::{Camera, DepthMap, Intrinsics, View};
+use artgs_core::capture::OBJECT_ALPHA;
+use artgs_core::{Camera, DepthMap, Intrinsics, State, View};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -59,8 +60,8 @@ pub enum DepthPick {
 /// One view as training sees it. At full size it borrows the pixels of the view: those of many fine views fill memory.
 #[derive(Clone, Debug)]
 pub struct TrainImage<'a> {
-    /// State it was taken in, 0 or 1.
-    pub state: usize,
+    /// State it was taken in.
+    pub state: State,
     /// Pose and intrinsics at the size of this image.
     pub camera: Camera,
     /// Width in pixels.
@@ -69,7 +70,7 @@ pub struct TrainImage<'a> {
     pub height: usize,
     /// Straight colour and alpha, `[height * width]`.
     pub rgba: Cow<'a, [[u8; 4]]>,
-    /// Planar depth, `[height * width]`, of the object only where the mask is at least [`COVERED`]; see
+    /// Planar depth, `[height * width]`, of the object only where the mask is at least [`OBJECT_ALPHA`]; see
     /// [`TrainImage::depth_at`].
     pub depth: Option<Cow<'a, DepthMap>>,
     /// Smallest rectangle around all pixels with alpha above 0; empty if there are none.
@@ -78,13 +79,10 @@ pub struct TrainImage<'a> {
     pub without_depth: usize,
 }
 
-/// Least alpha of a pixel whose depth is that of the object.
-pub const COVERED: u8 = 128;
-
 impl<'a> TrainImage<'a> {
     /// Resamples a view by an integer factor: colour weighted by alpha, alpha averaged, depth picked.
     /// Rows and columns that do not fill a coarse pixel are dropped at the right and bottom.
-    pub fn new(view: &'a View, state: usize, divisor: usize, pick: DepthPick) -> Self {
+    pub fn new(view: &'a View, state: State, divisor: usize, pick: DepthPick) -> Self {
         if divisor <= 1 {
             let depth = view.depth.as_ref().map(Cow::Borrowed);
             return Self::of_pixels(view.camera, state, Cow::Borrowed(&view.rgba), depth);
@@ -92,10 +90,10 @@ impl<'a> TrainImage<'a> {
         Self::resampled(&view.camera, &view.rgba, view.depth.as_ref(), state, divisor, pick)
     }
 
-    fn of_pixels(camera: Camera, state: usize, rgba: Cow<'a, [[u8; 4]]>, depth: Option<Cow<'a, DepthMap>>) -> Self {
+    fn of_pixels(camera: Camera, state: State, rgba: Cow<'a, [[u8; 4]]>, depth: Option<Cow<'a, DepthMap>>) -> Self {
         let (width, height) = (camera.intrinsics.width as usize, camera.intrinsics.height as usize);
         let object = occupied(&rgba, width);
-        let missing = |(p, count): &(&[u8; 4], &u16)| p[3] >= COVERED && **count == 0;
+        let missing = |(p, count): &(&[u8; 4], &u16)| p[3] >= OBJECT_ALPHA && **count == 0;
         let without_depth = depth.as_ref().map_or(0, |depth| rgba.iter().zip(depth.counts()).filter(missing).count());
         Self { state, camera, width, height, rgba, depth, object, without_depth }
     }
@@ -104,7 +102,7 @@ impl<'a> TrainImage<'a> {
         camera: &Camera,
         rgba: &[[u8; 4]],
         depth: Option<&DepthMap>,
-        state: usize,
+        state: State,
         divisor: usize,
         pick: DepthPick,
     ) -> Self {
@@ -133,14 +131,14 @@ impl<'a> TrainImage<'a> {
     /// Depth of the object at a pixel, scene units; 0 where there is none or the mask is below one half.
     pub fn depth_at(&self, index: usize) -> f32 {
         match &self.depth {
-            Some(depth) if self.rgba[index][3] >= COVERED => depth.at(index),
+            Some(depth) if self.rgba[index][3] >= OBJECT_ALPHA => depth.at(index),
             _ => 0.0,
         }
     }
 }
 
 /// Prepares all views of one state.
-pub fn prepare(views: &[View], state: usize, divisor: usize, pick: DepthPick) -> Vec<TrainImage<'_>> {
+pub fn prepare(views: &[View], state: State, divisor: usize, pick: DepthPick) -> Vec<TrainImage<'_>> {
     views.par_iter().map(|v| TrainImage::new(v, state, divisor, pick)).collect()
 }
 
@@ -179,7 +177,7 @@ fn shrink_depth(
     let counts = depth.counts();
     let mut found = Vec::with_capacity(d * d);
     let choose = |(i, pixel): (usize, &[u8; 4])| {
-        if pixel[3] < COVERED {
+        if pixel[3] < OBJECT_ALPHA {
             return 0;
         }
         let (y, x) = (i / width * d, i % width * d);
@@ -232,7 +230,7 @@ mod tests {
     #[test]
     fn shrinking_weights_colour_by_alpha_and_keeps_depth_sharp() {
         let view = view();
-        let t = TrainImage::new(&view, 1, 2, DepthPick::Median);
+        let t = TrainImage::new(&view, State::END, 2, DepthPick::Median);
         assert_eq!((t.width, t.height), (2, 2));
         assert_eq!(t.rgba[0], [200, 100, 0, 64], "one opaque pixel of four keeps its colour");
         assert_eq!(t.object, Rect { x0: 0, y0: 0, x1: 2, y1: 2 });
@@ -243,14 +241,14 @@ mod tests {
         );
         let k = t.camera.intrinsics;
         assert_eq!((k.fx, k.fy, k.cx, k.cy), (4.0, 4.5, 1.25, 1.0));
-        let nearest = TrainImage::new(&view, 1, 2, DepthPick::Nearest).depth;
+        let nearest = TrainImage::new(&view, State::END, 2, DepthPick::Nearest).depth;
         assert_eq!(nearest.unwrap().counts(), [0; 4], "the middle pixel has no depth");
     }
 
     #[test]
     fn full_size_is_untouched() {
         let view = view();
-        let t = TrainImage::new(&view, 0, 1, DepthPick::Median);
+        let t = TrainImage::new(&view, State::START, 1, DepthPick::Median);
         assert!(matches!((&t.rgba, &t.depth), (Cow::Borrowed(_), Some(Cow::Borrowed(_)))));
         assert_eq!(*t.rgba, *view.rgba);
         assert_eq!((t.depth_at(7), t.depth_at(8)), (5.0, 0.0), "below half alpha there is no depth");

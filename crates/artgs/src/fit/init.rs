@@ -259,7 +259,7 @@ fn plane_normal(points: &[Vec3]) -> Vec3 {
 mod tests {
     use super::*;
     use crate::fit::images::DepthPick;
-    use artgs_core::{Camera, DepthMap, Intrinsics, View};
+    use artgs_core::{Camera, DepthMap, Intrinsics, State, View};
     use glam::DVec3;
     use rand::SeedableRng;
 
@@ -287,7 +287,7 @@ mod tests {
     }
 
     fn images(views: &[View]) -> Vec<TrainImage<'_>> {
-        views.iter().map(|view| TrainImage::new(view, 0, 1, DepthPick::Median)).collect()
+        views.iter().map(|view| TrainImage::new(view, State::START, 1, DepthPick::Median)).collect()
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! What training minimises: colour, depth and mask of a rendering against a photograph, and undecided opacities.
 
-use super::images::{COVERED, Rect, TrainImage};
+use super::images::{Rect, TrainImage};
 use super::ssim::Ssim;
 use artgs_core::DepthMap;
+use artgs_core::capture::OBJECT_ALPHA;
 use artgs_raster::simd::level;
 use artgs_raster::{Frame, FrameGrad};
 use fearless_simd::dispatch;
@@ -35,7 +36,7 @@ pub struct LossConfig {
     pub depth: f32,
     /// Form of the depth loss.
     pub depth_mode: DepthMode,
-    /// Weight of the mean absolute difference between rendered and photographed alpha.
+    /// Weight of the mean absolute difference between rendered and measured alpha.
     pub mask: f32,
     /// Weight of the entropy of opacities.
     pub opacity_entropy: f32,
@@ -256,7 +257,7 @@ fn accumulated(
 ) -> f64 {
     let mut sum = 0.0;
     for i in 0..depth.len() {
-        let covered = photo[i][3] >= COVERED;
+        let covered = photo[i][3] >= OBJECT_ALPHA;
         if measured[i] == 0 && covered {
             continue;
         }
@@ -280,7 +281,7 @@ fn normalized(
 ) -> f64 {
     let mut sum = 0.0;
     for i in 0..depth.len() {
-        if measured[i] == 0 || photo[i][3] < COVERED || alpha[i] <= MIN_ALPHA {
+        if measured[i] == 0 || photo[i][3] < OBJECT_ALPHA || alpha[i] <= MIN_ALPHA {
             continue;
         }
         let z = depth[i] / alpha[i];
@@ -327,7 +328,7 @@ pub fn opacity_entropy(logits: &[f32], weight: f32, grads: &mut [f32]) -> f64 {
 mod tests {
     use super::*;
     use crate::fit::images::DepthPick;
-    use artgs_core::{Camera, Intrinsics, Rigid, View};
+    use artgs_core::{Camera, Intrinsics, Rigid, State, View};
 
     const W: usize = 19;
     const H: usize = 23;
@@ -342,7 +343,7 @@ mod tests {
     }
 
     fn image(view: &View) -> TrainImage<'_> {
-        TrainImage::new(view, 0, 1, DepthPick::Median)
+        TrainImage::new(view, State::START, 1, DepthPick::Median)
     }
 
     fn frame() -> Frame {

@@ -37,16 +37,14 @@ pub use init::{DepthInit, RandomInit};
 pub use loss::{DepthMode, ImageLoss, LossConfig, LossTerms};
 pub use region::Region;
 pub use schedule::LogLinear;
-pub use score::{ViewScore, psnr, render_view, score_splats, score_views};
+pub use score::{ViewScore, psnr, psnr_of_mse, render_view, score_splats, score_views};
 pub use single::{InitKind, SingleConfig, fit_single};
 pub use train::{RunPlan, train};
 pub use views::{ViewPlan, ViewSampler};
 
-use rand::RngExt;
-use rand_pcg::Pcg64Mcg;
-
 /// A reason why Gaussians cannot be fitted.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum FitError {
     /// Nothing to learn from.
     #[error("there are no training views")]
@@ -69,10 +67,4 @@ pub enum FitError {
     /// The device that trains failed.
     #[error("training device: {0}")]
     Device(String),
-}
-
-/// A standard normal variate (Box and Muller).
-fn normal(rng: &mut Pcg64Mcg) -> f32 {
-    let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
-    (radius * (std::f64::consts::TAU * rng.random::<f64>()).cos()) as f32
 }

@@ -28,6 +28,11 @@ impl Region {
         0.5 * (self.high - self.low).max_element()
     }
 
+    /// The box around both.
+    pub fn union(&self, other: &Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
     /// Carves a cube around the point the cameras look at with the rectangles the object fills in the images. What is
     /// left, grown by half a cell, is the region; the cube itself if nothing is left.
     pub fn of(images: &[TrainImage]) -> Self {
@@ -45,11 +50,10 @@ impl Region {
             kept
         };
         let slices: Vec<Option<Self>> = (0..CELLS).into_par_iter().map(carve).collect();
-        let join = |a: Self, b: Self| Self { low: a.low.min(b.low), high: a.high.max(b.high) };
         slices
             .into_iter()
             .flatten()
-            .reduce(join)
+            .reduce(|a, b| a.union(&b))
             .map_or(cube, |r| Self { low: r.low - 0.5 * size, high: r.high + 0.5 * size })
     }
 
@@ -99,7 +103,7 @@ fn may_hold(image: &TrainImage, p: DVec3, cell: f64) -> bool {
 mod tests {
     use super::*;
     use crate::fit::images::DepthPick;
-    use artgs_core::{Camera, Intrinsics, View};
+    use artgs_core::{Camera, Intrinsics, State, View};
 
     #[test]
     fn carving_finds_a_ball_away_from_the_origin() {
@@ -119,7 +123,7 @@ mod tests {
                     })
                     .collect();
                 let view = View { name: String::new(), camera, rgba, depth: None };
-                TrainImage::new(&view, 0, 1, DepthPick::Median).smaller(1)
+                TrainImage::new(&view, State::START, 1, DepthPick::Median).smaller(1)
             })
             .collect();
         let region = Region::of(&images);

@@ -2,7 +2,7 @@
 
 use super::images::{DepthPick, Rect, TrainImage};
 use super::ssim::Ssim;
-use artgs_core::{Camera, Splats, View};
+use artgs_core::{Camera, Splats, State, View};
 use artgs_raster::{Frame, Rasterizer, RenderOptions, SplatView};
 
 /// Scores of one view over black.
@@ -20,11 +20,15 @@ pub fn render_view<'a>(rasterizer: &'a mut Rasterizer, splats: &Splats, camera: 
     rasterizer.forward(SplatView::from(splats), camera, &options)
 }
 
+/// Peak signal to noise ratio of a mean squared error of values in [0, 1], decibel, at most 120.
+pub fn psnr_of_mse(mse: f64) -> f64 {
+    -10.0 * mse.max(1e-12).log10()
+}
+
 /// `-10 log10(mean (a - b)^2)` of values in [0, 1], at most 120.
 pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
     let square = |(a, b): (&f32, &f32)| f64::from(a - b).powi(2);
-    let mse = a.iter().zip(b).map(square).sum::<f64>() / a.len().max(1) as f64;
-    -10.0 * mse.max(1e-12).log10()
+    psnr_of_mse(a.iter().zip(b).map(square).sum::<f64>() / a.len().max(1) as f64)
 }
 
 /// Straight RGBA over black, planar `[3][height * width]`.
@@ -75,7 +79,7 @@ pub fn depth_error(splats: &Splats, views: &[View]) -> Option<f64> {
     let mut rasterizer = Rasterizer::new();
     let (mut sum, mut count) = (0.0, 0_usize);
     for view in views {
-        let image = TrainImage::new(view, 0, 1, DepthPick::Nearest);
+        let image = TrainImage::new(view, State::START, 1, DepthPick::Nearest);
         if image.depth.is_none() {
             continue;
         }

@@ -11,7 +11,7 @@ use super::init::{DepthInit, RandomInit, from_depth, random_cube};
 use super::loss::{DepthMode, LossConfig};
 use super::region::Region;
 use super::train::{RunPlan, train};
-use artgs_core::{Splats, View};
+use artgs_core::{Splats, State, View};
 use artgs_raster::low_level::TRAINING_NEAR;
 use glam::DVec3;
 use rand::SeedableRng;
@@ -157,7 +157,7 @@ pub fn fit_single(
     if views.is_empty() {
         return Err(FitError::NoViews);
     }
-    let images = prepare(views, 0, config.image_divisor, config.depth_pick);
+    let images = prepare(views, State::START, config.image_divisor, config.depth_pick);
     let region = Region::of(&images);
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let splats = initialize(&images, &region, config, &mut rng)?;

@@ -23,7 +23,7 @@ pub struct RunPlan {
 }
 
 /// Runs a backend from one change of the set of Gaussians or look at the held-back views to the next, until the run has
-/// converged and settled, or `plan.steps` are done. In between it stops where whoever follows wants to look.
+/// converged and settled, or `plan.steps` are done. In between it stops where the observer wants a snapshot.
 pub fn train(
     backend: &mut dyn Backend,
     state: TrainState,
@@ -35,7 +35,7 @@ pub fn train(
     let latest = plateau.latest(plan.steps);
     let mut best = f64::NEG_INFINITY;
     let (mut from, mut settling) = (state.step, state.settling);
-    let mut told = settling;
+    let mut uploaded = settling;
     // The device keeps the state as long as only steps change it: taking it back costs as much as many steps.
     let mut kept = Some(state);
     loop {
@@ -47,10 +47,10 @@ pub fn train(
             let state = kept.map_or_else(|| backend.download(), Ok)?;
             return Ok(TrainState { settling, ..state });
         }
-        if told != settling && kept.is_none() {
+        if uploaded != settling && kept.is_none() {
             kept = Some(backend.download()?);
         }
-        told = settling;
+        uploaded = settling;
         if let Some(state) = kept.take() {
             backend.upload(TrainState { settling, ..state })?;
         }

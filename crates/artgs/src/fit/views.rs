@@ -3,6 +3,7 @@
 use super::FitError;
 use super::backend::{PlateauConfig, TrainConfig};
 use super::images::TrainImage;
+use artgs_core::State;
 use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
@@ -20,7 +21,7 @@ pub struct ViewSampler {
 
 impl ViewSampler {
     /// A sampler of views (at least one), given the state of each.
-    pub fn new(states: &[usize], with_replacement: bool, seed: u64) -> Self {
+    pub fn new(states: &[State], with_replacement: bool, seed: u64) -> Self {
         let mut sampler = Self {
             rng: Pcg64Mcg::seed_from_u64(seed),
             order: Vec::new(),
@@ -33,13 +34,13 @@ impl ViewSampler {
     }
 
     /// From now on draws only those of the views that `keep` says.
-    pub fn restrict(&mut self, states: &[usize], keep: impl Fn(usize) -> bool) {
+    pub fn restrict(&mut self, states: &[State], keep: impl Fn(usize) -> bool) {
         let kept = |&v: &usize| keep(v);
         self.order = (0..states.len()).filter(kept).collect();
         self.next = self.order.len();
         if self.with_replacement {
-            let of_state = |s: usize| self.order.iter().copied().filter(|&v| states[v] == s).collect::<Vec<usize>>();
-            self.states = [of_state(0), of_state(1)].into_iter().filter(|g| !g.is_empty()).collect();
+            let of_state = |s: State| self.order.iter().copied().filter(|&v| states[v] == s).collect::<Vec<usize>>();
+            self.states = State::ALL.map(of_state).into_iter().filter(|g| !g.is_empty()).collect();
         }
     }
 
@@ -73,7 +74,7 @@ pub struct ViewPlan<'a> {
     /// Views that are not trained on yet, ascending.
     pub held: Vec<usize>,
     /// State of every view.
-    states: Vec<usize>,
+    states: Vec<State>,
     /// The views at full size; empty if they are trained on so already.
     fine: Vec<TrainImage<'a>>,
 }
@@ -88,7 +89,7 @@ impl<'a> ViewPlan<'a> {
         if images.is_empty() {
             return Err(FitError::NoViews);
         }
-        let states: Vec<usize> = images.iter().map(|image| image.state).collect();
+        let states: Vec<State> = images.iter().map(|image| image.state).collect();
         let held = held(&states, &config.plateau);
         let mut sampler = ViewSampler::new(&states, config.with_replacement, seed);
         sampler.restrict(&states, |v| !held.contains(&v));
@@ -120,10 +121,10 @@ fn coarse_first<'a>(
 }
 
 /// Views to hold back, ascending, given the state of each.
-fn held(states: &[usize], plateau: &PlateauConfig) -> Vec<usize> {
-    let of_state = |s: usize| (0..states.len()).filter(|&v| states[v] == s).collect::<Vec<usize>>();
+fn held(states: &[State], plateau: &PlateauConfig) -> Vec<usize> {
+    let of_state = |s: State| (0..states.len()).filter(|&v| states[v] == s).collect::<Vec<usize>>();
     let mut held: Vec<usize> =
-        [0, 1].map(of_state).iter().flat_map(|views| plateau.held(views.len()).map(|i| views[i])).collect();
+        State::ALL.map(of_state).iter().flat_map(|views| plateau.held(views.len()).map(|i| views[i])).collect();
     held.sort_unstable();
     held
 }
@@ -134,20 +135,20 @@ mod tests {
 
     #[test]
     fn rounds_show_every_view_once() {
-        let mut sampler = ViewSampler::new(&[0; 7], false, 5);
+        let mut sampler = ViewSampler::new(&[State::START; 7], false, 5);
         for _ in 0..3 {
             let mut round: Vec<usize> = (0..7).map(|_| sampler.view()).collect();
             round.sort_unstable();
             assert_eq!(round, [0, 1, 2, 3, 4, 5, 6]);
         }
-        let mut sampler = ViewSampler::new(&[0; 7], true, 5);
+        let mut sampler = ViewSampler::new(&[State::START; 7], true, 5);
         let draws: Vec<usize> = (0..700).map(|_| sampler.view()).collect();
         assert!((0..7).all(|v| draws.iter().filter(|&&d| d == v).count() > 60));
     }
 
     #[test]
     fn drawing_with_replacement_treats_states_alike() {
-        let mut sampler = ViewSampler::new(&[0, 1, 1, 1], true, 5);
+        let mut sampler = ViewSampler::new(&[State::START, State::END, State::END, State::END], true, 5);
         let first = (0..1000).filter(|_| sampler.view() == 0).count();
         assert!((450..550).contains(&first), "{first}");
     }

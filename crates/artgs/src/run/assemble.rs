@@ -99,7 +99,7 @@ type Means = [Option<ViewMeans>; 2];
 /// Scores of held-out and of training images.
 fn score_pictures(capture: &Capture, trained: &Trained, rotate_sh: bool) -> (Means, Means) {
     let means = |views: &[View], step: usize, state: State| {
-        let scores = score_state(trained, views.iter().step_by(step), state.index(), rotate_sh);
+        let scores = score_state(trained, views.iter().step_by(step), state, rotate_sh);
         let mean = mean_score(&scores);
         (!scores.is_empty()).then_some(ViewMeans { psnr: mean.psnr, ssim: mean.ssim, views: scores.len() })
     };

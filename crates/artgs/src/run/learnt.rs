@@ -8,7 +8,7 @@ use crate::canonical::{Canonical, CanonicalError, canonical_init};
 use crate::config::Config;
 use crate::discover::Discovery;
 use crate::neighbours::PointTree;
-use artgs_core::{JointEstimate, JointKind, PerState, Rigid, State};
+use artgs_core::{JointEstimate, JointKind, PerState, Rigid};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -21,7 +21,7 @@ pub(super) fn uninformed_start(
     parts: usize,
     config: &Config,
 ) -> Result<(Start, Canonical), CanonicalError> {
-    let single = State::ALL.map(|state| discs(&found.clouds[state.index()], found.spacing, &config.start));
+    let single = PerState::from_fn(|state| discs(&found.clouds[state], found.spacing, &config.start));
     let mut rng = Pcg64Mcg::seed_from_u64(config.seed);
     let canonical = canonical_init(&single, parts, &config.canonical, &mut rng)?;
     let start = still_start(&canonical, &vec![MotionModel::Free; parts - 1], config.seed);
@@ -49,8 +49,8 @@ pub(super) fn joints_of(trained: &Trained, half_angle: f64) -> Vec<JointEstimate
 
 /// How far a motion from start to end takes the middle of a part; where it has no Gaussians, the world's origin.
 fn shift_of_middle(trained: &Trained, part: usize, motion: &Rigid) -> DVec3 {
-    let members = (0..trained.labels.len()).filter(|&i| usize::from(trained.labels[i]) == part);
-    let points: Vec<DVec3> = members.map(|i| DVec3::from_array(trained.splats.means[i].map(f64::from))).collect();
+    let points: Vec<DVec3> =
+        trained.members(part).map(|i| DVec3::from_array(trained.splats.means[i].map(f64::from))).collect();
     let middle = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
     // From the canonical state, where the Gaussians are, to both ends.
     let half = motion.power(0.5);
@@ -60,7 +60,7 @@ fn shift_of_middle(trained: &Trained, part: usize, motion: &Rigid) -> DVec3 {
 /// The same points, each with the part of the nearest trained Gaussian of its state that is more than half opaque.
 pub(super) fn relabelled(found: &Discovery, trained: &Trained) -> Discovery {
     let labels = PerState::from_fn(|state| {
-        let posed = trained.at_state(state.index());
+        let posed = trained.at_state(state);
         let opaque: Vec<usize> = (0..posed.len()).filter(|&i| posed.logit_opacities[i] > 0.0).collect();
         let tree = PointTree::new(&opaque.iter().map(|&i| posed.means[i]).collect::<Vec<_>>());
         let label = |p: &glam::Vec3| tree.nearest(&p.to_array()).map_or(0, |(j, _)| trained.labels[opaque[j]]);

@@ -6,7 +6,7 @@ use crate::fit::densify::logit;
 use crate::fit::init::random_box;
 use crate::fit::{FitError, RandomInit, Region};
 use crate::neighbours::PointTree;
-use crate::surface::part_meshes::BACKGROUND;
+use crate::surface::BACKGROUND;
 use artgs_core::{Camera, JointEstimate, JointKind, Rigid, Splats, State};
 use glam::{DVec2, DVec3, Quat, Vec3};
 use rand_pcg::Pcg64Mcg;

@@ -80,7 +80,7 @@ impl Preview {
         let mut canvas = Canvas::new(6 * w, 2 * h);
         let mut rasterizer = Rasterizer::new();
         for state in State::ALL {
-            let posed = trained.posed(state.index());
+            let posed = trained.posed(state);
             for (column, pick) in best_views(&posed, views(state), &mut rasterizer).into_iter().enumerate() {
                 let view = &views(state)[pick];
                 let at = |tile: usize| ((3 * column + tile) * w, state.index() * h);
@@ -187,10 +187,10 @@ fn axes(
     state: State,
 ) {
     let (trained, found) = object;
-    let posed = trained.at_state(state.index());
+    let posed = trained.at_state(state);
     for (k, part) in found.iter().enumerate() {
-        let members = (0..posed.len()).filter(|&i| usize::from(trained.labels[i]) == k + 1);
-        let points: Vec<DVec3> = members.map(|i| DVec3::from_array(posed.means[i].map(f64::from))).collect();
+        let points: Vec<DVec3> =
+            trained.members(k + 1).map(|i| DVec3::from_array(posed.means[i].map(f64::from))).collect();
         if points.is_empty() {
             continue;
         }

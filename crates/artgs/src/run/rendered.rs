@@ -3,15 +3,16 @@
 use crate::articulation::Trained;
 use crate::fit::score::render_view;
 use crate::surface::part_meshes::{PartMeshes, fuse};
-use crate::surface::{DepthView, PixelUse, SurfaceConfig, TsdfParams};
+use crate::surface::{FusionView, Selection, SurfaceConfig};
+use crate::trimmed::trimmed_range;
+use artgs_core::capture::OBJECT_ALPHA;
 use artgs_core::{Mesh, PerState, Splats, State, View};
 use artgs_raster::{Frame, Rasterizer};
-use rayon::prelude::*;
 
 /// Depth divided by alpha where the rendering is mostly opaque and the photo shows the object, else 0.
 fn opaque_depth(frame: &Frame, view: &View) -> Vec<f32> {
     let pixels = frame.depth.iter().zip(&frame.alpha).zip(&view.rgba);
-    pixels.map(|((d, a), p)| if *a > 0.5 && p[3] >= 128 { d / a } else { 0.0 }).collect()
+    pixels.map(|((d, a), p)| if *a > 0.5 && p[3] >= OBJECT_ALPHA { d / a } else { 0.0 }).collect()
 }
 
 /// Depth maps of the views rendered from Gaussians of their state, scene units.
@@ -28,13 +29,13 @@ pub(super) fn part_meshes_from_renderings(
 ) -> PartMeshes {
     let mut meshes = PartMeshes { parts: vec![Default::default(); trained.joints.len() + 1], ..PartMeshes::default() };
     for state in State::ALL {
-        let splats = trained.at_state(state.index());
+        let splats = trained.at_state(state);
         let voxel = config.voxel.unwrap_or_else(|| diagonal(&splats) / config.resolution);
         for part in 0..meshes.parts.len() {
-            let members = (0..splats.len()).filter(|&i| usize::from(trained.labels[i]) == part);
-            meshes.parts[part][state.index()] = fuse_renderings(&splats.select(members), views[state], voxel, config);
+            meshes.parts[part][state] =
+                fuse_renderings(&splats.select(trained.members(part)), views[state], voxel, config);
         }
-        meshes.whole[state.index()] = fuse_renderings(&splats, views[state], voxel, config);
+        meshes.whole[state] = fuse_renderings(&splats, views[state], voxel, config);
     }
     meshes
 }
@@ -43,25 +44,13 @@ fn fuse_renderings(splats: &Splats, views: &[View], voxel: f64, config: &Surface
     if splats.is_empty() || voxel <= 0.0 {
         return Mesh::default();
     }
-    let depths = rendered_depths(splats, views);
-    // Only rendered pixels count: what hides a part in the photo is not in the rendering of the part alone.
-    let uses: Vec<Vec<PixelUse>> = depths
-        .par_iter()
-        .map(|d| d.iter().map(|d| if *d > 0.0 { PixelUse::Surface } else { PixelUse::Ignore }).collect())
-        .collect();
-    let views: Vec<DepthView> = views
+    // Without labels only rendered pixels count: what hides a part in the photo is not in the rendering of the part alone.
+    let views: Vec<FusionView> = views
         .iter()
-        .zip(&depths)
-        .zip(&uses)
-        .map(|((v, depth), uses)| DepthView { camera: v.camera, depth, uses: Some(uses), rgba: Some(&v.rgba) })
+        .zip(rendered_depths(splats, views))
+        .map(|(v, depth)| FusionView { rgba: Some(v.rgba.as_slice().into()), ..FusionView::new(v.camera, depth) })
         .collect();
-    let params = TsdfParams {
-        voxel,
-        truncation: config.truncation_voxels * voxel,
-        behind: config.behind_voxels * voxel,
-        jump: config.jump_voxels * voxel,
-    };
-    fuse(&views, params, config)
+    fuse(&views, Selection::ALL, config.volume(voxel), config)
 }
 
 /// Diagonal of the box around the opaque Gaussians without the outermost 1 % on each side.
@@ -70,9 +59,7 @@ fn diagonal(splats: &Splats) -> f64 {
         .map(|axis| {
             let opaque = (0..splats.len()).filter(|&i| splats.logit_opacities[i] > 0.0);
             let mut xs: Vec<f32> = opaque.map(|i| splats.means[i][axis]).collect();
-            xs.sort_unstable_by(f32::total_cmp);
-            let cut = xs.len() / 100;
-            if xs.is_empty() { 0.0 } else { f64::from(xs[xs.len() - 1 - cut] - xs[cut]).powi(2) }
+            trimmed_range(&mut xs, 100, f32::total_cmp).map_or(0.0, |[low, high]| f64::from(high - low).powi(2))
         })
         .sum();
     square.sqrt()

@@ -24,7 +24,7 @@ use std::time::Instant;
 pub(super) type Depths<'a> = PerState<Vec<Cow<'a, DepthMap>>>;
 
 /// Where Gaussians of each state should be, for the Chamfer term.
-type ChamferPoints = [Vec<[f32; 3]>; 2];
+type ChamferPoints = PerState<Vec<[f32; 3]>>;
 
 /// A run in progress.
 pub(super) struct Run<'a> {
@@ -247,15 +247,7 @@ impl<'a> Run<'a> {
             let config = PaperConfig { canonical, types, articulate };
             let mut follow = Following::new(run.observer, devices, &mut run.summary.warnings, "articulate");
             let (views, seed) = (views_of(run.what), run.config.seed);
-            let result = paper_pipeline(
-                views,
-                &State::ALL.map(|s| single[s].clone()),
-                parts,
-                &config,
-                seed,
-                devices,
-                &mut follow,
-            )?;
+            let result = paper_pipeline(views, single, parts, &config, seed, devices, &mut follow)?;
             run.summary.device = Some(devices.name());
             let parts = joints_of(&result.trained, config.types.half_angle_deg.to_radians());
             run.save(|folder| checkpoint::save_trained(folder, &result.trained, &parts))?;
@@ -301,8 +293,8 @@ fn check_same_settings(folder: &RunFolder, config: &Config) -> Result<(), Error>
     if earlier == *config { Ok(()) } else { Err(Error::OtherSettings(folder.root().display().to_string())) }
 }
 
-fn views_of<'a>(what: &Reconstruction<'a>) -> [&'a [View]; 2] {
-    State::ALL.map(|state| &what.capture.states[state].train[..])
+fn views_of<'a>(what: &Reconstruction<'a>) -> PerState<&'a [View]> {
+    PerState::from_fn(|state| &what.capture.states[state].train[..])
 }
 
 /// Training views of both states with their depth.

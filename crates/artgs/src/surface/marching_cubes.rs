@@ -146,7 +146,7 @@ fn vertex(volume: &Tsdf, edge: u64) -> [f32; 3] {
 mod tests {
     use super::super::testing::{Scene, orbit};
     use super::super::tsdf::TsdfParams;
-    use super::super::view::DepthView;
+    use super::super::view::{FusionView, Selection};
     use super::*;
     use glam::DVec3;
     use std::collections::BTreeMap;
@@ -174,14 +174,10 @@ mod tests {
         let scene = Scene::sphere(0.5);
         let cameras = orbit(40, 240, 2.0);
         let depths: Vec<Vec<f32>> = cameras.iter().map(|c| scene.depth(c)).collect();
-        let views: Vec<DepthView> = cameras
-            .iter()
-            .zip(&depths)
-            .map(|(c, d)| DepthView { camera: *c, depth: d, uses: None, rgba: None })
-            .collect();
+        let views: Vec<FusionView> = cameras.iter().zip(&depths).map(|(c, d)| FusionView::new(*c, d)).collect();
         let mut volume = Tsdf::new(TsdfParams::with_voxel(voxel));
-        assert!(volume.allocate(&views, usize::MAX));
-        volume.integrate(&views);
+        assert!(volume.allocate(&views, Selection::ALL, usize::MAX));
+        volume.integrate(&views, Selection::ALL);
         marching_cubes(&volume, 0.5)
     }
 

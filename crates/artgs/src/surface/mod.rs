@@ -10,11 +10,9 @@ pub mod view;
 pub use clean::clean;
 pub use marching_cubes::marching_cubes;
 pub use paint::paint;
-pub use part_meshes::{
-    BACKGROUND, LabelledDepth, PartMeshes, SurfaceConfig, SurfaceError, Surfaces, WholeMesh, fuse, part_meshes,
-};
+pub use part_meshes::{PartMeshes, SurfaceConfig, SurfaceError, Surfaces, WholeMesh, fuse, part_meshes};
 pub use tsdf::{Tsdf, TsdfParams};
-pub use view::{DepthView, PixelUse};
+pub use view::{BACKGROUND, FusionView, Selection};
 
 #[cfg(test)]
 pub(crate) mod testing;

@@ -1,14 +1,14 @@
-//! Vertex colours straight from the photographs.
+//! Vertex colours from the images.
 
-use super::view::{DepthView, PixelUse};
+use super::view::{FusionView, PixelUse, Selection};
 use artgs_core::Mesh;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Colours every vertex with the mean of the views that see it: pixels used as surface whose depth agrees within
+/// Colours every vertex with the mean of the views that see it: selected pixels whose depth agrees within
 /// `tolerance` (scene units), weighted by the squared cosine between ray and normal. Vertices that nobody sees get the
 /// mean colour of the others; without colours in any view the mesh stays uncoloured. Views in the frame of the mesh.
-pub fn paint(mesh: &mut Mesh, views: &[DepthView], tolerance: f64) {
+pub fn paint(mesh: &mut Mesh, views: &[FusionView], selection: Selection, tolerance: f64) {
     if views.iter().all(|v| v.rgba.is_none()) {
         return;
     }
@@ -26,7 +26,7 @@ pub fn paint(mesh: &mut Mesh, views: &[DepthView], tolerance: f64) {
                 if cosine < 0.1 {
                     continue;
                 }
-                if let Some(color) = seen_color(view, p, tolerance) {
+                if let Some(color) = seen_color(view, selection, p, tolerance) {
                     let w = (cosine * cosine) as f32;
                     sum += color * w;
                     weight += w;
@@ -41,15 +41,15 @@ pub fn paint(mesh: &mut Mesh, views: &[DepthView], tolerance: f64) {
 }
 
 /// Colour of the pixel a point falls into, [0, 255], if the pixel sees that point.
-fn seen_color(view: &DepthView, point: DVec3, tolerance: f64) -> Option<Vec3> {
-    let rgba = view.rgba?;
+fn seen_color(view: &FusionView, selection: Selection, point: DVec3, tolerance: f64) -> Option<Vec3> {
+    let rgba = view.rgba.as_deref()?;
     let (uv, z) = view.camera.project(point);
     let k = &view.camera.intrinsics;
     if !(z > 0.0 && uv.x >= 0.0 && uv.y >= 0.0 && uv.x < f64::from(k.width) && uv.y < f64::from(k.height)) {
         return None;
     }
     let index = uv.y as usize * k.width as usize + uv.x as usize;
-    let (PixelUse::Surface, depth) = view.pixel(index) else { return None };
+    let (PixelUse::Surface, depth) = view.pixel(index, selection) else { return None };
     let [r, g, b, _] = rgba[index];
     ((f64::from(depth) - z).abs() <= tolerance).then(|| Vec3::new(r.into(), g.into(), b.into()))
 }
@@ -77,8 +77,8 @@ mod tests {
         let (near, behind) = (vec![2.0; 32 * 32], vec![1.0; 32 * 32]);
         let (red, green) = (vec![[200, 10, 0, 255]; 32 * 32], vec![[0, 250, 0, 255]; 32 * 32]);
         let views = [
-            DepthView { camera: cameras[0], depth: &near, uses: None, rgba: Some(&red) },
-            DepthView { camera: cameras[1], depth: &behind, uses: None, rgba: Some(&green) },
+            FusionView { rgba: Some(red.into()), ..FusionView::new(cameras[0], near) },
+            FusionView { rgba: Some(green.into()), ..FusionView::new(cameras[1], behind) },
         ];
         // A triangle through the origin that faces the first camera, and a far vertex no depth agrees with.
         let forward = cameras[0].position().normalize();
@@ -87,7 +87,7 @@ mod tests {
         let far = forward * -1.0;
         let vertices = [side, up, -side - up, far].map(|p| p.as_vec3().to_array()).to_vec();
         let mut mesh = Mesh { vertices, colors: vec![], triangles: vec![[0, 1, 2]] };
-        paint(&mut mesh, &views, 0.05);
+        paint(&mut mesh, &views, Selection::ALL, 0.05);
         assert_eq!(mesh.colors, [[200, 10, 0]; 4]);
     }
 }

@@ -3,7 +3,7 @@
 //! Each sample gives a voxel at depth `z` the distance `(d - z) * slant`, positive before the surface. The volume keeps
 //! weighted sums; a voxel's value is their quotient in units of the truncation.
 
-use super::view::{DepthView, MIN_SCALE, PixelUse, Prepared, Verdict};
+use super::view::{FusionView, MIN_SCALE, PixelUse, Prepared, Selection, Verdict};
 use artgs_raster::simd::level;
 use fearless_simd::dispatch;
 use glam::{DVec3, Vec3};
@@ -79,8 +79,8 @@ impl Tsdf {
 
     /// Makes room around the surface samples of views; call it for all views before [`Tsdf::integrate`].
     /// At most `max_blocks` blocks in all: false, and nothing changed, if more are needed.
-    pub fn allocate(&mut self, views: &[DepthView], max_blocks: usize) -> bool {
-        let lists: Vec<Vec<u64>> = views.par_iter().map(|v| touched_blocks(v, &self.params)).collect();
+    pub fn allocate(&mut self, views: &[FusionView], selection: Selection, max_blocks: usize) -> bool {
+        let lists: Vec<Vec<u64>> = views.par_iter().map(|v| touched_blocks(v, selection, &self.params)).collect();
         let mut keys = self.keys.clone();
         for list in lists {
             keys.extend(list);
@@ -100,11 +100,11 @@ impl Tsdf {
         true
     }
 
-    /// Adds views to the blocks that exist, in the given order. Views must be consistent ([`DepthView::is_consistent`]).
-    pub fn integrate(&mut self, views: &[DepthView]) {
+    /// Adds views to the blocks that exist, in the given order. Views must be consistent ([`FusionView::is_consistent`]).
+    pub fn integrate(&mut self, views: &[FusionView], selection: Selection) {
         let (params, level) = (self.params, level());
         for chunk in views.chunks(CHUNK) {
-            let prepared: Vec<Prepared> = chunk.par_iter().map(|v| Prepared::new(v, &params)).collect();
+            let prepared: Vec<Prepared> = chunk.par_iter().map(|v| Prepared::new(v, selection, &params)).collect();
             self.keys.par_iter().zip(&mut self.blocks).for_each(|(key, block)| {
                 let origin = block_origin(*key, params.voxel);
                 let mut free = 0.0;
@@ -153,7 +153,7 @@ pub(super) fn block_origin(key: u64, voxel: f64) -> DVec3 {
 }
 
 /// Sorted keys of the blocks within two voxels of a surface sample.
-fn touched_blocks(view: &DepthView, params: &TsdfParams) -> Vec<u64> {
+fn touched_blocks(view: &FusionView, selection: Selection, params: &TsdfParams) -> Vec<u64> {
     let k = view.camera.intrinsics;
     let from_camera = view.camera.world_to_camera.inverse();
     let rotation = from_camera.matrix();
@@ -164,7 +164,7 @@ fn touched_blocks(view: &DepthView, params: &TsdfParams) -> Vec<u64> {
     for y in 0..height {
         let mut last = ([i64::MAX; 3], [i64::MAX; 3]);
         for x in 0..width {
-            let (PixelUse::Surface, depth) = view.pixel(y * width + x) else { continue };
+            let (PixelUse::Surface, depth) = view.pixel(y * width + x, selection) else { continue };
             let d = f64::from(depth);
             let ray = DVec3::new((x as f64 + 0.5 - k.cx) / k.fx, (y as f64 + 0.5 - k.cy) / k.fy, 1.0);
             let p = (rotation * (ray * d) + from_camera.translation) * scale;
@@ -278,15 +278,11 @@ mod tests {
         let cameras = orbit(6, 96, 2.0);
         let depths: Vec<Vec<f32>> = cameras.iter().map(|c| scene.depth(c)).collect();
         let params = TsdfParams::with_voxel(0.03);
-        let views: Vec<DepthView> = cameras
-            .iter()
-            .zip(&depths)
-            .map(|(c, d)| DepthView { camera: *c, depth: d, uses: None, rgba: None })
-            .collect();
+        let views: Vec<FusionView> = cameras.iter().zip(&depths).map(|(c, d)| FusionView::new(*c, d)).collect();
         let mut volume = Tsdf::new(params);
-        assert!(volume.allocate(&views, usize::MAX));
-        volume.integrate(&views);
-        let prepared: Vec<Prepared> = views.iter().map(|v| Prepared::new(v, &params)).collect();
+        assert!(volume.allocate(&views, Selection::ALL, usize::MAX));
+        volume.integrate(&views, Selection::ALL);
+        let prepared: Vec<Prepared> = views.iter().map(|v| Prepared::new(v, Selection::ALL, &params)).collect();
         for (key, block) in volume.keys.iter().zip(&volume.blocks) {
             let origin = block_origin(*key, params.voxel);
             for voxel in 0..VOXELS {
@@ -331,14 +327,14 @@ mod tests {
     fn free_pixels_carve_and_never_allocate() {
         let camera = orbit(1, 64, 2.0)[0];
         let far = vec![3.0; 64 * 64];
-        let uses = vec![PixelUse::FreeOnly; 64 * 64];
-        let free = [DepthView { camera, depth: &far, uses: Some(&uses), rgba: None }];
+        let free = [FusionView { labels: Some(vec![1; 64 * 64].into()), ..FusionView::new(camera, &far) }];
+        let other = Selection { part: Some(0), ..Selection::ALL };
         let mut volume = Tsdf::new(TsdfParams::with_voxel(0.05));
-        assert!(volume.allocate(&free, usize::MAX) && volume.block_count() == 0);
+        assert!(volume.allocate(&free, other, usize::MAX) && volume.block_count() == 0);
         let near = vec![2.0; 64 * 64];
-        let wall = [DepthView { camera, depth: &near, uses: None, rgba: None }];
-        assert!(volume.allocate(&wall, usize::MAX) && volume.block_count() > 0);
-        volume.integrate(&free);
+        let wall = [FusionView::new(camera, &near)];
+        assert!(volume.allocate(&wall, Selection::ALL, usize::MAX) && volume.block_count() > 0);
+        volume.integrate(&free, other);
         let values: Vec<f32> = volume.blocks.iter().flat_map(|b| (0..VOXELS).filter_map(|i| b.value(i, 0.5))).collect();
         assert!(!values.is_empty() && values.iter().all(|v| *v == 1.0));
     }
@@ -347,8 +343,8 @@ mod tests {
     fn the_bound_on_blocks_is_kept() {
         let camera = orbit(1, 64, 2.0)[0];
         let near = vec![2.0; 64 * 64];
-        let wall = [DepthView { camera, depth: &near, uses: None, rgba: None }];
+        let wall = [FusionView::new(camera, &near)];
         let mut volume = Tsdf::new(TsdfParams::with_voxel(0.05));
-        assert!(!volume.allocate(&wall, 3) && volume.block_count() == 0);
+        assert!(!volume.allocate(&wall, Selection::ALL, 3) && volume.block_count() == 0);
     }
 }

@@ -1,12 +1,44 @@
-//! Depth maps as fusion reads them: what each pixel says, how obliquely it looks, and how deep each tile reaches.
+//! Depth maps as fusion reads them: the use of each pixel, how obliquely it looks, and how deep each tile reaches.
 
 use super::tsdf::TsdfParams;
 use artgs_core::{Camera, Intrinsics, Rigid};
 use glam::DVec3;
+use std::borrow::Cow;
 
-/// What one pixel tells a volume.
+/// Label of pixels that show no part.
+pub const BACKGROUND: u16 = u16::MAX;
+
+/// One posed depth map of one state. Everything that fuses or paints meshes reads these.
+#[derive(Clone, Debug)]
+pub struct FusionView<'a> {
+    /// Camera in the frame of the mesh: the world, or the canonical frame of a part after [`FusionView::moved_with`].
+    pub camera: Camera,
+    /// Planar depth, scene units, `[height * width]`, 0 where there is none.
+    pub depth: Cow<'a, [f32]>,
+    /// Straight colours, `[height * width]`; none in any view leaves the meshes uncoloured.
+    pub rgba: Option<Cow<'a, [[u8; 4]]>>,
+    /// Part of every pixel, `[height * width]`, [`BACKGROUND`] for none. Without labels every pixel with depth belongs to
+    /// the surface, and the others say nothing.
+    pub labels: Option<Cow<'a, [u16]>>,
+}
+
+/// Which pixels of labelled views are samples of the fused surface. Depth of all other parts shows where space is empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PixelUse {
+pub struct Selection {
+    /// The part to fuse; none: all parts.
+    pub part: Option<usize>,
+    /// The rays of background pixels are empty; otherwise these pixels are ignored.
+    pub carve_background: bool,
+}
+
+impl Selection {
+    /// All parts; rays of background pixels are empty.
+    pub const ALL: Self = Self { part: None, carve_background: true };
+}
+
+/// What one pixel contributes to a volume.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PixelUse {
     /// Its depth is a sample of the surface; space before it is empty.
     Surface,
     /// Space before its depth is empty (all of the ray if the depth is 0); nothing is known at or behind it.
@@ -15,36 +47,51 @@ pub enum PixelUse {
     Ignore,
 }
 
-/// One posed depth map in the frame of the volume. For a part that moved, pass `camera.moved_with(&canonical_to_world)`.
-#[derive(Clone, Copy, Debug)]
-pub struct DepthView<'a> {
-    /// Camera, volume frame as its world.
-    pub camera: Camera,
-    /// Planar depth, scene units, `[height * width]`, 0 where there is none.
-    pub depth: &'a [f32],
-    /// Use of every pixel, `[height * width]`; none: surface wherever there is depth.
-    pub uses: Option<&'a [PixelUse]>,
-    /// Straight colours, `[height * width]`, only for painting meshes.
-    pub rgba: Option<&'a [[u8; 4]]>,
+impl<'a> FusionView<'a> {
+    /// A view without colours and labels.
+    pub fn new(camera: Camera, depth: impl Into<Cow<'a, [f32]>>) -> Self {
+        Self { camera, depth: depth.into(), rgba: None, labels: None }
+    }
 }
 
-impl DepthView<'_> {
+impl FusionView<'_> {
     /// Use and depth of a pixel by index; depths that are not positive and finite are no samples.
     #[inline]
-    pub(crate) fn pixel(&self, index: usize) -> (PixelUse, f32) {
+    pub(super) fn pixel(&self, index: usize, selection: Selection) -> (PixelUse, f32) {
         let depth = self.depth[index];
         let valid = depth > 0.0 && depth.is_finite();
-        match self.uses.map_or(PixelUse::Surface, |u| u[index]) {
+        let wanted = |label: u16| selection.part.is_none_or(|part| usize::from(label) == part);
+        let pixel_use = match self.labels.as_ref().map(|labels| labels[index]) {
+            None => PixelUse::Surface,
+            Some(BACKGROUND) if selection.carve_background => PixelUse::FreeOnly,
+            Some(BACKGROUND) => PixelUse::Ignore,
+            Some(_) if depth.is_nan() || depth <= 0.0 => PixelUse::Ignore,
+            Some(label) if wanted(label) => PixelUse::Surface,
+            Some(_) => PixelUse::FreeOnly,
+        };
+        match pixel_use {
             PixelUse::Surface if valid => (PixelUse::Surface, depth),
             PixelUse::FreeOnly => (PixelUse::FreeOnly, if valid { depth } else { f32::INFINITY }),
             _ => (PixelUse::Ignore, 0.0),
         }
     }
 
+    /// The same view after the world of the camera has been moved: `motion` leads from the frame of the mesh to the
+    /// world frame of the state.
+    pub fn moved_with(&self, motion: &Rigid) -> FusionView<'_> {
+        FusionView {
+            camera: self.camera.moved_with(motion),
+            depth: Cow::Borrowed(&self.depth),
+            rgba: self.rgba.as_deref().map(Cow::Borrowed),
+            labels: self.labels.as_deref().map(Cow::Borrowed),
+        }
+    }
+
     /// True if every buffer has the size of the camera's image.
     pub fn is_consistent(&self) -> bool {
         let n = self.camera.intrinsics.width as usize * self.camera.intrinsics.height as usize;
-        self.depth.len() == n && self.uses.is_none_or(|u| u.len() == n) && self.rgba.is_none_or(|c| c.len() == n)
+        let (rgba, labels) = (self.rgba.as_deref(), self.labels.as_deref());
+        self.depth.len() == n && rgba.is_none_or(|c| c.len() == n) && labels.is_none_or(|l| l.len() == n)
     }
 }
 
@@ -54,7 +101,7 @@ const TILE: usize = 8;
 /// Smallest obliqueness that still shortens a distance; keeps the reach of a sample along its ray below twice the band.
 pub(super) const MIN_SCALE: f32 = 0.5;
 
-/// What a view says about a whole block of voxels.
+/// What a view shows of a whole block of voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
     /// Out of sight or hidden.
@@ -82,12 +129,12 @@ pub(super) struct Prepared {
 }
 
 impl Prepared {
-    pub(super) fn new(view: &DepthView, params: &TsdfParams) -> Self {
+    pub(super) fn new(view: &FusionView, selection: Selection, params: &TsdfParams) -> Self {
         let k = view.camera.intrinsics;
         let (width, height) = (k.width as usize, k.height as usize);
         let jump = params.jump as f32;
         let mut code: Vec<f32> = (0..width * height)
-            .map(|i| match view.pixel(i) {
+            .map(|i| match view.pixel(i, selection) {
                 (PixelUse::Surface, d) => d,
                 (PixelUse::FreeOnly, d) => -d,
                 (PixelUse::Ignore, _) => 0.0,
@@ -195,7 +242,7 @@ fn drop_flying_pixels(code: &mut [f32], width: usize, height: usize, jump: f32) 
     }
 }
 
-/// Silences carving pixels that touch a surface pixel: half a pixel off, they would eat into the silhouette.
+/// Drops carving pixels that touch a surface pixel: half a pixel off, they would carve into the silhouette.
 fn drop_free_rim(code: &mut [f32], width: usize, height: usize) {
     if code.iter().all(|c| *c >= 0.0) {
         return;

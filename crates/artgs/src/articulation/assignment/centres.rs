@@ -9,7 +9,7 @@ use super::hash_grid::{FEATURES, GridTable, HashGrid};
 use super::mlp::{LANES, Mlp};
 use crate::articulation::adam::{Adam, corrections};
 use crate::articulation::model::quaternion::{matrix, matrix_vjp, normalise, normalise_vjp};
-use crate::articulation::normal;
+use crate::random::normal;
 use artgs_core::Splats;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;

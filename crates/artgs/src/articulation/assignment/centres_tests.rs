@@ -170,7 +170,7 @@ fn centre_regulariser_matches_finite_differences() {
 }
 
 #[test]
-fn training_learns_a_split_whatever_the_number_of_threads() {
+fn training_learns_a_split_with_any_number_of_threads() {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {

@@ -109,7 +109,7 @@ fn lazy_adam_equals_a_dense_one() {
 }
 
 #[test]
-fn tables_taken_over_by_another_grid_go_on_alike() {
+fn tables_taken_over_by_another_grid_continue_alike() {
     let (mut grid, points) = (small(), points());
     let train = |grid: &mut HashGrid, steps: std::ops::Range<usize>| {
         for step in steps {

@@ -4,7 +4,7 @@
 //! `q = Wq LN(s) + bq`, `u = Wk^T q / sqrt(D)`, so that the logit of a Gaussian with normalised features `n` is `n . u`;
 //! `v = Wv m + bv` of the mean `m` of the features attended to; `h = GRU(v, s)`; `s' = h + M2 relu(M1 LN(h) + c1) + c2`.
 
-use crate::articulation::normal;
+use crate::random::normal;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use std::ops::Range;

@@ -2,13 +2,13 @@
 
 use super::quaternion::{Quat, Vec3, conjugate, cross, dot, multiply, normalise, normalise_vjp, vector};
 use super::warp::DualQuaternion;
-use crate::articulation::normal;
-use artgs_core::{Joint, JointKind, Rigid};
+use crate::random::normal;
+use artgs_core::{Joint, JointKind, PerState, Rigid};
 use glam::DVec3;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
 
-/// Which motions a part may make. All motions below are half motions, from the canonical state to state 1.
+/// Which motions a part may make. All motions below are half motions, from the canonical state to the end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MotionModel {
@@ -141,13 +141,13 @@ impl MotionParameters {
         }
     }
 
-    /// The half motion, canonical state to state 1; its inverse goes to state 0.
+    /// The half motion from the canonical state to the end; its inverse leads to the start.
     pub fn half_motion(&self) -> Rigid {
         let DualQuaternion { real, dual } = self.dual_quaternion();
         Rigid::from_dual_quaternion(real, dual)
     }
 
-    /// The motion from state 0 to state 1.
+    /// The motion from the start to the end.
     pub fn full_motion(&self) -> Rigid {
         let half = self.half_motion();
         half * half
@@ -182,7 +182,7 @@ impl MotionParameters {
         let turned = line.angle.abs().max(1e-12) * line.angle.signum();
         let pitch = if kind == JointKind::Screw { line.slide / turned } else { 0.0 };
         let origin = pivot - axis * axis.dot(pivot);
-        Joint { kind, axis, origin, pitch, state_values: artgs_core::PerState::new(0.0, value), limits: [0.0, value] }
+        Joint { kind, axis, origin, pitch, state_values: PerState::new(0.0, value), limits: [0.0, value] }
     }
 
     /// The same motion after the world has been shifted by `by`.
@@ -262,6 +262,7 @@ impl Line {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use artgs_core::State;
 
     const MODELS: [MotionModel; 4] =
         [MotionModel::Free, MotionModel::Prismatic, MotionModel::Hinge, MotionModel::Screw];
@@ -341,7 +342,7 @@ mod tests {
             let mut p = sample(MotionModel::Hinge);
             p.values[6] = angle;
             let joint = p.joint(JointKind::Revolute);
-            assert!((joint.state_values[1] - 4.0).abs() < 1e-12);
+            assert!((joint.state_values[State::END] - 4.0).abs() < 1e-12);
             assert!(gap(&joint.start_to_end(), &p.full_motion()) < 1e-12);
             let mut s = sample(MotionModel::Screw);
             s.values[6] = angle;

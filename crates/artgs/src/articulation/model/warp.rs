@@ -1,11 +1,11 @@
 //! Dual-quaternion blending: canonical Gaussians to the two observed states, and back with gradients.
 //!
-//! With part weights `w_k` and half motions `(q_k, d_k)`, conjugated for state 0,
+//! With part weights `w_k` and half motions `(q_k, d_k)`, conjugated for the start,
 //! `b = sum w_k q_k`, `e = sum w_k d_k`, `r = b / |b|`, `s = e / |b|`,
 //! `x_t = R(r) x + 2 vec(s conj(r))`, `rotation_t = r rotation`.
 
 use super::quaternion::{Quat, Vec3, conjugate, cross, dot, matrix, multiply, vector};
-use artgs_core::Rigid;
+use artgs_core::{Rigid, State};
 use rayon::prelude::*;
 
 /// Gaussians per task. Fixed, so that sums do not depend on the number of threads.
@@ -26,8 +26,9 @@ impl DualQuaternion {
     /// The motion that moves nothing.
     pub const IDENTITY: Self = Self { real: [1.0, 0.0, 0.0, 0.0], dual: [0.0; 4] };
 
-    fn conjugate(self) -> Self {
-        Self { real: conjugate(self.real), dual: conjugate(self.dual) }
+    /// Of a half motion from the canonical state to the end: the one that leads to `state`. Also takes gradients back.
+    fn towards(self, state: State) -> Self {
+        if state == State::END { self } else { Self { real: conjugate(self.real), dual: conjugate(self.dual) } }
     }
 
     /// The same motion after the world has been shifted by `by`: `dual + (0, by x vec(real))`.
@@ -81,10 +82,10 @@ pub struct WarpInput<'a> {
     pub rotations: &'a [[f32; 4]],
     /// Parts of the Gaussians.
     pub skin: Skin<'a>,
-    /// Half motions, canonical to state 1, `[K]`; part 0 is the identity.
+    /// Half motions from the canonical state to the end, `[K]`; part 0 is the identity.
     pub motions: &'a [DualQuaternion],
-    /// 0 or 1.
-    pub state: usize,
+    /// Where the Gaussians are moved to.
+    pub state: State,
 }
 
 /// Where [`Warp::backward`] writes; everything is overwritten.
@@ -176,11 +177,10 @@ impl WarpInput<'_> {
             Skin::Labels(l) => l.len(),
         };
         assert!(n == self.rotations.len() && n == held, "means, rotations and skin must have one entry per Gaussian");
-        assert!(self.state < 2, "there are two states");
     }
 
     fn motions_to_state(&self) -> Vec<DualQuaternion> {
-        self.motions.iter().map(|m| if self.state == 0 { m.conjugate() } else { *m }).collect()
+        self.motions.iter().map(|m| m.towards(self.state)).collect()
     }
 }
 
@@ -262,7 +262,7 @@ impl Warp {
         for (k, total) in out.motions.iter_mut().enumerate() {
             let mut sum = DualQuaternion::default();
             self.partial.iter().skip(k).step_by(parts).for_each(|p| sum.add_scaled(p, 1.0));
-            *total = if input.state == 0 { sum.conjugate() } else { sum };
+            *total = sum.towards(input.state);
         }
     }
 }
@@ -270,7 +270,7 @@ impl Warp {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::articulation::normal;
+    use crate::random::normal;
     use glam::DVec3;
     use rand_pcg::Pcg64Mcg;
 
@@ -305,13 +305,13 @@ mod tests {
     }
 
     /// The loss in f64, straight from the equations, with the matrix product instead of any of the code above.
-    fn loss(c: &Case, state: usize) -> f64 {
+    fn loss(c: &Case, state: State) -> f64 {
         let mut total = 0.0;
         for i in 0..N {
             let (mut real, mut dual) = ([0.0; 4], [0.0; 4]);
             for (k, m) in c.motions.iter().enumerate() {
                 for j in 0..4 {
-                    let sign = if state == 0 && j > 0 { -1.0 } else { 1.0 };
+                    let sign = if state == State::START && j > 0 { -1.0 } else { 1.0 };
                     real[j] += f64::from(c.weights[i * K + k]) * m.real[j] * sign;
                     dual[j] += f64::from(c.weights[i * K + k]) * m.dual[j] * sign;
                 }
@@ -327,7 +327,7 @@ mod tests {
         total
     }
 
-    fn input(c: &Case, state: usize) -> WarpInput<'_> {
+    fn input(c: &Case, state: State) -> WarpInput<'_> {
         let skin = Skin::Weights(&c.weights);
         WarpInput { means: &c.means, rotations: &c.rotations, skin, motions: &c.motions, state }
     }
@@ -343,7 +343,7 @@ mod tests {
     }
 
     /// Central difference over a change of one f32, divided by the change that f32 really made.
-    fn slope(c: &mut Case, state: usize, entry: impl Fn(&mut Case) -> &mut f32) -> f64 {
+    fn slope(c: &mut Case, state: State, entry: impl Fn(&mut Case) -> &mut f32) -> f64 {
         let start = *entry(c);
         let mut at = |v: f32| {
             *entry(c) = v;
@@ -361,7 +361,7 @@ mod tests {
     #[test]
     fn exact_gradients_match_finite_differences() {
         let mut c = case();
-        for state in 0..2 {
+        for state in State::ALL {
             let (m, r, w, d) = gradients(&input(&c, state), &c, true);
             for i in 0..N {
                 (0..3).for_each(|a| close(m[i][a].into(), slope(&mut c, state, |c| &mut c.means[i][a])));
@@ -388,12 +388,12 @@ mod tests {
     #[test]
     fn published_routing_passes_centres_unrotated_and_rotations_past_the_motions() {
         let c = case();
-        let (m, r, w, d) = gradients(&input(&c, 1), &c, false);
-        let (_, r_exact, ..) = gradients(&input(&c, 1), &c, true);
+        let (m, r, w, d) = gradients(&input(&c, State::END), &c, false);
+        let (_, r_exact, ..) = gradients(&input(&c, State::END), &c, true);
         assert_eq!(m, c.g_means);
         assert_eq!(r, r_exact);
         let without = Case { g_rotations: vec![[0.0; 4]; N], ..case() };
-        let (.., w_without, d_without) = gradients(&input(&without, 1), &without, true);
+        let (.., w_without, d_without) = gradients(&input(&without, State::END), &without, true);
         assert_eq!((w, d), (w_without, d_without));
     }
 
@@ -402,7 +402,7 @@ mod tests {
         let mut c = case();
         let labels: Vec<u16> = (0..N).map(|i| (i % K) as u16).collect();
         c.weights = (0..N * K).map(|j| f32::from(u8::from(j % K == (j / K) % K))).collect();
-        for state in 0..2 {
+        for state in State::ALL {
             let soft = input(&c, state);
             let hard = WarpInput { skin: Skin::Labels(&labels), ..soft };
             let run = |input: &WarpInput| {
@@ -411,8 +411,8 @@ mod tests {
                 (x, q)
             };
             assert_eq!(run(&soft), run(&hard));
-            let (there, _) = run(&hard);
-            let back = WarpInput { means: &there, state: 1 - state, ..hard };
+            let (moved, _) = run(&hard);
+            let back = WarpInput { means: &moved, state: state.other(), ..hard };
             for (a, b) in run(&back).0.iter().zip(&c.means) {
                 assert!((0..3).all(|i| (a[i] - b[i]).abs() < 1e-5));
             }

@@ -7,7 +7,7 @@ use super::types::{TypeConfig, predict_types, still_start};
 use crate::articulation::MotionModel;
 use crate::canonical::{CanonicalConfig, canonical_init};
 use crate::fit::{Devices, FitError, Follow};
-use artgs_core::{Splats, View};
+use artgs_core::{PerState, Splats, View};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
@@ -41,11 +41,11 @@ pub struct PaperResult {
 }
 
 /// Canonical start, kinds of joints and joint optimisation for `parts` parts, the static one included. `single` are the
-/// Gaussians of each state alone. Stages are told as `types` and `articulate`. The same seed gives the same bytes on the
+/// Gaussians of each state alone. Stages are reported as `types` and `articulate`. The same seed gives the same bytes on the
 /// processor.
 pub fn paper_pipeline(
-    views: [&[View]; 2],
-    single: &[Splats; 2],
+    views: PerState<&[View]>,
+    single: &PerState<Splats>,
     parts: usize,
     config: &PaperConfig,
     seed: u64,

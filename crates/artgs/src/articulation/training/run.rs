@@ -9,7 +9,7 @@ use crate::fit::{
     Articulated, ChamferTargets, DeformConfig, Deformation, Devices, FitError, Follow, Membership, Region, RunPlan,
     TrainImage, TrainState, train,
 };
-use artgs_core::{Splats, View};
+use artgs_core::{PerState, Splats, State, View};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -107,9 +107,9 @@ fn bounds(points: &[[f32; 3]]) -> [[f32; 3]; 2] {
 /// `cd_targets`, centres of Gaussians fitted to each state alone, are for the Chamfer term and may be left out.
 /// The same seed gives the same bytes on the processor.
 pub fn articulate(
-    views: [&[View]; 2],
+    views: PerState<&[View]>,
     start: Start,
-    cd_targets: Option<&[Vec<[f32; 3]>; 2]>,
+    cd_targets: Option<&PerState<Vec<[f32; 3]>>>,
     config: &ArticulateConfig,
     seed: u64,
     devices: &dyn Devices,
@@ -119,8 +119,8 @@ pub fn articulate(
     if views.iter().any(|v| v.is_empty()) {
         return Err(FitError::NoViews);
     }
-    let prepared = |state: usize| prepare(views[state], state, config.image_divisor, config.depth_pick);
-    let images: Vec<TrainImage<'_>> = [0, 1].into_iter().flat_map(prepared).collect();
+    let prepared = |state: State| prepare(views[state], state, config.image_divisor, config.depth_pick);
+    let images: Vec<TrainImage<'_>> = State::ALL.into_iter().flat_map(prepared).collect();
     let half_side = half_side(&images);
     let extent = camera_extent(&images).max(half_side);
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
@@ -134,15 +134,14 @@ pub fn articulate(
 
 /// Half the longest side of the region that the object fills in either state, scene units. Images are sorted by state.
 fn half_side(images: &[TrainImage]) -> f64 {
-    let (start, end) = images.split_at(images.partition_point(|i| i.state == 0));
-    let [a, b] = [start, end].map(Region::of);
-    Region { low: a.low.min(b.low), high: a.high.max(b.high) }.half_side()
+    let of_state = images.chunk_by(|a, b| a.state == b.state).map(Region::of);
+    of_state.reduce(|a, b| a.union(&b)).map_or(0.0, |region| region.half_side())
 }
 
 /// Step 0 of an optimisation.
 pub(super) fn train_state(
     start: Start,
-    cd_targets: Option<&[Vec<[f32; 3]>; 2]>,
+    cd_targets: Option<&PerState<Vec<[f32; 3]>>>,
     config: &ArticulateConfig,
     half_side: f64,
     rng: &mut Pcg64Mcg,

@@ -3,7 +3,7 @@
 use crate::articulation::{DualQuaternion, MotionParameters, Skin, Warp, WarpInput};
 use crate::fit::deform::{half_motions, sh_frames};
 use crate::fit::{ViewScore, score_splats};
-use artgs_core::{Camera, Rigid, Splats, View};
+use artgs_core::{Camera, Rigid, Splats, State, View};
 use artgs_raster::{Colors, Frame, Rasterizer, RenderOptions, ShFrames, SplatView};
 
 /// Canonical Gaussians, the parts they belong to and how these move.
@@ -50,14 +50,19 @@ impl Posed<'_> {
 }
 
 impl Trained {
+    /// Indices of the Gaussians of a part, ascending.
+    pub fn members(&self, part: usize) -> impl Iterator<Item = usize> {
+        self.labels.iter().enumerate().filter(move |(_, label)| usize::from(**label) == part).map(|(i, _)| i)
+    }
+
     fn dual_quaternions(&self) -> Vec<DualQuaternion> {
         let mut motions = Vec::new();
         half_motions(&self.joints, &mut motions);
         motions
     }
 
-    /// Gaussians with centres and rotations moved to a state, 0 or 1; everything else as it is.
-    pub fn at_state(&self, state: usize) -> Splats {
+    /// Gaussians with centres and rotations moved to a state; everything else as it is.
+    pub fn at_state(&self, state: State) -> Splats {
         let (motions, mut moved) = (self.dual_quaternions(), self.splats.clone());
         let skin = Skin::Labels(&self.labels);
         let (means, rotations) = (&self.splats.means, &self.splats.rotations);
@@ -66,14 +71,14 @@ impl Trained {
         moved
     }
 
-    /// The object at a state, 0 or 1, ready to be drawn.
-    pub fn posed(&self, state: usize) -> Posed<'_> {
+    /// The object at a state, ready to be drawn.
+    pub fn posed(&self, state: State) -> Posed<'_> {
         let mut world_to_part = Vec::new();
         sh_frames(&self.dual_quaternions(), state, &mut world_to_part);
         Posed { splats: self.at_state(state), labels: &self.labels, world_to_part }
     }
 
-    /// Motions from the canonical state to state 1, `[K]`, that of the static part being the identity.
+    /// Motions from the canonical state to the end, `[K]`; that of the static part is the identity.
     pub fn half_motions(&self) -> Vec<Rigid> {
         std::iter::once(Rigid::IDENTITY).chain(self.joints.iter().map(MotionParameters::half_motion)).collect()
     }
@@ -84,7 +89,7 @@ pub fn render_state<'r>(
     rasterizer: &'r mut Rasterizer,
     trained: &Trained,
     camera: &Camera,
-    state: usize,
+    state: State,
     rotate_sh: bool,
 ) -> &'r Frame {
     trained.posed(state).render(rasterizer, camera, rotate_sh)
@@ -95,7 +100,7 @@ pub fn render_state_fixed<'r>(
     rasterizer: &'r mut Rasterizer,
     trained: &Trained,
     camera: &Camera,
-    state: usize,
+    state: State,
     palette: &[[f32; 3]],
 ) -> &'r Frame {
     let color = |label: &u16| palette.get(usize::from(*label)).copied().unwrap_or_default();
@@ -107,7 +112,7 @@ pub fn render_state_fixed<'r>(
 pub fn score_state<'v>(
     trained: &Trained,
     views: impl IntoIterator<Item = &'v View>,
-    state: usize,
+    state: State,
     rotate_sh: bool,
 ) -> Vec<ViewScore> {
     score_splats(trained.posed(state).view(rotate_sh), trained.splats.sh_degree, views)

@@ -5,7 +5,7 @@ use super::run::{SkinStart, Start, articulate};
 use crate::articulation::{AssignConfig, MotionModel, MotionParameters};
 use crate::canonical::Canonical;
 use crate::fit::{Devices, FitError, Follow, LossConfig};
-use artgs_core::View;
+use artgs_core::{PerState, View};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct TypeConfig {
     /// Leave this stage out, the paper's ablation "w/o Joint Pred.": all parts keep general rigid motions, and those
-    /// whose learnt half motion exceeds `half_angle_deg` in the end are told revolute.
+    /// whose learnt half motion exceeds `half_angle_deg` in the end are reported as revolute.
     pub skip: bool,
     /// The optimisation; its number of steps is for a single movable part.
     pub train: ArticulateConfig,
@@ -55,7 +55,7 @@ impl Default for TypeConfig {
 /// Predicts the kind of every movable part's motion, `[K - 1]`: `Prismatic`, or `Free` for those that turn (published
 /// code does not hold them to a hinge). All are `Free` if the stage is left out.
 pub fn predict_types(
-    views: [&[View]; 2],
+    views: PerState<&[View]>,
     canonical: &Canonical,
     config: &TypeConfig,
     seed: u64,

@@ -66,7 +66,7 @@ fn auction(level: Level, a: &[[f32; 3]], columns: &mut Columns, row_of: &mut [u3
         row_of.fill(NONE);
         column_of.fill(NONE);
         let mut queue: Vec<u32> = (0..a.len() as u32).rev().collect();
-        // Bids of a rounding error can go on for ever.
+        // Bids that differ by a rounding error may never end.
         let mut bids = 50 * a.len();
         while let Some(row) = queue.pop().filter(|_| bids > 0) {
             bids -= 1;
@@ -127,7 +127,7 @@ fn reduce_rows(
     column_of: &mut [u32],
 ) -> Vec<usize> {
     let mut free: Vec<usize> = (0..a.len()).filter(|&i| column_of[i] == NONE).collect();
-    // Bids of a rounding error can go on for ever.
+    // Bids that differ by a rounding error may never end.
     let mut bids = 8 * a.len();
     for _ in 0..2 {
         let mut left = Vec::new();

@@ -185,7 +185,7 @@ impl Search {
         first_lane(store(first), store(at))
     }
 
-    /// Tells the columns of a block of the rows that they do not know.
+    /// Adds to the columns of a block the rows that they do not know yet.
     #[inline(always)]
     fn look_into<S: Simd>(&mut self, s: S, columns: &Columns, block: usize) {
         let at = block * WIDTH;

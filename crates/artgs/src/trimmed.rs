@@ -1,0 +1,28 @@
+//! Ranges of numbers without their outermost values.
+
+use std::cmp::Ordering;
+
+/// Least and greatest of the numbers after one in `one_in` has been left out on each side, so that strays do not count;
+/// none without numbers. Sorts the numbers by `compare`, the `total_cmp` of their type.
+pub(crate) fn trimmed_range<T: Copy>(
+    values: &mut [T],
+    one_in: usize,
+    compare: impl FnMut(&T, &T) -> Ordering,
+) -> Option<[T; 2]> {
+    values.sort_unstable_by(compare);
+    let cut = values.len() / one_in;
+    Some([*values.get(cut)?, *values.get(values.len() - 1 - cut)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strays_on_both_sides_are_left_out() {
+        let mut values: Vec<f32> = (0..100).rev().map(|i| i as f32).collect();
+        assert_eq!(trimmed_range(&mut values, 100, f32::total_cmp), Some([1.0, 98.0]));
+        assert_eq!(trimmed_range(&mut values, 1000, f32::total_cmp), Some([0.0, 99.0]));
+        assert_eq!(trimmed_range(&mut [], 100, f32::total_cmp), None);
+    }
+}
