@@ -40,6 +40,7 @@ pub struct Options {
 
 /// Why a benchmark did not start or could not continue. A failing run is no such reason.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum BenchError {
     /// Objects that cannot be used.
     #[error(transparent)]

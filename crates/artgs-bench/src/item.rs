@@ -50,6 +50,7 @@ pub struct Item {
 
 /// Why a folder holds nothing to reconstruct and score.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ItemError {
     /// Neither a capture with ground truth nor a folder of such captures.
     #[error("{0} is neither a capture with ground truth (`gt/trans.json`) nor a folder of such captures")]

@@ -48,6 +48,7 @@ pub fn check_variants(variants: &[Variant]) -> Result<(), VariantError> {
 
 /// Variants that cannot be run.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum VariantError {
     /// No variants at all.
     #[error("no variant to run; `full` is the default")]

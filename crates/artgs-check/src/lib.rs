@@ -30,6 +30,7 @@ use std::path::{Path, PathBuf};
 
 /// Why a check cannot run.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CheckError {
     /// `replica.json` is missing, invalid or of another version, or one of its meshes is missing.
     #[error(transparent)]

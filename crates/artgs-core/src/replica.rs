@@ -11,6 +11,7 @@ pub const REPLICA_VERSION: u32 = 1;
 
 /// A reason why a replica cannot be used.
 #[derive(Debug, thiserror::Error, PartialEq)]
+#[non_exhaustive]
 pub enum ReplicaError {
     /// The file is not a replica.
     #[error("field `format` is {0:?}, expected {REPLICA_FORMAT:?}")]

@@ -35,6 +35,7 @@ pub struct Unwrapped {
 
 /// A reason why a mesh has no atlas.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum UnwrapError {
     /// The mesh or a setting is unusable.
     #[error("the surface cannot be unwrapped: {0}")]

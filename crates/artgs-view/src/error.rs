@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 /// A page that cannot be built, served or written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ViewError {
     /// A file cannot be read, written or parsed.
     #[error(transparent)]

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 /// Why a capture cannot be used; messages name the file, the frame, the key and a remedy.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CaptureError {
     /// There is no such folder.
     #[error("{}: no such directory; give the folder of the capture", dir.display())]
