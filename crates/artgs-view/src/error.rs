@@ -13,6 +13,9 @@ pub enum ViewError {
     /// `replica.json` cannot be used.
     #[error(transparent)]
     Replica(#[from] artgs_io::replica::ReplicaFileError),
+    /// The data of the page cannot be written as JSON.
+    #[error("scene.json cannot be written: {0}")]
+    Scene(serde_json::Error),
     /// The replica was not exported in the formats that the page needs.
     #[error("{}: {missing} is missing; run `artgs export {} --to urdf,splats` first", out.display(), out.display())]
     NotExported {

@@ -161,10 +161,9 @@ impl Page {
         self.scene.clouds.push(SceneCloud { state: cloud.state.index(), count: cloud.points.len(), file });
     }
 
-    /// The text of `scene.json`.
-    pub fn scene_json(&self) -> String {
-        // Keys are strings, so this cannot fail; numbers that are not finite become null.
-        serde_json::to_string(&self.scene).unwrap_or_default()
+    /// The text of `scene.json`; numbers that are not finite are null.
+    pub fn scene_json(&self) -> Result<String, ViewError> {
+        serde_json::to_string(&self.scene).map_err(ViewError::Scene)
     }
 
     fn link(&mut self, run: &RunFolder, folder: &Path, index: usize, link: Link) -> Result<SceneLink, ViewError> {

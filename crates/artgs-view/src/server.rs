@@ -200,7 +200,7 @@ impl Server {
                 match live {
                     Some(live) if path.starts_with("/live") => live_answer(&live, request),
                     Some(live) if path == "/scene.json" && live.is_running() && !page.scene.live => {
-                        Answer::bytes(following(&live).scene_json().as_bytes(), "application/json")
+                        scene(&following(&live))
                     }
                     _ if path == "/corrections" => self.saved(&page),
                     _ => get(&page, path),
@@ -288,11 +288,18 @@ fn get(page: &Page, path: &str) -> Answer {
         "/" => Answer::bytes(HTML.as_bytes(), "text/html; charset=utf-8"),
         "/viewer.js" => Answer::bytes(SCRIPT.as_bytes(), "text/javascript; charset=utf-8"),
         "/viewer.css" => Answer::bytes(STYLE.as_bytes(), "text/css; charset=utf-8"),
-        "/scene.json" => Answer::bytes(page.scene_json().as_bytes(), "application/json"),
+        "/scene.json" => scene(page),
         _ => match path.strip_prefix("/files/").and_then(|name| Some((name, page.files.get(name)?))) {
             Some((name, source)) => file(name, source),
             None => Answer::text(404, "the file does not exist"),
         },
+    }
+}
+
+fn scene(page: &Page) -> Answer {
+    match page.scene_json() {
+        Ok(text) => Answer::bytes(text.as_bytes(), "application/json"),
+        Err(e) => Answer::text(500, &e.to_string()),
     }
 }
 

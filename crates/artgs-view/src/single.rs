@@ -19,7 +19,7 @@ pub fn export_page(page: &Page, file: &Path) -> Result<(), ViewError> {
     let mut page = page.clone();
     page.scene.corrections = false;
     page.scene.rerun = None;
-    let mut data = element("scene.json", page.scene_json().as_bytes(), file)?;
+    let mut data = element("scene.json", page.scene_json()?.as_bytes(), file)?;
     for (name, source) in &page.files {
         data += &element(name, &source.read()?, file)?;
     }
