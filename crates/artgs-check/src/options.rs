@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// Thresholds of the check. Lengths in metres, angles in radians.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct CheckOptions {
     /// Largest distance from a limit at which a slide has reached it.
     pub length: f64,
