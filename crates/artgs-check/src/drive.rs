@@ -7,7 +7,7 @@
 use crate::model::{Model, Motion, tensor};
 use crate::poses::{Scene, names, pose, vector};
 use crate::report::JointFinding;
-use crate::table::quantity;
+use crate::table::{quantity, stopped_at};
 use crate::{CheckOptions, mass};
 use artgs_core::{Inertial, PerState, Rigid};
 use glam::{DMat3, DVec3};
@@ -24,7 +24,7 @@ pub(crate) fn joint(model: &Model, scene: &Scene, index: usize, options: &CheckO
         link: link.name.clone(),
         kind: motion.kind,
         limits: motion.limits,
-        stopped: [0.0; 2],
+        stopped: [Some(0.0); 2],
         reached: [false; 2],
         blocked_by: [None, None],
         force: 0.0,
@@ -56,12 +56,9 @@ pub(crate) fn joint(model: &Model, scene: &Scene, index: usize, options: &CheckO
     }
     // The sweep misses obstacles thinner than the distance between poses; the range where one stopped the joint is swept again.
     for end in 0..2 {
-        if out.blocked_by[end].is_none() {
-            continue;
-        }
+        let (Some(stopped), Some(_)) = (out.stopped[end], &out.blocked_by[end]) else { continue };
         let ahead = 2.0 * (motion.limits[end] - motion.limits[1 - end]) / (poses - 1) as f64;
-        let to = (out.stopped[end] + ahead).clamp(lower, upper);
-        sweep([out.stopped[end], to], &mut out);
+        sweep([stopped, (stopped + ahead).clamp(lower, upper)], &mut out);
     }
     add_problems(motion, options, &mut out);
     Some(out)
@@ -247,9 +244,11 @@ impl Rig {
         Some(Self { world, handle, axis: dof, movers, speed: need.speed, touch })
     }
 
-    fn value(&self) -> f64 {
-        let found = self.world.multibody_joints.get(self.handle).and_then(|(m, id)| m.link(id));
-        found.map_or(f64::NAN, |link| f64::from(link.joint.coords()[self.axis as usize]))
+    /// Joint value; none if the engine lost the joint or computed no finite value.
+    fn value(&self) -> Option<f64> {
+        let (multibody, id) = self.world.multibody_joints.get(self.handle)?;
+        let value = f64::from(multibody.link(id)?.joint.coords()[self.axis as usize]);
+        value.is_finite().then_some(value)
     }
 
     /// Sets the target speed of the motor. The motor is stiff: only its largest force limits it.
@@ -279,13 +278,10 @@ impl Rig {
         let (mut best, mut since) = (self.value(), 0);
         for _ in 0..steps(10.0 * range / self.speed) {
             self.step();
-            let value = self.value();
-            if !value.is_finite() || (limit - value) * sign < near {
-                break;
-            }
+            let Some(value) = self.value().filter(|v| (limit - v) * sign >= near) else { break };
             since += 1;
-            if (value - best) * sign > 1e-3 * range {
-                (best, since) = (value, 0);
+            if best.is_some_and(|best| (value - best) * sign > 1e-3 * range) {
+                (best, since) = (Some(value), 0);
             }
             if since > steps(PATIENCE) {
                 break;
@@ -294,7 +290,7 @@ impl Rig {
         // A limit that was reached before but is not reached again counts as not reached.
         let again = out.drift[end].is_some();
         out.stopped[end] = self.value();
-        out.reached[end] = (out.stopped[end] - limit).abs() <= tolerance(motion, options);
+        out.reached[end] = out.stopped[end].is_some_and(|v| (v - limit).abs() <= tolerance(motion, options));
         if !out.reached[end] {
             out.drift[end] = None;
             out.blocked_by[end] = self.blocking_link().map(|i| model.links[i].name.clone());
@@ -307,9 +303,9 @@ impl Rig {
         let from = self.value();
         let moved = (0..steps(options.hold)).map(|_| {
             self.step();
-            (self.value() - from).abs()
+            self.value().zip(from).map_or(f64::INFINITY, |(value, from)| (value - from).abs())
         });
-        out.drift[end] = Some(moved.fold(0.0, |a, b| if b.is_nan() { f64::INFINITY } else { b.max(a) }));
+        out.drift[end] = Some(moved.fold(0.0, f64::max));
     }
 
     /// The link with the largest contact impulse.
@@ -335,7 +331,7 @@ fn add_problems(motion: &Motion, options: &CheckOptions, out: &mut JointFinding)
     let tolerance = tolerance(motion, options);
     let mut problems = Vec::new();
     for (end, name) in ["lower", "upper"].into_iter().enumerate() {
-        let (stopped, limit) = (text(out.stopped[end]), text(out.limits[end]));
+        let (stopped, limit) = (stopped_at(motion.kind, out.stopped[end]), text(out.limits[end]));
         if !out.reached[end] {
             let why = match &out.blocked_by[end] {
                 Some(link) => format!("`{link}` blocks it"),
@@ -351,9 +347,12 @@ fn add_problems(motion: &Motion, options: &CheckOptions, out: &mut JointFinding)
         let (depth, at) = (1e3 * out.penetration, text(out.penetration_at));
         problems.push(format!("at {at} `{a}` and `{b}` penetrate each other by {depth:.1} mm"));
     }
-    let [least, most] = [out.stopped[0] - tolerance, out.stopped[1] + tolerance];
+    let [least, most] = out.stopped;
+    let reachable = |value: f64| {
+        least.is_some_and(|least| value >= least - tolerance) && most.is_some_and(|most| value <= most + tolerance)
+    };
     for (state, value) in out.observed.iter().flat_map(PerState::enumerate) {
-        if !(*value >= least && *value <= most) {
+        if !reachable(*value) {
             problems.push(format!("was observed at {} ({}), which is not reachable", text(*value), state.name()));
         }
     }

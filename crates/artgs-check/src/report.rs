@@ -74,8 +74,8 @@ pub struct JointFinding {
     pub kind: JointKind,
     /// Lower and upper limit.
     pub limits: [f64; 2],
-    /// Value at which it stopped when driven towards each limit.
-    pub stopped: [f64; 2],
+    /// Value at which it stopped when driven towards each limit; none if the engine computed no finite value.
+    pub stopped: [Option<f64>; 2],
     /// Whether each limit was reached.
     pub reached: [bool; 2],
     /// Link that blocked the joint before each limit; none if the limit was reached or the force was too small.

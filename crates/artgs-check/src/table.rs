@@ -14,6 +14,11 @@ pub(crate) fn quantity(kind: JointKind, value: f64) -> String {
     }
 }
 
+/// The value at which a joint stopped.
+pub(crate) fn stopped_at(kind: JointKind, value: Option<f64>) -> String {
+    value.map_or("an unknown value".into(), |value| quantity(kind, value))
+}
+
 fn verdict(problems: &[String]) -> &'static str {
     if problems.is_empty() { "ok" } else { "FAILED" }
 }
@@ -70,7 +75,7 @@ fn joint_row(found: &JointFinding) -> Vec<String> {
         found.joint.clone(),
         verdict(&found.problems).into(),
         range(found.limits),
-        range(found.stopped),
+        format!("{} to {}", stopped_at(found.kind, found.stopped[0]), stopped_at(found.kind, found.stopped[1])),
         found.observed.map_or("unknown".into(), |v| range([v[State::START], v[State::END]])),
         format!("{:.2} {unit}", found.force),
         format!("{:.2} mm", 1e3 * found.penetration),
