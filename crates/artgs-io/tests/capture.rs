@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
-use artgs_core::{Camera, Capture, DepthMap, Intrinsics};
+use artgs_core::{Camera, Capture, DepthMap, Intrinsics, State};
 use artgs_io::image_io::{write_depth, write_rgb, write_rgba};
 use artgs_io::{load_capture, summarize};
 use glam::{DMat3, DVec3};
@@ -132,7 +132,7 @@ fn both_layouts_load_to_equal_captures() {
     let artgs = folder.load();
     assert!(artgs.warnings.is_empty(), "{:?}", artgs.warnings);
     assert!(artgs.has_depth() && artgs.states.iter().all(|s| s.train.len() == VIEWS && s.test.is_empty()));
-    let view = &artgs.states[1].train[2];
+    let view = &artgs.states[State::END].train[2];
     assert_eq!((view.name.as_str(), view.size()), ("end/train/rgba/0002.png", (16, 12)));
     assert_eq!(view.rgba, disc());
     let depth = view.depth.as_ref().unwrap();
@@ -145,7 +145,7 @@ fn both_layouts_load_to_equal_captures() {
 
     let paris = folder.into_paris().load();
     assert_eq!(cameras(&artgs), cameras(&paris));
-    assert_eq!(paris.states[0].train[0].depth, artgs.states[0].train[0].depth);
+    assert_eq!(paris.states[State::START].train[0].depth, artgs.states[State::START].train[0].depth);
 }
 
 #[test]
@@ -156,7 +156,7 @@ fn paris_images_may_lie_in_the_split_folder() {
         std::fs::rename(folder.path(&from), folder.path(&to)).unwrap();
     }
     let capture = folder.load();
-    assert_eq!(capture.states[0].train[1].name, "start/train/0001.png");
+    assert_eq!(capture.states[State::START].train[1].name, "start/train/0001.png");
     assert!(capture.has_depth());
 }
 
@@ -168,11 +168,11 @@ fn intrinsics_fall_back_on_angles_and_images() {
             root.as_object_mut().unwrap().remove(key);
         }
     });
-    let k = folder.load().states[0].train[0].camera.intrinsics;
+    let k = folder.load().states[State::START].train[0].camera.intrinsics;
     assert!((k.fx - 20.0).abs() < 1e-6 && k.fy == k.fx, "{k:?}");
     assert_eq!((k.cx, k.cy, k.width, k.height), (8.0, 6.0, 16, 12));
     folder.edit(START, |root| root["camera_angle_y"] = json!(2.0 * (6.0f64 / 30.0).atan()));
-    assert!((folder.load().states[0].train[0].camera.intrinsics.fy - 30.0).abs() < 1e-9);
+    assert!((folder.load().states[State::START].train[0].camera.intrinsics.fy - 30.0).abs() < 1e-9);
     folder.edit(START, |root| drop(root.as_object_mut().unwrap().remove("camera_angle_x")));
     folder.refused(&[START, "key `camera_angle_x`", "missing", "fl_x"]);
 }
@@ -188,7 +188,7 @@ fn listed_paths_may_lack_suffix_and_rgba_folder_and_frames_are_sorted() {
         frames.reverse();
     });
     let capture = folder.load();
-    let names: Vec<&str> = capture.states[0].train.iter().map(|v| v.name.as_str()).collect();
+    let names: Vec<&str> = capture.states[State::START].train.iter().map(|v| v.name.as_str()).collect();
     assert_eq!(names, ["start/train/rgba/0000.png", "start/train/rgba/0001.png", "start/train/rgba/0002.png"]);
     assert!(capture.has_depth());
 }
@@ -199,8 +199,8 @@ fn test_views_and_depth_scale_are_read() {
     folder.edit(START, |root| root["depth_scale"] = json!(500.0));
     std::fs::copy(folder.path(START), folder.path("transforms_test_start.json")).unwrap();
     let capture = folder.load();
-    assert_eq!((capture.states[0].test.len(), capture.states[1].test.len()), (VIEWS, 0));
-    assert_eq!(summarize(&capture).states[0].train.depth.unwrap().range, [4.0, 4.0]);
+    assert_eq!((capture.states[State::START].test.len(), capture.states[State::END].test.len()), (VIEWS, 0));
+    assert_eq!(summarize(&capture).states[State::START].train.depth.unwrap().range, [4.0, 4.0]);
 }
 
 #[test]
@@ -223,7 +223,7 @@ fn odd_but_usable_captures_warn() {
         assert!(all.contains(words), "{words:?} is missing in: {all}");
     }
     assert_eq!(capture.warnings.len(), 5, "{all}");
-    assert_eq!(capture.states[1].train.len(), 2);
+    assert_eq!(capture.states[State::END].train.len(), 2);
     assert!(!capture.has_depth());
 }
 
@@ -396,7 +396,7 @@ fn states_in_different_places() {
 #[test]
 fn a_capture_without_depth_loads_without_a_word() {
     let capture = Folder::new().without_depth().load();
-    assert!(capture.warnings.is_empty() && capture.states[0].train[0].depth.is_none());
+    assert!(capture.warnings.is_empty() && capture.states[State::START].train[0].depth.is_none());
 }
 
 #[test]
@@ -427,7 +427,7 @@ fn nothing_is_written_into_the_folder() {
 fn the_summary_counts_and_prints() {
     let folder = Folder::new();
     let summary = summarize(&folder.load());
-    let state = &summary.states[0];
+    let state = &summary.states[State::START];
     assert_eq!((state.train.views, state.test.views), (3, 0));
     assert_eq!(state.train.image_sizes, [[16, 12]]);
     assert!((state.train.mask_coverage - 49.0 / 192.0).abs() < 1e-12);

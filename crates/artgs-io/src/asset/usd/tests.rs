@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::asset::testing::cabinet;
-use artgs_core::JointKind;
+use artgs_core::{JointKind, State};
 use glam::{DQuat, DVec3};
 use openusd::gf;
 use openusd::sdf;
@@ -89,7 +89,7 @@ fn bodies_and_joints_are_the_same_in_text_and_crate() {
             let upper = f64::from(get::<f32>(&hinge, "physics:upperLimit"));
             assert!((upper - joint.limits[1] * unit).abs() < 1e-4);
             let observed: gf::Vec2d = get(&hinge, "artgs:observed");
-            assert!((observed.y - joint.observed[1] * unit).abs() < 1e-9);
+            assert!((observed.y - joint.observed[State::END] * unit).abs() < 1e-9);
         }
         let knob = prim(&stage, "/cabinet/Joints/knob_joint");
         assert!((get::<f64>(&knob, "artgs:pitch") - 0.01 * std::f64::consts::PI / 180.0).abs() < 1e-12);
