@@ -111,7 +111,7 @@ fn item_of_capture(folder: &Path) -> Result<Item, ItemError> {
 }
 
 /// Refuses names that cannot be folder names, and duplicate names.
-pub fn check_names(items: &[Item]) -> Result<(), ItemError> {
+pub(crate) fn check_names(items: &[Item]) -> Result<(), ItemError> {
     for (index, item) in items.iter().enumerate() {
         check_name(&item.name)?;
         if items[..index].iter().any(|other| other.name == item.name) {

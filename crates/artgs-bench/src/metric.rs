@@ -168,7 +168,7 @@ impl Metric {
 }
 
 /// Every metric of `results.json` except those of single joints.
-pub fn all() -> Vec<Metric> {
+pub(crate) fn all() -> Vec<Metric> {
     let mut list = vec![
         Metric::AxisAngle,
         Metric::AxisPosition,

@@ -23,7 +23,7 @@ const CHARACTER: f64 = 5.4;
 
 /// A mean with its spread.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Point {
+pub(crate) struct Point {
     /// Place on the x axis.
     pub x: f64,
     /// Mean.
@@ -36,7 +36,7 @@ pub struct Point {
 
 /// Points of one colour.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Series {
+pub(crate) struct Series {
     /// Name in the legend.
     pub name: String,
     /// Points in any order.
@@ -45,7 +45,7 @@ pub struct Series {
 
 /// A plot.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plot {
+pub(crate) struct Plot {
     /// Heading.
     pub title: String,
     /// Label of the x axis.
@@ -104,7 +104,7 @@ impl Plot {
     }
 
     /// The plot as an `svg` element for an HTML page.
-    pub fn svg(&self) -> String {
+    pub(crate) fn svg(&self) -> String {
         let (width, height) = SIZE;
         let (left, right, top, bottom) = MARGIN;
         let y_ticks = self.y_ticks();

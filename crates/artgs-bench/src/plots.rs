@@ -31,7 +31,7 @@ fn noise(all: &Collected, object: &ObjectInfo) -> Option<String> {
 }
 
 /// Error and time against the number of parts always; error against noise, views and image size where these vary.
-pub fn plots(all: &Collected) -> Vec<Plot> {
+pub(crate) fn plots(all: &Collected) -> Vec<Plot> {
     let mut plots = Vec::new();
     for (metric, label) in ERRORS {
         plots.extend(plot(all, metric, label, parts, "number of parts, the static one included", 1));

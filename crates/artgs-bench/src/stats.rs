@@ -14,7 +14,7 @@ pub struct Aggregate {
 }
 
 /// Mean and sample standard deviation; none without values.
-pub fn aggregate(values: &[f64]) -> Option<Aggregate> {
+pub(crate) fn aggregate(values: &[f64]) -> Option<Aggregate> {
     let runs = values.len();
     if runs == 0 {
         return None;

@@ -11,7 +11,7 @@ pub(crate) const FAILED: &str = "F";
 
 /// Where the numbers of a row come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Origin {
+pub(crate) enum Origin {
     /// This benchmark, on the object of the table.
     Ours,
     /// This benchmark, on another object that replaces the one of the table.
@@ -22,7 +22,7 @@ pub enum Origin {
 
 /// A row.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Row {
+pub(crate) struct Row {
     /// Plain text, as many as columns.
     pub cells: Vec<String>,
     /// Where its numbers come from.
@@ -31,7 +31,7 @@ pub struct Row {
 
 /// A table with its heading.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Table {
+pub(crate) struct Table {
     /// Heading.
     pub title: String,
     /// Paragraphs before it.

@@ -20,7 +20,7 @@ fn named(first: &[&str], metrics: &[Metric]) -> Vec<String> {
 }
 
 /// All tables for which there are records.
-pub fn tables(all: &Collected) -> Vec<Table> {
+pub(crate) fn tables(all: &Collected) -> Vec<Table> {
     let mut tables = vec![every_object(all)];
     tables.extend(variants(all));
     tables.extend(paris(all));

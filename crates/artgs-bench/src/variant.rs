@@ -36,7 +36,7 @@ impl Variant {
 }
 
 /// Refuses names that cannot be folder names, and duplicate names.
-pub fn check_variants(variants: &[Variant]) -> Result<(), VariantError> {
+pub(crate) fn check_variants(variants: &[Variant]) -> Result<(), VariantError> {
     for (index, variant) in variants.iter().enumerate() {
         check_name(&variant.name).map_err(|_: ItemError| VariantError::Name(variant.name.clone()))?;
         if variants[..index].iter().any(|other| other.name == variant.name) {

@@ -233,7 +233,10 @@ fn what_is_thinner_than_the_way_between_two_poses_is_found() {
     let report = driven(&asset);
     let drawer = &report.joints[1];
     assert_eq!((drawer.reached, drawer.blocked_by[1].as_deref()), ([true, false], Some("base")), "{report}");
-    assert!((drawer.stopped[1].unwrap() - 0.2).abs() < 1e-3 && (drawer.penetration_at - 0.201).abs() < 1e-3, "{report}");
+    assert!(
+        (drawer.stopped[1].unwrap() - 0.2).abs() < 1e-3 && (drawer.penetration_at - 0.201).abs() < 1e-3,
+        "{report}"
+    );
     assert!(drawer.penetration > 1.5e-3 && drawer.penetration < 1.9e-3, "{report}");
 }
 

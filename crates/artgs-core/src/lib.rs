@@ -2,16 +2,16 @@
 //!
 //! Frames, units and orders are fixed in `CONVENTIONS.md` at the root of the repository.
 
-pub mod asset;
-pub mod camera;
-pub mod capture;
-pub mod depth;
-pub mod joint;
-pub mod mesh;
+mod asset;
+mod camera;
+mod capture;
+mod depth;
+mod joint;
+mod mesh;
 pub mod random;
 pub mod replica;
-pub mod rigid;
-pub mod splats;
+mod rigid;
+mod splats;
 pub mod state;
 
 pub use asset::{Asset, AssetJoint, AssetLink, Inertial, Texture, TexturedMesh};

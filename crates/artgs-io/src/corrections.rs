@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Name of the file in a replica folder.
-pub const CORRECTIONS_FILE: &str = "corrections.json";
+pub(crate) const CORRECTIONS_FILE: &str = "corrections.json";
 
 const FORMAT: &str = "artgs-corrections";
 const VERSION: u32 = 1;

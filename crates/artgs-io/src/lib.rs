@@ -4,20 +4,20 @@
 //! Axis flips and unit conversions of foreign formats happen here and nowhere else; see `CONVENTIONS.md`.
 
 pub mod asset;
-pub mod atomic;
+mod atomic;
 pub mod capture;
-pub mod corrections;
-pub mod error;
+mod corrections;
+mod error;
 pub mod export_report;
 pub mod ground_truth;
 pub mod image_io;
-pub mod mesh_ply;
+mod mesh_ply;
 mod ply;
 pub mod replica;
 pub mod run_folder;
-pub mod splat_ply;
+mod splat_ply;
 pub mod summary;
-pub mod tensors;
+mod tensors;
 
 pub use atomic::write_atomic;
 pub use capture::{CaptureError, load_capture};

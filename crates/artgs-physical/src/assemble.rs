@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 /// Decisions about an asset that the asset itself does not contain.
 #[derive(Clone, Debug, Default)]
-pub struct Decisions {
+pub(crate) struct Decisions {
     /// State in which each part is closed; none if unknown.
     pub closed_state: Vec<Option<State>>,
     /// Limits of each joint with their reasons.
@@ -29,12 +29,12 @@ pub struct Decisions {
 }
 
 /// Tested poses per joint while the others are at zero. Twenty are too few: a lip of a few millimetres passes between them.
-pub const POSES: usize = 121;
+pub(crate) const POSES: usize = 121;
 /// Tested poses per joint while the others are in an observed state.
-pub const POSES_WITH_OTHERS: usize = 31;
+pub(crate) const POSES_WITH_OTHERS: usize = 31;
 
 /// Assembles an asset from a valid replica and the surfaces of its parts, without splats. Fails only if `decomposer` fails.
-pub fn assemble(
+pub(crate) fn assemble(
     name: &str,
     replica: &Replica,
     surfaces: &[PartSurface],
@@ -110,7 +110,7 @@ fn collide(
 
 /// Link poses in which no penetration is allowed: both observed states, and every joint at many values across its limits
 /// while the others are at zero or in either observed state.
-pub fn stances(asset: &Asset) -> Vec<Vec<Rigid>> {
+pub(crate) fn stances(asset: &Asset) -> Vec<Vec<Rigid>> {
     let zero = vec![0.0; asset.links.len()];
     let observed = State::ALL.map(|state| asset.observed(state));
     let mut out: Vec<Vec<Rigid>> = observed.iter().chain([&zero]).map(|values| asset.poses(values)).collect();
@@ -257,7 +257,7 @@ fn names(replica: &Replica) -> Vec<String> {
 }
 
 /// Lower case letters, digits and `_`, a letter first.
-pub fn to_identifier(text: &str, otherwise: &str) -> String {
+pub(crate) fn to_identifier(text: &str, otherwise: &str) -> String {
     let mut out = String::new();
     for c in text.chars().map(|c| c.to_ascii_lowercase()) {
         match c {

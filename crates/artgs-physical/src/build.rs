@@ -8,7 +8,7 @@ use artgs_core::{Asset, Capture, Mesh, Replica, Rigid, Splats};
 
 /// Parts of a replica folder.
 #[derive(Clone, Debug)]
-pub struct Parts<'a> {
+pub(crate) struct Parts<'a> {
     /// A valid replica.
     pub replica: &'a Replica,
     /// Mesh of every part, world frame, start state.
@@ -19,7 +19,7 @@ pub struct Parts<'a> {
 
 /// An asset with the decisions and surfaces behind it.
 #[derive(Clone, Debug, Default)]
-pub struct BuiltAsset {
+pub(crate) struct BuiltAsset {
     /// The asset to export.
     pub asset: Asset,
     /// Limits, zero poses, clearances.
@@ -30,7 +30,7 @@ pub struct BuiltAsset {
 
 /// Builds an asset. With a capture, textures are baked from its training views. Convex pieces come from V-HACD, or from
 /// `decomposer` if given; an error is that of the decomposer.
-pub fn build(
+pub(crate) fn build(
     name: &str,
     parts: &Parts,
     capture: Option<&Capture>,

@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 
 /// Result of [`clear`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Clearance {
+pub(crate) struct Clearance {
     /// Deepest penetration found before cutting.
     pub deepest: f64,
     /// Number of cuts.
@@ -25,11 +25,11 @@ pub struct Clearance {
 }
 
 /// Pieces of every link, link frames.
-pub type Pieces = Vec<Vec<Hull>>;
+pub(crate) type Pieces = Vec<Vec<Hull>>;
 
 /// Distances for [`clear`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spacing {
+pub(crate) struct Spacing {
     /// Least distance of different links: engines put margins around hulls.
     pub gap: f64,
     /// Shortfall that is ignored.
@@ -40,7 +40,7 @@ pub struct Spacing {
 
 /// Cuts `pieces` until in every one of `stances` (link poses in the object's frame, one per link) no two links are closer
 /// than the gap. Two links have the same relative pose in many stances: each relative pose is tested once.
-pub fn clear(pieces: &mut Pieces, stances: &[Vec<Rigid>], spacing: &Spacing) -> Clearance {
+pub(crate) fn clear(pieces: &mut Pieces, stances: &[Vec<Rigid>], spacing: &Spacing) -> Clearance {
     let volume = |pieces: &Pieces| pieces.iter().flatten().map(Hull::volume).sum::<f64>();
     let count = |pieces: &Pieces| pieces.iter().map(Vec::len).sum::<usize>();
     let (mut out, before) = (Clearance::default(), count(pieces));
@@ -109,7 +109,12 @@ fn clear_pair([first, second]: &mut [Vec<Hull>; 2], b_to_a: &Rigid, spacing: &Sp
 
 /// Greatest shortfall from a gap between any two links in one stance, with the links; with a gap of 0, the deepest
 /// penetration.
-pub fn deepest(pieces: &Pieces, stance: &[Rigid], gap: f64, of: impl Fn(usize, usize) -> bool) -> (f64, [usize; 2]) {
+pub(crate) fn deepest(
+    pieces: &Pieces,
+    stance: &[Rigid],
+    gap: f64,
+    of: impl Fn(usize, usize) -> bool,
+) -> (f64, [usize; 2]) {
     let poses: Vec<Pose3> = stance.iter().map(pose).collect();
     let placed: Vec<Vec<Placed>> =
         pieces.iter().zip(&poses).map(|(link, pose)| link.iter().map(|h| Placed::new(h, pose)).collect()).collect();

@@ -32,7 +32,7 @@ pub enum Collision {
     None,
 }
 
-/// Settings of [`crate::build()`]. Fields ending in `_share` are shares of the object's diagonal, so that they fit a
+/// Settings of an export. Fields ending in `_share` are shares of the object's diagonal, so that they fit a
 /// stapler as well as a fridge; everything else is in metres, kilograms, seconds and radians.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhysicalConfig {

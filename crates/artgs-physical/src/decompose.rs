@@ -26,10 +26,10 @@ pub struct DecomposeOptions {
 }
 
 /// Decomposition of a mesh by another program: the corners of each piece, or the reason of a failure.
-pub type Decomposer<'a> = dyn Fn(&Mesh) -> Result<Vec<Vec<DVec3>>, String> + Sync + 'a;
+pub(crate) type Decomposer<'a> = dyn Fn(&Mesh) -> Result<Vec<Vec<DVec3>>, String> + Sync + 'a;
 
 /// Pieces of `other`, without those that have no volume, largest first.
-pub fn decompose_with(mesh: &Mesh, other: &Decomposer, options: &DecomposeOptions) -> Result<Vec<Hull>, String> {
+pub(crate) fn decompose_with(mesh: &Mesh, other: &Decomposer, options: &DecomposeOptions) -> Result<Vec<Hull>, String> {
     if mesh.is_empty() {
         return Ok(Vec::new());
     }

@@ -1,8 +1,9 @@
 //! From a run's folder to exported files: reads the replica, builds the asset, writes every format and `export.json`.
 
+use crate::build::{BuiltAsset, Parts, build};
 use crate::coacd;
 use crate::stance::Stop;
-use crate::{BuiltAsset, Collision, Parts, PhysicalConfig, Up, build};
+use crate::{Collision, PhysicalConfig, Up};
 use artgs_core::{AssetLink, Capture, Mesh, State};
 use artgs_io::asset::{Format, check_asset};
 use artgs_io::export_report::{ExportReport, LinkReport, RequestedOptions};

@@ -1,24 +1,21 @@
 //! Adds what simulators need to a replica: closed meshes, textures, convex hulls, masses, joint limits.
 
-pub mod assemble;
+mod assemble;
 pub mod bake;
-pub mod build;
-pub mod clearance;
+mod build;
+mod clearance;
 mod coacd;
-pub mod config;
+mod config;
 pub mod decompose;
 pub mod export;
-pub mod hull;
+mod hull;
 pub mod looks;
-pub mod mass;
-pub mod repair;
-pub mod shade;
-pub mod simplify;
-pub mod stance;
+mod mass;
+mod repair;
+mod shade;
+mod simplify;
+mod stance;
 mod topology;
-pub mod unwrap;
+mod unwrap;
 
-pub use assemble::{Decisions, assemble};
-pub use build::{BuiltAsset, Parts, build};
 pub use config::{Collision, PhysicalConfig, Up};
-pub use looks::PartSurface;

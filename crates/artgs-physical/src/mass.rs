@@ -37,7 +37,7 @@ impl Moments {
 
 /// Mass and inertia of a link: a closed surface as a solid, but with at most the mass of a shell of thickness `wall`; an open
 /// surface as that shell. Lengths in metres, density in kg/m^3. An empty mesh has mass `least`.
-pub fn inertial(mesh: &Mesh, closed: bool, wall: f64, density: f64, least: f64) -> Inertial {
+pub(crate) fn inertial(mesh: &Mesh, closed: bool, wall: f64, density: f64, least: f64) -> Inertial {
     let shell = shell(mesh);
     let mut moments = scaled(&shell, wall);
     if closed {

@@ -5,12 +5,12 @@ use artgs_core::{Mesh, TexturedMesh};
 use glam::DVec3;
 
 /// Crease angle that keeps edges of boxes sharp and others smooth, radians.
-pub const CREASE: f64 = 40.0 * std::f64::consts::PI / 180.0;
+pub(crate) const CREASE: f64 = 40.0 * std::f64::consts::PI / 180.0;
 
 /// The mesh with a normal per vertex; vertices are split along edges whose triangles differ by more than `crease` radians.
 /// Triangles are weighted by area and angle, so that large flat ones stay flat beside bevels. Positions, triangles and their
 /// order stay; texture coordinates are empty.
-pub fn with_normals(mesh: &Mesh, crease: f64) -> TexturedMesh {
+pub(crate) fn with_normals(mesh: &Mesh, crease: f64) -> TexturedMesh {
     let twins = twins(mesh);
     let points: Vec<[DVec3; 3]> = mesh.triangles.iter().map(|t| corners(mesh, *t)).collect();
     let areas: Vec<f64> = mesh.triangles.iter().map(|t| cross(mesh, *t).length()).collect();

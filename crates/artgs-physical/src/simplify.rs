@@ -23,7 +23,7 @@ pub struct SurfaceError {
 
 /// Result of [`simplify`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Simplified {
+pub(crate) struct Simplified {
     /// The mesh; closed if the original is closed.
     pub mesh: Mesh,
     /// Error against the original.
@@ -36,7 +36,7 @@ const SAMPLES: usize = 60_000;
 /// Reduces a mesh to about `budget` triangles; where that would move more than a hundredth of the surface by more than
 /// `max_error` (scene units), it keeps more of them. Borders stay, a closed mesh stays closed. Vertices are some of the old
 /// ones, with their colours.
-pub fn simplify(mesh: &Mesh, budget: usize, max_error: f64) -> Simplified {
+pub(crate) fn simplify(mesh: &Mesh, budget: usize, max_error: f64) -> Simplified {
     if mesh.triangles.len() <= budget {
         return Simplified { mesh: mesh.clone(), error: SurfaceError::default() };
     }
@@ -71,7 +71,7 @@ fn collapsed(mesh: &Mesh, budget: usize, max_error: f64) -> Mesh {
 }
 
 /// Distances from points of each surface to the other. Points are vertices and spread over triangles by area.
-pub fn surface_error(a: &Mesh, b: &Mesh) -> SurfaceError {
+pub(crate) fn surface_error(a: &Mesh, b: &Mesh) -> SurfaceError {
     let one_way = |from: &Mesh, to: &Mesh| -> Vec<f64> {
         let Some(solid) = trimesh(to) else { return Vec::new() };
         samples(from).par_iter().map(|p| distance(&solid, *p)).collect()
@@ -115,7 +115,7 @@ fn samples(mesh: &Mesh) -> Vec<DVec3> {
 
 /// Smooths the steps of marching cubes: Taubin's two passes (0.5, -0.53), which do not shrink, `rounds` times; no vertex
 /// moves by more than `reach` (scene units). Borders stay.
-pub fn smoothed(mesh: &Mesh, rounds: usize, reach: f64) -> Mesh {
+pub(crate) fn smoothed(mesh: &Mesh, rounds: usize, reach: f64) -> Mesh {
     let around = Around::new(mesh);
     let was: Vec<DVec3> = (0..mesh.vertices.len() as u32).map(|v| point(mesh, v)).collect();
     let mut now = was.clone();

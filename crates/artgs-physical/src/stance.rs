@@ -9,7 +9,7 @@ use parry3d::query::PointQuery as _;
 
 /// The state in which a part lies closer to its parent; none if the distances differ by less than `significant`. `part` and
 /// `parent` are the surfaces in both states, in one frame. Open drawers and doors protrude.
-pub fn closed_state(part: PerState<&Mesh>, parent: PerState<&Mesh>, significant: f64) -> Option<State> {
+pub(crate) fn closed_state(part: PerState<&Mesh>, parent: PerState<&Mesh>, significant: f64) -> Option<State> {
     let distances = PerState::try_from_fn(|state| protrusion(part[state], parent[state]))?;
     let (start, end) = (distances[State::START], distances[State::END]);
     if (start - end).abs() < significant {
@@ -33,7 +33,7 @@ fn protrusion(part: &Mesh, parent: &Mesh) -> Option<f64> {
 
 /// Reason of a joint limit.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Stop {
+pub(crate) enum Stop {
     /// The observed value: not extended, or no extension is free.
     Observed,
     /// Contact with this link.
@@ -46,7 +46,7 @@ pub enum Stop {
 
 /// Limits of one joint.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Range {
+pub(crate) struct Range {
     /// Lower and upper limit.
     pub limits: [f64; 2],
     /// Reasons of both.
@@ -57,7 +57,7 @@ pub struct Range {
 /// the others, or until a slide loses its support. Entry `i` belongs to link `i`; the base has none. `pieces` must not touch
 /// each other over the observed range; lengths in metres. `closed[i]` is the state in which link `i` is closed, if known;
 /// its joint is at 0 there.
-pub fn extend(
+pub(crate) fn extend(
     asset: &Asset,
     pieces: &Pieces,
     closed: &[Option<State>],

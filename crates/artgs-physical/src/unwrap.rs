@@ -5,7 +5,7 @@ use uvunwrap::{Atlas, Density, MeshInput, Options};
 
 /// Settings of [`unwrap`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct UnwrapOptions {
+pub(crate) struct UnwrapOptions {
     /// Requested texels per scene unit; fewer if the atlas would become too large.
     pub texels_per_unit: f64,
     /// Largest width and height of the atlas, texels.
@@ -22,7 +22,7 @@ impl Default for UnwrapOptions {
 
 /// Result of [`unwrap`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Unwrapped {
+pub(crate) struct Unwrapped {
     /// The mesh with texture coordinates and without a texture; vertices are split along seams.
     pub mesh: TexturedMesh,
     /// Width and height of the atlas, texels.
@@ -36,7 +36,7 @@ pub struct Unwrapped {
 /// A reason why a mesh has no atlas.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum UnwrapError {
+pub(crate) enum UnwrapError {
     /// The mesh or a setting is unusable.
     #[error("the surface cannot be unwrapped: {0}")]
     Failed(#[from] uvunwrap::Error),
@@ -51,7 +51,7 @@ pub enum UnwrapError {
 }
 
 /// Unwraps a mesh. Charts do not overlap; normals and colours are kept; positions and the order of triangles stay.
-pub fn unwrap(mesh: &TexturedMesh, options: &UnwrapOptions) -> Result<Unwrapped, UnwrapError> {
+pub(crate) fn unwrap(mesh: &TexturedMesh, options: &UnwrapOptions) -> Result<Unwrapped, UnwrapError> {
     let mut density = options.texels_per_unit;
     let mut atlas = unwrapped_at(mesh, options, density)?;
     for _ in 0..6 {

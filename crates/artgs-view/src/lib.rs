@@ -22,5 +22,5 @@ pub use error::ViewError;
 pub use live::Live;
 pub use page::{Page, Source};
 pub use scene::{Scene, SceneCamera, SceneCloud, SceneJoint, SceneLink, SceneMesh, SceneRerun};
-pub use server::{DEFAULT_PORT, Rerun, Server};
+pub use server::{Rerun, Server};
 pub use single::export_page;

@@ -19,7 +19,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Default port.
-pub const DEFAULT_PORT: u16 = 8765;
+pub(crate) const DEFAULT_PORT: u16 = 8765;
 /// Largest number of simultaneous connections; a page needs six.
 const MOST_CONNECTIONS: usize = 64;
 /// Largest size of a request body, bytes; 256 corrections of each kind fit.
@@ -48,7 +48,7 @@ struct Shown {
 }
 
 impl Server {
-    /// Listens on 127.0.0.1: at `port` (0: any free one); without `port` at [`DEFAULT_PORT`] or, if that is in use, at any.
+    /// Listens on 127.0.0.1: at `port` (0: any free one); without `port` at 8765 or, if that is in use, at any.
     /// `corrections` is the folder for `corrections.json`; without it the server accepts no corrections.
     pub fn bind(mut page: Page, port: Option<u16>, corrections: Option<PathBuf>) -> Result<Self, ViewError> {
         let listen = |port: u16| TcpListener::bind((Ipv4Addr::LOCALHOST, port));

@@ -10,7 +10,8 @@ mod fill;
 mod view;
 mod zbuffer;
 
-pub use zbuffer::{Hit, depth_of, visible};
+pub(crate) use zbuffer::depth_of;
+pub use zbuffer::{Hit, visible};
 
 use artgs_core::{Camera, DepthMap, Mesh, Texture, TexturedMesh};
 use blend::blend;
@@ -19,7 +20,7 @@ use rayon::prelude::*;
 
 /// A photo as a source of colours.
 #[derive(Clone, Copy, Debug)]
-pub struct BakeView<'a> {
+pub(crate) struct BakeView<'a> {
     /// Camera in the frame of the mesh: that of the photo, moved with the part ([`Camera::moved_with`]).
     pub camera: Camera,
     /// Straight colours, `[height * width]`; alpha is the mask of the object.
@@ -45,7 +46,7 @@ impl BakeView<'_> {
 
 /// Settings of [`bake`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BakeOptions {
+pub(crate) struct BakeOptions {
     /// Largest difference between a view's depth and a visible point, scene units.
     pub tolerance: f64,
     /// Step of depth between pixels that counts as an edge between two surfaces, scene units.
@@ -60,14 +61,14 @@ pub struct BakeOptions {
 
 impl BakeOptions {
     /// Settings for surfaces with an accuracy of about `voxel` (scene units).
-    pub fn at_resolution(voxel: f64) -> Self {
+    pub(crate) fn at_resolution(voxel: f64) -> Self {
         Self { tolerance: 2.5 * voxel, jump: 4.0 * voxel, sharpness: 8.0, outlier: 40.0, padding: 4 }
     }
 }
 
 /// Result of [`bake`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Baked {
+pub(crate) struct Baked {
     /// The texture, of the requested size.
     pub texture: Texture,
     /// Colour of every vertex, sampled from the texture.
@@ -81,7 +82,13 @@ pub struct Baked {
 /// Bakes a texture of `size` texels (width, height) for a mesh with texture coordinates and normals. Texels that no view
 /// sees get the colour of the nearest visible surface; if no view sees the mesh, all get the vertex colours of `dense`, the
 /// mesh before simplification. Views whose buffers do not have the size of their image are ignored.
-pub fn bake(mesh: &TexturedMesh, size: [u32; 2], views: &[BakeView], dense: &Mesh, options: &BakeOptions) -> Baked {
+pub(crate) fn bake(
+    mesh: &TexturedMesh,
+    size: [u32; 2],
+    views: &[BakeView],
+    dense: &Mesh,
+    options: &BakeOptions,
+) -> Baked {
     let n = mesh.mesh.vertices.len();
     if mesh.uvs.len() != n || mesh.normals.len() != n || size.contains(&0) {
         return Baked::default();

@@ -46,7 +46,7 @@ pub fn visible(camera: &Camera, meshes: &[&Mesh]) -> Vec<Option<Hit>> {
 }
 
 /// Renders the depth of the meshes, for views without measured depth.
-pub fn depth_of(camera: &Camera, meshes: &[&Mesh]) -> DepthMap {
+pub(crate) fn depth_of(camera: &Camera, meshes: &[&Mesh]) -> DepthMap {
     let depths: Vec<f32> = visible(camera, meshes).iter().map(|h| h.map_or(0.0, |h| h.depth)).collect();
     DepthMap::nearest(&depths)
 }

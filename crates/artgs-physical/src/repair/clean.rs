@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 /// Merges vertices in the same cell of size `cell` (scene units, positive) and removes triangles that become degenerate,
 /// duplicate or cancelling, and unused vertices.
-pub fn welded(mesh: &Mesh, cell: f64) -> Mesh {
+pub(crate) fn welded(mesh: &Mesh, cell: f64) -> Mesh {
     let key = |v: &[f32; 3]| v.map(|x| (f64::from(x) / cell).round() as i64);
     let mut order: Vec<([i64; 3], u32)> = mesh.vertices.iter().enumerate().map(|(i, v)| (key(v), i as u32)).collect();
     order.sort_unstable();

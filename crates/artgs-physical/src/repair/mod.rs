@@ -10,19 +10,20 @@ mod loops;
 mod thicken;
 
 pub(crate) use clean::reduced;
-pub use clean::welded;
 pub(crate) use thicken::trimesh;
 
 use crate::topology::{open_edges, refine, signed_volume, split_to_manifold};
 use artgs_core::Mesh;
+#[cfg(test)]
+pub(crate) use clean::welded;
 use glam::DVec3;
 
 /// Where a part must not have material: true for points that other parts occupy or pass through. Called from many threads.
-pub type Obstacles<'a> = dyn Fn(DVec3) -> bool + Sync + 'a;
+pub(crate) type Obstacles<'a> = dyn Fn(DVec3) -> bool + Sync + 'a;
 
 /// Settings of [`repair`]; lengths in scene units.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RepairOptions {
+pub(crate) struct RepairOptions {
     /// Vertices that fall into the same cell of this size become one.
     pub weld: f64,
     /// Components with less of the largest one's area are dropped.
@@ -43,7 +44,7 @@ pub struct RepairOptions {
 
 impl RepairOptions {
     /// Settings for a mesh whose edges are about `edge` long (see [`mean_edge`]).
-    pub fn at_resolution(edge: f64) -> Self {
+    pub(crate) fn at_resolution(edge: f64) -> Self {
         Self {
             weld: 1e-3 * edge,
             island_fraction: 0.003,
@@ -58,7 +59,7 @@ impl RepairOptions {
 
 /// Result of [`repair`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Repaired {
+pub(crate) struct Repaired {
     /// The mesh, in the frame of the input, with its colours.
     pub mesh: Mesh,
     /// True if every edge is shared by exactly two triangles that run along it in opposite directions.
@@ -76,7 +77,7 @@ pub struct Repaired {
 }
 
 /// Mean length of the mesh's edges, scene units; 0 without triangles.
-pub fn mean_edge(mesh: &Mesh) -> f64 {
+pub(crate) fn mean_edge(mesh: &Mesh) -> f64 {
     let lengths = mesh.triangles.iter().flat_map(|t| {
         let [a, b, c] = crate::topology::corners(mesh, *t);
         [a.distance(b), b.distance(c), c.distance(a)]
@@ -87,7 +88,7 @@ pub fn mean_edge(mesh: &Mesh) -> f64 {
 /// Converts a part's mesh to a closed, oriented one: welds, removes debris, orients, caps holes outside `obstacles`, and
 /// thickens what is still open. Walls are at most a third of the distance to the surface behind them thick and stay out of
 /// obstacles. An empty mesh stays empty and is not watertight.
-pub fn repair(mesh: &Mesh, obstacles: &Obstacles, options: &RepairOptions) -> Repaired {
+pub(crate) fn repair(mesh: &Mesh, obstacles: &Obstacles, options: &RepairOptions) -> Repaired {
     let mut mesh = clean::clean(mesh, options);
     let mut holes = loops::holes(&mesh);
     for hole in &mut holes {
