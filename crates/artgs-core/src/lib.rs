@@ -4,7 +4,7 @@
 
 mod asset;
 mod camera;
-mod capture;
+pub mod capture;
 mod depth;
 mod joint;
 mod mesh;
