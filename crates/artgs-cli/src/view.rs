@@ -97,7 +97,7 @@ fn found(run: &RunFolder, photos: Option<&Path>, style: Style) -> Result<Page, F
     let unreadable = || Failure::bad(format!("{shown}: stages cannot be read; reconstruct again with --force"));
     let found = artgs::run::found_parts(run).ok_or_else(unreadable)?;
     let joint = |(k, part): (usize, &JointEstimate)| {
-        let start = found.clouds[0].points.iter().zip(&found.labels[0]);
+        let start = found.clouds[State::START].points.iter().zip(&found.labels[State::START]);
         let own: Vec<DVec3> =
             start.filter(|(_, label)| usize::from(**label) == k + 1).map(|(p, _)| p.as_dvec3()).collect();
         let middle = own.iter().sum::<DVec3>() / own.len().max(1) as f64;

@@ -40,14 +40,15 @@ fn write(out: &Path) {
     ];
     let replica = Replica::new(&joints);
     for (part, mesh) in replica.parts.iter().zip([&base, &door, &drawer]) {
-        for state in 0..2 {
-            let motion = if state == 0 { Rigid::IDENTITY } else { replica.world_motion(part.id) };
-            write_mesh_ply(&out.join(part.meshes.get(state)), &mesh.moved(&motion))
+        for state in artgs_core::State::ALL {
+            let motion =
+                if state == artgs_core::State::START { Rigid::IDENTITY } else { replica.world_motion(part.id) };
+            write_mesh_ply(&out.join(&part.meshes[state]), &mesh.moved(&motion))
                 .expect("a temporary folder can be written");
         }
     }
-    for state in 0..2 {
-        write_mesh_ply(&out.join(replica.whole.get(state)), &base).expect("a temporary folder can be written");
+    for state in artgs_core::State::ALL {
+        write_mesh_ply(&out.join(&replica.whole[state]), &base).expect("a temporary folder can be written");
     }
     write_replica(out, &replica).expect("a temporary folder can be written");
 }

@@ -23,4 +23,4 @@ pub use mesh::Mesh;
 pub use replica::{Replica, ReplicaError};
 pub use rigid::Rigid;
 pub use splats::Splats;
-pub use state::{PerState, STATE_NAMES, State};
+pub use state::{PerState, State};

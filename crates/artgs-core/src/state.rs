@@ -123,44 +123,6 @@ impl<T> IndexMut<State> for PerState<T> {
     }
 }
 
-// Transitional: removed once no crate indexes by number.
-impl<T> Index<usize> for PerState<T> {
-    type Output = T;
-    fn index(&self, state: usize) -> &T {
-        &self.0[state]
-    }
-}
-
-impl<T> IndexMut<usize> for PerState<T> {
-    fn index_mut(&mut self, state: usize) -> &mut T {
-        &mut self.0[state]
-    }
-}
-
-/// Transitional.
-impl<T> From<[T; COUNT]> for PerState<T> {
-    fn from(values: [T; COUNT]) -> Self {
-        Self(values)
-    }
-}
-
-/// Transitional.
-impl<T> From<PerState<T>> for [T; COUNT] {
-    fn from(values: PerState<T>) -> Self {
-        values.0
-    }
-}
-
-impl<T> PerState<T> {
-    /// Transitional.
-    pub fn get(&self, state: usize) -> &T {
-        &self.0[state]
-    }
-}
-
-/// Transitional.
-pub const STATE_NAMES: [&str; 2] = NAMES;
-
 impl<T> IntoIterator for PerState<T> {
     type Item = T;
     type IntoIter = std::array::IntoIter<T, COUNT>;

@@ -314,7 +314,7 @@ fn targets_are_found_in_flat_and_empty_clouds_and_from_a_distance() {
     let mut draw = rng(33);
     let mut plane = |n: usize| (0..n).map(|_| [draw.random(), draw.random_range(-0.9..0.9), 0.25]).collect::<Vec<_>>();
     let line: Vec<[f32; 3]> = (0..90).map(|i| [0.01 * i as f32, -0.3, 0.2]).collect();
-    for (what, clouds) in [
+    for (what, [start, end]) in [
         ("plane and nothing", [plane(900), vec![]]),
         ("line and point", [line, vec![[0.1, 0.2, 0.3]]]),
         ("distant one", [[plane(50), vec![[40.0, -7.0, 3.0]]].concat(), plane(1)]),
@@ -322,7 +322,7 @@ fn targets_are_found_in_flat_and_empty_clouds_and_from_a_distance() {
         let mut far = splats(&mut rng(33), 300, 1);
         (far.means[5], far.means[6]) = ([30.0, 2.0, -50.0], [-0.3, 9.0, 0.1]);
         let labels = (0..300).map(|i| (i % PARTS) as u16).collect();
-        let targets = Arc::new(ChamferTargets::new(&PerState::from(clouds)));
+        let targets = Arc::new(ChamferTargets::new(&PerState::new(start, end)));
         let start = state(far, parts(Membership::Labels(labels), true, true, Some(targets)));
         let terms = |backend: &mut dyn Backend| {
             let mut terms = Vec::new();

@@ -51,7 +51,7 @@ fn parts_are_deleted_added_and_given_their_types() {
     let drawer = 1 + kinds(&first).iter().position(|k| *k == JointKind::Prismatic).unwrap();
     let (origin, travel) = {
         let joint = first.joint(drawer).unwrap();
-        (joint.origin, joint.state_values[1])
+        (joint.origin, joint.state_values[artgs_core::State::END])
     };
 
     // Without corrections only the stages run that always do.
@@ -74,7 +74,7 @@ fn parts_are_deleted_added_and_given_their_types() {
     write_corrections(&out, &back).unwrap();
     let (again, _) = resume(&capture, &out, &config);
     assert_eq!(kinds(&again), [JointKind::Revolute, JointKind::Prismatic]);
-    assert!((again.joint(2).unwrap().state_values[1] - travel).abs() < 0.02 * travel);
+    assert!((again.joint(2).unwrap().state_values[artgs_core::State::END] - travel).abs() < 0.02 * travel);
 
     // Right joints have a high confidence, wrong ones a low one.
     let sure = |r: &Replica, part: usize| r.parts[part].confidence.unwrap();

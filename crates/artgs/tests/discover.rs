@@ -1,7 +1,7 @@
 //! Part discovery on a procedural cabinet: joints and the part of every surface point, against the truth.
 
 use artgs::discover::{DepthPicture, DiscoverConfig, Discovery, Scene, discover};
-use artgs_core::{Capture, JointKind, View};
+use artgs_core::{Capture, JointKind, State, View};
 use artgs_synth::cabinet::{Cabinet, CabinetOptions, cabinet_capture, render};
 use glam::Vec3;
 
@@ -10,8 +10,8 @@ fn pictures(views: &[View]) -> Vec<DepthPicture<'_>> {
 }
 
 /// The true part at a surface point, by the view whose depth agrees best with it.
-fn true_part(cabinet: &Cabinet, state: usize, views: &[View], points: &[Vec3]) -> Vec<Option<usize>> {
-    let truth: Vec<_> = views.iter().map(|v| render(cabinet, artgs_core::State::ALL[state], &v.camera)).collect();
+fn true_part(cabinet: &Cabinet, state: State, views: &[View], points: &[Vec3]) -> Vec<Option<usize>> {
+    let truth: Vec<_> = views.iter().map(|v| render(cabinet, state, &v.camera)).collect();
     let part = |p: &Vec3| {
         let seen = views.iter().zip(&truth).filter_map(|(view, truth)| {
             let (pixel, depth) = view.camera.project(p.as_dvec3());
@@ -28,9 +28,8 @@ fn true_part(cabinet: &Cabinet, state: usize, views: &[View], points: &[Vec3]) -
 fn found(options: &CabinetOptions, movable: usize) -> (Capture, Cabinet, Discovery) {
     let (capture, cabinet) = cabinet_capture(options).expect("the cabinet is drawn");
     let config = DiscoverConfig::default();
-    let states = [0, 1].map(|s| pictures(&capture.states[s].train));
-    let scene = Scene::new(artgs_core::PerState::new(&states[0][..], &states[1][..]), &config)
-        .expect("there are surface points");
+    let states = capture.states.as_ref().map(|s| pictures(&s.train));
+    let scene = Scene::new(states.as_ref().map(Vec::as_slice), &config).expect("there are surface points");
     let discovery = discover(&scene, movable, &config).expect("two parts moved");
     (capture, cabinet, discovery)
 }
@@ -41,7 +40,7 @@ fn right_labels(capture: &Capture, cabinet: &Cabinet, found: &Discovery) -> (f64
     let kinds: Vec<JointKind> = found.parts.iter().map(|p| p.kind).collect();
     let of_kind = |kind| kinds.iter().position(|k| *k == kind).map_or(0, |k| k + 1);
     let (mut right, mut all) = ([0usize; 2], [0usize; 2]);
-    for s in 0..2 {
+    for s in State::ALL {
         let truth = true_part(cabinet, s, &capture.states[s].train, &found.clouds[s].points);
         for (truth, label) in truth.iter().zip(&found.labels[s]) {
             let Some(truth) = *truth else { continue };

@@ -164,8 +164,9 @@ fn a_real_capture_is_explained() {
     let capture = artgs_io::load_capture(&dir).unwrap();
     let mut config = SingleConfig { steps: 150, ..SingleConfig::default() };
     config.depth.count = 8000;
-    let splats = fit_single(&capture.states[0].train, &config, 1, &Cpu, &mut |_: StepStats| {}).unwrap();
-    let psnr = mean_psnr(&splats, &capture.states[0].test);
+    let splats =
+        fit_single(&capture.states[artgs_core::State::START].train, &config, 1, &Cpu, &mut |_: StepStats| {}).unwrap();
+    let psnr = mean_psnr(&splats, &capture.states[artgs_core::State::START].test);
     eprintln!("150 steps: {psnr:.2} dB on held-out views, {} Gaussians", splats.len());
     assert!(psnr > 34.0, "{psnr}");
 }

@@ -70,7 +70,8 @@ fn trained(views: &[View]) -> Vec<f32> {
 #[test]
 fn instruction_sets_agree_with_plain_code() {
     let options = CabinetOptions { views: 6, size: 64, ..CabinetOptions::default() };
-    let views = cabinet_capture(&options).expect("the cabinet is drawn").0.states[0].train.clone();
+    let views =
+        cabinet_capture(&options).expect("the cabinet is drawn").0.states[artgs_core::State::START].train.clone();
     let mut results = Vec::new();
     for instructions in Instructions::ALL {
         if !use_instructions(instructions) {

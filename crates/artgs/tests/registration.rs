@@ -44,7 +44,7 @@ fn a_door_and_a_drawer_are_registered_and_written_without_splats() {
     reconstruct(&capture, &again, &config, false, &Cpu, &mut NullObserver).unwrap();
     assert!(replica == fs::read(again.join("replica.json")).unwrap());
 
-    capture.states[1].train[3].depth = None;
+    capture.states[artgs_core::State::END].train[3].depth = None;
     let error = reconstruct(&capture, &again, &config, false, &Cpu, &mut NullObserver).unwrap_err();
     assert!(error.is_bad_input() && error.to_string().contains("state end lacks it"), "{error}");
 }

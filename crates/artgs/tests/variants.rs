@@ -78,7 +78,7 @@ fn default_variants_run_repeatably() {
         let replica = artgs_io::read_replica(&out).unwrap();
         assert!((1..3).all(|k| replica.joint(k).unwrap().kind != JointKind::Screw), "{name}");
         if *name == "no-types" {
-            // Discovery's motions are good enough to tell types without deciding on them first.
+            // Discovery's motions are good enough to determine types without deciding on them first.
             let scores = artgs::run::evaluate(&RunFolder::new(&out), &root.path().join("capture/gt")).unwrap();
             assert!(scores.counts.wrong_type == 0 && scores.joints.axis_angle_deg.unwrap() < 2.0, "{name}: {scores}");
         }

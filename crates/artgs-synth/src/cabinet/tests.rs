@@ -190,11 +190,11 @@ fn the_ground_truth_reads_back_from_its_files() {
         assert!((joint.start_to_end().apply(p) - cabinet.pose(i + 1, State::END).apply(DVec3::X)).length() < 1e-9);
         assert!(joint.state_values[State::END] > 0.0);
         for state in State::ALL {
-            assert!(truth.movable[i][state.index()] == cabinet.mesh(i + 1, state), "part {i} {}", state.name());
+            assert!(truth.movable[i][state] == cabinet.mesh(i + 1, state), "part {i} {}", state.name());
         }
     }
-    assert!(truth.fixed[State::START.index()] == cabinet.mesh(0, State::START));
-    assert_eq!(truth.whole[State::END.index()].vertices.len(), 8 * (8 + 4 + 8));
+    assert!(truth.fixed[State::START] == cabinet.mesh(0, State::START));
+    assert_eq!(truth.whole[State::END].vertices.len(), 8 * (8 + 4 + 8));
 }
 
 #[test]

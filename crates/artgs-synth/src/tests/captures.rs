@@ -152,14 +152,14 @@ fn the_ground_truth_reads_back_with_chains_and_screws() {
         for (i, joint) in truth.joints.iter().enumerate() {
             assert_eq!(joint.kind, object.parts[i + 1].joint.unwrap().kind);
             assert_eq!(truth.parents[i].map(|p| p + 1), object.parts[i + 1].parent);
-            let moved = truth.movable[i][State::START.index()].moved(&truth.start_to_end(i));
-            for (a, b) in moved.vertices.iter().zip(&truth.movable[i][State::END.index()].vertices) {
+            let moved = truth.movable[i][State::START].moved(&truth.start_to_end(i));
+            for (a, b) in moved.vertices.iter().zip(&truth.movable[i][State::END].vertices) {
                 assert!((Vec3::from(*a) - Vec3::from(*b)).length() < 1e-5, "{name} part {i}");
             }
         }
-        assert_eq!(truth.fixed[State::START.index()], object.mesh(0, State::START));
+        assert_eq!(truth.fixed[State::START], object.mesh(0, State::START));
         let triangles: usize = (0..object.parts.len()).map(|p| object.mesh(p, State::END).triangles.len()).sum();
-        assert_eq!(truth.whole[State::END.index()].triangles.len(), triangles);
+        assert_eq!(truth.whole[State::END].triangles.len(), triangles);
         let mask = artgs_io::image_io::read_rgba(&dir.path().join("gt/part_masks/end/train/0002.png")).unwrap();
         let ids: std::collections::BTreeSet<u8> = mask.pixels.iter().map(|p| p[0]).collect();
         assert!(ids.contains(&0) && ids.contains(&1) && *ids.last().unwrap() as usize <= object.parts.len());

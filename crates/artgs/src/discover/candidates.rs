@@ -260,7 +260,7 @@ impl Search<'_> {
         landing: &[f32],
         radius: f32,
     ) -> f32 {
-        // Most poses of the wide search are hopeless, and a third of the points shows it.
+        // A third of the points is enough to reject most poses of the wide search.
         let third = sample.len() / 3;
         let mut sum = 0.0;
         for (i, (p, n)) in sample.iter().enumerate() {

@@ -125,7 +125,14 @@ mod tests {
 
     fn prismatic(axis: DVec3, length: f64) -> Joint {
         let (kind, values) = (JointKind::Prismatic, [0.0, length]);
-        Joint { kind, axis, origin: DVec3::new(0.3, 0.1, 0.9), pitch: 0.0, state_values: values.into(), limits: values }
+        Joint {
+            kind,
+            axis,
+            origin: DVec3::new(0.3, 0.1, 0.9),
+            pitch: 0.0,
+            state_values: artgs_core::PerState::new(0.0, length),
+            limits: values,
+        }
     }
 
     #[test]

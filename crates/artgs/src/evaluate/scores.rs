@@ -5,7 +5,7 @@ use super::joints::{JointErrors, Motion, joint_errors, read_as};
 use super::matching::{match_parts, pair_cost};
 use super::pictures::PictureScores;
 use crate::surface::PartMeshes;
-use artgs_core::{Joint, JointKind, Mesh, PerState, Replica};
+use artgs_core::{Joint, JointKind, Mesh, PerState, Replica, State};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
@@ -157,13 +157,16 @@ pub fn evaluate(replica: &Replica, meshes: &PartMeshes, truth: &Truth, config: &
     let none = PerState::<Mesh>::default();
     let moving: Vec<usize> = (1..replica.parts.len().max(meshes.parts.len())).collect();
     let matched = match_movable(replica, meshes, &moving, truth, config);
-    let diagonals = [0, 1].map(|s| diagonal(&truth.whole[s]));
+    let diagonals = truth.whole.as_ref().map(diagonal);
     let score = |guess: Option<&PerState<Mesh>>, true_mesh: &PerState<Mesh>| {
-        MeshScore::new([0, 1].map(|s| score_mesh(guess.map(|m| &m[s]), &true_mesh[s], diagonals[s], &config.geometry)))
+        MeshScore::new(
+            State::ALL.map(|s| score_mesh(guess.map(|m| &m[s]), &true_mesh[s], diagonals[s], &config.geometry)),
+        )
     };
     let mut absent = 0;
     let mut count_absent = |guess: Option<&PerState<Mesh>>, true_mesh: &PerState<Mesh>| {
-        absent += (0..2).filter(|s| !true_mesh[*s].is_empty() && guess.is_none_or(|m| m[*s].is_empty())).count();
+        let is_absent = |s: &State| !true_mesh[*s].is_empty() && guess.is_none_or(|m| m[*s].is_empty());
+        absent += State::ALL.iter().filter(|s| is_absent(s)).count();
     };
     let (mut parts, mut wrong_parent) = (Vec::new(), 0);
     for (index, true_joint) in truth.joints.iter().enumerate() {
@@ -215,17 +218,18 @@ fn match_movable(
     config: &EvaluateConfig,
 ) -> Vec<Option<usize>> {
     let sample = |mesh: Option<&PerState<Mesh>>| {
-        [0, 1].map(|s| {
-            let mut rng = Pcg64Mcg::seed_from_u64(s as u64);
+        PerState::from_fn(|s| {
+            let mut rng = Pcg64Mcg::seed_from_u64(s.index() as u64);
             mesh.map(|m| sample_surface(&m[s], config.matching_samples, &mut rng)).unwrap_or_default()
         })
     };
     let true_points: Vec<_> = (0..truth.joints.len()).map(|i| sample(truth.movable.get(i))).collect();
-    let size = 0.5 * (diagonal(&truth.whole[0]) + diagonal(&truth.whole[1]));
+    let size = 0.5 * (diagonal(&truth.whole[State::START]) + diagonal(&truth.whole[State::END]));
     let distances = |part: &usize| {
         let points = sample(meshes.parts.get(*part));
-        let pair = |t: &[Vec<[f64; 3]>; 2]| {
-            chamfer(&points[0], &t[0]).zip(chamfer(&points[1], &t[1])).map(|(a, b)| 0.5 * (a + b))
+        let pair = |t: &PerState<Vec<[f64; 3]>>| {
+            let at = |state| chamfer(&points[state], &t[state]);
+            at(State::START).zip(at(State::END)).map(|(a, b)| 0.5 * (a + b))
         };
         true_points.iter().map(pair).collect::<Vec<_>>()
     };
@@ -284,7 +288,14 @@ mod tests {
 
     fn joint(kind: JointKind, axis: DVec3, value: f64) -> Joint {
         let values = [0.0, value];
-        Joint { kind, axis, origin: DVec3::new(0.5, 0.0, 0.0), pitch: 0.0, state_values: values.into(), limits: values }
+        Joint {
+            kind,
+            axis,
+            origin: DVec3::new(0.5, 0.0, 0.0),
+            pitch: 0.0,
+            state_values: PerState::new(0.0, value),
+            limits: values,
+        }
     }
 
     /// A static plate, two drawers that move alike, and a door.

@@ -117,7 +117,7 @@ impl RateConfig {
 }
 
 impl Default for RateConfig {
-    /// For short runs that start on the surface: bolder harmonics and scales, all rates falling.
+    /// For short runs that start on the surface: larger harmonics and scales, all rates falling.
     fn default() -> Self {
         Self {
             position_to: 1.6e-6,

@@ -1,4 +1,4 @@
-//! Adaptive density control of 3DGS: clone small, split large, prune faint Gaussians; reset opacities now and then.
+//! Adaptive density control of 3DGS: clone small, split large, prune faint Gaussians; reset opacities at intervals.
 
 use super::adam::SplatAdam;
 use crate::random::normal;

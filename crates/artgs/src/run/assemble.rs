@@ -61,7 +61,7 @@ impl Run<'_> {
     }
 
     fn warn_of_doubtful_parts(&mut self, fitted: &FittedParts, meshes: &PartMeshes) {
-        for (part, _) in meshes.parts.iter().enumerate().filter(|(_, m)| m[0].is_empty()) {
+        for (part, _) in meshes.parts.iter().enumerate().filter(|(_, m)| m[State::START].is_empty()) {
             self.warn(format!("part {part} has no surface: no view shows enough of it"));
         }
         for (k, found) in fitted.parts.iter().enumerate() {
@@ -78,7 +78,7 @@ impl Run<'_> {
 
 /// The joints' origins are near the parts at the start state.
 fn replica(parts: &[JointEstimate], meshes: &PartMeshes) -> Replica {
-    let joint = |(k, part): (usize, &JointEstimate)| part.joint_near(middle(&meshes.parts[k + 1][0]));
+    let joint = |(k, part): (usize, &JointEstimate)| part.joint_near(middle(&meshes.parts[k + 1][State::START]));
     let joints: Vec<Joint> = parts.iter().enumerate().map(joint).collect();
     let mut replica = Replica::new(&joints);
     for (part, found) in replica.parts[1..].iter_mut().zip(parts) {

@@ -65,7 +65,7 @@ impl Reconstructed {
     /// Mesh of every part when the joints have these values, world frame; see [`Reconstructed::pose`].
     pub fn posed_meshes(&self, values: &[f64]) -> Vec<Mesh> {
         let parts = self.meshes.parts.iter().enumerate();
-        parts.map(|(part, meshes)| meshes[0].moved(&self.pose(part, values))).collect()
+        parts.map(|(part, meshes)| meshes[State::START].moved(&self.pose(part, values))).collect()
     }
 
     /// Gaussians of one part, world frame midway between the states; none if there are no Gaussians.

@@ -2,7 +2,7 @@
 //!
 //! Jonker and Volgenant (1987): column reduction, augmenting row reduction, then shortest augmenting paths.
 //! Costs are computed where they are needed: a row costs less to compute than to fetch from a large matrix. Roots are the
-//! dearest part; they are taken only where the squares say that they may matter. Paths are searched block by block of
+//! most expensive part; they are taken only where the squares say that they may matter. Paths are searched block by block of
 //! neighbouring columns, of which most are too far away to be looked into.
 
 mod columns;
