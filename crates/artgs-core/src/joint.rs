@@ -86,7 +86,8 @@ pub struct JointEstimate {
     /// Root mean square distance between the registered surfaces, scene units; none where too little of the part was
     /// seen to register it.
     pub rms: Option<f64>,
-    /// How certain the joint is, 0 to 1; none where nothing shows.
+    /// Joint confidence, 0 to 1: the share of the part's points, moved by the joint from one observed state to the other
+    /// and visible there, that lie on a surface and not in empty space. None if too few points are visible.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub confidence: Option<f64>,
 }

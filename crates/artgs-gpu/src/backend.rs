@@ -10,11 +10,11 @@ use crate::resident::Resident;
 use crate::scene::ImageBuffers;
 use crate::step::{self, Outcome, PartTerms, Step};
 use crate::{Gpu, GpuError, chamfer, joints, membership};
-use artgs::articulation::Assignment;
 use artgs::fit::{
     Backend, Deformation, Devices, FitError, LossConfig, LossTerms, Membership, StepStats, TrainConfig, TrainImage,
     TrainState, ViewPlan, psnr_of_mse,
 };
+use artgs::low_level::Assignment;
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 use std::sync::Arc;

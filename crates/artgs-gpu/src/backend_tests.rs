@@ -3,10 +3,10 @@
 use super::*;
 use crate::scene::PLAIN;
 use crate::testing::{articulated, gpu, images, rng, splats};
-use artgs::articulation::Warp;
-use artgs::fit::deform::DeformWorkspace;
-use artgs::fit::loss::opacity_entropy;
 use artgs::fit::{CpuBackend, DepthMode, ImageLoss, PlateauConfig, RateConfig, ViewSampler};
+use artgs::low_level::DeformWorkspace;
+use artgs::low_level::Warp;
+use artgs::low_level::opacity_entropy;
 use artgs_core::State;
 use artgs_raster::{Frame, Rasterizer, RenderOptions, SplatGrads, SplatView};
 

@@ -1,7 +1,7 @@
 //! Constants of the kernels. The host needs most of them too; those that `artgs` or `artgs_raster` define are taken from there.
 
 use crate::shared::shared_constants;
-use artgs::kernel_constants as training;
+use artgs::low_level::kernel_constants as training;
 use artgs_raster::low_level as raster;
 use std::f32::consts;
 

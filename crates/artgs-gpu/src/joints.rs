@@ -6,8 +6,8 @@ use crate::scene::{Gaussians, Program, Size, StepBuffers};
 use crate::shared::shared_struct;
 use crate::step::Step;
 use crate::{Gpu, GpuError};
-use artgs::articulation::MotionModel;
 use artgs::fit::{Articulated, JointState};
+use artgs::low_level::MotionModel;
 use wgpu::Buffer;
 
 /// Number of ranges of Gaussians whose gradients are summed in parallel.

@@ -10,9 +10,9 @@ use crate::scene::{Gaussians, Program, Size, StepBuffers};
 use crate::shared::shared_struct;
 use crate::step::Step;
 use crate::{Gpu, GpuError};
-use artgs::articulation::assignment::hash_grid::FEATURES;
-use artgs::articulation::{AssignState, Assignment, GridTable, PartAssignment};
 use artgs::fit::{Articulated, Membership};
+use artgs::low_level::FEATURES;
+use artgs::low_level::{AssignState, Assignment, GridTable, PartAssignment};
 use bytemuck::Pod;
 use wgpu::Buffer;
 

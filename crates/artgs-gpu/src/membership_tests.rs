@@ -3,8 +3,8 @@
 use super::tests::{backend, both, compare, config, distance, floats};
 use super::*;
 use crate::testing::{articulated, gpu, images, parts, rng, splats};
-use artgs::articulation::{AssignConfig, AssignKind, AssignState, HashGridConfig, PartAssignment};
 use artgs::fit::{Articulated, ChamferTargets, CpuBackend, DeformConfig};
+use artgs::low_level::{AssignConfig, AssignKind, AssignState, HashGridConfig, PartAssignment};
 use artgs_core::{PerState, Splats};
 use rand::RngExt;
 

@@ -9,8 +9,8 @@ use crate::kernels::Kernels;
 use crate::membership::{self, LearnedMembership, Shape};
 use crate::scene::{Gaussians, ImageBuffers, Intersections, PLAIN, Program, Size, StepBuffers, backward, forward};
 use crate::{Gpu, GpuError};
-use artgs::articulation::DualQuaternion;
 use artgs::fit::{Articulated, Deformation, Membership, TrainState};
+use artgs::low_level::DualQuaternion;
 use artgs_core::State;
 
 /// Buffers on the device during training.
@@ -181,8 +181,13 @@ fn motions_of(half_motions: &[DualQuaternion]) -> Vec<[f32; 4]> {
     let towards = |state: State| {
         half_motions.iter().flat_map(move |m| {
             let sign = if state == State::START { -1.0 } else { 1.0 };
-            let length =
-                m.real.iter().map(|c| c * c).sum::<f64>().sqrt().max(artgs::kernel_constants::MOTION_LENGTH_MIN);
+            let length = m
+                .real
+                .iter()
+                .map(|c| c * c)
+                .sum::<f64>()
+                .sqrt()
+                .max(artgs::low_level::kernel_constants::MOTION_LENGTH_MIN);
             let unit = |q: [f64; 4]| std::array::from_fn(|i| (if i > 0 { sign * q[i] } else { q[i] } / length) as f32);
             [unit(m.real), unit(m.dual)]
         })

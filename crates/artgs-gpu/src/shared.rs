@@ -135,7 +135,7 @@ pub(crate) fn wgsl(bucket: u32) -> String {
     [
         constants::wgsl(),
         definition("BUCKET", &bucket),
-        definition("WINDOW", &artgs::kernel_constants::ssim_window()),
+        definition("WINDOW", &artgs::low_level::kernel_constants::ssim_window()),
         Step::wgsl(),
         Flat::wgsl(),
         Outcome::wgsl(),

@@ -156,7 +156,7 @@ impl Step {
             self.flags |= DOUBLE_ALPHA;
         }
         self.depth_unit = depth_unit;
-        let usable = config.depth > 0.0 && (count > artgs::fit::loss::MIN_VALID_DEPTHS || !accumulated);
+        let usable = config.depth > 0.0 && (count > artgs::low_level::MIN_VALID_DEPTHS || !accumulated);
         if let (Some(per_unit), true) = (depth_per_unit, usable) {
             self.depth_step = config.depth / count as f32;
             self.depth_count = 1.0 / per_unit;

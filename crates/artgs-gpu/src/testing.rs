@@ -1,8 +1,8 @@
 //! A device and random scenes for the tests of kernels.
 
 use crate::{Gpu, GpuError};
-use artgs::articulation::{MotionModel, MotionParameters};
 use artgs::fit::{Articulated, ChamferTargets, DeformConfig, DepthPick, LogLinear, Membership, TrainImage};
+use artgs::low_level::{MotionModel, MotionParameters};
 use artgs_core::{Camera, DepthMap, Intrinsics, Rigid, Splats, State, View};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};

@@ -2,10 +2,10 @@
 
 mod common;
 
-use artgs::articulation::{AssignConfig, PartAssignment};
-use artgs::canonical::cluster::{ClusterConfig, spectral_clusters};
-use artgs::canonical::fps::farthest_points;
-use artgs::canonical::matching::match_points;
+use artgs::low_level::farthest_points;
+use artgs::low_level::match_points;
+use artgs::low_level::{AssignConfig, PartAssignment};
+use artgs::low_level::{ClusterConfig, spectral_clusters};
 use artgs::surface::{FusionView, Selection, Tsdf, TsdfParams, marching_cubes};
 use artgs_core::{JointKind, Rigid};
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};

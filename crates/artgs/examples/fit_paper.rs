@@ -2,8 +2,8 @@
 //! `fit_paper CAPTURE PARTS [SINGLE TYPES JOINT]`.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-use artgs::articulation::{PaperConfig, paper_pipeline, score_state};
-use artgs::fit::{Cpu, Follow, SingleConfig, StepStats, fit_single, score};
+use artgs::fit::{Cpu, Follow, SingleConfig, StepStats, fit_single, mean_score};
+use artgs::low_level::{PaperConfig, paper_pipeline, score_state};
 use artgs_core::{JointKind, PerState, State};
 use std::time::Instant;
 
@@ -31,7 +31,7 @@ fn main() {
         println!("{kind:?} {value:.3} about {:?} through {:?}", joint.axis, joint.origin);
     }
     for state in State::ALL {
-        let mean = score::mean_score(&score_state(&result.trained, &capture.states[state].test, state, false));
+        let mean = mean_score(&score_state(&result.trained, &capture.states[state].test, state, false));
         println!("{} held out: {:.2} dB, SSIM {:.4}", state.name(), mean.psnr, mean.ssim);
     }
 }

@@ -1,7 +1,7 @@
 //! Fits one state of a capture and prints scores and times: `fit_state CAPTURE start|end [CONFIG.toml]`.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-use artgs::fit::{Cpu, SingleConfig, StepStats, fit_single, score, score_views};
+use artgs::fit::{Cpu, SingleConfig, StepStats, depth_error, fit_single, mean_score, score_views};
 use artgs_core::State;
 use std::time::Instant;
 
@@ -33,8 +33,8 @@ fn main() {
     })
     .unwrap();
     let stepping = first.unwrap().elapsed().as_secs_f64() / last as f64;
-    let mean = score::mean_score(&score_views(&splats, &views.test));
-    let depth = score::depth_error(&splats, &views.test);
+    let mean = mean_score(&score_views(&splats, &views.test));
+    let depth = depth_error(&splats, &views.test);
     println!(
         "{:.2?} in all, {:.1} ms per step; held out: {:.2} dB, SSIM {:.4}, depth error {depth:.5?}",
         start.elapsed(),

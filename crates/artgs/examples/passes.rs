@@ -5,8 +5,8 @@
 #[path = "../benches/common/mod.rs"]
 mod common;
 
-use artgs::fit::ssim::Ssim;
 use artgs::fit::{AdamConfig, ImageLoss, LossConfig, RateConfig, Rect, SplatAdam};
+use artgs::low_level::Ssim;
 use artgs_raster::simd::{Instructions, use_instructions};
 use artgs_raster::{PassSeconds, Rasterizer, RenderOptions, SplatGrads};
 use common::{GAUSSIANS, ball, images};

@@ -40,17 +40,19 @@
 //! joint value, and the Gaussians of one part.
 
 pub mod ablation;
-pub mod articulation;
-pub mod canonical;
+mod articulation;
+mod canonical;
 pub mod config;
 pub mod discover;
 pub mod evaluate;
 pub mod fit;
-pub mod kernel_constants;
-pub mod neighbours;
+mod kernel_constants;
+#[doc(hidden)]
+pub mod low_level;
+mod neighbours;
 pub mod observer;
 mod random;
-pub mod registration;
+mod registration;
 pub mod run;
 mod shorten;
 pub mod surface;

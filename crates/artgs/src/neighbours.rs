@@ -5,29 +5,29 @@ use std::num::NonZero;
 
 /// A search tree over fixed points. Searching an empty tree finds nothing.
 #[derive(Debug)]
-pub struct PointTree(Option<ImmutableKdTree<f32, 3>>);
+pub(crate) struct PointTree(Option<ImmutableKdTree<f32, 3>>);
 
 impl PointTree {
     /// Builds the tree over `points`, `[n][3]`, which must be finite.
-    pub fn new(points: &[[f32; 3]]) -> Self {
+    pub(crate) fn new(points: &[[f32; 3]]) -> Self {
         Self(ImmutableKdTree::new_from_slice(points).ok().filter(|_| !points.is_empty()))
     }
 
     /// Index of the nearest point and its squared distance.
-    pub fn nearest(&self, query: &[f32; 3]) -> Option<(usize, f32)> {
+    pub(crate) fn nearest(&self, query: &[f32; 3]) -> Option<(usize, f32)> {
         let found = self.0.as_ref()?.query(query).nearest_one::<SquaredEuclidean<f32>>().execute();
         Some((found.item as usize, found.distance))
     }
 
     /// The same within a squared distance; much faster than [`nearest`](Self::nearest) where there is nothing near.
-    pub fn nearest_within(&self, query: &[f32; 3], limit: f32) -> Option<(usize, f32)> {
+    pub(crate) fn nearest_within(&self, query: &[f32; 3], limit: f32) -> Option<(usize, f32)> {
         let search = self.0.as_ref()?.query(query).nearest_n::<SquaredEuclidean<f32>>(NonZero::<usize>::MIN);
         let found = search.within::<SquaredEuclidean<f32>>(limit).execute();
         found.first().map(|hit| (hit.item as usize, hit.distance))
     }
 
     /// Calls `visit(index, squared distance)` for the `n` nearest points within a squared distance, nearest first.
-    pub fn nearest_n(&self, query: &[f32; 3], n: usize, limit: f32, mut visit: impl FnMut(usize, f32)) {
+    pub(crate) fn nearest_n(&self, query: &[f32; 3], n: usize, limit: f32, mut visit: impl FnMut(usize, f32)) {
         let (Some(tree), Some(n)) = (&self.0, NonZero::new(n)) else { return };
         let search = tree.query(query).nearest_n::<SquaredEuclidean<f32>>(n);
         for hit in search.within::<SquaredEuclidean<f32>>(limit).execute() {

@@ -2,9 +2,9 @@
 
 #![allow(clippy::unwrap_used)]
 
-use artgs::articulation::{ArticulateConfig, SkinStart, Start, Trained, articulate, score_state};
-use artgs::articulation::{MotionModel, MotionParameters};
-use artgs::fit::{Cpu, DensifyConfig, FitError, LogLinear, PlateauConfig, RateConfig, StepStats, score};
+use artgs::fit::{Cpu, DensifyConfig, FitError, LogLinear, PlateauConfig, RateConfig, StepStats, mean_score};
+use artgs::low_level::{ArticulateConfig, SkinStart, Start, Trained, articulate, score_state};
+use artgs::low_level::{MotionModel, MotionParameters};
 use artgs_core::{Camera, DepthMap, Intrinsics, PerState, Rigid, Splats, State, View};
 use artgs_raster::Rasterizer;
 use glam::DVec3;
@@ -165,8 +165,7 @@ fn labels_follow_densification_and_threads_do_not_show() {
             let same = |i: &usize| truth.labels[nearest(&found.splats.means[*i])] == found.labels[*i];
             let right = (0..found.splats.len()).filter(same).count();
             assert!(right * 100 > 95 * found.splats.len(), "{right} of {}", found.splats.len());
-            let psnr =
-                |t: &Trained| score::mean_score(&score_state(t, &views(&truth, State::END), State::END, true)).psnr;
+            let psnr = |t: &Trained| mean_score(&score_state(t, &views(&truth, State::END), State::END, true)).psnr;
             assert!(psnr(&found) > 25.0, "{}", psnr(&found));
         }
     }

@@ -50,7 +50,7 @@ fn views(splats: &Splats, count: usize, phase: f64) -> Vec<View> {
 }
 
 fn mean_psnr(splats: &Splats, views: &[View]) -> f64 {
-    artgs::fit::score::mean_score(&score_views(splats, views)).psnr
+    artgs::fit::mean_score(&score_views(splats, views)).psnr
 }
 
 fn quick(init: InitKind) -> SingleConfig {

@@ -1,11 +1,11 @@
 //! Every instruction set of this machine computes alike: similarity, Adam, perceptron, matching and whole training steps.
 //! One test, as the choice is process-wide.
 
-use artgs::articulation::assignment::mlp::{LANES, Mlp};
-use artgs::canonical::matching::match_points;
-use artgs::fit::adam::adam;
-use artgs::fit::ssim::Ssim;
 use artgs::fit::{AdamConfig, Cpu, InitKind, Moments, Rect, SingleConfig, StepStats, fit_single};
+use artgs::low_level::Ssim;
+use artgs::low_level::adam;
+use artgs::low_level::match_points;
+use artgs::low_level::{LANES, Mlp};
 use artgs_core::View;
 use artgs_raster::simd::{Instructions, use_instructions};
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};

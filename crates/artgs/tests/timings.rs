@@ -2,8 +2,8 @@
 
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-use artgs::articulation::*;
-use artgs::canonical::{cluster::*, fps::farthest_points, matching::match_points, motion::analyse};
+use artgs::low_level::*;
+use artgs::low_level::{ClusterConfig, analyse, farthest_points, match_points, spectral_clusters};
 use artgs_core::Rigid;
 use glam::DVec3;
 use rand::RngExt;

@@ -127,7 +127,7 @@ impl fmt::Display for Format {
 
 /// There is no format of this name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no format `{0}`; there are urdf, mjcf, usd, usdz, glb, sdf, partnet and splats")]
+#[error("there is no format `{0}`; the formats are {names}", names = Format::ALL.map(Format::name).join(", "))]
 pub struct UnknownFormat(pub String);
 
 impl FromStr for Format {

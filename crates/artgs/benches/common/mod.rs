@@ -1,11 +1,11 @@
 //! Scenes stored as seeds.
 #![allow(dead_code, unreachable_pub, missing_docs, clippy::unwrap_used)]
 
-use artgs::articulation::{MotionModel, MotionParameters};
 use artgs::fit::{
     AdamConfig, Articulated, Backend, CpuBackend, DeformConfig, Deformation, DepthPick, LogLinear, LossConfig,
     Membership, PlateauConfig, RateConfig, TrainConfig, TrainImage, TrainState,
 };
+use artgs::low_level::{MotionModel, MotionParameters};
 use artgs_core::{DepthMap, Rigid, Splats, State, View};
 use artgs_raster::{Rasterizer, RenderOptions};
 use glam::DVec3;

@@ -9,9 +9,9 @@
 //! [`model`] and [`assignment`].
 
 pub(crate) mod adam;
-pub mod assignment;
-pub mod model;
-pub mod training;
+pub(crate) mod assignment;
+pub(crate) mod model;
+pub(crate) mod training;
 
 pub use assignment::{
     AssignConfig, AssignKind, AssignState, Assignment, GridTable, HashGrid, HashGridConfig, MlpAssignment,

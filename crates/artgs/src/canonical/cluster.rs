@@ -123,7 +123,7 @@ fn graph_components(near: &[Vec<(usize, f32)>]) -> Vec<u32> {
 }
 
 /// Component of each of `n` nodes, numbered by first member, under undirected edges.
-pub fn connected_components(n: usize, edges: impl IntoIterator<Item = (usize, usize)>) -> Vec<u32> {
+pub(crate) fn connected_components(n: usize, edges: impl IntoIterator<Item = (usize, usize)>) -> Vec<u32> {
     fn root(parent: &mut [u32], mut i: u32) -> u32 {
         while parent[i as usize] != i {
             parent[i as usize] = parent[parent[i as usize] as usize];

@@ -104,7 +104,7 @@ pub struct Canonical {
 }
 
 /// Builds the canonical start for `parts` parts, the static one included.
-pub fn canonical_init(
+pub(crate) fn canonical_init(
     single: &PerState<Splats>,
     parts: usize,
     config: &CanonicalConfig,
@@ -208,7 +208,7 @@ fn check(single: &PerState<Splats>, parts: usize) -> Result<(), CanonicalError> 
 }
 
 /// Thins both states to equally many Gaussians, matches them and averages every raw parameter of the pairs.
-pub fn midpoints(single: &PerState<Splats>, config: &CanonicalConfig) -> Splats {
+pub(crate) fn midpoints(single: &PerState<Splats>, config: &CanonicalConfig) -> Splats {
     let count = single.iter().map(Splats::len).fold(config.max_matched, usize::min);
     let thinned = |splats: &Splats| splats.select(farthest_points(&splats.means, count));
     let (first, second) = (thinned(&single[State::START]), thinned(&single[State::END]));

@@ -1,15 +1,15 @@
 //! The start of the joint optimisation: canonical Gaussians and part centres from two separately fitted states.
 
-pub mod cluster;
-pub mod fps;
-pub mod init;
-pub mod matching;
-pub mod motion;
+pub(crate) mod cluster;
+pub(crate) mod fps;
+pub(crate) mod init;
+pub(crate) mod matching;
+pub(crate) mod motion;
 mod spectral;
 mod tree;
 mod uninformed;
 
-pub use init::{Canonical, CanonicalConfig, CanonicalStart, CentreSource, canonical_init};
+pub(crate) use init::{Canonical, CanonicalConfig, CanonicalStart, CentreSource, canonical_init};
 
 use artgs_core::State;
 

@@ -47,7 +47,7 @@ impl StaticRule {
 }
 
 /// Squared distance from every point of `from` to the nearest of `to`.
-pub fn nearest_squared(from: &[[f32; 3]], to: &[[f32; 3]]) -> Result<Vec<f32>, CanonicalError> {
+pub(crate) fn nearest_squared(from: &[[f32; 3]], to: &[[f32; 3]]) -> Result<Vec<f32>, CanonicalError> {
     Ok(Tree::new(to)?.nearest_all(from).into_iter().map(|hit| hit.1).collect())
 }
 

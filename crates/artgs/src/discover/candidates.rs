@@ -77,7 +77,7 @@ impl Default for CandidateSettings {
     }
 }
 
-/// One state as the search sees it.
+/// What the search reads of one state.
 pub(super) struct SearchState<'a> {
     /// Points with their search tree.
     pub(super) points: &'a IndexedCloud<'a>,

@@ -13,7 +13,7 @@ pub(crate) struct DiagnosisSettings {
     pub(crate) unexplained: f64,
     /// A warning if no point of a part moves by more, depth tolerances.
     pub(crate) least_motion: f64,
-    /// With fewer points in view nothing is said of a part's fit.
+    /// With fewer visible points the joint confidence is none.
     pub(crate) least_visible: usize,
 }
 
@@ -56,9 +56,9 @@ impl DiagnosisSettings {
         warnings
     }
 
-    /// Share of a part's points that `motion` (start to end) takes onto a surface of the other state, of those that it
-    /// takes to where that state shows a surface or empty space; none where too few points are in view.
-    pub(crate) fn visible_fit(
+    /// Joint confidence: of the points of a part that `motion` (start to end) moves to where the other state shows a surface
+    /// or empty space, the share on a surface; none if fewer than [`Self::least_visible`] points are visible.
+    pub(crate) fn joint_confidence(
         &self,
         scene: &Scene,
         labels: &PerState<Vec<u16>>,

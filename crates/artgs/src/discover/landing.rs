@@ -1,4 +1,4 @@
-//! Where points of one state are under a motion in the other state, and what that costs.
+//! Where points of one state are under a motion in the other state, and the cost of that position.
 
 use super::cloud::IndexedCloud;
 use super::segmentation::LabelCosts;

@@ -178,7 +178,7 @@ impl Evidence {
         settings: &StepSettings,
     ) -> Discovery {
         for (k, part) in parts.iter_mut().enumerate() {
-            part.confidence = settings.diagnosis.visible_fit(scene, &labels, k as u16 + 1, &part.motion);
+            part.confidence = settings.diagnosis.joint_confidence(scene, &labels, k as u16 + 1, &part.motion);
         }
         warnings.extend(settings.diagnosis.warnings(scene, &labels, &self.moved, &parts));
         Discovery { labels, parts, warnings, ..without_parts(scene) }

@@ -192,9 +192,9 @@ impl Scene {
         /// A state with fewer surface points, one of 25 pixels, shows nothing.
         const LEAST_POINTS: usize = 50;
         /// Depths that differ by more than this many times the noise are different.
-        const NOISES: f32 = 4.0;
+        const TOLERANCE_PER_NOISE: f32 = 4.0;
         /// The same in pixels on the object: depth is not known better where a surface is oblique.
-        const PIXELS: f32 = 0.5;
+        const TOLERANCE_PER_PIXEL: f32 = 0.5;
         let step = pixel_step(pictures, 0.5 * config.spacing);
         let prepared = pictures.map(|p| prepare(p, step));
         for (state, (_, rough)) in prepared.enumerate() {
@@ -212,7 +212,7 @@ impl Scene {
         let pixel = largest(&|state| Observation::pixel_size(&state.views));
         let noise = largest(&Observation::depth_noise);
         let spacing = (config.spacing as f32 * diagonal).max(pixel);
-        let tolerance = (NOISES * noise).max(PIXELS * pixel);
+        let tolerance = (TOLERANCE_PER_NOISE * noise).max(TOLERANCE_PER_PIXEL * pixel);
         Ok(Self { states, lengths: Lengths { spacing, diagonal }, tolerance, lower, upper })
     }
 

@@ -107,7 +107,7 @@ pub fn adam(params: &mut [f32], grads: &[f32], moments: &mut Moments, rate: f32,
 
 /// One Adam update of rows of width `stride`. `columns` lists how many columns have which rate, from the left;
 /// columns it does not reach are left alone.
-pub fn adam_columns(
+pub(crate) fn adam_columns(
     params: &mut [f32],
     grads: &[f32],
     moments: &mut Moments,

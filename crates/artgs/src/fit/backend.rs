@@ -132,21 +132,20 @@ impl Default for RateConfig {
     }
 }
 
-/// When a run has converged. At first rates stay as they are and a few views are held back; once those hardly improve
-/// any more, all views are trained on for a last while, in which rates fall.
+/// When a run has converged. At first learning rates are constant and a few views are held back. When the held-back views no
+/// longer improve, the run settles: it trains on all views for a fixed number of steps with falling rates.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PlateauConfig {
-    /// Length of the last while in steps; 0: rates fall throughout the run, which has its full length.
+    /// Steps after the run settles; 0: the run has its full length, and rates fall from its beginning.
     pub settle: usize,
     /// Views of each state that are held back, but at most one in eight. With none the run has its full length.
     pub hold_back: usize,
-    /// Held-back views are looked at every so many steps.
+    /// Steps between two scores of the held-back views.
     pub every: usize,
-    /// Larger images are made smaller, by a whole factor, to have at most about so many pixels until the run settles.
+    /// Until the run settles, larger images are reduced by an integer factor to about this number of pixels.
     pub coarse_pixels: usize,
-    /// The run settles after a look at which their mean peak signal to noise ratio is not this many decibels above the
-    /// best so far.
+    /// The run settles when the mean PSNR of the held-back views is less than this above the best so far, decibels.
     pub least_gain: f64,
 }
 

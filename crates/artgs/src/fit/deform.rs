@@ -1,4 +1,4 @@
-//! Canonical Gaussians that hang on moving parts: drawn at the state of each photograph, with gradients for the
+//! Canonical Gaussians of moving parts: rendered at the state of each image, with gradients for the
 //! motions of the parts and for which Gaussian belongs to which.
 
 use super::chamfer::ChamferTargets;
@@ -373,14 +373,14 @@ fn skin<'a>(membership: &'a Membership, weights: &'a [f32]) -> Skin<'a> {
 }
 
 /// Half motions of all parts, `[K]`, the static one first.
-pub fn half_motions(joints: &[MotionParameters], out: &mut Vec<DualQuaternion>) {
+pub(crate) fn half_motions(joints: &[MotionParameters], out: &mut Vec<DualQuaternion>) {
     out.clear();
     out.push(DualQuaternion::IDENTITY);
     out.extend(joints.iter().map(MotionParameters::dual_quaternion));
 }
 
 /// Rotations from the world at a state back to the canonical directions of every part, `[K]`, row-major.
-pub fn sh_frames(motions: &[DualQuaternion], state: State, out: &mut Vec<[[f32; 3]; 3]>) {
+pub(crate) fn sh_frames(motions: &[DualQuaternion], state: State, out: &mut Vec<[[f32; 3]; 3]>) {
     out.clear();
     out.extend(motions.iter().map(|motion| {
         let rotation = Rigid::from_dual_quaternion(motion.real, motion.dual).matrix();

@@ -143,7 +143,7 @@ pub struct DensifyReport {
 /// Changes the set at `step`: clones, splits, prunes; the optimiser's moments follow, `stats` start again at 0. `extent` is
 /// the size of the scene (largest distance of a camera from their mean) that sizes are relative to. Survivors keep
 /// their order, followed by clones, then by halves. Also returns which of the old Gaussians each new one descends from.
-pub fn densify(
+pub(crate) fn densify(
     splats: &mut Splats,
     adam: &mut SplatAdam,
     stats: &mut DensifyStats,
@@ -215,14 +215,14 @@ fn halves(splats: &Splats, parents: &[usize], shrink: f32, rng: &mut Pcg64Mcg) -
 }
 
 /// Lowers every opacity to at most the configured one and forgets the moments of opacities.
-pub fn reset_opacities(splats: &mut Splats, adam: &mut SplatAdam, config: &DensifyConfig) {
+pub(crate) fn reset_opacities(splats: &mut Splats, adam: &mut SplatAdam, config: &DensifyConfig) {
     let top = logit(config.reset_opacity);
     splats.logit_opacities.iter_mut().for_each(|l| *l = l.min(top));
     adam.logit_opacities.clear();
 }
 
 /// Inverse of the sigmoid.
-pub fn logit(p: f32) -> f32 {
+pub(crate) fn logit(p: f32) -> f32 {
     (p / (1.0 - p)).ln()
 }
 

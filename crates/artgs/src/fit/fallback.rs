@@ -16,12 +16,12 @@ const SAVE_EVERY: usize = 500;
 #[derive(Debug)]
 pub struct WithFallback {
     first: Box<dyn Devices>,
-    fall: Mutex<Fall>,
+    state: Mutex<FallbackState>,
 }
 
 #[derive(Debug, Default)]
-struct Fall {
-    fallen: bool,
+struct FallbackState {
+    failed: bool,
     /// Why, until it is returned once.
     notice: Option<String>,
 }
@@ -29,27 +29,27 @@ struct Fall {
 impl WithFallback {
     /// Trains on `first` while that works.
     pub fn new(first: Box<dyn Devices>) -> Self {
-        Self { first, fall: Mutex::default() }
+        Self { first, state: Mutex::default() }
     }
 
-    fn fall(&self) -> MutexGuard<'_, Fall> {
-        self.fall.lock().unwrap_or_else(PoisonError::into_inner)
+    fn state(&self) -> MutexGuard<'_, FallbackState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn fallen(&self) -> bool {
-        self.fall().fallen
+    fn has_failed(&self) -> bool {
+        self.state().failed
     }
 
     /// From now on on the processor.
     fn give_up(&self, reason: &str) {
         let notice = Some(format!("training continues on the CPU: {}: {reason}", self.first.name()));
-        *self.fall() = Fall { fallen: true, notice };
+        *self.state() = FallbackState { failed: true, notice };
     }
 }
 
 impl Devices for WithFallback {
     fn name(&self) -> String {
-        if self.fallen() { Cpu.name() } else { self.first.name() }
+        if self.has_failed() { Cpu.name() } else { self.first.name() }
     }
 
     fn backend<'a>(
@@ -58,11 +58,11 @@ impl Devices for WithFallback {
         config: TrainConfig,
         seed: u64,
     ) -> Result<Box<dyn Backend + 'a>, FitError> {
-        if !self.fallen() {
+        if !self.has_failed() {
             match self.first.backend(images.clone(), config, seed) {
                 Ok(backend) => {
                     let saved = Some(Saved { images, state: None, made: Vec::new() });
-                    return Ok(Box::new(Falling { devices: self, config, seed, backend, saved }));
+                    return Ok(Box::new(FallbackBackend { devices: self, config, seed, backend, saved }));
                 }
                 Err(FitError::Device(reason)) => self.give_up(&reason),
                 Err(other) => return Err(other),
@@ -72,12 +72,12 @@ impl Devices for WithFallback {
     }
 
     fn notice(&self) -> Option<String> {
-        self.fall().notice.take()
+        self.state().notice.take()
     }
 }
 
 /// A backend of a device, and what the processor needs to take its place.
-struct Falling<'a> {
+struct FallbackBackend<'a> {
     devices: &'a WithFallback,
     config: TrainConfig,
     seed: u64,
@@ -91,11 +91,11 @@ struct Saved<'a> {
     /// As it was uploaded last.
     state: Option<TrainState>,
     /// What ran since.
-    made: Vec<Stretch>,
+    made: Vec<ReplayedSteps>,
 }
 
 /// Arguments of [`Backend::run`], and the number of the last step it reported.
-struct Stretch {
+struct ReplayedSteps {
     steps: usize,
     update_last: bool,
     end: usize,
@@ -125,15 +125,15 @@ impl Reporter<'_> {
     }
 }
 
-impl Falling<'_> {
-    /// From here on a failure costs less.
+impl FallbackBackend<'_> {
+    /// Saves the state of the device, so that fewer steps are repeated after a failure.
     fn save(&mut self) -> Result<(), FitError> {
         let state = self.download()?;
         self.upload(state)
     }
 
-    /// Puts the processor in the place of a device that failed, at the point it had reached; other errors pass through.
-    fn fall(&mut self, error: FitError) -> Result<(), FitError> {
+    /// Replaces a device that failed by the CPU and repeats its steps since the last saved state; returns other errors.
+    fn replace_device(&mut self, error: FitError) -> Result<(), FitError> {
         let (reason, saved) = match (error, self.saved.take()) {
             (FitError::Device(reason), Some(saved)) => (reason, saved),
             (error, saved) => {
@@ -146,7 +146,7 @@ impl Falling<'_> {
         if let Some(state) = saved.state {
             self.backend.upload(state)?;
         }
-        for Stretch { steps, update_last, end } in saved.made {
+        for ReplayedSteps { steps, update_last, end } in saved.made {
             self.backend.run(steps, update_last, &mut |s| {
                 if s.step < end { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
             })?;
@@ -156,23 +156,23 @@ impl Falling<'_> {
 
     fn stretch(&mut self, steps: usize, update_last: bool, reporter: &mut Reporter<'_>) -> Result<(), FitError> {
         if let Err(error) = self.backend.run(steps, update_last, &mut |s| reporter.report(s)) {
-            self.fall(error)?;
+            self.replace_device(error)?;
             return self.backend.run(steps, update_last, &mut |s| reporter.report(s));
         }
         if let Some(saved) = &mut self.saved {
-            saved.made.push(Stretch { steps, update_last, end: reporter.reported.get() });
+            saved.made.push(ReplayedSteps { steps, update_last, end: reporter.reported.get() });
         }
         Ok(())
     }
 }
 
-impl Backend for Falling<'_> {
+impl Backend for FallbackBackend<'_> {
     fn upload(&mut self, state: TrainState) -> Result<(), FitError> {
         if let Some(saved) = &mut self.saved {
             saved.state = Some(state.clone());
             saved.made.clear();
         }
-        self.backend.upload(state).or_else(|error| self.fall(error))
+        self.backend.upload(state).or_else(|error| self.replace_device(error))
     }
 
     fn run(
@@ -201,7 +201,7 @@ impl Backend for Falling<'_> {
     fn held_back(&mut self) -> Result<Option<f64>, FitError> {
         match self.backend.held_back() {
             Err(error) => {
-                self.fall(error)?;
+                self.replace_device(error)?;
                 self.backend.held_back()
             }
             seen => seen,
@@ -211,7 +211,7 @@ impl Backend for Falling<'_> {
     fn download(&mut self) -> Result<TrainState, FitError> {
         let state = match self.backend.download() {
             Err(error) => {
-                self.fall(error)?;
+                self.replace_device(error)?;
                 self.backend.download()
             }
             state => state,

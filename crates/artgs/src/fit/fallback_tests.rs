@@ -70,13 +70,13 @@ enum At {
 
 /// The processor under another name, that makes several steps at once and fails once it gets somewhere.
 #[derive(Debug)]
-struct Brittle {
+struct FailingDevices {
     at: At,
     at_once: usize,
     made: Arc<AtomicUsize>,
 }
 
-struct BrittleBackend<'a> {
+struct FailingDevicesBackend<'a> {
     cpu: CpuBackend<'a>,
     at: At,
     at_once: usize,
@@ -84,15 +84,15 @@ struct BrittleBackend<'a> {
     step: usize,
 }
 
-impl BrittleBackend<'_> {
+impl FailingDevicesBackend<'_> {
     fn check(&self, at: At) -> Result<(), FitError> {
         if self.at == at { Err(FitError::Device("scripted".into())) } else { Ok(()) }
     }
 }
 
-impl Devices for Brittle {
+impl Devices for FailingDevices {
     fn name(&self) -> String {
-        "Brittle".into()
+        "FailingDevices".into()
     }
 
     fn backend<'a>(
@@ -106,11 +106,11 @@ impl Devices for Brittle {
             return Err(FitError::Device("scripted".into()));
         }
         let cpu = CpuBackend::new(images, config, seed)?;
-        Ok(Box::new(BrittleBackend { cpu, at: self.at, at_once: self.at_once, uploads: 0, step: 0 }))
+        Ok(Box::new(FailingDevicesBackend { cpu, at: self.at, at_once: self.at_once, uploads: 0, step: 0 }))
     }
 }
 
-impl Backend for BrittleBackend<'_> {
+impl Backend for FailingDevicesBackend<'_> {
     fn upload(&mut self, state: TrainState) -> Result<(), FitError> {
         self.uploads += 1;
         self.step = state.step;
@@ -181,13 +181,13 @@ impl Backend for Recreated {
 
 /// Asks for a look from a step on, gets it once.
 #[derive(Default)]
-struct Looker {
+struct SnapshotFollower {
     wants_at: Option<usize>,
     steps: Vec<usize>,
     looks: Vec<(usize, String)>,
 }
 
-impl Follow for Looker {
+impl Follow for SnapshotFollower {
     fn step(&mut self, s: StepStats) {
         self.steps.push(s.step);
     }
@@ -202,23 +202,23 @@ impl Follow for Looker {
 }
 
 /// All of the state at the end, and what was followed.
-fn trained(backend: &mut dyn Backend, wants_at: Option<usize>) -> (String, Looker) {
+fn trained(backend: &mut dyn Backend, wants_at: Option<usize>) -> (String, SnapshotFollower) {
     let densify = DensifyConfig { every: 0, ..DensifyConfig::default() };
     let plan = RunPlan { steps: STEPS, plateau: plateau(), update_always: false, densify, extent: 1.0 };
-    let mut looker = Looker { wants_at, ..Looker::default() };
+    let mut looker = SnapshotFollower { wants_at, ..SnapshotFollower::default() };
     let mut rng = Pcg64Mcg::seed_from_u64(1);
     let state = train(backend, start(), &plan, &mut rng, &mut looker).unwrap();
     (format!("{state:?}"), looker)
 }
 
-fn expected(recreated_at: usize, wants_at: Option<usize>) -> (String, Looker) {
+fn expected(recreated_at: usize, wants_at: Option<usize>) -> (String, SnapshotFollower) {
     let cpu = CpuBackend::new(images(), config(), 7).unwrap();
     trained(&mut Recreated { cpu, uploads: 0, recreated_at }, wants_at)
 }
 
 fn falling(at: At, at_once: usize) -> (WithFallback, Arc<AtomicUsize>) {
     let made = Arc::new(AtomicUsize::new(0));
-    (WithFallback::new(Box::new(Brittle { at, at_once, made: made.clone() })), made)
+    (WithFallback::new(Box::new(FailingDevices { at, at_once, made: made.clone() })), made)
 }
 
 #[test]
@@ -243,7 +243,7 @@ fn wherever_a_device_fails_the_processor_resumes_from_the_last_upload() {
         assert!(state == expected(recreated_at, None).0, "{at:?}");
         assert_eq!(state == undisturbed, recreated_at == 0, "views would come in another order: {at:?}");
         let notice = devices.notice().unwrap();
-        assert!(notice.contains("Brittle: scripted") && notice.contains("CPU"), "{notice}");
+        assert!(notice.contains("FailingDevices: scripted") && notice.contains("CPU"), "{notice}");
         assert!(devices.notice().is_none(), "returned once");
         drop(backend);
         assert_eq!(devices.name(), Cpu.name());
@@ -256,7 +256,7 @@ fn wherever_a_device_fails_the_processor_resumes_from_the_last_upload() {
 fn a_device_that_works_is_left_alone() {
     let (devices, _) = falling(At::Upload(99), 4);
     let (state, _) = trained(devices.backend(images(), config(), 7).unwrap().as_mut(), None);
-    assert!(state == expected(STEPS, None).0 && devices.notice().is_none() && devices.name() == "Brittle");
+    assert!(state == expected(STEPS, None).0 && devices.notice().is_none() && devices.name() == "FailingDevices");
 }
 
 #[test]
@@ -304,5 +304,5 @@ fn other_errors_pass_through() {
     assert!(matches!(devices.backend(Vec::new(), config(), 7), Err(FitError::NoViews)));
     let mut backend = devices.backend(images(), config(), 7).unwrap();
     assert!(matches!(backend.upload(TrainState::default()), Err(FitError::Empty)));
-    assert!(devices.notice().is_none() && !devices.fallen());
+    assert!(devices.notice().is_none() && !devices.has_failed());
 }

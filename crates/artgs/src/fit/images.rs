@@ -138,7 +138,7 @@ impl<'a> TrainImage<'a> {
 }
 
 /// Prepares all views of one state.
-pub fn prepare(views: &[View], state: State, divisor: usize, pick: DepthPick) -> Vec<TrainImage<'_>> {
+pub(crate) fn prepare(views: &[View], state: State, divisor: usize, pick: DepthPick) -> Vec<TrainImage<'_>> {
     views.par_iter().map(|v| TrainImage::new(v, state, divisor, pick)).collect()
 }
 

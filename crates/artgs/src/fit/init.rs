@@ -56,7 +56,7 @@ impl Default for DepthInit {
 }
 
 /// Near-grey Gaussians, uniform in a cube around the object.
-pub fn random_cube(
+pub(crate) fn random_cube(
     region: &Region,
     config: &RandomInit,
     sh_degree: usize,
@@ -67,7 +67,7 @@ pub fn random_cube(
 }
 
 /// Near-grey Gaussians, uniform in a box; the margin of `config` does not matter.
-pub fn random_box(
+pub(crate) fn random_box(
     region: &Region,
     config: &RandomInit,
     sh_degree: usize,
@@ -90,7 +90,7 @@ struct Sample {
 }
 
 /// Gaussians on the back-projected depths of all images, averaged over voxels.
-pub fn from_depth(images: &[TrainImage], config: &DepthInit, sh_degree: usize) -> Result<Splats, FitError> {
+pub(crate) fn from_depth(images: &[TrainImage], config: &DepthInit, sh_degree: usize) -> Result<Splats, FitError> {
     let samples = back_project(images);
     if samples.is_empty() {
         return Err(FitError::NoDepth);

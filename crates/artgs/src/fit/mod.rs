@@ -3,25 +3,25 @@
 //! Data flow: [`images`] and [`region`] prepare the views, [`init`] places Gaussians, a [`backend`] that [`devices`] made steps them
 //! ([`deform`], [`loss`], [`ssim`], [`chamfer`], [`adam`]), [`densify`] changes their number, [`single`] is the loop around, [`score`] the test.
 
-pub mod adam;
-pub mod backend;
-pub mod chamfer;
-pub mod cpu;
-pub mod deform;
-pub mod densify;
-pub mod devices;
-pub mod fallback;
-pub mod follow;
-pub mod images;
-pub mod init;
-pub mod loss;
-pub mod region;
-pub mod schedule;
-pub mod score;
-pub mod single;
-pub mod ssim;
-pub mod train;
-pub mod views;
+pub(crate) mod adam;
+pub(crate) mod backend;
+pub(crate) mod chamfer;
+pub(crate) mod cpu;
+pub(crate) mod deform;
+pub(crate) mod densify;
+pub(crate) mod devices;
+pub(crate) mod fallback;
+pub(crate) mod follow;
+pub(crate) mod images;
+pub(crate) mod init;
+pub(crate) mod loss;
+pub(crate) mod region;
+pub(crate) mod schedule;
+pub(crate) mod score;
+pub(crate) mod single;
+pub(crate) mod ssim;
+pub(crate) mod train;
+pub(crate) mod views;
 
 pub use adam::{AdamConfig, Moments, SplatAdam, SplatRates};
 pub use backend::{Backend, Deformation, PlateauConfig, RateConfig, StepStats, TrainConfig, TrainState};
@@ -37,7 +37,7 @@ pub use init::{DepthInit, RandomInit};
 pub use loss::{DepthMode, ImageLoss, LossConfig, LossTerms};
 pub use region::Region;
 pub use schedule::LogLinear;
-pub use score::{ViewScore, psnr, psnr_of_mse, render_view, score_splats, score_views};
+pub use score::{ViewScore, depth_error, mean_score, psnr, psnr_of_mse, render_view, score_splats, score_views};
 pub use single::{InitKind, SingleConfig, fit_single};
 pub use train::{RunPlan, train};
 pub use views::{ViewPlan, ViewSampler};

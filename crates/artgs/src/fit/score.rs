@@ -32,7 +32,7 @@ pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
 }
 
 /// Straight RGBA over black, planar `[3][height * width]`.
-pub fn over_black(view: &View) -> Vec<f32> {
+pub(crate) fn over_black(view: &View) -> Vec<f32> {
     let blend = |c: usize| view.rgba.iter().map(move |p| f32::from(p[c]) * f32::from(p[3]) / (255.0 * 255.0));
     (0..3).flat_map(blend).collect()
 }

@@ -122,14 +122,14 @@ impl Default for SingleConfig {
 }
 
 /// Largest distance of a camera from the mean of all, scene units.
-pub fn camera_extent(images: &[TrainImage]) -> f64 {
+pub(crate) fn camera_extent(images: &[TrainImage]) -> f64 {
     let eyes: Vec<DVec3> = images.iter().map(|i| i.camera.position()).collect();
     let mean = eyes.iter().sum::<DVec3>() / eyes.len().max(1) as f64;
     eyes.iter().map(|e| (*e - mean).length()).fold(0.0, f64::max)
 }
 
 /// Gaussians to start with.
-pub fn initialize(
+pub(crate) fn initialize(
     images: &[TrainImage],
     region: &Region,
     config: &SingleConfig,
@@ -180,7 +180,7 @@ pub fn fit_single(
 }
 
 /// Runs a backend through the first stage.
-pub fn train_single(
+pub(crate) fn train_single(
     backend: &mut dyn Backend,
     state: TrainState,
     config: &SingleConfig,

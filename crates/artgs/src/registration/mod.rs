@@ -58,7 +58,7 @@ pub enum RegistrationError {
 
 /// Finds `movable` parts. Points that moved have the part of their cluster, all others the static part. The same seed
 /// gives the same bytes.
-pub fn register_parts(
+pub(crate) fn register_parts(
     scene: &Scene,
     movable: usize,
     config: &RegistrationConfig,
@@ -84,7 +84,7 @@ pub fn register_parts(
     }
     let diagnosis = DiagnosisSettings::default();
     for (k, part) in found.parts.iter_mut().enumerate() {
-        part.confidence = diagnosis.visible_fit(scene, &found.labels, k as u16 + 1, &part.motion);
+        part.confidence = diagnosis.joint_confidence(scene, &found.labels, k as u16 + 1, &part.motion);
     }
     Ok(found)
 }

@@ -1,11 +1,11 @@
 //! Depth maps to meshes: sparse TSDF fusion, marching cubes, cleaning, vertex colours, and the meshes of every part.
 
-pub mod clean;
-pub mod marching_cubes;
-pub mod paint;
-pub mod part_meshes;
-pub mod tsdf;
-pub mod view;
+pub(crate) mod clean;
+pub(crate) mod marching_cubes;
+pub(crate) mod paint;
+pub(crate) mod part_meshes;
+pub(crate) mod tsdf;
+pub(crate) mod view;
 
 pub use clean::clean;
 pub use marching_cubes::marching_cubes;

@@ -1,4 +1,4 @@
-//! Hash features and position of points through a perceptron: what a segmentation sees that knows nothing of centres.
+//! Hash features and position of points through a perceptron: the input of an assignment that has no part centres.
 
 use super::hash_grid::{FEATURES, HashGrid};
 use super::mlp::{LANES, Mlp};

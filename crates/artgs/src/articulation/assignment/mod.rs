@@ -2,16 +2,16 @@
 //! ([`perceptron`]) or by slot attention ([`slots`]). Settings are in [`config`].
 
 mod block;
-pub mod centres;
-pub mod config;
+pub(crate) mod centres;
+pub(crate) mod config;
 mod encoder;
 #[cfg(test)]
 mod encoder_testing;
-pub mod hash_grid;
-pub mod mlp;
-pub mod perceptron;
+pub(crate) mod hash_grid;
+pub(crate) mod mlp;
+pub(crate) mod perceptron;
 mod slot_cell;
-pub mod slots;
+pub(crate) mod slots;
 
 pub use centres::{AssignState, PartAssignment};
 pub use config::{AssignConfig, AssignKind, SlotConfig};

@@ -1,8 +1,8 @@
 //! Motions of parts: their parameters ([`joints`]), and Gaussians moved by them ([`warp`]), with gradients.
 
-pub mod joints;
+pub(crate) mod joints;
 pub(super) mod quaternion;
-pub mod warp;
+pub(crate) mod warp;
 
 pub use joints::{MotionModel, MotionParameters};
 pub use warp::{DualQuaternion, Skin, Warp, WarpGradients, WarpInput};

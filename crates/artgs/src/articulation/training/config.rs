@@ -46,7 +46,7 @@ pub struct ArticulateConfig {
     /// Optimise motions as seen from the middle of their part; otherwise from the world's origin, as published, where a
     /// turn also moves a part that is far away.
     pub centre_joints: bool,
-    /// Learning rate of the motions.
+    /// Learning rate of the joint motions; used if `learn_joints`.
     pub joint_rate: LogLinear,
     /// Learning rate of a learnt assignment to parts.
     pub assign_rate: LogLinear,

@@ -5,11 +5,11 @@
 //! [`types`] finds the kinds of joints beforehand and [`pipeline`] runs the published stages one after the other.
 //! Settings and learning rates are in [`config`].
 
-pub mod config;
-pub mod pipeline;
-pub mod run;
-pub mod trained;
-pub mod types;
+pub(crate) mod config;
+pub(crate) mod pipeline;
+pub(crate) mod run;
+pub(crate) mod trained;
+pub(crate) mod types;
 
 pub use config::ArticulateConfig;
 pub use pipeline::{PaperConfig, PaperResult, paper_pipeline};

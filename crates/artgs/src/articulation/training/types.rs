@@ -78,7 +78,7 @@ pub fn predict_types(
 }
 
 /// Parts that hardly move yet, assigned by their centres.
-pub fn still_start(canonical: &Canonical, models: &[MotionModel], seed: u64) -> Start {
+pub(crate) fn still_start(canonical: &Canonical, models: &[MotionModel], seed: u64) -> Start {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let pivot = |k: usize| DVec3::from_array(canonical.centres[k].map(f64::from));
     let joints = models.iter().enumerate().map(|(i, &m)| MotionParameters::still(m, pivot(i + 1), &mut rng)).collect();
