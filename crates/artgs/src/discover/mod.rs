@@ -1,8 +1,8 @@
 //! Part discovery from depth: what moved, by which motion, and which part every surface point belongs to.
 //!
 //! A point at whose place the other state's depth maps show empty space has moved; a place that they do not show says
-//! nothing. [`candidates`] searches motions for clusters of moved points, [`selection`] chooses among them, and then parts
-//! and motions are refined in turn: [`segmentation`] labels the points, [`joints`] registers the parts. [`diagnosis`]
+//! nothing. `candidates` searches motions for clusters of moved points, `selection` chooses among them, and then parts
+//! and motions are refined in turn: `segmentation` labels the points, `joints` registers the parts. `diagnosis`
 //! reports what does not fit.
 //!
 //! ```no_run
