@@ -1,8 +1,8 @@
 //! Part discovery from depth: what moved, by which motion, and which part every surface point belongs to.
 //!
 //! A point at whose place the other state's depth maps show empty space has moved; a place that they do not show says
-//! nothing. [`candidates`] searches motions for clusters of moved points, [`selection`] chooses among them, and then parts
-//! and motions are refined in turn: [`segmentation`] labels the points, [`joints`] registers the parts. [`diagnosis`]
+//! nothing. `candidates` searches motions for clusters of moved points, `selection` chooses among them, and then parts
+//! and motions are refined in turn: `segmentation` labels the points, `joints` registers the parts. `diagnosis`
 //! reports what does not fit.
 //!
 //! ```no_run
@@ -28,6 +28,7 @@ pub(crate) mod cloud;
 mod config;
 mod correct;
 pub(crate) mod diagnosis;
+mod front;
 mod graph_cut;
 mod joints;
 mod landing;
@@ -158,9 +159,11 @@ impl Evidence {
             moved: &self.moved[s],
             unseen: &self.unseen[s],
         });
+        let poses = &settings.candidates.poses;
         let search = Search {
             states,
             lengths: scene.lengths,
+            front: settings.front.direction(clouds, &self.occupancy, poses, scene.lengths.diagonal),
             settings: settings.candidates,
             ranking: settings.ranking,
             least_gain: (config.least_share * self.total() as f64).max(LEAST_MOVED as f64),
