@@ -1,6 +1,7 @@
 //! Candidate motions: a wide search of hinges and slides for each cluster of moved points, refined by registration.
 
 use super::cloud::{Cloud, IndexedCloud, components, principal_axes};
+use super::front::Front;
 use super::poses::{Pose, PoseSettings};
 use super::ranking::{RankingSettings, alike, better_seen};
 use super::registration::{Matching, RegistrationOptions, register, register_along};
@@ -154,8 +155,8 @@ type Searched = (State, Vec<usize>, Vec<(f32, Rigid)>);
 pub(super) struct Search<'a> {
     pub(super) states: PerState<SearchState<'a>>,
     pub(super) lengths: Lengths,
-    /// Direction in which the object opens, see [`super::front`].
-    pub(super) front: Option<Vec3>,
+    /// Side on which the object opens.
+    pub(super) front: Option<Front>,
     pub(super) settings: CandidateSettings,
     pub(super) ranking: RankingSettings,
     /// Least value of what a motion explains, in points.
@@ -403,11 +404,11 @@ impl Search<'_> {
         landing: &[f32],
         radius: f32,
     ) -> Vec<Rigid> {
-        let Some(front) = self.front else { return Vec::new() };
+        let Some(Front { direction, .. }) = self.front else { return Vec::new() };
         let (steps, longest) = (self.settings.front_steps, self.settings.poses.longest_slide * self.lengths.diagonal);
         let mut best = Vec::new();
         for sign in [1.0, -1.0] {
-            let shift = |step: usize| front * (sign * longest * step as f32 / steps as f32);
+            let shift = |step: usize| direction * (sign * longest * step as f32 / steps as f32);
             let value = |step: usize| {
                 let pose = Pose { rotation: Mat3::IDENTITY, translation: shift(step) };
                 let values = sample.iter().map(|(p, n)| self.value(&pose, *p, *n, target, landing, radius));

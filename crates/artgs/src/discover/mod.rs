@@ -163,7 +163,7 @@ impl Evidence {
         let search = Search {
             states,
             lengths: scene.lengths,
-            front: settings.front.direction(clouds, &self.occupancy, poses, scene.lengths.diagonal),
+            front: settings.front.find(clouds, &self.occupancy, poses, scene.lengths.diagonal),
             settings: settings.candidates,
             ranking: settings.ranking,
             least_gain: (config.least_share * self.total() as f64).max(LEAST_MOVED as f64),

@@ -2,6 +2,7 @@
 
 use super::candidates::{Candidate, sample_of};
 use super::cloud::IndexedCloud;
+use super::front::Front;
 use super::scene::Lengths;
 use artgs_core::{PerState, Rigid, State};
 use glam::Vec3;
@@ -16,8 +17,9 @@ pub(crate) struct RankingSettings {
     pub(crate) shift: f32,
     /// Implausibility of a hinge whose axis is one diagonal away from the part, or that slides along its axis that far.
     pub(crate) far_axis: f32,
-    /// Implausibility of a slide across the front of the object, where it has one: drawers that look alike slide out of
-    /// it, and do not exchange places in front of it. More than the cost of what an exchange would show and a drawer that
+    /// Implausibility of a slide across the front of the object of a part that stands out of it: open drawers that look
+    /// alike slide back, and do not exchange places in front of it. Weighted by the share of the part's points that stand
+    /// out before or after, so that panels that slide within the front keep their motion. More than the cost of what an exchange would show and a drawer that
     /// closes hides (`LabelCosts::hidden_moved`), far less than the cost of a motion that is not explained.
     pub(crate) across_front: f32,
     /// Neither of these two distances counts beyond this fraction of the diagonal.
@@ -52,13 +54,13 @@ impl Default for RankingSettings {
 impl RankingSettings {
     /// Between motions that explain the same, the one that moves and turns less and whose hinge is on the part is more
     /// plausible: two equal doors can be confused by every other measure. Between 0 (rest) and `most`. `front` is the
-    /// direction in which the object opens, if it has one.
+    /// side on which the object opens, if it has one.
     pub(super) fn implausibility(
         &self,
         motion: &Rigid,
         sample: &[(Vec3, Vec3)],
         lengths: &Lengths,
-        front: Option<Vec3>,
+        front: Option<Front>,
     ) -> f32 {
         let count = sample.len().max(1) as f32;
         let moved = |p: Vec3| motion.apply(p.as_dvec3()).as_vec3();
@@ -74,7 +76,10 @@ impl RankingSettings {
         }
         if let Some(front) = front.filter(|_| angle <= self.least_turn && shift * lengths.diagonal > lengths.spacing) {
             let total = sample.iter().map(|(p, _)| moved(*p) - *p).sum::<Vec3>();
-            across = 1.0 - total.normalize_or(front).dot(front).powi(2);
+            let before = front.share_standing_out(sample.iter().map(|(p, _)| *p));
+            let after = front.share_standing_out(sample.iter().map(|(p, _)| moved(*p)));
+            let sine_squared = 1.0 - total.normalize_or(front.direction).dot(front.direction).powi(2);
+            across = sine_squared * before.max(after);
         }
         (self.across_front * across
             + self.turn * angle / std::f32::consts::PI
