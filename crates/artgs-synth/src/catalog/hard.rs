@@ -126,6 +126,95 @@ pub(super) fn parts_20() -> Vec<Part> {
     parts
 }
 
+/// Closed and open values of drawers with equal fronts.
+fn equal_drawers(bays: &[(Bay, [f64; 2])], depth: f64, front: Material) -> impl Iterator<Item = Part> {
+    let drawer_at = move |(k, (bay, values)): (usize, &(Bay, [f64; 2]))| {
+        drawer(&format!("drawer_{k}"), *bay, depth, *values, [front, PINE], BAR)
+    };
+    bays.iter().enumerate().map(drawer_at).collect::<Vec<_>>().into_iter()
+}
+
+pub(super) fn five_drawers() -> Vec<Part> {
+    let (body, bay) = grid([0.56, 0.44, 1.00], 1, 5);
+    // Two are open at the start, two others at the end; the one in the middle moves a little.
+    let values = [[0.20, 0.0], [0.0, 0.24], [0.08, 0.02], [0.15, 0.0], [0.0, 0.17]];
+    let bays: Vec<(Bay, [f64; 2])> = values.iter().enumerate().map(|(row, v)| (bay(0, row), *v)).collect();
+    std::iter::once(body).chain(equal_drawers(&bays, 0.38, CREAM)).collect()
+}
+
+pub(super) fn counter_7() -> Vec<Part> {
+    let size = [1.26, 0.46, 0.72];
+    let mut body = carcass(size, 0.018, [WHITE, STONE, PINE]);
+    body.add(STONE, cuboid([-0.66, -0.04, 0.72], [0.66, 0.48, 0.75]));
+    let x = |column: usize| -0.63 + 0.42 * column as f64;
+    for column in 1..3 {
+        body.add(OAK_UP, cuboid([x(column) - 0.009, 0.0, 0.018], [x(column) + 0.009, 0.44, 0.702]));
+    }
+    // Three, two and two rows; some open while others close.
+    let rows: [&[[f64; 2]]; 3] =
+        [&[[0.0, 0.22], [0.18, 0.0], [0.02, 0.12]], &[[0.25, 0.03], [0.0, 0.16]], &[[0.0, 0.20], [0.14, 0.01]]];
+    let mut bays = Vec::new();
+    for (column, values) in rows.iter().enumerate() {
+        let high = 0.72 / values.len() as f64;
+        for (row, value) in values.iter().enumerate() {
+            let z = high * row as f64;
+            if row > 0 {
+                body.add(OAK, cuboid([x(column) + 0.009, 0.0, z - 0.009], [x(column + 1) - 0.009, 0.44, z + 0.009]));
+            }
+            bays.push((Bay::new(x(column), x(column + 1), z, z + high), *value));
+        }
+    }
+    std::iter::once(body).chain(equal_drawers(&bays, 0.40, WHITE)).collect()
+}
+
+pub(super) fn doors_12() -> Vec<Part> {
+    let (body, bay) = grid([1.80, 0.50, 1.50], 6, 2);
+    let mut parts = vec![body];
+    for k in 0..12 {
+        let (column, row) = (k % 6, k / 6);
+        let hinge = if column % 2 == 0 { Hinge::Left } else { Hinge::Right };
+        let (low, high) = (4.0 * (k % 3) as f64, 35.0 + 7.0 * ((k * 5) % 9) as f64);
+        let degrees = if k % 4 == 1 { [high, low] } else { [low, high] };
+        parts.push(door(&format!("door_{k}"), bay(column, row), FRONT, hinge, degrees, WHITE, KNOB));
+    }
+    parts
+}
+
+pub(super) fn mirrored_doors() -> Vec<Part> {
+    let size = [0.90, 0.42, 0.80];
+    let mut body = carcass(size, 0.02, [OAK_UP, OAK, PINE]);
+    body.add(PINE, cuboid([-0.43, 0.03, 0.39], [0.43, 0.40, 0.41]));
+    add_books(&mut body, [-0.35, 0.08, 0.411], 9, 0.26);
+    add_jar(&mut body, [0.20, 0.20, 0.021], 0.09, 0.28, [ORANGE, WHITE]);
+    let leaf = |name: &str, x0: f64, x1: f64, hinge: Hinge, degrees: [f64; 2]| {
+        door(name, Bay::new(x0, x1, 0.0, 0.80), FRONT, hinge, degrees, CREAM, KNOB)
+    };
+    vec![
+        body,
+        leaf("left_door", -0.45, 0.0, Hinge::Left, [10.0, 75.0]),
+        leaf("right_door", 0.0, 0.45, Hinge::Right, [80.0, 15.0]),
+    ]
+}
+
+pub(super) fn sliding_doors() -> Vec<Part> {
+    let size = [1.10, 0.46, 0.80];
+    let mut body = carcass(size, 0.02, [WALNUT, WALNUT_FLAT, PINE]);
+    body.add(PINE, cuboid([-0.53, 0.10, 0.39], [0.53, 0.44, 0.41]));
+    add_books(&mut body, [-0.45, 0.14, 0.411], 10, 0.26);
+    // Two leaves on rails one behind the other: the front one slides to the right, the back one to the left.
+    let leaf = |name: &str, x: [f64; 2], y: f64, material: Material, values: [f64; 2]| {
+        let mut leaf =
+            Part::sliding(name, DVec3::X, values).with(material, cuboid([x[0], y, 0.03], [x[1], y + 0.018, 0.77]));
+        add_pull(&mut leaf, KNOB, [if x[0] < -0.1 { x[0] + 0.06 } else { x[1] - 0.06 }, y, 0.40], 2);
+        leaf
+    };
+    vec![
+        body,
+        leaf("front_door", [-0.52, 0.04], 0.004, BLUE_PAINT, [0.02, 0.36]),
+        leaf("back_door", [-0.04, 0.52], 0.08, GREEN_PAINT, [-0.05, -0.30]),
+    ]
+}
+
 pub(super) fn door_with_drawer() -> Vec<Part> {
     let size = [0.64, 0.44, 0.90];
     let mut body = carcass(size, 0.025, [WHITE, OAK, WALNUT]);

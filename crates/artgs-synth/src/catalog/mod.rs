@@ -63,7 +63,7 @@ const R: JointKind = Revolute;
 const P: JointKind = Prismatic;
 
 #[rustfmt::skip]
-const OBJECTS: [ObjectInfo; 26] = [
+const OBJECTS: [ObjectInfo; 31] = [
     stand_in("paris", "foldchair", "FoldChair", &[R], "folding chair whose seat swings up", tools::foldchair),
     stand_in("paris", "fridge", "Fridge", &[R], "refrigerator with one door, shelves and food", kitchen::fridge),
     stand_in("paris", "laptop", "Laptop", &[R], "laptop whose lid opens", tools::laptop),
@@ -89,6 +89,11 @@ const OBJECTS: [ObjectInfo; 26] = [
     hard_case("drawers_12", &[P; 12], "cabinet with 12 drawers", hard::drawers_12, true),
     hard_case("parts_20", &[P, P, P, P, P, P, P, P, P, P, P, P, P, P, P, P, R, R, R, R], "cabinet with 16 drawers and 4 doors", hard::parts_20, true),
     hard_case("door_with_drawer", &[R, P], "door that carries a drawer (chain)", hard::door_with_drawer, true),
+    hard_case("five_drawers", &[P; 5], "chest of 5 equal drawers, 2 open at the start, 2 others at the end", hard::five_drawers, true),
+    hard_case("counter_7", &[P; 7], "counter with 7 equal drawers in 3 columns, some closing", hard::counter_7, true),
+    hard_case("doors_12", &[R; 12], "wardrobe with 12 equal doors", hard::doors_12, true),
+    hard_case("mirrored_doors", &[R, R], "cupboard with mirrored doors, one opens while one closes", hard::mirrored_doors, true),
+    hard_case("sliding_doors", &[P, P], "cupboard with two overlapping sliding doors", hard::sliding_doors, true),
     hard_case("screw_cap", &[Screw], "bottle with a screw cap", hard::screw_cap, true),
 ];
 

@@ -1,13 +1,14 @@
 //! Candidate motions: a wide search of hinges and slides for each cluster of moved points, refined by registration.
 
 use super::cloud::{Cloud, IndexedCloud, components, principal_axes};
+use super::front::Front;
 use super::poses::{Pose, PoseSettings};
 use super::ranking::{RankingSettings, alike, better_seen};
 use super::registration::{Matching, RegistrationOptions, register, register_along};
 use super::scene::Lengths;
 use super::space_grid::{NO_POINT, SpaceGrid};
 use artgs_core::{PerState, Rigid, State};
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
 /// Settings of the search. Distances are in spacings (between neighbouring points) or fractions of the object's diagonal.
@@ -32,6 +33,10 @@ pub(crate) struct CandidateSettings {
     pub(crate) coarse_points: usize,
     /// Points that score a registered motion.
     pub(crate) fine_points: usize,
+    /// Lengths of slides out of the front that are tried, per sign, up to the longest slide.
+    pub(crate) front_steps: usize,
+    /// Slides out of the front that are registered.
+    pub(crate) front_slides: usize,
     /// Poses that are registered: the best, and in all with the best small ones.
     pub(crate) registered: [usize; 2],
     /// Motions that are kept after a rough registration: the same two counts.
@@ -40,6 +45,8 @@ pub(crate) struct CandidateSettings {
     pub(crate) kept: [usize; 2],
     /// Registered motions of a lower mean value are dropped.
     pub(crate) least_value: f32,
+    /// Iterations and points of the registration of each kept candidate; parts are registered again with all points.
+    pub(crate) variant_effort: (usize, usize),
     /// Two points this close belong to one cluster, spacings.
     pub(crate) cluster_reach: f32,
     /// Clusters of a state that are searched, largest first.
@@ -64,10 +71,13 @@ impl Default for CandidateSettings {
             fine_reach: 1.6,
             coarse_points: 120,
             fine_points: 600,
+            front_steps: 48,
+            front_slides: 4,
             registered: [30, 50],
             rough: [14, 28],
             kept: [5, 9],
             least_value: 0.03,
+            variant_effort: (10, 500),
             cluster_reach: 2.6,
             clusters: 20,
             least_cluster: 12,
@@ -145,6 +155,8 @@ type Searched = (State, Vec<usize>, Vec<(f32, Rigid)>);
 pub(super) struct Search<'a> {
     pub(super) states: PerState<SearchState<'a>>,
     pub(super) lengths: Lengths,
+    /// Side on which the object opens.
+    pub(super) front: Option<Front>,
     pub(super) settings: CandidateSettings,
     pub(super) ranking: RankingSettings,
     /// Least value of what a motion explains, in points.
@@ -330,7 +342,7 @@ impl Search<'_> {
                 let motion = register(Matching::one_sided(&source, target.points), *guess, None, &options).motion;
                 let radius = settings.fine_reach * self.lengths.spacing;
                 let value = self.mean_value(&Pose::of(&motion), &fine, target, landing, radius);
-                let implausibility = self.ranking.implausibility(&motion, &fine, &self.lengths);
+                let implausibility = self.ranking.implausibility(&motion, &fine, &self.lengths, self.front);
                 (value * (1.0 - implausibility), value * self.ranking.small_motion(implausibility), motion)
             });
             judged.filter(|r| r.0 > settings.least_value).collect()
@@ -379,7 +391,35 @@ impl Search<'_> {
                 }
             }
         }
+        kept.extend(self.front_slides(&sample, target, landing, radius));
         kept
+    }
+
+    /// The best slides out of the front and into it. A drawer that closes hides most of what was seen of it, so that the
+    /// wide search may prefer every other drawer that looks the same.
+    fn front_slides(
+        &self,
+        sample: &[(Vec3, Vec3)],
+        target: &SearchState<'_>,
+        landing: &[f32],
+        radius: f32,
+    ) -> Vec<Rigid> {
+        let Some(Front { direction, .. }) = self.front else { return Vec::new() };
+        let (steps, longest) = (self.settings.front_steps, self.settings.poses.longest_slide * self.lengths.diagonal);
+        let mut best = Vec::new();
+        for sign in [1.0, -1.0] {
+            let shift = |step: usize| direction * (sign * longest * step as f32 / steps as f32);
+            let value = |step: usize| {
+                let pose = Pose { rotation: Mat3::IDENTITY, translation: shift(step) };
+                let values = sample.iter().map(|(p, n)| self.value(&pose, *p, *n, target, landing, radius));
+                values.sum::<f32>()
+            };
+            let values: Vec<f32> = (0..=steps + 1).map(value).collect();
+            let peaks = (1..=steps).filter(|&i| values[i] >= values[i - 1] && values[i] > values[i + 1]);
+            best.extend(peaks.map(|i| (values[i], Rigid::shift(shift(i).as_dvec3()))));
+        }
+        best.sort_by(|a, b| b.0.total_cmp(&a.0));
+        best.into_iter().take(self.settings.front_slides).map(|b| b.1).collect()
     }
 
     /// The first distinct motions ranked by the first number, then by the second until there are `in_all`.
@@ -429,7 +469,7 @@ impl Search<'_> {
         });
         let s = better_seen(&explained);
         let sample = sample_of(self.states[s].points.cloud, &explained[s], SAMPLES);
-        let implausibility = self.ranking.implausibility(&motion.away_from(s), &sample, &self.lengths);
+        let implausibility = self.ranking.implausibility(&motion.away_from(s), &sample, &self.lengths, self.front);
         Candidate { motion, explained, gain: gain * f64::from(1.0 - implausibility), implausibility }
     }
 
@@ -473,8 +513,8 @@ impl Search<'_> {
         let options = RegistrationOptions {
             first_reach: f64::from(3.0 * self.lengths.spacing),
             last_reach: spacing,
-            iterations: 15,
-            max_points: 2500,
+            iterations: self.settings.variant_effort.0,
+            max_points: self.settings.variant_effort.1,
         };
         let free = register(points, candidate.motion, None, &options).motion;
         let mut out = vec![free];

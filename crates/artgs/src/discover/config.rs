@@ -3,6 +3,7 @@
 
 use super::candidates::CandidateSettings;
 use super::diagnosis::DiagnosisSettings;
+use super::front::FrontSettings;
 use super::joints::JointSettings;
 use super::ranking::RankingSettings;
 use super::segmentation::{GraphSettings, LabelCosts, SegmentationSettings};
@@ -44,6 +45,7 @@ impl Default for DiscoverConfig {
 /// Settings that are not in the configuration file.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct StepSettings {
+    pub(crate) front: FrontSettings,
     pub(crate) candidates: CandidateSettings,
     pub(crate) ranking: RankingSettings,
     pub(crate) selection: SelectionSettings,

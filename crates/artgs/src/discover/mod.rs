@@ -28,6 +28,7 @@ pub(crate) mod cloud;
 mod config;
 mod correct;
 pub(crate) mod diagnosis;
+mod front;
 mod graph_cut;
 mod joints;
 mod landing;
@@ -158,9 +159,11 @@ impl Evidence {
             moved: &self.moved[s],
             unseen: &self.unseen[s],
         });
+        let poses = &settings.candidates.poses;
         let search = Search {
             states,
             lengths: scene.lengths,
+            front: settings.front.find(clouds, &self.occupancy, poses, scene.lengths.diagonal),
             settings: settings.candidates,
             ranking: settings.ranking,
             least_gain: (config.least_share * self.total() as f64).max(LEAST_MOVED as f64),

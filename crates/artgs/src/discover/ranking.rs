@@ -2,6 +2,7 @@
 
 use super::candidates::{Candidate, sample_of};
 use super::cloud::IndexedCloud;
+use super::front::Front;
 use super::scene::Lengths;
 use artgs_core::{PerState, Rigid, State};
 use glam::Vec3;
@@ -16,6 +17,11 @@ pub(crate) struct RankingSettings {
     pub(crate) shift: f32,
     /// Implausibility of a hinge whose axis is one diagonal away from the part, or that slides along its axis that far.
     pub(crate) far_axis: f32,
+    /// Implausibility of a slide across the front of the object of a part that stands out of it: open drawers that look
+    /// alike slide back, and do not exchange places in front of it. Weighted by the share of the part's points that stand
+    /// out before or after, so that panels that slide within the front keep their motion. More than the cost of what an exchange would show and a drawer that
+    /// closes hides (`LabelCosts::hidden_moved`), far less than the cost of a motion that is not explained.
+    pub(crate) across_front: f32,
     /// Neither of these two distances counts beyond this fraction of the diagonal.
     pub(crate) farthest_axis: f32,
     /// Motions that turn less have no axis worth judging, radians.
@@ -35,6 +41,7 @@ impl Default for RankingSettings {
             turn: 0.1,
             shift: 0.4,
             far_axis: 0.8,
+            across_front: 0.25,
             farthest_axis: 0.2,
             least_turn: 0.1,
             most: 0.6,
@@ -46,13 +53,20 @@ impl Default for RankingSettings {
 
 impl RankingSettings {
     /// Between motions that explain the same, the one that moves and turns less and whose hinge is on the part is more
-    /// plausible: two equal doors can be confused by every other measure. Between 0 (rest) and `most`.
-    pub(super) fn implausibility(&self, motion: &Rigid, sample: &[(Vec3, Vec3)], lengths: &Lengths) -> f32 {
+    /// plausible: two equal doors can be confused by every other measure. Between 0 (rest) and `most`. `front` is the
+    /// side on which the object opens, if it has one.
+    pub(super) fn implausibility(
+        &self,
+        motion: &Rigid,
+        sample: &[(Vec3, Vec3)],
+        lengths: &Lengths,
+        front: Option<Front>,
+    ) -> f32 {
         let count = sample.len().max(1) as f32;
         let moved = |p: Vec3| motion.apply(p.as_dvec3()).as_vec3();
         let shift = sample.iter().map(|(p, _)| moved(*p).distance(*p)).sum::<f32>() / count / lengths.diagonal;
         let angle = motion.angle() as f32;
-        let mut far = 0.0;
+        let (mut far, mut across) = (0.0, 0.0);
         if angle > self.least_turn {
             let screw = motion.screw();
             let (axis, origin) = (screw.axis.as_vec3(), screw.origin.as_vec3());
@@ -60,7 +74,18 @@ impl RankingSettings {
             far = (gap / lengths.diagonal).min(self.farthest_axis)
                 + (screw.slide.abs() as f32 / lengths.diagonal).min(self.farthest_axis);
         }
-        (self.turn * angle / std::f32::consts::PI + self.shift * shift + self.far_axis * far).min(self.most)
+        if let Some(front) = front.filter(|_| angle <= self.least_turn && shift * lengths.diagonal > lengths.spacing) {
+            let total = sample.iter().map(|(p, _)| moved(*p) - *p).sum::<Vec3>();
+            let before = front.share_standing_out(sample.iter().map(|(p, _)| *p));
+            let after = front.share_standing_out(sample.iter().map(|(p, _)| moved(*p)));
+            let sine_squared = 1.0 - total.normalize_or(front.direction).dot(front.direction).powi(2);
+            across = sine_squared * before.max(after);
+        }
+        (self.across_front * across
+            + self.turn * angle / std::f32::consts::PI
+            + self.shift * shift
+            + self.far_axis * far)
+            .min(self.most)
     }
 
     /// Factor of the second ranking.
@@ -144,7 +169,7 @@ mod tests {
     fn small_motions_about_an_axis_on_the_part_are_plausible() {
         let (settings, lengths) = (RankingSettings::default(), Lengths { spacing: 0.01, diagonal: 1.0 });
         let sample: Vec<(Vec3, Vec3)> = (0..20).map(|i| (Vec3::X * (0.3 * i as f32 / 19.0), Vec3::Y)).collect();
-        let judge = |motion: Rigid| settings.implausibility(&motion, &sample, &lengths);
+        let judge = |motion: Rigid| settings.implausibility(&motion, &sample, &lengths, None);
         let own = judge(Rigid::about(DVec3::Z, DVec3::ZERO, 1.0));
         let far = judge(Rigid::about(DVec3::Z, DVec3::new(0.15, 0.3, 0.0), 1.0));
         assert!(judge(Rigid::IDENTITY) == 0.0 && own < 0.15 && far > own + 0.1, "{own} {far}");

@@ -32,7 +32,7 @@ impl Default for SelectionSettings {
         Self {
             firsts: 6,
             extras: [0, 2, 4],
-            sample: 5000,
+            sample: 2500,
             static_weight: 0.5,
             static_cost: 0.05,
             costs: LabelCosts { hidden_static: 0.25, hidden_moved: 0.1, mismatch: 0.5, ..LabelCosts::default() },
