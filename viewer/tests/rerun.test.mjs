@@ -50,7 +50,7 @@ test("the page shows why a run failed and can return", async () => {
     const { page } = await open(browser, served.url);
     await page.getByLabel("Centre of knob").selectOption("delete");
     await page.getByRole("button", { name: "Save and run again" }).click();
-    await page.getByText("The run failed: the knob cannot be spared").waitFor();
+    await page.getByText("The run failed: the knob is required").waitFor();
     await page.getByRole("button", { name: "Back" }).click();
     await shows(page, "cabinet");
     assert.ok(drawn(await shot(page)) > 3000);

@@ -145,6 +145,6 @@ mod tests {
         let flat = unwrap(&mesh, &options).unwrap();
         assert!(flat.size.iter().all(|s| *s <= 256) && flat.texels_per_unit > 40.0, "{}", flat.texels_per_unit);
         let none = unwrap(&mesh, &UnwrapOptions { texels_per_unit: f64::NAN, ..options });
-        assert!(none.unwrap_err().to_string().contains("laid flat"));
+        assert!(none.unwrap_err().to_string().contains("unwrapped"));
     }
 }
