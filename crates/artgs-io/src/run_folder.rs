@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `config.toml` | complete settings of the run |
 //! | `events.jsonl` | events of all runs in the folder, one JSON object per line |
-//! | `corrections.json` | corrections by a person, see [`crate::corrections`] |
+//! | `corrections.json` | corrections by a person, see [`crate::Corrections`] |
 //! | `replica.json`, `meshes/STATE/*.ply` | the replica, see [`crate::replica`] |
 //! | `splats/canonical.ply`, `splats/part_K.ply` | Gaussians midway between the states, all and per part |
 //! | `metrics.json`, `preview.png` | scores and times of the run; renderings beside photos |

@@ -11,7 +11,7 @@ pub const C0: f32 = 0.282_094_79;
 pub const C1: f32 = 0.488_602_51;
 /// Factors of the functions of degree 2: products of two coordinates, `2 z^2 - x^2 - y^2`, `x^2 - y^2`.
 pub const C2: [f32; 3] = [1.092_548_4, 0.315_391_57, 0.546_274_2];
-/// Factors of the functions of degree 3, in the order in which [`basis`] uses them first.
+/// Factors of the functions of degree 3, in the order in which `basis` uses them first.
 pub const C3: [f32; 5] = [0.590_043_6, 2.890_611_4, 0.457_045_8, 0.373_176_34, 1.445_305_7];
 
 /// Values of the basis up to `degree` at a unit direction; zero beyond.

@@ -40,7 +40,7 @@ pub struct ClusterConfig {
     /// More points than this are thinned by farthest point sampling; the others get the label of their nearest sample.
     /// The dense affinity takes `8 max_points^2` bytes.
     pub max_points: usize,
-    /// With [`Affinity::Neighbours`]: components of the graph with a smaller share of the points than this are left out
+    /// With `Affinity::Neighbours`: components of the graph with a smaller share of the points than this are left out
     /// and labelled by their nearest neighbour.
     pub min_component: f64,
 }

@@ -151,7 +151,7 @@ impl Stated {
     }
 }
 
-/// Scores a replica, whose meshes are `meshes`, against the truth. Parts are matched by [`pair_cost`]; part 0 is the
+/// Scores a replica, whose meshes are `meshes`, against the truth. Parts are matched by `pair_cost`; part 0 is the
 /// static one. Missing meshes score 1000, missing joints no error but a count. Deterministic.
 pub fn evaluate(replica: &Replica, meshes: &PartMeshes, truth: &Truth, config: &EvaluateConfig) -> Scores {
     let none = PerState::<Mesh>::default();

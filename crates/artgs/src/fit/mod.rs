@@ -1,7 +1,7 @@
 //! Fitting Gaussians to photographs: losses, optimiser, densification, initialisation and the training loop.
 //!
-//! Data flow: [`images`] and [`region`] prepare the views, [`init`] places Gaussians, a [`backend`] that [`devices`] made steps them
-//! ([`deform`], [`loss`], [`ssim`], [`chamfer`], [`adam`]), [`densify`] changes their number, [`single`] is the loop around, [`score`] the test.
+//! Data flow: `images` and `region` prepare the views, `init` places Gaussians, a `backend` that `devices` made steps them
+//! (`deform`, `loss`, `ssim`, `chamfer`, `adam`), `densify` changes their number, `single` is the loop around, `score` the test.
 
 pub(crate) mod adam;
 pub(crate) mod backend;

@@ -84,7 +84,7 @@ impl<'a> Reconstruction<'a> {
         self.find_parts_with(None, observer)
     }
 
-    /// The same, saved in a folder for [`found_parts`] and for a run that resumes. Corrections are applied by that run,
+    /// The same, saved in a folder for `found_parts` and for a run that resumes. Corrections are applied by that run,
     /// not here.
     pub fn find_parts_in(&self, folder: &RunFolder, observer: &mut dyn Observer) -> Result<Discovery, Error> {
         self.find_parts_with(Some(folder), observer)
