@@ -70,8 +70,7 @@ impl Reconstructed {
 
     /// Gaussians of one part, world frame midway between the states; none if there are no Gaussians.
     pub fn part_splats(&self, part: usize) -> Option<Splats> {
-        let Trained { splats, labels, .. } = self.trained.as_ref()?;
-        Some(splats.select((0..labels.len()).filter(|&i| usize::from(labels[i]) == part)))
+        self.trained.as_ref().map(|trained| trained.splats.select(trained.members(part)))
     }
 }
 
