@@ -35,6 +35,8 @@ pub(crate) struct CandidateSettings {
     pub(crate) fine_points: usize,
     /// Lengths of slides out of the front that are tried, per sign, up to the longest slide.
     pub(crate) front_steps: usize,
+    /// Moved points of each state that weigh a motion.
+    pub(crate) weighed_points: usize,
     /// Slides out of the front that are registered.
     pub(crate) front_slides: usize,
     /// Poses that are registered: the best, and in all with the best small ones.
@@ -72,6 +74,7 @@ impl Default for CandidateSettings {
             coarse_points: 120,
             fine_points: 600,
             front_steps: 48,
+            weighed_points: 3000,
             front_slides: 4,
             registered: [30, 50],
             rough: [14, 28],
@@ -168,6 +171,7 @@ impl Search<'_> {
     /// searched, the points that the best motion explains are removed, and the rest is searched again, `rounds` times or
     /// until nothing worth `least_gain` points remains.
     pub(super) fn candidates(&self, rounds: usize, pool: usize) -> Vec<Candidate> {
+        let tt = std::time::Instant::now();
         let mut open = self.states.as_ref().map(|s| s.moved.to_vec());
         let all_open = open.clone();
         let all_values = self.landing_values(&open);
@@ -183,17 +187,21 @@ impl Search<'_> {
             others.extend(found);
             let Some(best) = best.filter(|b| b.gain > self.least_gain) else { break };
             for s in State::ALL {
-                let claimed = self.claim(s, &open[s], &best);
+                let claimed = self.claim(s, &open[s], &values[s.other()], &best.motion);
                 open[s].retain(|&i| !claimed[i]);
             }
         }
+        eprintln!("  {:.2} rounds done, {} others {} cached", tt.elapsed().as_secs_f64(), others.len(), cache.len());
         // Winners of each round first: variants of a large part's motion must not displace a small part's.
         let judge = |m: Rigid| self.weigh(&all_open, &all_values, m);
         let rest: Vec<Candidate> = others.into_iter().map(judge).filter(|c| c.gain > 0.3 * self.least_gain).collect();
         let winners: Vec<Candidate> = winners.into_iter().map(judge).collect();
         let order = self.order(&rest, 2 * pool);
         let ranked = winners.into_iter().chain(order.into_iter().map(|i| rest[i].clone()));
-        self.registered(ranked, pool, &faces)
+        eprintln!("  {:.2} order done", tt.elapsed().as_secs_f64());
+        let out = self.registered(ranked, pool, &faces);
+        eprintln!("  {:.2} registered {}", tt.elapsed().as_secs_f64(), out.len());
+        out
     }
 
     fn clouds(&self) -> PerState<&IndexedCloud<'_>> {
@@ -273,11 +281,11 @@ impl Search<'_> {
         radius: f32,
     ) -> f32 {
         // A third of the points is enough to reject most poses of the wide search.
-        let third = sample.len() / 3;
+        let (tenth, third) = (sample.len() / 10, sample.len() / 3);
         let mut sum = 0.0;
         for (i, (p, n)) in sample.iter().enumerate() {
             sum += self.value(pose, *p, *n, target, landing, radius);
-            if i == third && sum < 0.0 {
+            if (i == third && sum < 0.0) || (i == tenth && sum < -0.3 * tenth as f32) {
                 return -1.0;
             }
         }
@@ -327,7 +335,9 @@ impl Search<'_> {
     fn search(&self, state: State, group: &[usize], landing: &[f32], faces: &[Vec3]) -> Vec<(f32, Rigid)> {
         let settings = &self.settings;
         let (cloud, target) = (self.states[state].points.cloud, &self.states[state.other()]);
+        let t0 = std::time::Instant::now();
         let guesses = self.best_poses(state, group, landing, faces);
+        let t1 = t0.elapsed().as_secs_f64();
         let own = cloud.select(group);
         let source = IndexedCloud::new(&own);
         let fine = sample_of(cloud, group, settings.fine_points);
@@ -339,7 +349,7 @@ impl Search<'_> {
                 max_points,
             };
             let judged = guesses.par_iter().map(|guess| {
-                let motion = register(Matching::one_sided(&source, target.points), *guess, None, &options).motion;
+                let motion = register(Matching::one_sided(&source, target.points, target.grid), *guess, None, &options).motion;
                 let radius = settings.fine_reach * self.lengths.spacing;
                 let value = self.mean_value(&Pose::of(&motion), &fine, target, landing, radius);
                 let implausibility = self.ranking.implausibility(&motion, &fine, &self.lengths, self.front);
@@ -349,7 +359,10 @@ impl Search<'_> {
         };
         // A rough registration shows of most guesses that they are wrong.
         let rough = self.best_by_both(register_all(&guesses, 14, 250), settings.rough, &fine);
+        let t2 = t0.elapsed().as_secs_f64();
         let refined = register_all(&rough.iter().map(|r| r.1).collect::<Vec<_>>(), 20, 400);
+        let t3 = t0.elapsed().as_secs_f64();
+        if std::env::var_os("GROUPS").is_some() { eprintln!("   search group {} poses {:.3} rough {} {:.3} fine {} {:.3}", group.len(), t1, guesses.len(), t2 - t1, rough.len(), t3 - t2); }
         self.best_by_both(refined, settings.kept, &fine)
     }
 
@@ -462,10 +475,11 @@ impl Search<'_> {
         const SAMPLES: usize = 300;
         let mut gain = 0.0f64;
         let explained = PerState::from_fn(|s| {
-            let values = self.values(s, &open[s], &landing[s.other()], &motion);
-            gain += values.iter().filter(|v| **v > 0.0).map(|v| f64::from(*v)).sum::<f64>();
-            let least = 0.3 * self.settings.on_static;
-            open[s].iter().zip(&values).filter(|(_, v)| **v > least).map(|(i, _)| *i).collect()
+            let stride = open[s].len().div_ceil(self.settings.weighed_points).max(1);
+            let sample: Vec<usize> = open[s].iter().copied().step_by(stride).collect();
+            let values = self.values(s, &sample, &landing[s.other()], &motion);
+            gain += values.iter().filter(|v| **v > 0.0).map(|v| f64::from(*v)).sum::<f64>() * stride as f64;
+            self.explained(&sample, &values)
         });
         let s = better_seen(&explained);
         let sample = sample_of(self.states[s].points.cloud, &explained[s], SAMPLES);
@@ -473,16 +487,22 @@ impl Search<'_> {
         Candidate { motion, explained, gain: gain * f64::from(1.0 - implausibility), implausibility }
     }
 
+    /// Those of some points that a motion explains, by their values.
+    fn explained(&self, points: &[usize], values: &[f32]) -> Vec<usize> {
+        let least = 0.3 * self.settings.on_static;
+        points.iter().zip(values).filter(|(_, v)| **v > least).map(|(i, _)| *i).collect()
+    }
+
     /// Open points that belong to a chosen motion: the explained ones, and those it moves to where nothing was seen if
     /// they are connected with explained ones (the inside of a drawer that was closed).
-    fn claim(&self, state: State, open: &[usize], candidate: &Candidate) -> Vec<bool> {
+    fn claim(&self, state: State, open: &[usize], landing: &[f32], motion: &Rigid) -> Vec<bool> {
         /// Groups of which this fraction is explained belong to the motion as a whole.
         const SURE: usize = 4;
         let cloud = self.states[state].points.cloud;
+        let mut claimed = flags(cloud.len(), &self.explained(open, &self.values(state, open, landing, motion)));
         let any = vec![1.0; self.states[state.other()].points.cloud.len()];
-        let values = self.values(state, open, &any, &candidate.motion);
+        let values = self.values(state, open, &any, motion);
         let possible: Vec<usize> = open.iter().zip(&values).filter(|(_, v)| **v > -0.5).map(|(i, _)| *i).collect();
-        let mut claimed = flags(cloud.len(), &candidate.explained[state]);
         for group in components(cloud, &possible, self.settings.cluster_reach * self.lengths.spacing, 1) {
             let sure = group.iter().filter(|&&i| claimed[i]).count();
             if SURE * sure >= group.len() {
@@ -508,6 +528,7 @@ impl Search<'_> {
             end: source(State::END),
             start_target: self.states[State::START].points,
             end_target: self.states[State::END].points,
+            end_grid: None,
         };
         let spacing = f64::from(self.lengths.spacing);
         let options = RegistrationOptions {

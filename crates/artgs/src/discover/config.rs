@@ -4,10 +4,12 @@
 use super::candidates::CandidateSettings;
 use super::diagnosis::DiagnosisSettings;
 use super::front::FrontSettings;
+use super::instances::InstanceSettings;
 use super::joints::JointSettings;
 use super::ranking::RankingSettings;
 use super::segmentation::{GraphSettings, LabelCosts, SegmentationSettings};
 use super::selection::SelectionSettings;
+use super::support::SupportSettings;
 use serde::{Deserialize, Serialize};
 
 /// Settings of part discovery. Lengths are fractions of the object's diagonal unless said otherwise.
@@ -53,5 +55,7 @@ pub(crate) struct StepSettings {
     pub(crate) graph: GraphSettings,
     pub(crate) label_costs: LabelCosts,
     pub(crate) joints: JointSettings,
+    pub(crate) instances: InstanceSettings,
+    pub(crate) support: SupportSettings,
     pub(crate) diagnosis: DiagnosisSettings,
 }

@@ -15,7 +15,7 @@
 //! });
 //! let config = DiscoverConfig::default();
 //! let scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config)?;
-//! let found = discover(&scene, 2, &config)?;
+//! let found = discover(&scene, 2..=2, &config)?;
 //! for part in &found.parts {
 //!     println!("{:?} with confidence {:?}", part.kind, part.confidence);
 //! }
@@ -30,6 +30,7 @@ mod correct;
 pub(crate) mod diagnosis;
 mod front;
 mod graph_cut;
+mod instances;
 mod joints;
 mod landing;
 mod moved_points;
@@ -39,7 +40,9 @@ pub(crate) mod registration;
 pub(crate) mod scene;
 mod segmentation;
 mod selection;
+mod refinement;
 mod space_grid;
+mod support;
 pub(crate) mod visibility;
 
 use artgs_core::{JointEstimate, JointKind, PerState, Rigid, State};
@@ -49,12 +52,15 @@ use cloud::IndexedCloud;
 pub use config::DiscoverConfig;
 use config::StepSettings;
 pub use correct::{CorrectError, correct};
+use front::Front;
 use glam::Vec3;
-use joints::JointFit;
 pub use moved_points::{MovedPoints, moved_points};
 pub use scene::{DepthPicture, Scene, pixel_step};
-use segmentation::Labelling;
+use refinement::{Refinement, refine_parts};
+use selection::Selection;
+pub use support::Support;
 use space_grid::SpaceGrid;
+use std::ops::RangeInclusive;
 use visibility::Occupancy;
 
 /// Labelled surface points of both states and the motions of the parts.
@@ -74,6 +80,8 @@ pub struct Discovery {
     pub tolerance: f64,
     /// What is doubtful, one sentence each.
     pub warnings: Vec<String>,
+    /// What supports the joint of each part.
+    pub support: Vec<Support>,
 }
 
 /// Why parts could not be found.
@@ -88,22 +96,41 @@ pub enum DiscoverError {
     NothingMoved,
 }
 
-/// Finds the movable parts (`movable` of them) and labels every surface point.
-pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Result<Discovery, DiscoverError> {
+/// Finds the movable parts, as many as `movable` allows, and labels every surface point.
+pub fn discover(
+    scene: &Scene,
+    movable: RangeInclusive<usize>,
+    config: &DiscoverConfig,
+) -> Result<Discovery, DiscoverError> {
+    let begun = std::time::Instant::now();
     let clouds = scene.indexed_clouds();
     let evidence = Evidence::new(scene)?;
     let settings = StepSettings::default();
-    let pool = evidence.candidates(scene, &clouds, movable, config, &settings);
-    let chosen = selection::select(scene, &clouds, &evidence.moved, &pool, movable, &settings.selection);
-    let mut warnings = Vec::new();
-    if chosen.len() < movable {
-        let found = chosen.len();
-        warnings.push(format!("{movable} movable parts were asked for but only {found} distinct motions were found"));
+    let pool = evidence.candidates(scene, &clouds, *movable.end(), config, &settings);
+    eprintln!("  candidates {:.1}", begun.elapsed().as_secs_f64());
+    let selection = Selection::new(scene, &clouds, &evidence.moved, &pool, settings.selection);
+    let work = Refinement { scene, clouds: &clouds, evidence: &evidence, config, settings: &settings };
+    let motions = |chosen: Vec<usize>| chosen.into_iter().map(|c| pool[c].motion).collect::<Vec<Rigid>>();
+    let chosen = selection.best(1..=*movable.end());
+    eprintln!("  selection {:.1} {}", begun.elapsed().as_secs_f64(), chosen.len());
+    let count = chosen.len();
+    let mut found = work.parts(&motions(chosen), &movable);
+    if found.parts.len() < *movable.start() {
+        let count = count + movable.start() - found.parts.len();
+        let more = work.parts(&motions(selection.best(count..=count)), &movable);
+        if more.parts.len() > found.parts.len() {
+            found = more;
+        }
     }
-    let motions: Vec<Rigid> = chosen.iter().map(|&c| pool[c].motion).collect();
-    let kinds = vec![None; motions.len()];
-    let (parts, labels) = refine_parts(scene, &clouds, &evidence, &motions, &kinds, config, &settings);
-    Ok(evidence.result(scene, parts, labels, warnings, &settings))
+    let mut warnings = Vec::new();
+    if found.parts.len() < *movable.start() {
+        let (count, movable) = (found.parts.len(), movable.start());
+        warnings.push(format!("{movable} movable parts were asked for but only {count} distinct motions were found"));
+    }
+    let out = evidence.result(scene, found.parts, found.labels, warnings, &settings);
+    let support = settings.support.measure(scene, &clouds, &evidence.occupancy, &out.labels, &out.parts, &pool);
+    eprintln!("  done {:.1}", begun.elapsed().as_secs_f64());
+    Ok(Discovery { support, ..out })
 }
 
 /// What the depth maps of the other state show at the points of each state.
@@ -130,6 +157,11 @@ impl Evidence {
     /// Number of moved points.
     fn total(&self) -> usize {
         self.moved.iter().map(Vec::len).sum()
+    }
+
+    /// The side on which the object opens, if it has one.
+    fn front(&self, scene: &Scene, clouds: &PerState<IndexedCloud<'_>>, settings: &StepSettings) -> Option<Front> {
+        settings.front.find(clouds, &self.occupancy, &settings.candidates.poses, scene.lengths.diagonal)
     }
 
     /// Candidate motions for `movable` parts.
@@ -159,11 +191,10 @@ impl Evidence {
             moved: &self.moved[s],
             unseen: &self.unseen[s],
         });
-        let poses = &settings.candidates.poses;
         let search = Search {
             states,
             lengths: scene.lengths,
-            front: settings.front.find(clouds, &self.occupancy, poses, scene.lengths.diagonal),
+            front: self.front(scene, clouds, settings),
             settings: settings.candidates,
             ranking: settings.ranking,
             least_gain: (config.least_share * self.total() as f64).max(LEAST_MOVED as f64),
@@ -188,48 +219,6 @@ impl Evidence {
     }
 }
 
-/// Labels points and registers parts in turn, from motions start to end; the last round decides each joint, unless its
-/// kind is known.
-fn refine_parts(
-    scene: &Scene,
-    clouds: &PerState<IndexedCloud<'_>>,
-    evidence: &Evidence,
-    motions: &[Rigid],
-    kinds: &[Option<JointKind>],
-    config: &DiscoverConfig,
-    settings: &StepSettings,
-) -> (Vec<JointEstimate>, PerState<Vec<u16>>) {
-    let mut parts: Vec<JointEstimate> = motions.iter().map(|m| JointEstimate::new(JointKind::Screw, *m)).collect();
-    let graphs = clouds.as_ref().map(|c| settings.graph.graph(c.cloud, scene.lengths.spacing));
-    let labelling = Labelling {
-        scene,
-        clouds,
-        graphs: &graphs,
-        occupancy: &evidence.occupancy,
-        costs: settings.label_costs,
-        settings: settings.segmentation,
-    };
-    let mut labels = PerState::default();
-    let rounds = config.rounds.max(1);
-    for round in 0..rounds {
-        let motions: Vec<Rigid> = parts.iter().map(|p| p.motion).collect();
-        labels = labelling.labels(&motions);
-        let fit = JointFit { lengths: &scene.lengths, settings: &settings.joints, config, last: round + 1 == rounds };
-        for (k, part) in parts.iter_mut().enumerate() {
-            *part = fit.refine(part, &points_of_part(clouds, &labels, k as u16 + 1), kinds[k]);
-        }
-    }
-    (parts, labels)
-}
-
-/// Points of one part in every state.
-fn points_of_part(clouds: &PerState<IndexedCloud<'_>>, labels: &PerState<Vec<u16>>, part: u16) -> PerState<Cloud> {
-    PerState::from_fn(|s: State| {
-        let members: Vec<usize> = (0..labels[s].len()).filter(|&i| labels[s][i] == part).collect();
-        clouds[s].cloud.select(&members)
-    })
-}
-
 /// Surface points of both states and nothing else: no parts, all labels static.
 pub fn without_parts(scene: &Scene) -> Discovery {
     let clouds = scene.states.as_ref().map(|s| s.cloud.clone());
@@ -241,5 +230,6 @@ pub fn without_parts(scene: &Scene) -> Discovery {
         spacing: scene.lengths.spacing.into(),
         tolerance: scene.tolerance.into(),
         warnings: Vec::new(),
+        support: Vec::new(),
     }
 }

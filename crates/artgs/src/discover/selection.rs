@@ -7,6 +7,7 @@ use super::scene::Scene;
 use super::segmentation::LabelCosts;
 use artgs_core::{PerState, Rigid, State};
 use rayon::prelude::*;
+use std::ops::RangeInclusive;
 
 /// Settings of the selection; costs are relative to the cost 1 of a point in empty space. Calibrated on the stand-ins of
 /// the paper's objects.
@@ -22,6 +23,15 @@ pub(crate) struct SelectionSettings {
     pub(crate) static_weight: f32,
     /// Cost of explaining such a point by a motion.
     pub(crate) static_cost: f32,
+    /// A motion supports a point if it lowers the cost by more than this. A chance match of a point whose place the other
+    /// state hides lowers it by less; one of a point that is seen to have moved by more.
+    pub(crate) support_fall: f32,
+    /// Least share of the moved points that each motion must support alone, where the number of motions is not given.
+    pub(crate) least_support: f64,
+    /// The same in points.
+    pub(crate) least_support_points: f64,
+    /// Numbers that are tried beyond one with a motion of too little support: two parts may only be found together.
+    pub(crate) patience: usize,
     /// Costs of landings. What is hidden in one state is weak evidence against a motion: one to a part that looks the same
     /// would show all of it.
     pub(crate) costs: LabelCosts,
@@ -35,6 +45,10 @@ impl Default for SelectionSettings {
             sample: 2500,
             static_weight: 0.5,
             static_cost: 0.05,
+            support_fall: 0.5,
+            least_support: 0.001,
+            least_support_points: 12.0,
+            patience: 2,
             costs: LabelCosts { hidden_static: 0.25, hidden_moved: 0.1, mismatch: 0.5, ..LabelCosts::default() },
         }
     }
@@ -42,73 +56,113 @@ impl Default for SelectionSettings {
 
 /// Costs of a sample of points of both states under rest and every candidate.
 struct Table {
-    columns: usize,
-    /// `[n * columns]`, column 0 is rest.
-    costs: Vec<f32>,
+    rest: Vec<f32>,
+    /// Per candidate, `[n]`.
+    costs: Vec<Vec<f32>>,
     weights: Vec<f32>,
 }
 
-/// Indices of the best `count` candidates. The energy is the sum over sampled points of the cheapest explanation. Sets
-/// are grown greedily, some beyond `count` and from several first candidates, reduced, and improved by exchanges of one
-/// for one; the best of them is taken. A single greedy set with exchanges stays at two wrong motions that share what two
-/// right ones explain.
-pub(super) fn select(
-    scene: &Scene,
-    clouds: &PerState<IndexedCloud<'_>>,
-    moved: &PerState<Vec<usize>>,
-    pool: &[Candidate],
-    count: usize,
-    settings: &SelectionSettings,
-) -> Vec<usize> {
-    if pool.len() <= count {
-        return (0..pool.len()).collect();
+/// Chooses sets of candidates.
+pub(super) struct Selection {
+    table: Table,
+    /// Points that a motion must support alone.
+    least_support: f64,
+    settings: SelectionSettings,
+}
+
+impl Selection {
+    /// Computes what each candidate costs.
+    pub(super) fn new(
+        scene: &Scene,
+        clouds: &PerState<IndexedCloud<'_>>,
+        moved: &PerState<Vec<usize>>,
+        pool: &[Candidate],
+        settings: SelectionSettings,
+    ) -> Self {
+        let table = tabulate(scene, clouds, moved, pool, &settings);
+        let total: f64 = moved.iter().map(|points| points.len() as f64).sum();
+        Self { table, least_support: (settings.least_support * total).max(settings.least_support_points), settings }
     }
-    let table = tabulate(scene, clouds, moved, pool, settings);
-    let firsts = std::iter::once(None).chain((0..settings.firsts.min(pool.len())).map(Some));
-    let starts: Vec<(Option<usize>, usize)> =
-        firsts.flat_map(|first| settings.extras.map(|extra| (first, extra))).collect();
-    let ends = starts.par_iter().map(|(first, extra)| {
-        let mut chosen: Vec<usize> = first.iter().copied().collect();
-        table.grow(&mut chosen, count + extra);
-        if *extra > 0 {
-            table.exchange(&mut chosen);
-            table.shrink(&mut chosen, count);
+
+    /// Indices of the candidates that explain both states best. The energy is the sum over sampled points of the cheapest
+    /// explanation. Of each number in `count` the best set is searched; the largest number is taken of which every motion
+    /// explains enough points that no other one does.
+    pub(super) fn best(&self, count: RangeInclusive<usize>) -> Vec<usize> {
+        let table = &self.table;
+        let (least, most) = (*count.start(), (*count.end()).min(table.costs.len()));
+        if least >= most {
+            return table.best_set(most, &self.settings);
         }
-        table.exchange(&mut chosen);
-        (table.energy(&chosen), chosen)
-    });
-    let ends: Vec<(f64, Vec<usize>)> = ends.collect();
-    ends.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Vec::new, |best| best.1)
+        let (mut chosen, mut accepted) = (Vec::new(), least);
+        for number in 1..=most {
+            chosen = table.next_set(&chosen);
+            let supports = table.supports(&chosen, self.settings.support_fall);
+            if supports.into_iter().fold(f64::INFINITY, f64::min) >= self.least_support {
+                accepted = accepted.max(number);
+            } else if number > accepted + self.settings.patience {
+                break;
+            }
+        }
+        table.best_set(accepted, &self.settings)
+    }
+}
+
+/// The two cheapest explanations of a row by rest or a chosen candidate.
+#[derive(Clone, Copy)]
+struct Cheapest {
+    /// Position in the set; none: rest.
+    slot: Option<u32>,
+    least: f32,
+    second: f32,
 }
 
 impl Table {
-    /// Cheapest explanation of every row by rest or a chosen candidate.
-    fn cheapest(&self, chosen: impl Iterator<Item = usize> + Clone) -> Vec<f32> {
-        let rows = self.costs.chunks(self.columns);
-        rows.map(|row| chosen.clone().map(|c| row[c + 1]).fold(row[0], f32::min)).collect()
+    fn cheapest(&self, chosen: &[usize]) -> Vec<Cheapest> {
+        let mut out: Vec<Cheapest> =
+            self.rest.iter().map(|c| Cheapest { slot: None, least: *c, second: f32::INFINITY }).collect();
+        for (slot, c) in chosen.iter().enumerate() {
+            for (best, cost) in out.iter_mut().zip(&self.costs[*c]) {
+                if *cost < best.least {
+                    *best = Cheapest { slot: Some(slot as u32), least: *cost, second: best.least };
+                } else if *cost < best.second {
+                    best.second = *cost;
+                }
+            }
+        }
+        out
     }
 
-    /// Energy with `cheapest` and one more candidate.
-    fn energy_with(&self, cheapest: &[f32], candidate: usize) -> f64 {
-        let rows = self.costs.chunks(self.columns).zip(&self.weights).zip(cheapest);
-        rows.map(|((row, weight), least)| f64::from(row[candidate + 1].min(*least) * weight)).sum()
+    fn energy_of(&self, cheapest: &[Cheapest]) -> f64 {
+        cheapest.iter().zip(&self.weights).map(|(c, weight)| f64::from(c.least * weight)).sum()
     }
 
     fn energy(&self, chosen: &[usize]) -> f64 {
-        let cheapest = self.cheapest(chosen.iter().copied());
-        cheapest.iter().zip(&self.weights).map(|(least, weight)| f64::from(least * weight)).sum()
+        self.energy_of(&self.cheapest(chosen))
     }
 
-    /// The candidate that lowers the energy most, with the energy then.
-    fn best_addition(&self, cheapest: &[f32], chosen: &[usize]) -> Option<(f64, usize)> {
-        let open = (0..self.columns - 1).filter(|c| !chosen.contains(c));
-        open.map(|c| (self.energy_with(cheapest, c), c)).min_by(|a, b| a.0.total_cmp(&b.0))
+    /// Weighted points of which each chosen candidate lowers the cost by more than `fall`.
+    fn supports(&self, chosen: &[usize], fall: f32) -> Vec<f64> {
+        let mut out = vec![0.0; chosen.len()];
+        for (best, weight) in self.cheapest(chosen).iter().zip(&self.weights) {
+            if let Some(slot) = best.slot.filter(|_| best.second - best.least > fall) {
+                out[slot as usize] += f64::from(*weight);
+            }
+        }
+        out
     }
 
-    /// Adds the best candidates one by one.
+    /// Adds the candidates that lower the energy most, one by one.
     fn grow(&self, chosen: &mut Vec<usize>, count: usize) {
         while chosen.len() < count {
-            let Some((_, c)) = self.best_addition(&self.cheapest(chosen.iter().copied()), chosen) else { break };
+            let cheapest = self.cheapest(chosen);
+            let fall = |c: usize| -> f64 {
+                let rows = self.costs[c].iter().zip(&cheapest).zip(&self.weights);
+                rows.map(|((cost, best), weight)| f64::from((best.least - cost).max(0.0) * weight)).sum()
+            };
+            let open = (0..self.costs.len()).filter(|c| !chosen.contains(c));
+            let Some((_, c)) = open.map(|c| (fall(c), c)).max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))) else {
+                break;
+            };
             chosen.push(c);
         }
     }
@@ -116,33 +170,90 @@ impl Table {
     /// Removes those that raise the energy least, one by one.
     fn shrink(&self, chosen: &mut Vec<usize>, count: usize) {
         while chosen.len() > count {
-            let without = |slot: usize| {
-                let rest: Vec<usize> = others(chosen, slot).collect();
-                (self.energy(&rest), slot)
-            };
-            let Some((_, slot)) = (0..chosen.len()).map(without).min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+            let losses = self.losses(&self.cheapest(chosen), chosen.len());
+            let Some((slot, _)) = losses.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1)) else { break };
             chosen.remove(slot);
         }
     }
 
-    /// Exchanges one for one while that lowers the energy, the best exchange first.
+    /// How much the energy rises without each of `count` chosen candidates.
+    fn losses(&self, cheapest: &[Cheapest], count: usize) -> Vec<f64> {
+        let mut out = vec![0.0; count];
+        for (best, weight) in cheapest.iter().zip(&self.weights) {
+            if let Some(slot) = best.slot {
+                out[slot as usize] += f64::from((best.second - best.least) * weight);
+            }
+        }
+        out
+    }
+
+    /// Exchanges one for one while that lowers the energy, the best exchange first. The changes of all exchanges with one
+    /// candidate need one pass over the rows (FasterPAM, Schubert and Rousseeuw 2021).
     fn exchange(&self, chosen: &mut [usize]) {
-        let mut best = self.energy(chosen);
+        if chosen.is_empty() {
+            return;
+        }
         loop {
-            let exchanges = (0..chosen.len()).filter_map(|slot| {
-                let (e, c) = self.best_addition(&self.cheapest(others(chosen, slot)), chosen)?;
-                (e < best * (1.0 - 1e-6)).then_some((e, slot, c))
-            });
-            let Some((e, slot, c)) = exchanges.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+            let cheapest = self.cheapest(chosen);
+            let before = self.energy_of(&cheapest);
+            let change = |c: usize| -> (f64, usize, usize) {
+                let (mut added, mut removed) = (0.0f64, vec![0.0f64; chosen.len()]);
+                for ((cost, best), weight) in self.costs[c].iter().zip(&cheapest).zip(&self.weights) {
+                    let with = cost.min(best.least);
+                    added += f64::from((with - best.least) * weight);
+                    if let Some(slot) = best.slot {
+                        removed[slot as usize] += f64::from((cost.min(best.second) - with) * weight);
+                    }
+                }
+                let (slot, loss) =
+                    removed.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1)).unwrap_or((0, &f64::INFINITY));
+                (added + loss, slot, c)
+            };
+            let open = (0..self.costs.len()).filter(|c| !chosen.contains(c));
+            let best = open.map(change).min_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((_, slot, c)) = best.filter(|best| best.0 < -1e-6 * before) else { break };
             chosen[slot] = c;
-            best = e;
         }
     }
-}
 
-/// All but the one at `slot`.
-fn others(chosen: &[usize], slot: usize) -> impl Iterator<Item = usize> + Clone {
-    chosen.iter().copied().enumerate().filter(move |(i, _)| *i != slot).map(|(_, c)| c)
+    /// A good set with one candidate more than `chosen`: the better of this set grown and of one that is grown beyond and
+    /// reduced.
+    fn next_set(&self, chosen: &[usize]) -> Vec<usize> {
+        let set = |extra: usize| {
+            let mut set = chosen.to_vec();
+            self.grow(&mut set, chosen.len() + 1 + extra);
+            self.exchange(&mut set);
+            self.shrink(&mut set, chosen.len() + 1);
+            self.exchange(&mut set);
+            (self.energy(&set), set)
+        };
+        let (plain, beyond) = rayon::join(|| set(0), || set(2));
+        if beyond.0 < plain.0 { beyond.1 } else { plain.1 }
+    }
+
+    /// The best set of `count` that was found. Sets are grown greedily, some beyond `count` and from several first
+    /// candidates, reduced, and improved by exchanges of one for one. A single greedy set with exchanges stays at two wrong
+    /// motions that share what two right ones explain.
+    fn best_set(&self, count: usize, settings: &SelectionSettings) -> Vec<usize> {
+        if self.costs.len() <= count {
+            return (0..self.costs.len()).collect();
+        }
+        let firsts = std::iter::once(None).chain((0..settings.firsts.min(self.costs.len())).map(Some));
+        let starts: Vec<(Option<usize>, usize)> =
+            firsts.flat_map(|first| settings.extras.map(|extra| (first, extra))).collect();
+        let ends = starts.par_iter().map(|(first, extra)| {
+            let mut chosen: Vec<usize> = first.iter().copied().take(count).collect();
+            self.grow(&mut chosen, count + extra);
+            if *extra > 0 {
+                self.exchange(&mut chosen);
+                self.shrink(&mut chosen, count);
+            }
+            self.exchange(&mut chosen);
+            (self.energy(&chosen), chosen)
+        });
+        let ends: Vec<(f64, Vec<usize>)> = ends.collect();
+        ends.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Vec::new, |best| best.1)
+    }
 }
 
 fn tabulate(
@@ -152,7 +263,7 @@ fn tabulate(
     pool: &[Candidate],
     settings: &SelectionSettings,
 ) -> Table {
-    let mut table = Table { columns: pool.len() + 1, costs: Vec::new(), weights: Vec::new() };
+    let mut table = Table { rest: Vec::new(), costs: vec![Vec::new(); pool.len()], weights: Vec::new() };
     for s in State::ALL {
         let cloud = clouds[s].cloud;
         let mut is_moved = vec![false; cloud.len()];
@@ -167,13 +278,12 @@ fn tabulate(
             let own = cloud.select(&picked);
             let own = IndexedCloud::new(&own);
             let pair = StatePair { own: &own, ..scene.pair(clouds, s) };
-            let mut rows = pair.plain_costs(&to_other, &settings.costs);
-            for row in rows.chunks_mut(table.columns) {
-                for (cost, candidate) in row[1..].iter_mut().zip(pool) {
-                    *cost += extra + candidate.implausibility;
-                }
+            let rows = pair.plain_costs(&to_other, &settings.costs);
+            table.rest.extend(rows.iter().step_by(to_other.len()));
+            for (c, (costs, candidate)) in table.costs.iter_mut().zip(pool).enumerate() {
+                let own = rows.iter().skip(c + 1).step_by(to_other.len());
+                costs.extend(own.map(|cost| cost + extra + candidate.implausibility));
             }
-            table.costs.extend(rows);
             table.weights.extend(vec![weight * stride as f32; picked.len()]);
         }
     }
@@ -188,8 +298,8 @@ mod tests {
     fn two_right_motions_beat_wrong_ones_that_explain_more_at_first() {
         // Candidates 1 and 2 explain four points each; candidate 0 explains six, but leaves two to nothing cheap.
         let explains = [[0, 1, 2, 4, 5, 6].as_slice(), &[0, 1, 2, 3], &[4, 5, 6, 7]];
-        let row = |i: usize| std::iter::once(1.0).chain(explains.map(|e| if e.contains(&i) { 0.0 } else { 1.0 }));
-        let table = Table { columns: 4, costs: (0..8).flat_map(row).collect(), weights: vec![1.0; 8] };
+        let column = |e: &[usize]| (0..8).map(|i| if e.contains(&i) { 0.0 } else { 1.0 }).collect();
+        let table = Table { rest: vec![1.0; 8], costs: explains.map(column).to_vec(), weights: vec![1.0; 8] };
         let mut chosen = Vec::new();
         table.grow(&mut chosen, 2);
         assert!(chosen[0] == 0 && table.energy(&chosen) == 1.0);

@@ -162,7 +162,7 @@ impl<'a> Run<'a> {
         self.find("discover", |run| {
             let scene = run.scene(depths)?;
             Ok(match run.config.start.parts {
-                PartSource::Labels => discover::discover(&scene, parts - 1, &run.config.discover)?,
+                PartSource::Labels => discover::discover(&scene, parts - 1..=parts - 1, &run.config.discover)?,
                 PartSource::Learnt => discover::without_parts(&scene),
             })
         })

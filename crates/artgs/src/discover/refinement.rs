@@ -1,0 +1,127 @@
+//! From motions to parts: points are labelled and parts registered in turn, parts that explain next to nothing are
+//! removed, and bodies that move alike are told apart.
+
+use super::cloud::{Cloud, IndexedCloud};
+use super::config::StepSettings;
+use super::joints::JointFit;
+use super::scene::Scene;
+use super::segmentation::Labelling;
+use super::{DiscoverConfig, Evidence};
+use artgs_core::{JointEstimate, JointKind, PerState, Rigid, State};
+use std::ops::RangeInclusive;
+
+/// Parts with their labelled points.
+pub(super) struct Parts {
+    pub(super) parts: Vec<JointEstimate>,
+    pub(super) labels: PerState<Vec<u16>>,
+}
+
+/// What parts are refined with.
+pub(super) struct Refinement<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) clouds: &'a PerState<IndexedCloud<'a>>,
+    pub(super) evidence: &'a Evidence,
+    pub(super) config: &'a DiscoverConfig,
+    pub(super) settings: &'a StepSettings,
+}
+
+impl Refinement<'_> {
+    /// Parts that move by `motions` (start to end), as many as `movable` allows.
+    pub(super) fn parts(&self, motions: &[Rigid], movable: &RangeInclusive<usize>) -> Parts {
+        let mut found = self.refined(motions);
+        let least = (self.config.least_share * self.evidence.total() as f64).max(super::LEAST_MOVED as f64);
+        let moved: Vec<f64> = (0..motions.len()).map(|k| self.moved_points(&found.labels, k as u16 + 1) as f64).collect();
+        let mut order: Vec<usize> = (0..motions.len()).collect();
+        order.sort_by(|a, b| moved[*b].total_cmp(&moved[*a]));
+        let kept = moved.iter().filter(|count| **count >= least).count().max(*movable.start());
+        if kept < motions.len() {
+            let mut strongest = order[..kept].to_vec();
+            strongest.sort_unstable();
+            let motions: Vec<Rigid> = strongest.iter().map(|k| found.parts[*k].motion).collect();
+            found = self.refined(&motions);
+        }
+        self.split(&mut found, *movable.end());
+        found
+    }
+
+    fn refined(&self, motions: &[Rigid]) -> Parts {
+        let kinds = vec![None; motions.len()];
+        let Self { scene, clouds, evidence, config, settings } = *self;
+        let (parts, labels) = refine_parts(scene, clouds, evidence, motions, &kinds, config, settings);
+        Parts { parts, labels }
+    }
+
+    /// Points of a part that moved for certain.
+    fn moved_points(&self, labels: &PerState<Vec<u16>>, part: u16) -> usize {
+        let of_state = |s: State| self.evidence.moved[s].iter().filter(|&&i| labels[s][i] == part).count();
+        State::ALL.into_iter().map(of_state).sum()
+    }
+
+    /// Tells apart bodies that move alike, up to `most` parts, and registers each by itself.
+    fn split(&self, found: &mut Parts, most: usize) {
+        let motions: Vec<Rigid> = found.parts.iter().map(|p| p.motion).collect();
+        let front = self.evidence.front(self.scene, self.clouds, self.settings);
+        let poses = &self.settings.candidates.poses;
+        let directions = poses.face_directions(self.clouds[State::END].cloud);
+        let mut labels = found.labels.clone();
+        let sources = self.settings.instances.split(self.scene, &mut labels, &motions, front, &directions);
+        if sources.is_empty() || found.parts.len() + sources.len() > most {
+            return;
+        }
+        let mut changed = sources.clone();
+        changed.extend(found.parts.len()..found.parts.len() + sources.len());
+        found.parts.extend(sources.iter().map(|k| found.parts[*k]).collect::<Vec<_>>());
+        found.labels = labels;
+        changed.sort_unstable();
+        changed.dedup();
+        let Self { scene, config, settings, .. } = *self;
+        let fit = JointFit { lengths: &scene.lengths, settings: &settings.joints, config, last: true };
+        for k in changed {
+            let points = points_of_part(self.clouds, &found.labels, k as u16 + 1);
+            found.parts[k] = fit.refine(&found.parts[k], &points, Some(found.parts[k].kind));
+        }
+    }
+}
+
+/// Labels points and registers parts in turn, from motions start to end; the last round decides each joint, unless its
+/// kind is known.
+pub(super) fn refine_parts(
+    scene: &Scene,
+    clouds: &PerState<IndexedCloud<'_>>,
+    evidence: &Evidence,
+    motions: &[Rigid],
+    kinds: &[Option<JointKind>],
+    config: &DiscoverConfig,
+    settings: &StepSettings,
+) -> (Vec<JointEstimate>, PerState<Vec<u16>>) {
+    let mut parts: Vec<JointEstimate> = motions.iter().map(|m| JointEstimate::new(JointKind::Screw, *m)).collect();
+    let graphs = clouds.as_ref().map(|c| settings.graph.graph(c.cloud, scene.lengths.spacing));
+    let labelling = Labelling {
+        scene,
+        clouds,
+        graphs: &graphs,
+        occupancy: &evidence.occupancy,
+        costs: settings.label_costs,
+        settings: settings.segmentation,
+    };
+    let mut labels = PerState::default();
+    let rounds = config.rounds.max(1);
+    for round in 0..rounds {
+        let motions: Vec<Rigid> = parts.iter().map(|p| p.motion).collect();
+        labels = labelling.labels(&motions);
+        let fit = JointFit { lengths: &scene.lengths, settings: &settings.joints, config, last: round + 1 == rounds };
+        for (k, part) in parts.iter_mut().enumerate() {
+            *part = fit.refine(part, &points_of_part(clouds, &labels, k as u16 + 1), kinds[k]);
+        }
+    }
+    (parts, labels)
+}
+
+/// Points of one part in every state.
+pub(super) fn points_of_part(clouds: &PerState<IndexedCloud<'_>>, labels: &PerState<Vec<u16>>, part: u16) -> PerState<Cloud> {
+    PerState::from_fn(|s: State| {
+        let members: Vec<usize> = (0..labels[s].len()).filter(|&i| labels[s][i] == part).collect();
+        clouds[s].cloud.select(&members)
+    })
+}
+

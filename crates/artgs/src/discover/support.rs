@@ -1,0 +1,161 @@
+//! What supports each joint: points that only its motion explains, the best different explanation, and how firmly the
+//! seen surfaces hold the motion.
+
+use super::candidates::Candidate;
+use super::cloud::{Cloud, IndexedCloud};
+use super::landing::StatePair;
+use super::registration::{Matching, stiffness};
+use super::scene::Scene;
+use super::segmentation::LabelCosts;
+use super::visibility::Occupancy;
+use artgs_core::{JointEstimate, PerState, Rigid, State};
+use glam::Vec3;
+
+/// Settings of the measures.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SupportSettings {
+    /// Points of a part and state that are compared.
+    pub(crate) sample: usize,
+    /// A motion explains a point at a lower cost than this.
+    pub(crate) explained: f32,
+    /// Another motion does not explain it if it costs more than this beyond.
+    pub(crate) fall: f32,
+    /// Motions that take the part's points to places closer than this are the same, spacings.
+    pub(crate) same: f32,
+    /// Costs of landings.
+    pub(crate) costs: LabelCosts,
+}
+
+impl Default for SupportSettings {
+    fn default() -> Self {
+        let costs = LabelCosts { hidden_static: 0.25, hidden_moved: 0.1, mismatch: 0.5, ..LabelCosts::default() };
+        Self { sample: 400, explained: 0.35, fall: 0.5, same: 4.0, costs }
+    }
+}
+
+/// What supports the joint of one part.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Support {
+    /// Points of the part that moved for certain: the other state shows their place as empty.
+    pub moved: f64,
+    /// Share of these that the motion takes onto a surface of the other state.
+    pub explained: f64,
+    /// Share of these that no other part's motion explains.
+    pub exclusive: f64,
+    /// Mean cost of the part's points under the motion, 0 (all land on surfaces that look the same) to 1 (empty space).
+    pub cost: f64,
+    /// Mean cost under the best different motion beyond [`Self::cost`].
+    pub margin: f64,
+    /// Index of that motion among the candidates.
+    pub rival: Option<usize>,
+    /// Displacement of the part in the direction that the matched surfaces hold least, as a root mean square distance
+    /// between the surfaces per unit: 0 if the part slides freely in some direction, 1 at most.
+    pub stiffness: f64,
+    /// Root mean square distance of the matched surfaces, spacings.
+    pub residual: f64,
+    /// Mean distance that the part's points move, spacings.
+    pub shift: f64,
+    /// Diagonal of the part's box, spacings.
+    pub size: f64,
+}
+
+impl SupportSettings {
+    /// Measures every part. `pool` are the candidate motions.
+    pub(super) fn measure(
+        &self,
+        scene: &Scene,
+        clouds: &PerState<IndexedCloud<'_>>,
+        occupancy: &PerState<Vec<Occupancy>>,
+        labels: &PerState<Vec<u16>>,
+        parts: &[JointEstimate],
+        pool: &[Candidate],
+    ) -> Vec<Support> {
+        (0..parts.len()).map(|k| self.measure_part(scene, clouds, occupancy, labels, parts, pool, k)).collect()
+    }
+
+    fn measure_part(
+        &self,
+        scene: &Scene,
+        clouds: &PerState<IndexedCloud<'_>>,
+        occupancy: &PerState<Vec<Occupancy>>,
+        labels: &PerState<Vec<u16>>,
+        parts: &[JointEstimate],
+        pool: &[Candidate],
+        k: usize,
+    ) -> Support {
+        let own = parts[k].motion;
+        let motions: Vec<Rigid> = parts.iter().map(|p| p.motion).chain(pool.iter().map(|c| c.motion)).collect();
+        let count = parts.len();
+        let mut out = Support::default();
+        let mut costs = vec![0.0f64; motions.len()];
+        let (mut weight, mut farthest) = (0.0f64, vec![0.0f64; motions.len()]);
+        let (mut shift, mut lower, mut upper) = (0.0f64, Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for s in State::ALL {
+            let members: Vec<usize> = (0..labels[s].len()).filter(|&i| usize::from(labels[s][i]) == k + 1).collect();
+            let stride = members.len().div_ceil(self.sample).max(1);
+            let picked: Vec<usize> = members.iter().copied().step_by(stride).collect();
+            let cloud = clouds[s].cloud.select(&picked);
+            let points = IndexedCloud::new(&cloud);
+            let pair = StatePair { own: &points, ..scene.pair(clouds, s) };
+            let to_other: Vec<Rigid> =
+                std::iter::once(Rigid::IDENTITY).chain(motions.iter().map(|m| m.away_from(s))).collect();
+            let rows = pair.plain_costs(&to_other, &self.costs);
+            let each = stride as f64;
+            for (row, i) in rows.chunks_exact(to_other.len()).zip(&picked) {
+                let row = &row[1..];
+                weight += each;
+                costs.iter_mut().zip(row).for_each(|(sum, cost)| *sum += each * f64::from(*cost));
+                if occupancy[s][*i] == Occupancy::Empty {
+                    out.moved += each;
+                    let fits = row[k] < self.explained;
+                    out.explained += if fits { each } else { 0.0 };
+                    let others = (0..count).filter(|j| *j != k);
+                    let alone = others.map(|j| row[j]).all(|cost| cost > row[k] + self.fall);
+                    out.exclusive += if fits && alone { each } else { 0.0 };
+                }
+            }
+            for p in &cloud.points {
+                let home = own.away_from(s).apply(p.as_dvec3());
+                shift += each * home.distance(p.as_dvec3());
+                for (far, motion) in farthest.iter_mut().zip(&to_other[1..]) {
+                    *far = far.max(motion.apply(p.as_dvec3()).distance(home));
+                }
+                let at_start = if s == State::START { *p } else { home.as_vec3() };
+                (lower, upper) = (lower.min(at_start), upper.max(at_start));
+            }
+        }
+        let spacing = f64::from(scene.lengths.spacing);
+        let same = f64::from(self.same) * spacing;
+        let mean = |sum: f64| sum / weight.max(1.0);
+        out.explained /= out.moved.max(1.0);
+        out.exclusive /= out.moved.max(1.0);
+        out.cost = mean(costs[k]);
+        let plausible = |c: usize| f64::from(pool[c].implausibility);
+        let different = (0..pool.len()).filter(|c| farthest[count + c] > same);
+        let rival = different.map(|c| (mean(costs[count + c]) + plausible(c), c)).min_by(|a, b| a.0.total_cmp(&b.0));
+        out.margin = rival.map_or(1.0, |r| r.0 - out.cost);
+        out.rival = rival.map(|r| r.1);
+        out.shift = mean(shift) / spacing;
+        out.size = f64::from((upper - lower).max(Vec3::ZERO).length()) / spacing;
+        out.residual = parts[k].rms.unwrap_or(0.0) / spacing;
+        out.stiffness = self.stiffness(clouds, labels, k, &own, spacing);
+        out
+    }
+
+    fn stiffness(
+        &self,
+        clouds: &PerState<IndexedCloud<'_>>,
+        labels: &PerState<Vec<u16>>,
+        k: usize,
+        motion: &Rigid,
+        spacing: f64,
+    ) -> f64 {
+        let of_part = |s: State| -> Cloud {
+            let members: Vec<usize> = (0..labels[s].len()).filter(|&i| usize::from(labels[s][i]) == k + 1).collect();
+            clouds[s].cloud.select(&members)
+        };
+        let own = PerState::from_fn(of_part);
+        let own = own.as_ref().map(IndexedCloud::new);
+        stiffness(Matching::mutual(&own[State::START], &own[State::END]), motion, 2.0 * spacing, 2000)
+    }
+}
