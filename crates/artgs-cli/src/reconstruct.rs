@@ -29,7 +29,7 @@ pub(crate) struct Job<'a> {
 
 pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     use_threads(args.method.threads)?;
-    let config = configure(&args.method, args.parts)?;
+    let config = configure(&args.method, None)?;
     let run = RunFolder::new(&args.out);
     folder::check(&run, args.earlier)?;
     if args.stop_after.is_some() && !finds_parts(&config) {

@@ -29,18 +29,17 @@ fn parts_are_deleted_added_and_given_their_types() {
     let options = CabinetOptions { views: 24, test_views: 0, size: 112, ..CabinetOptions::default() };
     write_cabinet(&folder, &options).unwrap();
     let capture = artgs_io::load_capture(&folder).unwrap();
-    let mut config = Config { parts: Some(3), ..Config::registration() };
+    let mut config = Config { parts: 3.into(), ..Config::registration() };
     config.surface.resolution = 120.0;
     // Parts can be viewed before the other stages run.
     let run = RunFolder::new(&out);
-    let reconstruction =
-        |config: &Config| Reconstruction { config: config.clone(), ..Reconstruction::new(&capture, 3) };
+    let reconstruction = |config: &Config| Reconstruction { config: config.clone(), ..Reconstruction::new(&capture) };
     let found = reconstruction(&config).find_parts_in(&run, &mut NullObserver).unwrap();
     assert!(found.parts.len() == 2 && !run.has_replica());
     assert!(found.parts.iter().all(|part| part.confidence.unwrap() > 0.9), "{:?}", found.parts);
     let read = found_parts(&run).unwrap();
     assert_eq!((read.labels, read.parts.len()), (found.labels, 2));
-    let learnt = Config { parts: Some(3), ..Config::paper_scaled(0.1).unwrap() };
+    let learnt = Config { parts: 3.into(), ..Config::paper_scaled(0.1).unwrap() };
     let other = RunFolder::new(root.path().join("b"));
     let refused = reconstruction(&learnt).find_parts_in(&other, &mut NullObserver).unwrap_err();
     assert!(refused.is_bad_input() && refused.to_string().contains("learnt"), "{refused}");

@@ -30,7 +30,7 @@ fn found(options: &CabinetOptions, movable: usize) -> (Capture, Cabinet, Discove
     let config = DiscoverConfig::default();
     let states = capture.states.as_ref().map(|s| pictures(&s.train));
     let scene = Scene::new(states.as_ref().map(Vec::as_slice), &config).expect("there are surface points");
-    let discovery = discover(&scene, movable, &config).expect("two parts moved");
+    let discovery = discover(&scene, movable..=movable, &config).expect("two parts moved");
     (capture, cabinet, discovery)
 }
 

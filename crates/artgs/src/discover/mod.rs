@@ -15,7 +15,7 @@
 //! });
 //! let config = DiscoverConfig::default();
 //! let scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config)?;
-//! let found = discover(&scene, 2, &config)?;
+//! let found = discover(&scene, 1..=8, &config)?;
 //! for part in &found.parts {
 //!     println!("{:?} with confidence {:?}", part.kind, part.confidence);
 //! }
@@ -55,6 +55,7 @@ pub use moved_points::{MovedPoints, moved_points};
 pub use scene::{DepthPicture, Scene, pixel_step};
 use segmentation::Labelling;
 use space_grid::SpaceGrid;
+use std::ops::RangeInclusive;
 use visibility::Occupancy;
 
 /// Labelled surface points of both states and the motions of the parts.
@@ -88,8 +89,13 @@ pub enum DiscoverError {
     NothingMoved,
 }
 
-/// Finds the movable parts (`movable` of them) and labels every surface point.
-pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Result<Discovery, DiscoverError> {
+/// Finds the movable parts and labels every surface point. `movable` bounds the number of movable parts.
+pub fn discover(
+    scene: &Scene,
+    movable: RangeInclusive<usize>,
+    config: &DiscoverConfig,
+) -> Result<Discovery, DiscoverError> {
+    let movable = *movable.start().max(&1);
     let clouds = scene.indexed_clouds();
     let evidence = Evidence::new(scene)?;
     let settings = StepSettings::default();
