@@ -342,6 +342,13 @@ pub(crate) struct Bench {
     /// A further way: settings in a TOML file that replace those of the default preset
     #[arg(long, value_name = "NAME=FILE", value_parser = pair)]
     pub(crate) variant_config: Vec<(String, String)>,
+    /// Whether runs are given the true number of parts or have to find it; variants that cannot find it are always given
+    /// it
+    #[arg(long, value_enum, default_value_t = Parts::Given)]
+    pub(crate) parts: Parts,
+    /// Stop runs when parts and joints are found, and score these: seconds per run
+    #[arg(long, value_name = "STAGE", value_enum)]
+    pub(crate) stop_after: Option<Stop>,
     /// Training views per state of the objects of suites; several, separated by commas: each of them
     #[arg(long, value_name = "N", value_delimiter = ',')]
     pub(crate) views: Vec<usize>,
@@ -388,6 +395,16 @@ pub(crate) struct Bench {
     /// Write events as JSON, one per line
     #[arg(long)]
     json: bool,
+}
+
+/// How the runs of a bench know the number of parts.
+#[cfg(feature = "bench")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Parts {
+    /// The true number is given
+    Given,
+    /// They find it
+    Auto,
 }
 
 #[cfg(feature = "bench")]

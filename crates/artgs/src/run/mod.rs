@@ -28,5 +28,5 @@ pub use points::{PartSource, StartConfig, StartSource};
 pub use preview::Preview;
 pub use reconstruction::{Reconstruction, finds_parts};
 pub use result::{FittedParts, Reconstructed};
-pub use score::evaluate;
+pub use score::{evaluate, evaluate_found};
 pub use summary::{Summary, ViewMeans};
