@@ -42,7 +42,7 @@ mod selection;
 mod space_grid;
 pub(crate) mod visibility;
 
-use artgs_core::{JointEstimate, JointKind, PerState, Rigid, State};
+use artgs_core::{JointAlternative, JointEstimate, JointKind, PerState, Rigid, State};
 use candidates::{Candidate, Search, SearchState};
 pub use cloud::Cloud;
 use cloud::IndexedCloud;
@@ -67,6 +67,8 @@ pub struct Discovery {
     pub labels: PerState<Vec<u16>>,
     /// Parts 1.., largest first.
     pub parts: Vec<JointEstimate>,
+    /// Other joints that explain part `k + 1` nearly as well, the most likely first. Parts beyond its end have none.
+    pub alternatives: Vec<Vec<JointAlternative>>,
     /// Diagonal of the object's bounding box, scene units.
     pub diagonal: f64,
     /// Distance between neighbouring points, scene units.
@@ -243,6 +245,7 @@ pub fn without_parts(scene: &Scene) -> Discovery {
         labels: clouds.as_ref().map(|c| vec![0; c.len()]),
         clouds,
         parts: Vec::new(),
+        alternatives: Vec::new(),
         diagonal: scene.lengths.diagonal.into(),
         spacing: scene.lengths.spacing.into(),
         tolerance: scene.tolerance.into(),

@@ -21,6 +21,7 @@ mod score;
 mod stages;
 mod summary;
 
+pub use assemble::DOUBTFUL;
 pub use corrected::{corrections_of, found_parts};
 pub use error::Error;
 pub use fingerprint::made_from;
