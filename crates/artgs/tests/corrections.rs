@@ -79,12 +79,16 @@ fn parts_are_deleted_added_and_given_their_types() {
     let sure = |r: &Replica, part: usize| r.parts[part].confidence.unwrap();
     assert!(sure(&again, 1) > 0.9 && sure(&again, 2) > 0.9, "{} {}", sure(&again, 1), sure(&again, 2));
     let door = 3 - drawer;
-    let slides = Corrections { centres: vec![], joints: vec![JointMark { part: door, kind: JointKind::Prismatic }] };
+    let slides = Corrections {
+        centres: vec![],
+        joints: vec![JointMark { part: door, kind: JointKind::Prismatic, joint: None }],
+    };
     write_corrections(&out, &slides).unwrap();
     let (doubted, _) = resume(&capture, &out, &config);
     assert!(sure(&doubted, door) < 0.7 && sure(&doubted, drawer) > 0.9, "{}", sure(&doubted, door));
 
-    let marked = Corrections { centres: vec![], joints: vec![JointMark { part: door, kind: JointKind::Screw }] };
+    let marked =
+        Corrections { centres: vec![], joints: vec![JointMark { part: door, kind: JointKind::Screw, joint: None }] };
     write_corrections(&out, &marked).unwrap();
     let (marked, _) = resume(&capture, &out, &config);
     assert_eq!(marked.joint(door).unwrap().kind, JointKind::Screw);
