@@ -1,9 +1,10 @@
-/** Corrections: moves, adds, deletes or merges part centres and sets joint types; the server saves them. */
+/** Corrections: moves, adds, deletes, merges or splits parts and sets joints; the server saves them. */
 
 import { Group, Mesh, MeshBasicMaterial, Plane, Quaternion, SphereGeometry, SRGBColorSpace, Vector3 } from "three";
+import { Cut } from "./cut";
 import { button, check, make, section } from "./dom";
 import type { Link, Model } from "./model";
-import { isFound, type SceneData, type Triple } from "./scene";
+import { type AlternativeData, isFound, type MarkedJoint, type SceneData, type Triple } from "./scene";
 import type { Stage } from "./stage";
 
 const SAVED = "Saved. The next artgs reconstruct --resume recomputes what depends on them.";
@@ -13,21 +14,29 @@ interface Centre {
   part: number | null;
   ball: Mesh<SphereGeometry, MeshBasicMaterial>;
   moved: boolean;
-  /** Correction of a part: "" (keep), "move", "delete" or the number of the part to merge into; null for an added part. */
+  /** Correction of a part: "" (keep), "move", "split", "delete" or the number of the part to merge into; null for an added
+   * part. */
   choice: HTMLSelectElement | null;
   type: HTMLSelectElement | null;
+  /** Where a part is split; null for an added part. */
+  cut: Cut | null;
+  /** The joint to begin with; null if only its type is given. */
+  joint: MarkedJoint | null;
+  /** Buttons that set it. */
+  offers: { data: AlternativeData; use: HTMLButtonElement }[];
 }
 
 type Edit =
   | { action: "add"; position: Triple }
   | { action: "move"; part: number; position: Triple }
   | { action: "delete"; part: number }
-  | { action: "merge"; part: number; into: number };
+  | { action: "merge"; part: number; into: number }
+  | { action: "split"; part: number; plane?: { point: Triple; normal: Triple }; points?: Triple[] };
 
 /** The fields of `corrections.json` that this page uses. */
 interface Saved {
   centres: Edit[];
-  joints: { part: number; type: string }[];
+  joints: { part: number; type: string; joint?: MarkedJoint }[];
 }
 
 export class Corrections {
@@ -91,14 +100,17 @@ export class Corrections {
     const name = link.data.name.replaceAll("_", " ");
     const option = (value: string, text: string) => make("option", { value }, text);
     const choice = make("select", { ariaLabel: `Centre of ${name}` }, option("", "keep"));
-    if (this.scene.placement) choice.append(option("move", "moved"));
+    if (this.scene.placement) choice.append(option("move", "moved"), option("split", "split"));
     choice.append(option("delete", "delete"));
     for (const other of parts) {
       if (other !== link) choice.append(option(`${other.index}`, `merge into ${other.data.name.replaceAll("_", " ")}`));
     }
     const type = make("select", { ariaLabel: `Type of ${name}` }, option("", "as found"));
     for (const kind of ["revolute", "prismatic", "screw"]) type.append(option(kind, kind));
-    const centre: Centre = { part: link.index, ball: this.ball(link.data.colour), moved: false, choice, type };
+    const cut = new Cut(link, this.group, () => this.stage.invalidate());
+    const ball = this.ball(link.data.colour);
+    const centre: Centre = { part: link.index, ball, moved: false, choice, type, cut, joint: null, offers: [] };
+    type.addEventListener("change", () => give(centre, null));
     choice.addEventListener("change", () => {
       // A centre to be moved starts at the middle of the part.
       this.show(true);
@@ -108,12 +120,27 @@ export class Corrections {
     this.centres.push(centre);
     const dot = make("span", { className: "dot" });
     dot.style.background = `rgb(${link.data.colour.join(" ")})`;
-    this.list.append(make("div", { className: "edit" }, make("span", {}, dot, name), choice, type));
+    this.list.append(make("div", { className: "edit" }, make("span", {}, dot, name), choice, type), cut.element);
+  }
+
+  /** Adds a button that gives a part another joint. */
+  offer(link: Link, data: AlternativeData, item: HTMLElement): void {
+    const centre = this.centres.find((c) => c.part === link.index);
+    if (!centre) return;
+    const use = button("use this", () => {
+      const used = use.getAttribute("aria-pressed") === "true";
+      centre.type!.value = used ? "" : data.kind;
+      give(centre, used ? null : data.joint);
+    });
+    use.setAttribute("aria-pressed", "false");
+    centre.offers.push({ data, use });
+    item.append(use);
   }
 
   /** Adds a part at `at`, by default in the middle of the object. */
   private add(at = this.model.extent().getCenter(new Vector3())): void {
-    const centre: Centre = { part: null, ball: this.ball([120, 60, 200]), moved: true, choice: null, type: null };
+    const ball = this.ball([120, 60, 200]);
+    const centre: Centre = { part: null, ball, moved: true, choice: null, type: null, cut: null, joint: null, offers: [] };
     centre.ball.position.copy(at);
     this.centres.push(centre);
     const row = make("div", { className: "edit" }, make("span", {}, "New part"), make("span", { className: "kind" }, "drag its ball"));
@@ -174,6 +201,15 @@ export class Corrections {
     return new Vector3(...point).multiplyScalar(scale).applyQuaternion(new Quaternion(...rotation));
   }
 
+  /** Directions from the capture's frame to the object's frame, and back. */
+  private turned(direction: Triple): Vector3 {
+    return new Vector3(...direction).applyQuaternion(new Quaternion(...this.scene.placement!.rotation));
+  }
+
+  private turnedBack(direction: Vector3): Triple {
+    return direction.clone().applyQuaternion(new Quaternion(...this.scene.placement!.rotation).invert()).toArray() as Triple;
+  }
+
   /** Loads saved corrections that are not applied yet into the controls. */
   async load(): Promise<void> {
     const notShown = (words: string) => `Saved corrections that cannot be shown here: ${words}. Saving replaces them.`;
@@ -191,36 +227,46 @@ export class Corrections {
 
   /** Sets the controls to an edit. False if they cannot express it: each part has one choice. */
   private edit(edit: Edit): boolean {
-    if (!this.scene.placement && "position" in edit) return false;
+    if (!this.scene.placement && ("position" in edit || edit.action === "split")) return false;
+    if (edit.action === "split" && !edit.plane) return false;
     if (edit.action === "add") return (this.add(this.inObject(edit.position)), true);
     const centre = this.centres.find((c) => c.part === edit.part);
     const value = edit.action === "merge" ? `${edit.into}` : edit.action;
     if (!centre?.choice || centre.choice.value !== "" || ![...centre.choice.options].some((o) => o.value === value)) return false;
     centre.choice.value = value;
     chosen(centre);
+    if (edit.action === "split") centre.cut!.set(this.inObject(edit.plane!.point), this.turned(edit.plane!.normal));
     if (edit.action === "move") centre.ball.position.copy(this.inObject(edit.position));
     return true;
   }
 
-  private mark({ part, type }: Saved["joints"][number]): boolean {
-    const select = this.centres.find((c) => c.part === part)?.type;
-    if (!select || select.disabled) return false;
-    select.value = type;
+  private mark({ part, type, joint }: Saved["joints"][number]): boolean {
+    const centre = this.centres.find((c) => c.part === part);
+    if (!centre?.type || centre.type.disabled) return false;
+    centre.type.value = type;
+    give(centre, joint ?? null);
     return true;
   }
 
-  /** The corrections to save. Order: a part is moved before others are merged into it, and merges precede deletions. */
+  /**
+   * The corrections to save. Order: a part is moved before others are merged into it, merged before it is split, and all
+   * precede deletions.
+   */
   edits(): Saved {
-    const order = { move: 0, merge: 1, delete: 2, add: 3 };
-    const centres = this.centres.flatMap(({ part, ball, choice }): Edit[] => {
+    const order = { move: 0, merge: 1, split: 2, delete: 3, add: 4 };
+    const centres = this.centres.flatMap(({ part, ball, choice, cut }): Edit[] => {
       if (part === null) return [{ action: "add", position: this.inCapture(ball.position) }];
       if (choice!.value === "move") return [{ action: "move", part, position: this.inCapture(ball.position) }];
       if (choice!.value === "delete") return [{ action: "delete", part }];
+      if (choice!.value === "split") {
+        const { point, normal } = cut!.get();
+        return [{ action: "split", part, plane: { point: this.inCapture(point), normal: this.turnedBack(normal) } }];
+      }
       return choice!.value === "" ? [] : [{ action: "merge", part, into: Number(choice!.value) }];
     });
     centres.sort((a, b) => order[a.action] - order[b.action]);
-    const joints = this.centres.flatMap(({ part, type }) =>
-      part !== null && type!.value !== "" && !type!.disabled ? [{ part, type: type!.value }] : [],
+    const joints = this.centres.flatMap(({ part, type, joint }) =>
+      part !== null && type!.value !== "" && !type!.disabled ? [{ part, type: type!.value, ...(joint && { joint }) }] : [],
     );
     return { centres, joints };
   }
@@ -244,8 +290,19 @@ export class Corrections {
 function chosen(centre: Centre): void {
   const value = centre.choice!.value;
   centre.moved = value === "move";
+  const split = value === "split";
   centre.ball.visible = value === "" || centre.moved;
-  centre.type!.disabled = !centre.ball.visible;
+  centre.cut!.visible = split;
+  centre.type!.disabled = !centre.ball.visible && !split;
+}
+
+/** Gives a part a joint to begin with, or takes it away. */
+function give(centre: Centre, joint: MarkedJoint | null): void {
+  centre.joint = joint;
+  const same = (other: MarkedJoint) => joint !== null && JSON.stringify([joint.axis, joint.origin]) === JSON.stringify([other.axis, other.origin]);
+  for (const { data, use } of centre.offers) {
+    use.setAttribute("aria-pressed", `${data.kind === centre.type!.value && same(data.joint)}`);
+  }
 }
 
 /** Why the server refused the data; null if it accepted. */

@@ -134,6 +134,7 @@ async function start(scene: SceneData) {
   setMode(has((l) => !!l.mesh) ? "textured" : "points");
   if (scene.corrections && model.movable().length > 0) {
     const corrections = new Corrections(scene, stage, model, () => setState(0));
+    for (const { link, data, item } of panel.alternatives) corrections.offer(link, data, item);
     await corrections.load();
     stage.add(corrections.group);
     panel.append(corrections.element);

@@ -3,7 +3,7 @@
 import { button, check, make, section } from "./dom";
 import { MODES, type Mode } from "./looks";
 import type { Link, Model } from "./model";
-import { isFound, readable, type SceneData } from "./scene";
+import { type AlternativeData, isFound, readable, type SceneData } from "./scene";
 import { rows, table } from "./scores";
 
 /** What the controls do. */
@@ -33,6 +33,8 @@ const NAMES: Record<Mode, string> = {
 export class Panel {
   private readonly modes = new Map<Mode, HTMLInputElement>();
   private readonly sliders = new Map<Link, { box: HTMLElement; input: HTMLInputElement; value: HTMLOutputElement }>();
+  /** Entries of other joints that parts could have. */
+  readonly alternatives: { link: Link; data: AlternativeData; item: HTMLElement }[] = [];
   private readonly apart = make("input", { type: "range", min: "0", max: "1", step: "0.01", value: "0", id: "explode" });
   private readonly axesShown = check("Joint axes and limits", (on) => this.act.axes(on));
   private readonly playing = button("Play", () => this.act.play(this.playing.getAttribute("aria-pressed") !== "true"));
@@ -120,7 +122,20 @@ export class Panel {
     const ends = make("span", { className: "ends" }, ...joint.limits.map((v) => make("span", {}, readable(joint, v))));
     const box = make("label", { className: "slider" }, head, input, ends);
     this.sliders.set(link, { box, input, value });
-    return box;
+    return joint.alternatives?.length ? make("div", {}, box, this.others(link, joint.alternatives)) : box;
+  }
+
+  /** What else the joint of a link could be. */
+  private others(link: Link, alternatives: AlternativeData[]): HTMLElement {
+    const list = make("ul", { className: "others" });
+    for (const data of alternatives) {
+      const text = make("span", {}, make("b", {}, `or ${data.kind}`), ` ${[data.what, data.advice].filter((s) => s !== "").join(" ")}`);
+      text.title = `Explains ${Math.round(100 * data.cost)} % of what was seen of the part worse`;
+      const item = make("li", {}, text);
+      list.append(item);
+      this.alternatives.push({ link, data, item });
+    }
+    return list;
   }
 
   private cameras(): HTMLElement {

@@ -2,6 +2,24 @@
 
 export type Triple = [number, number, number];
 
+/** Another joint that explains a part nearly as well. */
+export interface AlternativeData {
+  kind: "revolute" | "prismatic" | "screw";
+  /** As corrections name it: capture's frame and unit. */
+  joint: MarkedJoint;
+  cost: number;
+  what: string;
+  advice: string;
+}
+
+/** A joint in `corrections.json`. */
+export interface MarkedJoint {
+  axis: Triple;
+  origin: Triple;
+  value?: number;
+  pitch?: number;
+}
+
 export interface JointData {
   kind: "revolute" | "prismatic" | "screw";
   /** Unit axis, link frame. */
@@ -14,6 +32,7 @@ export interface JointData {
   observed: [number, number];
   effort: number;
   confidence?: number;
+  alternatives?: AlternativeData[];
 }
 
 export interface LinkData {

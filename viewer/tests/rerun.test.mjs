@@ -125,6 +125,57 @@ test("saved corrections are loaded with the page and stay when saved again", asy
   }
 });
 
+test("a part is split by a plane, and another joint is used for a part", async () => {
+  const served = await sample();
+  const file = join(served.folder, "corrections.json");
+  const read = () => JSON.parse(readFileSync(file, "utf8"));
+  try {
+    const { page, complaints } = await open(browser, served.url);
+    const save = async () => {
+      await page.getByRole("button", { name: "Save corrections" }).click();
+      await page.getByText("Saved. The next artgs reconstruct --resume").waitFor();
+    };
+    const first = await shot(page);
+    await page.getByLabel("Centre of drawer").selectOption("split");
+    const shown = await shot(page);
+    assert.ok(difference(first, shown).count > 300, "the plane is drawn");
+    await page.getByLabel("Cutting plane of drawer: direction").selectOption("z");
+    await page.getByLabel("Cutting plane of drawer: position").fill("0.75");
+    assert.ok(difference(shown, await shot(page)).count > 300, "the plane moves");
+    await page.getByText("It slides to the right. Open it further.").waitFor();
+    await page.getByRole("button", { name: "use this" }).click();
+    assert.equal(await page.getByLabel("Type of door").inputValue(), "prismatic");
+    await save();
+    const { centres, joints } = read();
+    assert.equal(centres.length, 1);
+    const { action, part, plane } = centres[0];
+    assert.deepEqual([action, part, plane.normal], ["split", 2, [0, 0, 1]]);
+    assert.ok(plane.point[2] > 0.2 && plane.point[2] < 0.5, `${plane.point}`);
+    const slide = { axis: [1, 0, 0], origin: [0, 0, 0], value: 0.25 };
+    assert.deepEqual(joints, [{ part: 1, type: "prismatic", joint: slide }]);
+
+    // A plane across no axis comes back, too.
+    const slanted = { point: [0, -0.2, 0.3], normal: [0, 0.6, -0.8] };
+    writeFileSync(file, JSON.stringify({ ...read(), centres: [{ action: "split", part: 2, plane: slanted }] }));
+    await page.reload();
+    await page.evaluate(() => artgs.ready);
+    assert.equal(await page.getByRole("button", { name: "use this" }).getAttribute("aria-pressed"), "true");
+    await save();
+    const again = read().centres[0].plane;
+    const along = (p) => p.reduce((sum, x, k) => sum + x * slanted.normal[k], 0);
+    assert.ok(slanted.normal.every((x, k) => Math.abs(x - again.normal[k]) < 1e-9), `${again.normal}`);
+    assert.ok(Math.abs(along(again.point) - along(slanted.point)) < 1e-9, `${again.point}`);
+    // Another type takes the joint away.
+    await page.getByLabel("Type of door").selectOption("revolute");
+    await save();
+    assert.deepEqual(read().joints, [{ part: 1, type: "revolute" }]);
+    assert.deepEqual(complaints, []);
+    await page.close();
+  } finally {
+    await served.close();
+  }
+});
+
 test("if no run can be started, the page says why", async () => {
   const served = await sample("--unable");
   try {

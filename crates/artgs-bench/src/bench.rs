@@ -30,6 +30,10 @@ pub struct Options {
     pub jobs: usize,
     /// Threads of a run; all cores if absent.
     pub threads: Option<usize>,
+    /// Give the method the true number of parts; otherwise it has to find the number, if it can.
+    pub parts_given: bool,
+    /// Stop runs when parts and joints are found, and score these.
+    pub stop_after_discover: bool,
     /// Device for training, as in `artgs reconstruct --device`; the best available one if absent.
     pub device: Option<String>,
     /// Repeat runs with other settings instead of refusing them.
@@ -277,16 +281,22 @@ fn settings(item: &Item, variant: &Variant, options: &Options, seed: u64) -> Run
         version: env!("CARGO_PKG_VERSION").into(),
         preset: variant.preset.clone(),
         overlay: variant.overlay.clone(),
-        arguments: variant.arguments.clone(),
+        arguments: arguments_of(variant, options),
         source: match &item.source {
             Source::Folder(path) => path.display().to_string(),
             Source::Procedural { settings, .. } => settings.clone(),
         },
-        parts: item.parts,
+        parts: item.parts.filter(|_| options.parts_given || variant.needs_parts),
         seed,
         threads: options.threads,
         device: options.device.clone(),
     }
+}
+
+/// Arguments of the variant, and those that the whole benchmark has.
+fn arguments_of(variant: &Variant, options: &Options) -> Vec<String> {
+    let stop = ["--stop-after", "discover"].iter().filter(|_| options.stop_after_discover);
+    variant.arguments.iter().cloned().chain(stop.map(|word| (*word).to_string())).collect()
 }
 
 /// The record of a finished run; an unreadable one counts as unfinished.
@@ -418,7 +428,7 @@ fn arguments(job: &Job<'_>, prepared: &Prepared, options: &Options, folder: &Pat
         args.extend(["--device".into(), device.into()]);
     }
     args.push("--json".into());
-    args.extend(job.variant.arguments.iter().map(OsString::from));
+    args.extend(job.settings.arguments.iter().map(OsString::from));
     args
 }
 

@@ -50,6 +50,8 @@ impl Fake {
             timeout: None,
             jobs: 1,
             threads: None,
+            parts_given: true,
+            stop_after_discover: false,
             device: None,
             force: false,
             retry_failed: false,
@@ -258,6 +260,21 @@ fn procedural_objects_are_rendered_once() {
     assert_eq!(shots.load(Ordering::Relaxed), 1);
     assert_eq!(reasons(&bench("20 views", true)), ["could not be rendered: no film"]);
     assert_eq!(shots.load(Ordering::Relaxed), 2);
+}
+
+#[test]
+fn only_variants_that_need_the_number_of_parts_get_it_if_it_is_to_be_found() {
+    let fake = Fake::new("");
+    let options = Options { seeds: 1, parts_given: false, ..fake.options() };
+    let paper = Variant::preset("paper", "paper", "as published");
+    let finished = fake.run_with(&[full(), paper], &options).unwrap();
+    let given: Vec<_> = finished.records.iter().map(|r| r.settings.parts).collect();
+    assert_eq!(given, [None, None, Some(2), Some(2)]);
+    let stopped = Options { stop_after_discover: true, out: fake.root.path().join("stopped"), ..options };
+    assert_eq!(fake.run(&stopped).records[0].settings.arguments, ["--stop-after", "discover"]);
+    assert!(fake.calls()[4].ends_with("--json --stop-after discover"), "{:?}", fake.calls());
+    let counted = |call: &String| call.contains("--parts");
+    assert_eq!(fake.calls()[..4].iter().map(counted).collect::<Vec<_>>(), [false, false, true, true]);
 }
 
 #[test]

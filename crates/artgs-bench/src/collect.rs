@@ -123,6 +123,21 @@ impl Collected {
         failures
     }
 
+    /// Numbers of parts that the runs of a variant on an object found, by seed; only runs that were not given the number.
+    pub fn found_parts(&self, variant: &str, object: &str) -> Vec<usize> {
+        let counting = self.runs(variant, object).filter(|r| r.settings.parts.is_none());
+        counting.filter_map(|r| Some(r.measured()?.metrics.parts)).collect()
+    }
+
+    /// Runs of a variant that found the right number of parts, and all that had to find it and ended.
+    pub fn right_counts(&self, variant: &str) -> [usize; 2] {
+        let known = self.objects.iter().filter_map(|o| Some((o, o.parts?)));
+        known.fold([0; 2], |[right, all], (object, truth)| {
+            let found = self.found_parts(variant, &object.name);
+            [right + found.iter().filter(|parts| **parts == truth).count(), all + found.len()]
+        })
+    }
+
     /// Failures of a variant on all objects.
     pub fn all_failures(&self, variant: &str) -> Failures {
         let mut all = Failures::default();
@@ -140,6 +155,17 @@ impl Collected {
 mod tests {
     use super::*;
     use crate::testing::{collected, failed, record};
+
+    #[test]
+    fn only_runs_that_had_to_count_are_counted() {
+        let mut records = vec![record("full", "a", 0, 0.1), record("full", "a", 1, 0.1), record("full", "b", 0, 0.1)];
+        assert_eq!(collected(&["full"], &["a", "b"], records.clone()).right_counts("full"), [0, 0]);
+        records[1..].iter_mut().for_each(|r| r.settings.parts = None);
+        records.push(failed("full", "b", 1, "bang"));
+        let all = collected(&["full"], &["a", "b"], records);
+        // Every test run finds 2 parts; the second object has 3.
+        assert_eq!((all.found_parts("full", "a"), all.right_counts("full")), (vec![2], [1, 2]));
+    }
 
     #[test]
     fn failed_runs_are_counted_and_not_averaged() {

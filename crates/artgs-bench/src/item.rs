@@ -38,7 +38,7 @@ pub struct Item {
     pub name: String,
     /// Where its capture comes from.
     pub source: Source,
-    /// True number of parts, the static one included; given to the method, as in the paper.
+    /// True number of parts, the static one included; given to the method, as in the paper, unless it is to find it.
     pub parts: Option<usize>,
     /// Object of the paper that it is or that it replaces.
     pub stands_for: Option<&'static PaperObject>,

@@ -5,6 +5,7 @@ use artgs::evaluate::{Lpips, Scores, score_replica};
 use artgs_io::run_folder::load_json;
 use artgs_io::{RunFolder, load_capture, write_atomic};
 use serde_json::json;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -12,11 +13,16 @@ use std::sync::Arc;
 /// it cannot.
 pub type Measure = Arc<dyn Fn(&Path, &Path) -> Result<Measured, String> + Send + Sync>;
 
-/// Reads `metrics.json`, scores joints, surfaces and held-out views, and writes the scores to `scores.json`.
+/// Reads `metrics.json`, scores joints, surfaces and held-out views, and writes the scores to `scores.json`. Of a run that
+/// stopped after discovery, it scores joints and labelled points.
 pub fn measure(folder: &Path, capture: &Path, lpips: Option<&Lpips>) -> Result<Measured, String> {
-    let mut metrics = read_metrics(folder)?;
     let run = RunFolder::new(folder);
-    let scores = artgs::run::evaluate(&run, &capture.join("gt")).map_err(|e| format!("cannot be scored: {e}"))?;
+    let truth = capture.join("gt");
+    let (mut metrics, scores) = match run.has_replica() {
+        true => (read_metrics(folder)?, artgs::run::evaluate(&run, &truth).map(Some)),
+        false => (found_metrics(&run), artgs::run::evaluate_found(&run, &truth)),
+    };
+    let scores = scores.map_err(|e| format!("cannot be scored: {e}"))?.ok_or("the run left no result")?;
     let text = format!("{:#}\n", json!(scores));
     // JSON has no infinity: scores that cannot be read back are not finite.
     serde_json::from_str::<Scores>(&text).map_err(|e| format!("scores are not finite: {e}"))?;
@@ -31,6 +37,19 @@ pub fn measure(folder: &Path, capture: &Path, lpips: Option<&Lpips>) -> Result<M
         }
     }
     Ok(Measured { metrics, scores })
+}
+
+/// The metrics of a run that stopped after discovery.
+fn found_metrics(run: &RunFolder) -> RunMetrics {
+    let times: BTreeMap<String, f64> = load_json(&run.stage_times()).ok().flatten().unwrap_or_default();
+    let found = artgs::run::found_parts(run).unwrap_or_default();
+    RunMetrics {
+        parts: found.parts.len() + 1,
+        total_seconds: times.values().sum(),
+        seconds: times.into_iter().collect(),
+        warnings: found.warnings,
+        ..RunMetrics::default()
+    }
 }
 
 /// The metrics that the run wrote.

@@ -36,7 +36,7 @@ impl RunSettings {
             ("version", self.version != other.version),
             ("preset", self.preset != other.preset),
             ("settings of the variant", self.overlay != other.overlay),
-            ("arguments of the variant", self.arguments != other.arguments),
+            ("arguments", self.arguments != other.arguments),
             ("capture", self.source != other.source),
             ("parts", self.parts != other.parts),
             ("seed", self.seed != other.seed),

@@ -28,8 +28,10 @@ pub struct Circumstances {
     pub threads: usize,
     /// Runs at a time.
     pub jobs: usize,
-    /// True if the number of parts was given to the method.
+    /// True if the number of parts was given to every variant, false if only to those that cannot find it.
     pub parts_given: bool,
+    /// True if runs stopped when parts and joints were found.
+    pub stopped_after_discover: bool,
 }
 
 /// Files of a report.
@@ -58,7 +60,10 @@ pub fn write_report(out: &Path, all: &Collected, how: &Circumstances) -> Result<
 
 fn intro(all: &Collected, how: &Circumstances) -> Vec<String> {
     let failed = all.records.iter().filter(|r| r.measured().is_none()).count();
-    let parts = if how.parts_given { "The number of parts was given." } else { "The number of parts was not given." };
+    let parts = match how.parts_given {
+        true => "The number of parts was given.",
+        false => "The number of parts was not given, except to variants that cannot find it.",
+    };
     let alone = match how.jobs {
         0 | 1 => "one run at a time".to_string(),
         n => format!("{n} runs at a time, so that times are longer than those of a run alone"),
@@ -70,7 +75,13 @@ fn intro(all: &Collected, how: &Circumstances) -> Vec<String> {
         true => String::new(),
         false => format!(" Trained on {}.", devices.into_iter().collect::<Vec<&str>>().join(", ")),
     };
-    vec![format!("artgs {version}: {runs} runs, {failed} failed; {threads} threads, {alone}. {parts}{trained}")]
+    let stopped = match how.stopped_after_discover {
+        true => " Runs stopped when parts and joints were found; surfaces are those of the labelled points.",
+        false => "",
+    };
+    vec![format!(
+        "artgs {version}: {runs} runs, {failed} failed; {threads} threads, {alone}. {parts}{trained}{stopped}"
+    )]
 }
 
 /// All records with their means and failures.

@@ -19,7 +19,7 @@ fn example() -> Collected {
 
 fn how() -> Circumstances {
     let command = "artgs bench a b -o 'x y' --seeds 2".into();
-    Circumstances { command, threads: 4, jobs: 1, parts_given: true }
+    Circumstances { command, threads: 4, jobs: 1, parts_given: true, stopped_after_discover: false }
 }
 
 #[test]

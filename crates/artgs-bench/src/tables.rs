@@ -6,6 +6,7 @@ use crate::paper::{self, PaperObject};
 use crate::record::Outcome;
 use crate::stats::{Aggregate, aggregate};
 use crate::table::{NOTHING, Origin, Table, number};
+use std::collections::BTreeSet;
 
 const CD_S: Metric = Metric::Cd(Surface::Fixed, At::Reported);
 const CD_M: Metric = Metric::Cd(Surface::Movable, At::Reported);
@@ -54,6 +55,16 @@ fn cells(
     metrics.iter().map(cell).collect()
 }
 
+/// Numbers of parts found, each once, and the true one, such as `3, 4/3`; nothing where the number was given.
+fn counts(all: &Collected, variant: &str, object: &ObjectInfo) -> String {
+    let found: BTreeSet<usize> = all.found_parts(variant, &object.name).into_iter().collect();
+    if found.is_empty() {
+        return NOTHING.into();
+    }
+    let found: Vec<String> = found.iter().map(usize::to_string).collect();
+    format!("{}/{}", found.join(", "), parts(object))
+}
+
 fn summary(failures: &Failures) -> String {
     Some(failures.summary()).filter(|t| !t.is_empty()).unwrap_or_else(|| "none".into())
 }
@@ -76,7 +87,7 @@ fn every_object(all: &Collected) -> Table {
         Metric::Memory,
     ];
     let mut head = named(&["Object", "K", "Variant"], &metrics);
-    head.push("Failures".into());
+    head.extend(["Parts found/true".into(), "Failures".into()]);
     let mut table = Table::new("Every object", head);
     table.notes.push(
         "Mean±standard deviation over seeds. Axis Ang in degrees; Axis Pos in scene units x 10, over parts that turn; \
@@ -89,6 +100,7 @@ fn every_object(all: &Collected) -> Table {
         for variant in &all.variants {
             let mut row = vec![object.name.clone(), parts(object), variant.name.clone()];
             row.extend(cells(all, &variant.name, object, &metrics, finer));
+            row.push(counts(all, &variant.name, object));
             let failures = all.failures(&variant.name, &object.name);
             row.push(if failures.runs == 0 { "not run".into() } else { summary(&failures) });
             table.push(Origin::Ours, row);
@@ -152,7 +164,7 @@ fn variants(all: &Collected) -> Option<Table> {
         Metric::Minutes,
     ];
     let mut head = named(&["Variant", "Runs"], &metrics);
-    head.extend(["Failures".into(), "What it is".into()]);
+    head.extend(["Right number of parts", "Failures", "What it is"].map(String::from));
     let mut table = Table::new("Means over objects", head);
     table.notes.push(
         "Each object counts once, with its mean over seeds; objects of which every run failed are left out.".into(),
@@ -166,7 +178,11 @@ fn variants(all: &Collected) -> Option<Table> {
         };
         let mut row = vec![variant.name.clone(), failures.runs.to_string()];
         row.extend(metrics.iter().map(cell));
-        row.extend([summary(&failures), variant.description.clone()]);
+        let counted = match all.right_counts(&variant.name) {
+            [_, 0] => NOTHING.into(),
+            [right, runs] => format!("{right} of {runs} runs"),
+        };
+        row.extend([counted, summary(&failures), variant.description.clone()]);
         table.push(Origin::Ours, row);
     }
     Some(table.without_empty_columns(2))

@@ -93,7 +93,32 @@ fn own_objects_fill_no_table_of_the_paper() {
     let every = every_object(&all);
     assert_eq!(every.rows[0].cells.last().unwrap(), "none");
     assert_eq!(every.rows[0].cells[3], "0.123");
-    assert!(!every.head.iter().any(|h| h == "LPIPS" || h == "Motion (length)"), "{:?}", every.head);
+    assert!(
+        !every.head.iter().any(|h| h == "LPIPS" || h == "Parts found/true" || h == "Motion (length)"),
+        "{:?}",
+        every.head
+    );
+}
+
+#[test]
+fn a_found_number_of_parts_is_beside_the_true_one() {
+    let mut records: Vec<_> = (0..3).map(|seed| record("full", "a", seed, 0.1)).collect();
+    records.push(record("full", "b", 0, 0.1));
+    records.push(record("paper", "b", 0, 0.1));
+    for (record, parts) in records.iter_mut().zip([2, 4, 2, 3]) {
+        record.settings.parts = None;
+        if let Outcome::Done(m) = &mut record.outcome {
+            m.metrics.parts = parts;
+        }
+    }
+    let all = collected(&["full", "paper"], &["a", "b"], records);
+    let every = every_object(&all);
+    let column = every.head.iter().position(|h| h == "Parts found/true").unwrap();
+    let cells: Vec<&str> = every.rows.iter().map(|r| r.cells[column].as_str()).collect();
+    assert_eq!(cells, ["2, 4/2", "-", "3/3", "-"]);
+    let means = variants(&all).unwrap();
+    let column = means.head.iter().position(|h| h == "Right number of parts").unwrap();
+    assert_eq!(means.rows.iter().map(|r| r.cells[column].as_str()).collect::<Vec<_>>(), ["3 of 4 runs", "-"]);
 }
 
 #[test]

@@ -15,6 +15,8 @@ pub struct Variant {
     pub overlay: String,
     /// Further arguments of `artgs reconstruct`.
     pub arguments: Vec<String>,
+    /// True if it cannot find the number of parts, so that it is always given.
+    pub needs_parts: bool,
 }
 
 impl Variant {
@@ -26,6 +28,7 @@ impl Variant {
             preset: preset.into(),
             overlay: String::new(),
             arguments: Vec::new(),
+            needs_parts: preset != "default",
         }
     }
 

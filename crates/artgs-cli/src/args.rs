@@ -1,6 +1,7 @@
 //! The command line as people type it.
 
 use crate::device::DeviceChoice;
+use artgs::{PartCount, PartCountError};
 use artgs_io::asset::Format;
 use artgs_physical::export::ExportOptions;
 use clap::builder::PossibleValue;
@@ -96,9 +97,6 @@ pub(crate) struct Reconstruct {
     /// Folder for the replica; made if missing
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
-    /// Number of rigid parts, the static part included
-    #[arg(long, value_name = "K", value_parser = parts)]
-    pub(crate) parts: Option<usize>,
     #[command(flatten)]
     pub(crate) method: Method,
     #[command(flatten)]
@@ -125,6 +123,10 @@ pub(crate) enum Stop {
 /// How to reconstruct.
 #[derive(Debug, Args)]
 pub(crate) struct Method {
+    /// Number of rigid parts, the static part included: K, MIN..MAX (both included), or auto to find it, which is the
+    /// default
+    #[arg(long, value_name = "K|MIN..MAX|auto", value_parser = parts)]
+    pub(crate) parts: Option<PartCount>,
     /// The method, with its settings to start from
     #[arg(long, visible_alias = "method", value_enum, default_value_t = Preset::Default)]
     pub(crate) preset: Preset,
@@ -340,6 +342,13 @@ pub(crate) struct Bench {
     /// A further way: settings in a TOML file that replace those of the default preset
     #[arg(long, value_name = "NAME=FILE", value_parser = pair)]
     pub(crate) variant_config: Vec<(String, String)>,
+    /// Whether runs are given the true number of parts or have to find it; variants that cannot find it are always given
+    /// it
+    #[arg(long, value_enum, default_value_t = Parts::Given)]
+    pub(crate) parts: Parts,
+    /// Stop runs when parts and joints are found, and score these: seconds per run
+    #[arg(long, value_name = "STAGE", value_enum)]
+    pub(crate) stop_after: Option<Stop>,
     /// Training views per state of the objects of suites; several, separated by commas: each of them
     #[arg(long, value_name = "N", value_delimiter = ',')]
     pub(crate) views: Vec<usize>,
@@ -386,6 +395,16 @@ pub(crate) struct Bench {
     /// Write events as JSON, one per line
     #[arg(long)]
     json: bool,
+}
+
+/// How the runs of a bench know the number of parts.
+#[cfg(feature = "bench")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Parts {
+    /// The true number is given
+    Given,
+    /// They find it
+    Auto,
 }
 
 #[cfg(feature = "bench")]
@@ -459,14 +478,9 @@ pub(crate) enum SynthLayout {
     Paris,
 }
 
-fn parts(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(0 | 1) => {
-            Err("K counts the static part, so it is 2 or more: 1 static part and at least 1 that moves".into())
-        }
-        Ok(count) => Ok(count),
-        Err(_) => Err("K is the number of rigid parts, the static part included: 2, 3, ...".into()),
-    }
+fn parts(text: &str) -> Result<PartCount, String> {
+    let count: PartCount = text.parse().map_err(|e: PartCountError| e.to_string())?;
+    count.check().map(|()| count).map_err(String::from)
 }
 
 #[cfg(test)]

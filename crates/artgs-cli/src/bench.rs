@@ -1,6 +1,6 @@
 //! `artgs bench`: many runs as child processes of this program, and their report.
 
-use crate::args::Bench;
+use crate::args::{Bench, Parts};
 use crate::commands::{Style, use_threads};
 use crate::device::{self, DeviceChoice};
 use crate::failure::Failure;
@@ -54,6 +54,8 @@ fn options(args: &Bench) -> Options {
         timeout: args.timeout,
         jobs: args.jobs.get(),
         threads: args.threads.map(Into::into),
+        parts_given: args.parts == Parts::Given,
+        stop_after_discover: args.stop_after.is_some(),
         device: Some(args.device).filter(|d| *d != DeviceChoice::Auto).map(|d| d.to_string()),
         force: args.force,
         retry_failed: args.retry_failed,
@@ -68,7 +70,8 @@ fn circumstances(args: &Bench) -> Circumstances {
             .fold(String::new(), |line, word| if line.is_empty() { word } else { format!("{line} {word}") }),
         threads: args.threads.map_or_else(cores, Into::into),
         jobs: args.jobs.get(),
-        parts_given: true,
+        parts_given: args.parts == Parts::Given,
+        stopped_after_discover: args.stop_after.is_some(),
     }
 }
 
@@ -148,8 +151,10 @@ fn variants(args: &Bench) -> Result<Vec<Variant>, Failure> {
     }
     for (name, file) in &args.variant_config {
         let text = std::fs::read_to_string(file).map_err(|e| Failure::bad(format!("{file}: {e}")))?;
-        Config::default().overridden_by(&text).map_err(|e| Failure::bad(format!("{file}: {e}")))?;
-        variants.push(Variant::with_overlay(name, "default", &format!("settings of {file}"), text));
+        let config = Config::default().overridden_by(&text).map_err(|e| Failure::bad(format!("{file}: {e}")))?;
+        let needs_parts = config.check_part_count().is_err();
+        let description = format!("settings of {file}");
+        variants.push(Variant { needs_parts, ..Variant::with_overlay(name, "default", &description, text) });
     }
     Ok(variants)
 }

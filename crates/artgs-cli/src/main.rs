@@ -9,6 +9,7 @@ mod check;
 mod commands;
 mod demo;
 mod device;
+mod doubts;
 mod evaluate;
 mod export;
 mod failure;

@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::folder::{self, load_capture};
 use crate::output::{Report, say};
 use crate::settings::configure;
-use crate::{live, progress, rerun};
+use crate::{doubts, live, progress, rerun};
 use anyhow::Context;
 use artgs::fit::FitError;
 use artgs::observer::{JsonLines, NullObserver, Observer, Tee};
@@ -29,7 +29,7 @@ pub(crate) struct Job<'a> {
 
 pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     use_threads(args.method.threads)?;
-    let config = configure(&args.method, args.parts)?;
+    let config = configure(&args.method, None)?;
     let run = RunFolder::new(&args.out);
     folder::check(&run, args.earlier)?;
     if args.stop_after.is_some() && !finds_parts(&config) {
@@ -77,16 +77,25 @@ impl Job<'_> {
     /// Reconstructs while showing events and appending them to the event file of the folder; `also` gets them, too.
     pub(crate) fn reconstruct(&self, also: &mut dyn Observer) -> Result<Report, Failure> {
         let made = self.observed(also, |reconstruction, observer| reconstruction.run_in(self.run, observer))?;
-        Report::new(&made.summary)
+        let mut report = Report::new(&made.summary)?;
+        report.text.push_str(&doubts::of_replica(&made.replica));
+        Ok(report)
     }
 
     /// The stages before training likewise.
     pub(crate) fn find_parts(&self, also: &mut dyn Observer) -> Result<Report, Failure> {
         let found = self.observed(also, |reconstruction, observer| reconstruction.find_parts_in(self.run, observer))?;
-        let parts = found.parts.iter().map(|p| json!({ "type": p.kind, "confidence": p.confidence }));
+        let others = |k: usize| found.alternatives.get(k).map_or(&[][..], Vec::as_slice);
+        let part = |(k, p): (usize, &JointEstimate)| {
+            let alternatives = others(k);
+            json!({ "type": p.kind, "confidence": p.confidence, "alternatives": alternatives })
+        };
+        let parts = found.parts.iter().enumerate().map(part);
         let json = json!({ "parts": parts.collect::<Value>(), "warnings": found.warnings });
         let line = |(k, p)| part_line(k + 1, p);
-        Ok(Report { text: found.parts.iter().enumerate().map(line).collect(), json })
+        let mut text: String = found.parts.iter().enumerate().map(line).collect();
+        text.push_str(&doubts::of_found(&found));
+        Ok(Report { text, json })
     }
 
     fn observed<T>(

@@ -2,11 +2,12 @@
 
 use crate::args::{Method, Preset};
 use crate::failure::Failure;
-use artgs::{Config, ablation};
+use artgs::{Config, PartCount, ablation};
 use artgs_io::RunFolder;
 
-/// The preset, changed by the variant, overridden by the file, overridden by the flags.
-pub(crate) fn configure(method: &Method, parts: Option<usize>) -> Result<Config, Failure> {
+/// The preset, changed by the variant, overridden by the file, overridden by the flags. `true_parts` is the number of parts
+/// if the capture is known; it is used where parts cannot be counted.
+pub(crate) fn configure(method: &Method, true_parts: Option<usize>) -> Result<Config, Failure> {
     let mut config = match (method.preset, method.schedule) {
         (Preset::Paper, schedule) => Config::paper_scaled(schedule.unwrap_or(1.0)).map_err(Failure::bad)?,
         (_, Some(_)) => return Err(Failure::bad("--schedule shortens the published method: add --preset paper")),
@@ -20,12 +21,12 @@ pub(crate) fn configure(method: &Method, parts: Option<usize>) -> Result<Config,
         let text = std::fs::read_to_string(file).map_err(|e| Failure::bad(format!("{}: {e}", file.display())))?;
         config = config.overridden_by(&text).map_err(|e| Failure::bad(format!("{}: {e}", file.display())))?;
     }
-    config.parts = parts.or(config.parts);
+    config.parts = method.parts.unwrap_or(config.parts);
     config.seed = method.seed.unwrap_or(config.seed);
-    config.check().map_err(Failure::bad)?;
-    if config.parts.is_none() {
-        return Err(Failure::bad(artgs::Error::PartsMissing));
+    if let (PartCount::Auto, Err(_), Some(parts)) = (config.parts, config.check_part_count(), true_parts) {
+        config.parts = parts.into();
     }
+    config.check().and_then(|()| config.check_part_count()).map_err(Failure::bad)?;
     Ok(config)
 }
 

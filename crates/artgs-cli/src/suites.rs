@@ -1,6 +1,6 @@
 //! Names that `artgs bench` understands: suites of procedural objects, and variants of the method.
 
-use artgs::ablation;
+use artgs::{Config, ablation};
 use artgs_bench::paper::{self, PaperObject};
 use artgs_bench::{Item, Source, Variant};
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
@@ -177,6 +177,7 @@ pub(crate) fn variant(name: &str, schedule: Option<f64>) -> Option<Variant> {
     let mut variant = Variant::preset(name, preset, description);
     if idea != "full" {
         variant.arguments.extend(["--variant".to_string(), idea.into()]);
+        variant.needs_parts |= ablation::apply(idea, Config::default()).is_ok_and(|c| c.check_part_count().is_err());
     }
     if let Some(share) = schedule.filter(|_| preset == "paper") {
         variant.arguments.extend(["--schedule".to_string(), share.to_string()]);
@@ -197,6 +198,8 @@ mod tests {
         for name in variant_names() {
             assert_eq!(variant(&name, None).unwrap().name, name);
         }
+        let finding = |name: &str| !variant(name, None).unwrap().needs_parts;
+        assert!(finding("full") && !finding("learnt-parts") && !finding("paper") && !finding("registration"));
         assert!(suite("zoo", &Photos::default()).is_none() && variant("zoo", None).is_none());
         assert!(variant("paper-learnt-parts", None).is_none(), "the published method always learns its parts");
         let tiny = Photos { size: vec![1], ..Photos::default() };

@@ -26,7 +26,7 @@ pub(crate) fn run(args: &Synth, style: Style) -> Result<(), Failure> {
             say(json!({ "event": "result", "capture": folder, "made": written }))?;
         } else if !style.quiet {
             let (shown, k) = (folder.display(), written.parts);
-            say(format!("{name} in {shown}; artgs reconstruct {shown} --parts {k} -o ..."))?;
+            say(format!("{name}, K = {k}, in {shown}; artgs reconstruct {shown} -o ..."))?;
         }
     }
     Ok(())

@@ -40,7 +40,10 @@ fn wrong_usage_exits_2_and_says_what_is_wrong() {
         (&["reconstruct", "x"], "--out"),
         (&["reconstruct", "x", "-o", "y", "--parts", "0"], "counts the static part"),
         (&["reconstruct", "x", "-o", "y", "--parts", "1"], "counts the static part"),
-        (&["reconstruct", "x", "-o", "y", "--parts", "two"], "number of rigid parts"),
+        (&["reconstruct", "x", "-o", "y", "--parts", "two"], "`two` is not a number of parts"),
+        (&["reconstruct", "x", "-o", "y", "--parts", "8..3"], "least number"),
+        (&["reconstruct", "x", "-o", "y", "--preset", "paper"], "--preset paper needs --parts K"),
+        (&["reconstruct", "x", "-o", "y", "--preset", "registration", "--parts", "2..4"], "needs --parts K"),
         (&["reconstruct", "x", "-o", "y", "--resume", "--force"], "--force"),
         (&["reconstruct", "x", "-o", "y", "--preset", "magic"], "default, paper, registration"),
         (&["reconstruct", "x", "-o", "y", "--parts", "2", "--variant", "magic"], "random-centres"),
@@ -112,6 +115,44 @@ fn without_a_driver_the_processor_trains_unless_a_graphics_processor_is_asked_fo
     assert!(!progress.contains("warning: device"), "no driver is nothing odd");
     let metrics: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("metrics.json")).unwrap()).unwrap();
     assert!(metrics["device"].as_str().is_some_and(|d| d.starts_with("CPU (")), "{metrics}");
+}
+
+#[test]
+fn a_still_cabinet_becomes_a_static_replica_that_every_command_takes() {
+    let folder = tempfile::tempdir().unwrap();
+    let (capture, out) = (folder.path().join("capture"), folder.path().join("out"));
+    let options = CabinetOptions { views: 40, test_views: 0, size: 96, ..CabinetOptions::default() };
+    write_cabinet(&capture, &options).unwrap();
+    // Both states are at the start, from different cameras.
+    let file = |state: &str| capture.join(format!("transforms_train_{state}.json"));
+    let all: serde_json::Value = serde_json::from_slice(&std::fs::read(file("start")).unwrap()).unwrap();
+    for (state, odd) in [("start", 0), ("end", 1)] {
+        let mut half = all.clone();
+        let frames = all["frames"].as_array().unwrap().iter().enumerate();
+        half["frames"] = frames.filter(|(i, _)| i % 2 == odd).map(|(_, frame)| frame.clone()).collect();
+        std::fs::write(file(state), half.to_string()).unwrap();
+    }
+    let settings = folder.path().join("quick.toml");
+    std::fs::write(&settings, "[articulate]\nsteps = 30\n[surface]\nresolution = 80.0\n").unwrap();
+    let done = |args: &[&str]| {
+        let output = artgs(args);
+        assert_eq!(output.status.code(), Some(0), "{args:?}: {}", text(&output.stderr));
+        text(&output.stderr)
+    };
+    let place = ["reconstruct", str(&capture), "-o", str(&out), "--config", str(&settings), "--device", "cpu"];
+    assert!(done(&[&place[..], &["--stop-after", "discover"]].concat()).contains("nothing moved"));
+    let page = folder.path().join("page.html");
+    done(&["view", str(&out), "--export", str(&page)]);
+    assert!(done(&[&place[..], &["--resume"]].concat()).contains("nothing moved"));
+    let replica = artgs_io::read_replica(&out).unwrap();
+    assert_eq!(replica.parts.len(), 1);
+    done(&["export", str(&out)]);
+    #[cfg(feature = "check")]
+    done(&["check", str(&out)]);
+    std::fs::remove_file(&page).unwrap();
+    done(&["view", str(&out), "--export", str(&page)]);
+    assert!(page.is_file());
+    done(&["evaluate", str(&out), "--gt", str(&capture.join("gt"))]);
 }
 
 #[test]

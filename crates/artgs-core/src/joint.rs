@@ -104,6 +104,29 @@ impl JointEstimate {
     }
 }
 
+/// Another joint that explains what was seen of a part nearly as well as the one that was chosen.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JointAlternative {
+    /// Type of the joint.
+    pub kind: JointKind,
+    /// Motion from start to end, world frame.
+    pub motion: Rigid,
+    /// How much worse it explains the part, as a share of the part's evidence; 0: as well.
+    pub cost: f64,
+    /// What it means for the part, one sentence.
+    pub what: String,
+    /// What further capture would decide between the two, one sentence; may be empty.
+    #[serde(default)]
+    pub advice: String,
+}
+
+impl JointAlternative {
+    /// The joint, with value 0 at the start and its origin near `point` (world frame).
+    pub fn joint_near(&self, point: DVec3) -> Joint {
+        Joint::from_motion(self.kind, &self.motion).with_origin_near(point)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

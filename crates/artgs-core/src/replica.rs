@@ -1,6 +1,6 @@
 //! The result of a reconstruction: parts, joints and paths of meshes. Serialises to `replica.json`, version 1.
 
-use crate::{Joint, JointKind, PerState, Rigid, State};
+use crate::{Joint, JointAlternative, JointKind, PerState, Rigid, State};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -78,6 +78,33 @@ impl From<JointRecord> for Joint {
     }
 }
 
+/// Another joint that explains what was seen of a part nearly as well.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Alternative {
+    /// The joint.
+    pub joint: JointRecord,
+    /// How much worse it explains the part, as a share of the part's evidence; 0: as well.
+    pub cost: f64,
+    /// What it means for the part, one sentence.
+    pub what: String,
+    /// What further capture would decide, one sentence; may be empty.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub advice: String,
+}
+
+impl Alternative {
+    /// An alternative with the origin of its joint near `point`, world frame.
+    pub fn near(found: &JointAlternative, point: DVec3) -> Self {
+        let JointAlternative { cost, what, advice, .. } = found.clone();
+        Self { joint: found.joint_near(point).into(), cost, what, advice }
+    }
+
+    /// The joint.
+    pub fn joint(&self) -> Joint {
+        self.joint.into()
+    }
+}
+
 /// One rigid part.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Part {
@@ -93,6 +120,9 @@ pub struct Part {
     /// visible there, that lie on a surface and not in empty space. None if unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub confidence: Option<f64>,
+    /// Other joints that explain it nearly as well, the most likely first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub alternatives: Vec<Alternative>,
     /// Meshes in world coordinates of each state.
     pub meshes: PerState<String>,
 }
@@ -123,6 +153,7 @@ impl Replica {
             parent: (id > 0).then_some(0),
             joint: (id > 0).then(|| joints[id - 1].into()),
             confidence: None,
+            alternatives: Vec::new(),
             meshes: file(&format!("part_{id}")),
         };
         Self {
@@ -177,22 +208,33 @@ impl Replica {
             if part.confidence.is_some_and(|c| !(0.0..=1.0).contains(&c)) {
                 return fail("field `confidence` is not between 0 and 1");
             }
-            let Some(joint) = self.joint(index) else { continue };
-            let values = joint.state_values.iter().chain(&joint.limits);
-            if !joint.axis.is_finite() || !joint.origin.is_finite() || !joint.pitch.is_finite() {
-                return fail("field `joint` has a number that is not finite");
+            if part.joint.is_none() && !part.alternatives.is_empty() {
+                return fail("field `alternatives` is of a part without a joint");
             }
-            if values.copied().any(|v: f64| !v.is_finite()) {
-                return fail("fields `state_values` and `limits` must be finite");
+            if part.alternatives.iter().any(|other| !other.cost.is_finite()) {
+                return fail("field `cost` is not finite");
             }
-            if (joint.axis.length() - 1.0).abs() > 1e-3 {
-                return fail("field `axis` is not a unit vector");
-            }
-            if joint.limits[0] > joint.limits[1] {
-                return fail("field `limits` has lower above upper");
+            for joint in self.joint(index).into_iter().chain(part.alternatives.iter().map(Alternative::joint)) {
+                fault(&joint).map_or(Ok(()), fail)?;
             }
         }
         Ok(())
+    }
+}
+
+/// What is wrong with the numbers of a joint.
+fn fault(joint: &Joint) -> Option<&'static str> {
+    let values = joint.state_values.iter().chain(&joint.limits);
+    if !joint.axis.is_finite() || !joint.origin.is_finite() || !joint.pitch.is_finite() {
+        Some("field `joint` has a number that is not finite")
+    } else if values.copied().any(|v: f64| !v.is_finite()) {
+        Some("fields `state_values` and `limits` must be finite")
+    } else if (joint.axis.length() - 1.0).abs() > 1e-3 {
+        Some("field `axis` is not a unit vector")
+    } else if joint.limits[0] > joint.limits[1] {
+        Some("field `limits` has lower above upper")
+    } else {
+        None
     }
 }
 
@@ -229,6 +271,16 @@ mod tests {
         assert_eq!(r.validate(), Err(ReplicaError::Version(7)));
         let mut r = sample();
         r.parts[1].confidence = Some(1.5);
+        assert!(matches!(r.validate(), Err(ReplicaError::Part { part: 1, .. })));
+        let mut other = sample().joint(1).unwrap();
+        other.axis = DVec3::ZERO;
+        let alternative = Alternative { joint: other.into(), cost: 0.1, what: String::new(), advice: String::new() };
+        let mut r = sample();
+        r.parts[1].alternatives.push(alternative);
+        assert!(matches!(r.validate(), Err(ReplicaError::Part { part: 1, .. })));
+        r.parts[1].alternatives[0].joint = sample().parts[1].joint.unwrap();
+        assert_eq!(r.validate(), Ok(()));
+        r.parts[1].alternatives[0].cost = f64::NAN;
         assert!(matches!(r.validate(), Err(ReplicaError::Part { part: 1, .. })));
         for edit in [
             (|j: &mut Joint| j.axis = DVec3::ZERO) as fn(&mut Joint),

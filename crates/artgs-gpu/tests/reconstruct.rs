@@ -29,7 +29,7 @@ fn cabinet(dir: &Path) -> Capture {
 
 /// Few steps, in which Gaussians are cloned, held-out views are rendered, and joints are optimised.
 fn config() -> Config {
-    let mut config = Config { parts: Some(3), ..Config::default() };
+    let mut config = Config { parts: 3.into(), ..Config::default() };
     config.articulate.steps = 90;
     config.articulate.learn_joints = true;
     config.articulate.joint_rate.from = 3e-4;

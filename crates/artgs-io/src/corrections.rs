@@ -3,11 +3,14 @@
 //! ```json
 //! {"format": "artgs-corrections", "version": 1,
 //!  "centres": [{"action": "move", "part": 1, "position": [0.1, 0, 0.4]}, {"action": "add", "position": [0, 0, 1]},
-//!              {"action": "delete", "part": 2}, {"action": "merge", "part": 3, "into": 1}],
-//!  "joints": [{"part": 1, "type": "revolute"}]}
+//!              {"action": "delete", "part": 2}, {"action": "merge", "part": 3, "into": 1},
+//!              {"action": "split", "part": 4, "plane": {"point": [0, 0, 0.3], "normal": [0, 0, 1]}}],
+//!  "joints": [{"part": 1, "type": "revolute"},
+//!             {"part": 4, "type": "prismatic", "joint": {"axis": [0, -1, 0], "origin": [0, 0, 0], "value": 0.2}}]}
 //! ```
 //! Positions are in the capture's frame and unit, parts at the start state; `part` is the `id` of the `replica.json` that
-//! was made without corrections. Parts that are added have the numbers after those, in the order in which they are added.
+//! was made without corrections. Parts that are added, also by a split, have the numbers after those, in the order in which
+//! they are added.
 
 use crate::error::read_bytes;
 use crate::{FileError, write_atomic};
@@ -33,7 +36,7 @@ pub struct Corrections {
 }
 
 /// A change of the part centres. Parts are movable ones, so counted from 1; added ones have the next numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "action", rename_all = "lowercase", deny_unknown_fields)]
 pub enum CentreEdit {
     /// A part that was missed.
@@ -60,6 +63,27 @@ pub enum CentreEdit {
         /// The part that stays and takes its points.
         into: usize,
     },
+    /// A part that is two; what is cut off is a new part. Exactly one of `plane` and `points` says where.
+    Split {
+        /// The part.
+        part: usize,
+        /// The new part is on the side that the normal points to.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        plane: Option<CutPlane>,
+        /// Surface points of the new part, capture's frame and unit.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        points: Vec<[f64; 3]>,
+    },
+}
+
+/// A plane that cuts a part at the start state, capture's frame and unit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CutPlane {
+    /// A point of the plane.
+    pub point: [f64; 3],
+    /// Perpendicular to it, of any length but 0.
+    pub normal: [f64; 3],
 }
 
 impl CentreEdit {
@@ -67,13 +91,56 @@ impl CentreEdit {
     pub fn removed_part(&self) -> Option<usize> {
         match *self {
             Self::Delete { part } | Self::Merge { part, .. } => Some(part),
-            Self::Add { .. } | Self::Move { .. } => None,
+            Self::Add { .. } | Self::Move { .. } | Self::Split { .. } => None,
         }
+    }
+
+    /// True if the edit makes a new part, which has the next number.
+    pub fn adds_part(&self) -> bool {
+        matches!(self, Self::Add { .. } | Self::Split { .. })
+    }
+
+    /// The same edit of parts with other numbers; none if a part has no other number.
+    pub fn renumbered(&self, number: impl Fn(usize) -> Option<usize>) -> Option<Self> {
+        let mut edit = self.clone();
+        for part in edit.part_numbers() {
+            *part = number(*part)?;
+        }
+        Some(edit)
+    }
+
+    /// The parts that it names.
+    fn part_numbers(&mut self) -> Vec<&mut usize> {
+        match self {
+            Self::Add { .. } => vec![],
+            Self::Move { part, .. } | Self::Delete { part } | Self::Split { part, .. } => vec![part],
+            Self::Merge { part, into } => vec![part, into],
+        }
+    }
+
+    /// What is wrong with its numbers.
+    fn fault(&self) -> Option<String> {
+        let finite = |p: &[f64; 3]| p.iter().all(|x| x.is_finite());
+        let coordinates = match self {
+            Self::Add { position } | Self::Move { position, .. } => finite(position),
+            Self::Merge { part, into } if part == into => return Some(format!("part {part} into itself")),
+            Self::Delete { .. } | Self::Merge { .. } => true,
+            Self::Split { plane, points, .. } if plane.is_some() != points.is_empty() => {
+                return Some("a split has either a `plane` or `points`".into());
+            }
+            Self::Split { plane: Some(plane), .. } if plane.normal == [0.0; 3] => {
+                return Some("`normal` has no direction".into());
+            }
+            Self::Split { plane, points, .. } => {
+                plane.is_none_or(|p| finite(&p.point) && finite(&p.normal)) && points.iter().all(finite)
+            }
+        };
+        (!coordinates).then(|| "a coordinate is not finite".into())
     }
 }
 
-/// The type that a joint is known to have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// The type that a joint is known to have, and where the joint is if that is known, too.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointMark {
     /// The part that the joint moves.
@@ -81,6 +148,37 @@ pub struct JointMark {
     /// How it moves.
     #[serde(rename = "type")]
     pub kind: JointKind,
+    /// The joint, roughly: the part is registered again, beginning with it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint: Option<MarkedJoint>,
+}
+
+/// A joint at the start state, capture's frame and unit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MarkedJoint {
+    /// Direction of the axis, of any length but 0.
+    pub axis: [f64; 3],
+    /// A point of the axis.
+    pub origin: [f64; 3],
+    /// Motion from start to end about or along the axis, radians or scene units; if absent, as far as the part was found to
+    /// move.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value: Option<f64>,
+    /// Slide along the axis per radian of a screw, scene units.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub pitch: f64,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+impl MarkedJoint {
+    fn is_usable(&self) -> bool {
+        let numbers = self.axis.iter().chain(&self.origin).chain(&self.value).chain([&self.pitch]);
+        self.axis != [0.0; 3] && numbers.into_iter().all(|x| x.is_finite())
+    }
 }
 
 #[derive(Serialize, Deserialize)]
@@ -125,7 +223,7 @@ impl Corrections {
     /// These, which are of the parts that `earlier` ones left of `found` movable parts, as further ones of what was found.
     /// Numbers that are none stay none.
     pub fn after(&self, earlier: &Self, found: usize) -> Self {
-        let added = |edits: &[CentreEdit]| edits.iter().filter(|e| matches!(e, CentreEdit::Add { .. })).count();
+        let added = |edits: &[CentreEdit]| edits.iter().filter(|e| e.adds_part()).count();
         let known = found + added(&earlier.centres);
         let removed = |edits: &[CentreEdit], part: usize| edits.iter().any(|e| e.removed_part() == Some(part));
         // Parts that are left, in the order in which a run numbers them, and then those that these add.
@@ -135,21 +233,16 @@ impl Corrections {
             Some((_, Some(part))) => *part,
             Some((i, None)) => i - left.len() + known + 1,
         };
-        let further = self.centres.iter().map(|edit| match *edit {
-            CentreEdit::Add { position } => CentreEdit::Add { position },
-            CentreEdit::Move { part, position } => CentreEdit::Move { part: renumber(part), position },
-            CentreEdit::Delete { part } => CentreEdit::Delete { part: renumber(part) },
-            CentreEdit::Merge { part, into } => CentreEdit::Merge { part: renumber(part), into: renumber(into) },
-        });
-        let centres: Vec<CentreEdit> = earlier.centres.iter().copied().chain(further).collect();
-        let marks: Vec<JointMark> =
-            self.joints.iter().map(|m| JointMark { part: renumber(m.part), kind: m.kind }).collect();
+        let further = self.centres.iter().filter_map(|edit| edit.renumbered(|part| Some(renumber(part))));
+        let centres: Vec<CentreEdit> = earlier.centres.iter().cloned().chain(further).collect();
+        let marks: Vec<JointMark> = self.joints.iter().map(|m| JointMark { part: renumber(m.part), ..*m }).collect();
         let kept = |m: &&JointMark| !removed(&centres, m.part) && marks.iter().all(|new| new.part != m.part);
         let joints = earlier.joints.iter().filter(kept).copied().chain(marks.iter().copied()).collect();
         Self { centres, joints }
     }
 
-    /// Part numbers above 0, finite positions, no part changed after it was removed, one type per joint.
+    /// Part numbers above 0, finite positions, no part changed after it was removed, one type per joint, axes with a
+    /// direction.
     pub fn check(&self) -> Result<(), String> {
         let Self { centres, joints } = self;
         if centres.len() > MOST || joints.len() > MOST {
@@ -158,28 +251,25 @@ impl Corrections {
         let mut removed: Vec<usize> = Vec::new();
         for (i, edit) in centres.iter().enumerate() {
             let wrong = |reason: String| Err(format!("field `centres[{i}]`: {reason}"));
-            let (position, parts, goes) = match *edit {
-                CentreEdit::Add { position } => (Some(position), vec![], None),
-                CentreEdit::Move { part, position } => (Some(position), vec![part], None),
-                CentreEdit::Delete { part } => (None, vec![part], Some(part)),
-                CentreEdit::Merge { part, into } if part == into => return wrong(format!("part {part} into itself")),
-                CentreEdit::Merge { part, into } => (None, vec![part, into], Some(part)),
-            };
-            if position.is_some_and(|p| p.iter().any(|x| !x.is_finite())) {
-                return wrong("a coordinate is not finite".into());
+            if let Some(fault) = edit.fault() {
+                return wrong(fault);
             }
+            let parts: Vec<usize> = edit.clone().part_numbers().into_iter().map(|part| *part).collect();
             if parts.contains(&0) {
                 return wrong("part 0 is the static one and has no centre".into());
             }
             if let Some(part) = parts.iter().find(|p| removed.contains(p)) {
                 return wrong(format!("part {part} was deleted or merged before"));
             }
-            removed.extend(goes);
+            removed.extend(edit.removed_part());
         }
         for (i, mark) in joints.iter().enumerate() {
             if mark.part == 0 || removed.contains(&mark.part) || joints[..i].iter().any(|m| m.part == mark.part) {
                 let part = mark.part;
                 return Err(format!("field `joints[{i}]`: part {part} is static, deleted or named twice"));
+            }
+            if mark.joint.is_some_and(|joint| !joint.is_usable()) {
+                return Err(format!("field `joints[{i}].joint`: `axis` has no direction, or a number is not finite"));
             }
         }
         Ok(())
@@ -206,6 +296,14 @@ pub fn write_corrections(dir: &Path, corrections: &Corrections) -> Result<(), Fi
 mod tests {
     use super::*;
 
+    fn plane() -> CutPlane {
+        CutPlane { point: [0.0, 0.1, 0.2], normal: [0.0, 0.0, -2.0] }
+    }
+
+    fn joint() -> MarkedJoint {
+        MarkedJoint { axis: [0.0, 0.0, 1.0], origin: [0.1, 0.0, 0.0], value: Some(0.5), pitch: 0.01 }
+    }
+
     #[test]
     fn round_trip_and_absence() {
         let dir = tempfile::tempdir().unwrap();
@@ -216,8 +314,13 @@ mod tests {
                 CentreEdit::Add { position: [0.0; 3] },
                 CentreEdit::Merge { part: 3, into: 1 },
                 CentreEdit::Delete { part: 2 },
+                CentreEdit::Split { part: 1, plane: Some(plane()), points: vec![] },
+                CentreEdit::Split { part: 4, plane: None, points: vec![[0.5, 0.0, 1.0]] },
             ],
-            joints: vec![JointMark { part: 1, kind: JointKind::Prismatic }],
+            joints: vec![
+                JointMark { part: 1, kind: JointKind::Prismatic, joint: None },
+                JointMark { part: 4, kind: JointKind::Screw, joint: Some(joint()) },
+            ],
         };
         write_corrections(dir.path(), &corrections).unwrap();
         assert_eq!(read_corrections(dir.path()).unwrap(), Some(corrections));
@@ -226,7 +329,7 @@ mod tests {
     #[test]
     fn later_ones_are_of_what_earlier_ones_left() {
         let at = |x: f64| [x, 0.0, 0.0];
-        let mark = |part, kind| JointMark { part, kind };
+        let mark = |part, kind| JointMark { part, kind, joint: None };
         let earlier = Corrections {
             centres: vec![CentreEdit::Delete { part: 1 }, CentreEdit::Add { position: at(1.0) }],
             joints: vec![mark(2, JointKind::Screw), mark(3, JointKind::Prismatic)],
@@ -262,10 +365,30 @@ mod tests {
     }
 
     #[test]
+    fn what_is_cut_off_is_a_further_part() {
+        let split = |part| CentreEdit::Split { part, plane: Some(plane()), points: vec![] };
+        let corrections = |centres| Corrections { centres, joints: vec![] };
+        // Two were found; the split makes 3, which is then deleted by the number that the next run gives it.
+        let earlier = corrections(vec![split(1)]);
+        let later = corrections(vec![CentreEdit::Delete { part: 3 }, split(2), CentreEdit::Merge { part: 4, into: 1 }]);
+        let both = later.after(&earlier, 2);
+        let merged = CentreEdit::Merge { part: 4, into: 1 };
+        assert_eq!(both.centres, [split(1), CentreEdit::Delete { part: 3 }, split(2), merged]);
+        assert_eq!(both.check(), Ok(()));
+        let marked = JointMark { part: 3, kind: JointKind::Screw, joint: Some(joint()) };
+        let marks = Corrections { centres: vec![], joints: vec![marked] };
+        assert_eq!(marks.after(&earlier, 2).joints, [marked]);
+    }
+
+    #[test]
     fn by_hand_and_wrong() {
         let parse = |body: &str| Corrections::parse(format!("{{\"format\":\"artgs-corrections\",{body}}}").as_bytes());
         let marked = parse(r#""version":1,"joints":[{"part":2,"type":"screw"}]"#).unwrap();
-        assert_eq!(marked.joints, [JointMark { part: 2, kind: JointKind::Screw }]);
+        assert_eq!(marked.joints, [JointMark { part: 2, kind: JointKind::Screw, joint: None }]);
+        let split = r#""version":1,"centres":[{"action":"split","part":1,"points":[[0,0,1]]}],
+            "joints":[{"part":2,"type":"revolute","joint":{"axis":[0,0,1],"origin":[0,0,0]}}]"#;
+        let split = parse(split).unwrap();
+        assert_eq!((split.centres[0].adds_part(), split.joints[0].joint.unwrap().value), (true, None));
         for (body, words) in [
             (r#""version":2"#, "version 2"),
             (r#""version":1,"centres":[{"action":"delete","part":0}]"#, "`centres[0]`: part 0"),
@@ -277,6 +400,16 @@ mod tests {
             (r#""version":1,"centres":[{"action":"move","part":1,"position":[0,0]}]"#, "invalid length"),
             (r#""version":1,"centres":[{"action":"move","part":1,"position":[0,0,1e999]}]"#, "out of range"),
             (r#""version":1,"centres":[{"action":"fly","part":1}]"#, "unknown variant `fly`"),
+            (r#""version":1,"centres":[{"action":"split","part":1}]"#, "either a `plane` or `points`"),
+            (
+                r#""version":1,"centres":[{"action":"split","part":1,"plane":{"point":[0,0,0],"normal":[0,0,0]}}]"#,
+                "`normal` has no direction",
+            ),
+            (r#""version":1,"centres":[{"action":"split","part":0,"points":[[0,0,0]]}]"#, "part 0"),
+            (
+                r#""version":1,"joints":[{"part":1,"type":"screw","joint":{"axis":[0,0,0],"origin":[0,0,0]}}]"#,
+                "`joints[0].joint`: `axis`",
+            ),
             (r#""version":1,"centers":[]"#, "unknown field `centers`"),
             (r#""version":1,"joints":[{"part":1,"type":"fixed"}]"#, "unknown variant `fixed`"),
             (r#""version":1,"joints":[{"part":1,"type":"screw"},{"part":1,"type":"screw"}]"#, "named twice"),

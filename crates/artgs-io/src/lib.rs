@@ -21,7 +21,7 @@ mod tensors;
 
 pub use atomic::write_atomic;
 pub use capture::{CaptureError, load_capture};
-pub use corrections::{CentreEdit, Corrections, JointMark, read_corrections, write_corrections};
+pub use corrections::{CentreEdit, Corrections, CutPlane, JointMark, MarkedJoint, read_corrections, write_corrections};
 pub use error::FileError;
 pub use ground_truth::{GroundTruth, load_ground_truth};
 pub use mesh_ply::{read_mesh_ply, write_mesh_ply};

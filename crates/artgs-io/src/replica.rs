@@ -102,7 +102,7 @@ fn check_paths(path: &Path, replica: &Replica) -> Result<(), FileError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use artgs_core::{Joint, JointKind, Rigid};
+    use artgs_core::{Alternative, Joint, JointAlternative, JointKind, Rigid};
     use glam::DVec3;
 
     fn folder() -> (tempfile::TempDir, Replica) {
@@ -123,6 +123,15 @@ mod tests {
         // A replica of before there was any confidence has no such field.
         assert!(!std::fs::read_to_string(dir.path().join(REPLICA_FILE)).unwrap().contains("confidence"));
         replica.parts[1].confidence = Some(0.75);
+        let found = JointAlternative {
+            kind: JointKind::Prismatic,
+            motion: Rigid::shift(DVec3::new(0.0, 0.25, 0.0)),
+            cost: 0.125,
+            what: "slides".into(),
+            advice: String::new(),
+        };
+        assert!(!std::fs::read_to_string(dir.path().join(REPLICA_FILE)).unwrap().contains("alternatives"));
+        replica.parts[1].alternatives.push(Alternative::near(&found, DVec3::ZERO));
         write_replica(dir.path(), &replica).unwrap();
         assert_eq!(read_replica(dir.path()).unwrap(), replica);
     }

@@ -1,10 +1,10 @@
 //! A page: a scene and the files it names. Only these files are served or written into an exported page.
 
 use crate::camera::{CameraView, Placement};
-use crate::scene::{self, Scene, SceneCloud, SceneJoint, SceneLink, SceneMesh};
+use crate::scene::{self, Scene, SceneAlternative, SceneCloud, SceneJoint, SceneLink, SceneMesh};
 use crate::urdf::{self, Link};
 use crate::{Cloud, ViewError};
-use artgs_core::{Joint, JointKind};
+use artgs_core::{Alternative, Joint, JointKind};
 use artgs_io::asset::Format;
 use artgs_io::export_report::ExportReport;
 use artgs_io::run_folder::load_json;
@@ -41,6 +41,17 @@ pub struct Page {
     pub files: BTreeMap<String, Source>,
     /// Corrections already applied to the shown replica, and the number of movable parts before them.
     pub corrected: Option<(Corrections, usize)>,
+}
+
+/// The joint of a discovered part before training, capture's frame and unit, as in a replica.
+#[derive(Clone, Debug)]
+pub struct FoundJoint {
+    /// The joint.
+    pub joint: Joint,
+    /// Its confidence, 0 to 1; none if unknown.
+    pub confidence: Option<f64>,
+    /// Other joints that explain the part nearly as well.
+    pub alternatives: Vec<Alternative>,
 }
 
 /// Colours of movable parts, distinguishable with colour vision deficiencies (after Okabe and Ito), repeated.
@@ -90,6 +101,8 @@ impl Page {
             let part = replica.parts.iter().find(|part| part.name == link.name);
             if let Some(joint) = &mut link.joint {
                 joint.confidence = part.and_then(|part| part.confidence);
+                let others = part.map_or(&[][..], |part| part.alternatives.as_slice());
+                joint.alternatives = others.iter().map(SceneAlternative::from).collect();
             }
             page.scene.links.push(link);
         }
@@ -101,9 +114,8 @@ impl Page {
         Ok(page)
     }
 
-    /// The page of discovered parts before training: a base, and a link for every joint with its confidence. Joints are in the
-    /// capture's frame and unit, as in a replica.
-    pub fn of_joints(name: &str, joints: &[(Joint, Option<f64>)], placement: Placement) -> Self {
+    /// The page of discovered parts before training: a base, and a link for every joint.
+    pub fn of_joints(name: &str, joints: &[FoundJoint], placement: Placement) -> Self {
         let mut page = Self::empty(name);
         page.place(placement);
         let link = |index: usize, origin: DVec3, joint| SceneLink {
@@ -117,7 +129,7 @@ impl Page {
             colour: colour(index),
         };
         page.scene.links.push(link(0, DVec3::ZERO, None));
-        for (k, (joint, confidence)) in joints.iter().enumerate() {
+        for (k, FoundJoint { joint, confidence, alternatives }) in joints.iter().enumerate() {
             let length = if joint.kind == JointKind::Prismatic { placement.scale } else { 1.0 };
             let scene_joint = SceneJoint {
                 kind: joint.kind,
@@ -127,6 +139,7 @@ impl Page {
                 observed: joint.state_values.map(|v| length * v),
                 effort: 0.0,
                 confidence: *confidence,
+                alternatives: alternatives.iter().map(SceneAlternative::from).collect(),
             };
             let origin = placement.rotation * (placement.scale * joint.origin);
             page.scene.links.push(link(k + 1, origin, Some(scene_joint)));
@@ -193,6 +206,7 @@ impl Page {
             observed: j.observed,
             effort: j.effort,
             confidence: None,
+            alternatives: Vec::new(),
         });
         let (name, parent, origin) = (link.name, link.parent, link.origin.to_array());
         Ok(SceneLink { name, parent, origin, joint, mesh, collision, splats, colour: colour(index) })

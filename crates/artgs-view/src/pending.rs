@@ -1,31 +1,23 @@
 //! Saved corrections that are not applied to the shown replica; the page loads them into its controls.
 
-use artgs_io::{CentreEdit, Corrections};
+use artgs_io::Corrections;
 
 /// The inverse of [`Corrections::after`]: the corrections that, applied after `earlier`, result in `all`. Parts are numbered
 /// as they remain of `found` movable parts after `earlier`. None if there are none, for example if a user removed one of
 /// `earlier` from the file.
 pub(crate) fn pending(all: &Corrections, earlier: &Corrections, found: usize) -> Option<Corrections> {
     let further = all.centres.strip_prefix(earlier.centres.as_slice())?;
-    let known = found + earlier.centres.iter().filter(|e| matches!(e, CentreEdit::Add { .. })).count();
+    let known = found + earlier.centres.iter().filter(|e| e.adds_part()).count();
     let left: Vec<usize> =
         (1..=known).filter(|p| earlier.centres.iter().all(|e| e.removed_part() != Some(*p))).collect();
     let renumber = |part: usize| match part.checked_sub(known + 1) {
         Some(added) => Some(left.len() + 1 + added),
         None => left.iter().position(|p| *p == part).map(|i| i + 1),
     };
-    let centre = |edit: &CentreEdit| {
-        Some(match *edit {
-            CentreEdit::Add { position } => CentreEdit::Add { position },
-            CentreEdit::Move { part, position } => CentreEdit::Move { part: renumber(part)?, position },
-            CentreEdit::Delete { part } => CentreEdit::Delete { part: renumber(part)? },
-            CentreEdit::Merge { part, into } => CentreEdit::Merge { part: renumber(part)?, into: renumber(into)? },
-        })
-    };
-    let centres = further.iter().map(centre).collect::<Option<_>>()?;
+    let centres = further.iter().map(|edit| edit.renumbered(renumber)).collect::<Option<_>>()?;
     let mut joints = Vec::new();
     for mark in all.joints.iter().filter(|mark| !earlier.joints.contains(mark)) {
-        joints.push(artgs_io::JointMark { part: renumber(mark.part)?, kind: mark.kind });
+        joints.push(artgs_io::JointMark { part: renumber(mark.part)?, ..*mark });
     }
     let rest = Corrections { centres, joints };
     (sorted(rest.after(earlier, found)) == sorted(all.clone())).then_some(rest)
@@ -41,12 +33,12 @@ fn sorted(mut corrections: Corrections) -> Corrections {
 mod tests {
     use super::*;
     use artgs_core::JointKind;
-    use artgs_io::JointMark;
+    use artgs_io::{CentreEdit, JointMark};
 
     #[test]
     fn is_the_inverse_of_after() {
         let at = |x: f64| [x, 0.0, 0.0];
-        let mark = |part, kind| JointMark { part, kind };
+        let mark = |part, kind| JointMark { part, kind, joint: None };
         let earlier = Corrections {
             centres: vec![CentreEdit::Delete { part: 1 }, CentreEdit::Add { position: at(1.0) }],
             joints: vec![mark(2, JointKind::Screw), mark(3, JointKind::Prismatic)],
@@ -56,7 +48,8 @@ mod tests {
                 CentreEdit::Move { part: 3, position: at(2.0) },
                 CentreEdit::Merge { part: 1, into: 2 },
                 CentreEdit::Add { position: at(3.0) },
-                CentreEdit::Delete { part: 4 },
+                CentreEdit::Split { part: 3, plane: None, points: vec![at(4.0)] },
+                CentreEdit::Delete { part: 5 },
             ],
             joints: vec![mark(2, JointKind::Revolute), mark(3, JointKind::Screw)],
         };

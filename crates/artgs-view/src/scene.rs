@@ -2,7 +2,8 @@
 //!
 //! Frames: the object's, +Z up, metres; link frames are parallel to it at the zero pose.
 
-use artgs_core::{JointKind, PerState};
+use artgs_core::{Alternative, Joint, JointKind, PerState, State};
+use artgs_io::MarkedJoint;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -105,6 +106,33 @@ pub struct SceneJoint {
     /// Joint confidence, 0 to 1; none if unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub confidence: Option<f64>,
+    /// Other joints that explain the part nearly as well.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub alternatives: Vec<SceneAlternative>,
+}
+
+/// Another joint of a part.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneAlternative {
+    /// `revolute`, `prismatic` or `screw`.
+    pub kind: JointKind,
+    /// The joint as corrections name it, capture's frame and unit.
+    pub joint: MarkedJoint,
+    /// How much worse it explains the part, as a share of the part's evidence.
+    pub cost: f64,
+    /// What it means for the part, one sentence.
+    pub what: String,
+    /// What further capture would decide, one sentence; may be empty.
+    pub advice: String,
+}
+
+impl From<&Alternative> for SceneAlternative {
+    fn from(found: &Alternative) -> Self {
+        let Joint { kind, axis, origin, pitch, state_values, .. } = found.joint();
+        let value = Some(state_values[State::END] - state_values[State::START]);
+        let joint = MarkedJoint { axis: axis.to_array(), origin: origin.to_array(), value, pitch };
+        Self { kind, joint, cost: found.cost, what: found.what.clone(), advice: found.advice.clone() }
+    }
 }
 
 /// A camera of the capture.

@@ -4,9 +4,9 @@
 
 mod common;
 
-use artgs_core::{Joint, JointKind, PerState, Splats, State};
+use artgs_core::{Alternative, Joint, JointKind, PerState, Splats, State};
 use artgs_io::{CentreEdit, Corrections};
-use artgs_view::{Live, Page, Placement, Server, ViewError, export_page};
+use artgs_view::{FoundJoint, Live, Page, Placement, Server, ViewError, export_page};
 use glam::{DQuat, DVec3};
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -269,7 +269,9 @@ fn found_parts_are_placed_like_their_points() {
         limits: [0.0, 4.0],
     };
     let upright = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
-    let page = Page::of_joints("x", &[(joint, Some(0.5))], Placement { scale: 0.1, rotation: upright });
+    let other = Alternative { joint: joint.into(), cost: 0.1, what: "It slides.".into(), advice: String::new() };
+    let found = FoundJoint { joint, confidence: Some(0.5), alternatives: vec![other] };
+    let page = Page::of_joints("x", &[found], Placement { scale: 0.1, rotation: upright });
     let [base, part] = &page.scene.links[..] else { panic!("two links") };
     assert!(base.joint.is_none() && part.parent == Some(0));
     let answer = part.joint.as_ref().unwrap();
@@ -277,6 +279,12 @@ fn found_parts_are_placed_like_their_points() {
     assert!(near(part.origin, [0.1, -0.3, 0.2]) && near(answer.axis, [0.0, 0.0, 1.0]), "{part:?}");
     assert!((answer.limits[1] - 0.4).abs() < 1e-12 && (answer.observed[State::END] - 0.4).abs() < 1e-12);
     assert_eq!(answer.confidence, Some(0.5));
+    // Corrections are in the capture's frame.
+    let other = &answer.alternatives[0];
+    assert_eq!(
+        (other.joint.axis, other.joint.origin, other.joint.value),
+        ([0.0, 1.0, 0.0], [1.0, 2.0, 3.0], Some(4.0))
+    );
 }
 
 #[test]

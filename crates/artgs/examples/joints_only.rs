@@ -1,6 +1,6 @@
 //! Joints only: discovery without training and meshes, a second or two per capture.
 //!
-//! `cargo run --example joints_only -- CAPTURE PARTS` reads a folder of photos with depth.
+//! `cargo run --example joints_only -- CAPTURE` reads a folder of photos with depth.
 
 #![allow(clippy::print_stdout, reason = "an example prints")]
 
@@ -11,12 +11,11 @@ use glam::DVec3;
 use std::path::Path;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let (capture, parts) = match &arguments[..] {
-        [folder, parts] => (artgs_io::load_capture(Path::new(folder))?, parts.parse()?),
-        _ => (cabinet_capture(&CabinetOptions { views: 20, size: 120, ..CabinetOptions::default() })?.0, 3),
+    let capture = match std::env::args().nth(1) {
+        Some(folder) => artgs_io::load_capture(Path::new(&folder))?,
+        None => cabinet_capture(&CabinetOptions { views: 20, size: 120, ..CabinetOptions::default() })?.0,
     };
-    let found = Reconstruction::new(&capture, parts).find_parts(&mut NullObserver)?;
+    let found = Reconstruction::new(&capture).find_parts(&mut NullObserver)?;
     for (i, part) in found.parts.iter().enumerate() {
         let joint = part.joint_near(DVec3::ZERO);
         let confidence = part.confidence.map_or("unknown".into(), |c| format!("{c:.2}"));

@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (capture, _) = cabinet_capture(&options)?;
     let config =
         Config::default().overridden_by("parts = 3\n[articulate]\nsteps = 40\n[surface]\nresolution = 80.0")?;
-    let made = Reconstruction { config, ..Reconstruction::new(&capture, 3) }.compute(&mut Printer::default())?;
+    let made = Reconstruction { config, ..Reconstruction::new(&capture) }.compute(&mut Printer::default())?;
     println!("{}", made.summary);
     Ok(())
 }

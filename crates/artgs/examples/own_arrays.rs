@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         StateViews { train: views.collect(), test: Vec::new() }
     });
     let capture = Capture { states, warnings: Vec::new() };
-    let found = Reconstruction::new(&capture, 3).find_parts(&mut NullObserver)?;
+    let found = Reconstruction::new(&capture).find_parts(&mut NullObserver)?;
     println!("{} movable parts", found.parts.len());
     Ok(())
 }

@@ -14,9 +14,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = std::env::args().nth(1).map_or(temporary.path().to_path_buf(), PathBuf::from);
     let (capture, _) = cabinet_capture(&CabinetOptions { views: 24, size: 120, ..CabinetOptions::default() })?;
     // The baseline trains no Gaussians: seconds instead of minutes.
-    let mut config = Config { parts: Some(3), ..Config::registration() };
+    let mut config = Config { parts: 3.into(), ..Config::registration() };
     config.surface.resolution = 120.0;
-    let made = Reconstruction { config, ..Reconstruction::new(&capture, 3) }.compute(&mut NullObserver)?;
+    let made = Reconstruction { config, ..Reconstruction::new(&capture) }.compute(&mut NullObserver)?;
     for step in 0..=4 {
         let share = f64::from(step) / 4.0;
         // Index 0 is the static part, whose value is ignored.

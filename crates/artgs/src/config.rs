@@ -4,8 +4,9 @@ use crate::articulation::{ArticulateConfig, TypeConfig};
 use crate::canonical::init::CanonicalConfig;
 use crate::discover::DiscoverConfig;
 use crate::fit::single::SingleConfig;
+use crate::part_count::PartCount;
 use crate::registration::RegistrationConfig;
-use crate::run::points::StartConfig;
+use crate::run::points::{PartSource, StartConfig};
 use crate::surface::SurfaceConfig;
 use serde::{Deserialize, Serialize};
 
@@ -26,8 +27,8 @@ pub enum Method {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Number of rigid parts, the static part included.
-    pub parts: Option<usize>,
+    /// Number of rigid parts, the static part included: `4`, `"3..8"`, or `"auto"` to let discovery decide.
+    pub parts: PartCount,
     /// Seed of all random numbers.
     pub seed: u64,
     /// How parts and joints are found.
@@ -63,6 +64,12 @@ pub enum ConfigError {
     /// An unknown field, or a value of the wrong type.
     #[error("{0}")]
     Field(String),
+    /// The number of parts is neither given nor found.
+    #[error(
+        "{0} needs --parts K (or `parts` in the configuration): it cannot find the number of parts; K counts the static \
+         part, so a cabinet with two drawers has K = 3"
+    )]
+    PartsNeeded(&'static str),
     /// A value out of range.
     #[error("setting `{field}` is {value}: {rule}")]
     Value {
@@ -121,11 +128,27 @@ impl Config {
         Ok(toml::to_string_pretty(self)?)
     }
 
+    /// Refuses an unknown number of parts where nothing can find it.
+    pub fn check_part_count(&self) -> Result<(), ConfigError> {
+        let needed = self.method != Method::Discover || self.start.parts == PartSource::Learnt;
+        if needed { self.known_parts().map(|_| ()) } else { Ok(()) }
+    }
+
+    /// The number of parts, for steps that cannot find it.
+    pub(crate) fn known_parts(&self) -> Result<usize, ConfigError> {
+        let who = match self.method {
+            Method::Paper => "--preset paper",
+            Method::Registration => "--preset registration",
+            Method::Discover => "learning parts in training (`start.parts`)",
+        };
+        self.parts.given().ok_or(ConfigError::PartsNeeded(who))
+    }
+
     /// Refuses values that no stage can work with.
     pub fn check(&self) -> Result<(), ConfigError> {
         let bad = |field, value: String, rule| Err(ConfigError::Value { field, value, rule });
-        if let Some(parts) = self.parts.filter(|p| *p < 2) {
-            return bad("parts", parts.to_string(), "K counts the static part, so it is 2 or more");
+        if let Err(rule) = self.parts.check() {
+            return bad("parts", self.parts.to_string(), rule);
         }
         let lengths = [("discover.spacing", self.discover.spacing), ("discover.voxel", self.discover.voxel)];
         for (field, value) in lengths {
@@ -200,8 +223,26 @@ mod tests {
             assert_eq!(Config::default().overridden_by(&config.to_toml().unwrap()).unwrap(), config);
         }
         let changed = Config::paper().overridden_by("parts = 3\n[discover]\nrounds = 7\n").unwrap();
-        assert_eq!((changed.parts, changed.discover.rounds, changed.method), (Some(3), 7, Method::Paper));
+        assert_eq!((changed.parts, changed.discover.rounds, changed.method), (3.into(), 7, Method::Paper));
+        for (text, parts) in [("4", 4.into()), ("\"3..8\"", PartCount::Range { least: 3, most: 8 })] {
+            let counted = Config::default().overridden_by(&format!("parts = {text}")).unwrap();
+            assert_eq!(counted.parts, parts);
+            assert_eq!(Config::default().overridden_by(&counted.to_toml().unwrap()).unwrap(), counted);
+            assert_eq!(counted.overridden_by("parts = \"auto\"").unwrap(), Config::default());
+        }
         assert_eq!(changed.single, SingleConfig::paper());
+    }
+
+    #[test]
+    fn methods_that_cannot_count_parts_name_the_remedy() {
+        let message = |config: &Config| config.check_part_count().unwrap_err().to_string();
+        let learnt = Config::default().overridden_by("start.parts = \"learnt\"").unwrap();
+        assert!(message(&Config::paper()).contains("--preset paper needs --parts K"));
+        assert!(message(&Config::registration()).contains("--preset registration needs --parts K"));
+        assert!(message(&learnt).contains("`start.parts`"));
+        let ranged = Config { parts: PartCount::Range { least: 2, most: 4 }, ..Config::paper() };
+        assert!(ranged.check_part_count().is_err() && Config::default().check_part_count().is_ok());
+        assert!(Config { parts: 3.into(), ..learnt }.check_part_count().is_ok());
     }
 
     #[test]
@@ -252,6 +293,10 @@ mod tests {
         let message = |text: &str| Config::default().overridden_by(text).unwrap_err().to_string();
         assert!(message("[discover]\nspacin = 1").contains("spacin"));
         assert!(message("parts = 1").contains("`parts`"));
+        assert!(message("parts = \"8..3\"").contains("`parts` is 8..3"));
+        assert!(message("parts = \"many\"").contains("`many`"));
+        assert!(message("parts = -3").contains("`-3`"));
+        assert!(message("parts = 2.5").contains("3..8"));
         assert!(message("[discover]\nspacing = -1.0").contains("discover.spacing"));
         assert!(message("seed = \"x\"").contains("seed"));
         assert!(message("[registration]\nrough_points = 0").contains("registration.rough_points"));

@@ -16,7 +16,7 @@
 //! // Fewer steps and larger voxels than the default, so that this takes seconds.
 //! let settings = "parts = 3\n[articulate]\nsteps = 20\n[surface]\nresolution = 60.0";
 //! let config = Config::default().overridden_by(settings)?;
-//! let made = Reconstruction { config, ..Reconstruction::new(&capture, 3) }.compute(&mut NullObserver)?;
+//! let made = Reconstruction { config, ..Reconstruction::new(&capture) }.compute(&mut NullObserver)?;
 //!
 //! let kind = |part| made.replica.joint(part).map(|joint| joint.kind);
 //! assert!([kind(1), kind(2)].contains(&Some(JointKind::Revolute)));
@@ -51,6 +51,7 @@ mod kernel_constants;
 pub mod low_level;
 mod neighbours;
 pub mod observer;
+mod part_count;
 mod random;
 mod registration;
 pub mod run;
@@ -59,4 +60,5 @@ pub mod surface;
 mod trimmed;
 
 pub use config::Config;
+pub use part_count::{PartCount, PartCountError};
 pub use run::{Error, Reconstructed, Reconstruction, Summary};

@@ -29,18 +29,17 @@ fn parts_are_deleted_added_and_given_their_types() {
     let options = CabinetOptions { views: 24, test_views: 0, size: 112, ..CabinetOptions::default() };
     write_cabinet(&folder, &options).unwrap();
     let capture = artgs_io::load_capture(&folder).unwrap();
-    let mut config = Config { parts: Some(3), ..Config::registration() };
+    let mut config = Config { parts: 3.into(), ..Config::registration() };
     config.surface.resolution = 120.0;
     // Parts can be viewed before the other stages run.
     let run = RunFolder::new(&out);
-    let reconstruction =
-        |config: &Config| Reconstruction { config: config.clone(), ..Reconstruction::new(&capture, 3) };
+    let reconstruction = |config: &Config| Reconstruction { config: config.clone(), ..Reconstruction::new(&capture) };
     let found = reconstruction(&config).find_parts_in(&run, &mut NullObserver).unwrap();
     assert!(found.parts.len() == 2 && !run.has_replica());
     assert!(found.parts.iter().all(|part| part.confidence.unwrap() > 0.9), "{:?}", found.parts);
     let read = found_parts(&run).unwrap();
     assert_eq!((read.labels, read.parts.len()), (found.labels, 2));
-    let learnt = Config { parts: Some(3), ..Config::paper_scaled(0.1).unwrap() };
+    let learnt = Config { parts: 3.into(), ..Config::paper_scaled(0.1).unwrap() };
     let other = RunFolder::new(root.path().join("b"));
     let refused = reconstruction(&learnt).find_parts_in(&other, &mut NullObserver).unwrap_err();
     assert!(refused.is_bad_input() && refused.to_string().contains("learnt"), "{refused}");
@@ -80,12 +79,16 @@ fn parts_are_deleted_added_and_given_their_types() {
     let sure = |r: &Replica, part: usize| r.parts[part].confidence.unwrap();
     assert!(sure(&again, 1) > 0.9 && sure(&again, 2) > 0.9, "{} {}", sure(&again, 1), sure(&again, 2));
     let door = 3 - drawer;
-    let slides = Corrections { centres: vec![], joints: vec![JointMark { part: door, kind: JointKind::Prismatic }] };
+    let slides = Corrections {
+        centres: vec![],
+        joints: vec![JointMark { part: door, kind: JointKind::Prismatic, joint: None }],
+    };
     write_corrections(&out, &slides).unwrap();
     let (doubted, _) = resume(&capture, &out, &config);
     assert!(sure(&doubted, door) < 0.7 && sure(&doubted, drawer) > 0.9, "{}", sure(&doubted, door));
 
-    let marked = Corrections { centres: vec![], joints: vec![JointMark { part: door, kind: JointKind::Screw }] };
+    let marked =
+        Corrections { centres: vec![], joints: vec![JointMark { part: door, kind: JointKind::Screw, joint: None }] };
     write_corrections(&out, &marked).unwrap();
     let (marked, _) = resume(&capture, &out, &config);
     assert_eq!(marked.joint(door).unwrap().kind, JointKind::Screw);

@@ -20,7 +20,7 @@ fn cabinet(dir: &Path) -> Capture {
 }
 
 fn short(parts: usize) -> Config {
-    let mut config = Config { parts: Some(parts), ..Config::default() };
+    let mut config = Config { parts: parts.into(), ..Config::default() };
     config.articulate.steps = 150;
     config.articulate.densify.before = 60;
     config
@@ -116,26 +116,24 @@ fn a_cabinet_is_reconstructed_repeatably_and_resumably() {
 }
 
 #[test]
-fn missing_parts_and_still_objects_are_refused() {
+fn a_method_that_cannot_count_parts_is_refused_without_their_number() {
     let root = tempfile::tempdir().unwrap();
-    let mut capture = cabinet(&root.path().join("capture"));
+    let capture = Capture::default();
     let out = root.path().join("out");
-    let error = reconstruct(&capture, &out, &Config::default(), false, &Cpu, &mut NullObserver).unwrap_err();
-    assert!(error.is_bad_input() && error.to_string().contains("--parts"), "{error}");
-    assert!(!out.exists(), "nothing is written before the settings are known to be complete");
-
-    capture.states[State::END] = capture.states[State::START].clone();
-    let error = reconstruct(&capture, &out, &short(2), false, &Cpu, &mut NullObserver).unwrap_err();
-    assert!(error.is_bad_input() && error.to_string().contains("nothing moved"), "{error}");
+    for config in [Config::paper(), Config::registration()] {
+        let error = reconstruct(&capture, &out, &config, false, &Cpu, &mut NullObserver).unwrap_err();
+        assert!(error.is_bad_input() && error.to_string().contains("--parts"), "{error}");
+        assert!(!out.exists(), "nothing is written before the settings are known to be complete");
+    }
 }
 
 #[test]
 fn the_same_is_computed_in_memory() {
     let root = tempfile::tempdir().unwrap();
     let capture = cabinet(&root.path().join("capture"));
-    let mut config = Config { parts: Some(3), ..Config::registration() };
+    let mut config = Config { parts: 3.into(), ..Config::registration() };
     config.surface.resolution = 100.0;
-    let reconstruction = Reconstruction { config, ..Reconstruction::new(&capture, 3) };
+    let reconstruction = Reconstruction { config, ..Reconstruction::new(&capture) };
     let (disk, saved) = (RunFolder::new(root.path().join("disk")), RunFolder::new(root.path().join("saved")));
     let replica = reconstruction.run(disk.root(), &mut NullObserver).unwrap();
     let computed = reconstruction.compute(&mut NullObserver).unwrap();

@@ -17,7 +17,7 @@ fn a_door_and_a_drawer_are_registered_and_written_without_splats() {
     let options = CabinetOptions { views: 24, test_views: 2, size: 112, ..CabinetOptions::default() };
     write_cabinet(&folder, &options).unwrap();
     let mut capture = artgs_io::load_capture(&folder).unwrap();
-    let mut config = Config { parts: Some(3), ..Config::registration() };
+    let mut config = Config { parts: 3.into(), ..Config::registration() };
     config.surface.resolution = 200.0;
     let summary = reconstruct(&capture, &out, &config, false, &Cpu, &mut NullObserver).unwrap();
     assert!(summary.gaussians == 0 && summary.test == [None, None] && summary.train == [None, None]);

@@ -21,7 +21,7 @@ fn cabinet(folder: &Path, views: usize, size: u32) -> Capture {
 
 /// So short that only the way is tested, not where it leads.
 fn hasty(mut config: Config) -> Config {
-    config.parts = Some(3);
+    config.parts = 3.into();
     config.canonical.max_matched = 300;
     config.canonical.cluster.max_points = 300;
     config.canonical.random.count = 1500;

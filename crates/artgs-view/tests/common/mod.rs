@@ -1,11 +1,11 @@
 //! A small replica folder for the page: a cabinet with a door, a knob on a screw joint in the door, and a drawer.
 
 use artgs_core::{
-    Asset, AssetJoint, AssetLink, Camera, Inertial, Intrinsics, Joint, JointKind, Mesh, PerState, Replica, Rigid,
-    Splats, State, Texture, TexturedMesh,
+    Alternative, Asset, AssetJoint, AssetLink, Camera, Inertial, Intrinsics, Joint, JointAlternative, JointKind, Mesh,
+    PerState, Replica, Rigid, Splats, State, Texture, TexturedMesh,
 };
 use artgs_io::asset::{export_urdf, splats::export_splats};
-use artgs_view::{CameraView, Cloud, Page, Placement};
+use artgs_view::{CameraView, Cloud, FoundJoint, Page, Placement};
 use glam::DVec3;
 use std::path::Path;
 
@@ -126,6 +126,7 @@ pub(crate) fn write_replica_folder(out: &Path) {
         part.name = link.name.clone();
     }
     replica.parts[1].confidence = Some(0.97);
+    replica.parts[1].alternatives.push(slide());
     for state in ["start", "end"] {
         for name in ["whole", "part_0", "part_1", "part_2", "part_3"] {
             let mesh = out.join("meshes").join(state).join(format!("{name}.ply"));
@@ -172,11 +173,24 @@ pub(crate) fn page(out: &Path) -> Page {
     page
 }
 
+/// What the door could be instead.
+fn slide() -> Alternative {
+    let found = JointAlternative {
+        kind: JointKind::Prismatic,
+        motion: Rigid::shift(DVec3::new(0.25, 0.0, 0.0)),
+        cost: 0.08,
+        what: "It slides to the right.".into(),
+        advice: "Open it further.".into(),
+    };
+    Alternative::near(&found, DVec3::ZERO)
+}
+
 /// Discovered parts of the sample: joints and labelled points. The parent of the knob is the base, not the door.
 pub(crate) fn found_page() -> Page {
     let joint = |l: &AssetLink| {
         let AssetJoint { kind, axis, pitch, limits, observed, .. } = l.joint?;
-        Some((Joint { kind, axis, origin: l.origin, pitch, limits, state_values: observed }, Some(0.87)))
+        let joint = Joint { kind, axis, origin: l.origin, pitch, limits, state_values: observed };
+        Some(FoundJoint { joint, confidence: Some(0.87), alternatives: vec![slide()] })
     };
     let joints: Vec<_> = cabinet().links.iter().filter_map(joint).collect();
     let mut page = Page::of_joints("cabinet", &joints, Placement::default());

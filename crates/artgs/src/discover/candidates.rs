@@ -171,7 +171,6 @@ impl Search<'_> {
     /// searched, the points that the best motion explains are removed, and the rest is searched again, `rounds` times or
     /// until nothing worth `least_gain` points remains.
     pub(super) fn candidates(&self, rounds: usize, pool: usize) -> Vec<Candidate> {
-        let tt = std::time::Instant::now();
         let mut open = self.states.as_ref().map(|s| s.moved.to_vec());
         let all_open = open.clone();
         let all_values = self.landing_values(&open);
@@ -191,17 +190,13 @@ impl Search<'_> {
                 open[s].retain(|&i| !claimed[i]);
             }
         }
-        eprintln!("  {:.2} rounds done, {} others {} cached", tt.elapsed().as_secs_f64(), others.len(), cache.len());
         // Winners of each round first: variants of a large part's motion must not displace a small part's.
         let judge = |m: Rigid| self.weigh(&all_open, &all_values, m);
         let rest: Vec<Candidate> = others.into_iter().map(judge).filter(|c| c.gain > 0.3 * self.least_gain).collect();
         let winners: Vec<Candidate> = winners.into_iter().map(judge).collect();
         let order = self.order(&rest, 2 * pool);
         let ranked = winners.into_iter().chain(order.into_iter().map(|i| rest[i].clone()));
-        eprintln!("  {:.2} order done", tt.elapsed().as_secs_f64());
-        let out = self.registered(ranked, pool, &faces);
-        eprintln!("  {:.2} registered {}", tt.elapsed().as_secs_f64(), out.len());
-        out
+        self.registered(ranked, pool, &faces)
     }
 
     fn clouds(&self) -> PerState<&IndexedCloud<'_>> {
@@ -335,9 +330,7 @@ impl Search<'_> {
     fn search(&self, state: State, group: &[usize], landing: &[f32], faces: &[Vec3]) -> Vec<(f32, Rigid)> {
         let settings = &self.settings;
         let (cloud, target) = (self.states[state].points.cloud, &self.states[state.other()]);
-        let t0 = std::time::Instant::now();
         let guesses = self.best_poses(state, group, landing, faces);
-        let t1 = t0.elapsed().as_secs_f64();
         let own = cloud.select(group);
         let source = IndexedCloud::new(&own);
         let fine = sample_of(cloud, group, settings.fine_points);
@@ -359,10 +352,7 @@ impl Search<'_> {
         };
         // A rough registration shows of most guesses that they are wrong.
         let rough = self.best_by_both(register_all(&guesses, 14, 250), settings.rough, &fine);
-        let t2 = t0.elapsed().as_secs_f64();
         let refined = register_all(&rough.iter().map(|r| r.1).collect::<Vec<_>>(), 20, 400);
-        let t3 = t0.elapsed().as_secs_f64();
-        if std::env::var_os("GROUPS").is_some() { eprintln!("   search group {} poses {:.3} rough {} {:.3} fine {} {:.3}", group.len(), t1, guesses.len(), t2 - t1, rough.len(), t3 - t2); }
         self.best_by_both(refined, settings.kept, &fine)
     }
 

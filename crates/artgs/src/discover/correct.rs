@@ -1,11 +1,17 @@
-//! Parts as a user corrects them: some added, moved, deleted or merged, joint types given.
+//! Parts as a user corrects them: some added, moved, deleted, merged or split, joints given.
+
+mod mark;
+mod split;
 
 use super::candidates::Candidate;
 use super::config::StepSettings;
-use super::{DiscoverConfig, DiscoverError, Discovery, Evidence, Scene, refine_parts};
-use artgs_core::{JointKind, Rigid, State};
+use super::joints::JointFit;
+use super::refinement::{points_of_part, refine_parts};
+use super::{DiscoverConfig, DiscoverError, Discovery, Evidence, Scene};
+use artgs_core::{JointAlternative, JointEstimate, JointKind, Rigid, State};
 use artgs_io::{CentreEdit, Corrections};
 use glam::{DVec3, Vec3};
+use split::Split;
 
 /// Why corrections cannot be applied.
 #[derive(Debug, thiserror::Error)]
@@ -28,6 +34,14 @@ pub enum CorrectError {
     NothingThere {
         /// As the file says.
         position: [f64; 3],
+    },
+    /// Nothing is on one side of a cut.
+    #[error(
+        "corrections.json splits part {part}, but all of its points are on one side; move the plane, or choose other points"
+    )]
+    NothingSplit {
+        /// As the file says.
+        part: usize,
     },
     /// No part remains.
     #[error("corrections.json deletes every movable part")]
@@ -72,45 +86,90 @@ pub fn correct(
     };
     let mut kept: Vec<Kept> =
         found.parts.iter().enumerate().map(|(k, p)| Kept { number: k + 1, motion: p.motion }).collect();
+    let mut split = Split::default();
     // Parts found and added so far.
     let mut count = found.parts.len();
     for edit in &corrections.centres {
-        match *edit {
+        match edit {
             CentreEdit::Delete { part } => {
-                let part = checked(part, count)?;
-                kept.retain(|k| k.number != part);
+                let part = checked(*part, count)?;
+                if !split.delete(part) {
+                    kept.retain(|k| k.number != part);
+                }
             }
             CentreEdit::Merge { part, into } => {
-                let part = checked(part, count)?;
-                checked(into, count)?;
-                kept.retain(|k| k.number != part);
+                let (part, into) = (checked(*part, count)?, checked(*into, count)?);
+                if !split.merge(part, into) {
+                    kept.retain(|k| k.number != part);
+                }
             }
             CentreEdit::Add { position } => {
-                let motion = motion_at(scene, &pool, position, &kept)?;
+                let motion = motion_at(scene, &pool, *position, &kept)?;
                 count += 1;
                 kept.push(Kept { number: count, motion });
             }
+            CentreEdit::Split { part, plane, points } => {
+                let part = checked(*part, count)?;
+                count += 1;
+                split.cut(part, count, plane.as_ref(), points);
+            }
             CentreEdit::Move { part, position } => {
-                let part = checked(part, count)?;
-                if part > found.parts.len() || !is_on_part(found, part, position) {
+                let part = checked(*part, count)?;
+                if part > found.parts.len() || !is_on_part(found, part, *position) {
                     let others: Vec<Kept> = kept.iter().copied().filter(|k| k.number != part).collect();
-                    let motion = motion_at(scene, &pool, position, &others)?;
-                    kept.iter_mut().filter(|k| k.number == part).for_each(|k| k.motion = motion);
+                    let motion = motion_at(scene, &pool, *position, &others)?;
+                    if !split.start(part, motion) {
+                        kept.iter_mut().filter(|k| k.number == part).for_each(|k| k.motion = motion);
+                    }
                 }
             }
         }
     }
-    if kept.is_empty() {
-        return Err(CorrectError::NothingLeft);
-    }
     for mark in &corrections.joints {
         checked(mark.part, count)?;
+        let Some(joint) = &mark.joint else { continue };
+        let found_motion = kept.iter().find(|k| k.number == split.root(mark.part)).map(|k| k.motion);
+        let before = found_motion.unwrap_or(Rigid::IDENTITY);
+        let motion = mark::motion(mark.kind, joint, found, split.root(mark.part), &before);
+        if !split.start(mark.part, motion) {
+            kept.iter_mut().filter(|k| k.number == mark.part).for_each(|k| k.motion = motion);
+        }
     }
-    let kind = |k: &Kept| corrections.joints.iter().find(|mark| mark.part == k.number).map(|mark| mark.kind);
-    let kinds: Vec<Option<JointKind>> = kept.iter().map(kind).collect();
+    let kind = |part: usize| corrections.joints.iter().find(|mark| mark.part == part).map(|mark| mark.kind);
+    // The kind of a part that is split may be that of one piece only.
+    let kinds: Vec<Option<JointKind>> =
+        kept.iter().map(|k| kind(k.number).filter(|_| !split.concerns(k.number))).collect();
     let motions: Vec<Rigid> = kept.iter().map(|k| k.motion).collect();
     let (parts, labels) = refine_parts(scene, &clouds, &evidence, &motions, &kinds, config, &settings);
-    Ok(evidence.result(scene, parts, labels, Vec::new(), &settings))
+    let numbers: Vec<usize> = kept.iter().map(|k| k.number).collect();
+    let pieces = split.apply(&clouds, &numbers, &parts, labels)?;
+    if pieces.numbers.is_empty() {
+        return Err(CorrectError::NothingLeft);
+    }
+    // Pieces are registered on their own points and not labelled again: equal motions would mix their points.
+    let fit = JointFit { lengths: &scene.lengths, settings: &settings.joints, config, last: true };
+    let refined = |(k, number): (usize, &usize)| match pieces.starts[k] {
+        None => parts[numbers.iter().position(|n| n == number).unwrap_or_default()],
+        Some(start) => {
+            let own = points_of_part(&clouds, &pieces.labels, k as u16 + 1);
+            fit.refine(&JointEstimate::new(JointKind::Screw, start), &own, kind(*number))
+        }
+    };
+    let parts: Vec<JointEstimate> = pieces.numbers.iter().enumerate().map(refined).collect();
+    let alternatives = pieces.numbers.iter().map(|part| untouched(found, corrections, *part)).collect();
+    Ok(Discovery { alternatives, ..evidence.result(scene, parts, pieces.labels, Vec::new(), &settings) })
+}
+
+/// Alternatives of a part as they were found; none for one whose points or joint are corrected.
+fn untouched(found: &Discovery, corrections: &Corrections, part: usize) -> Vec<JointAlternative> {
+    let named = |e: &CentreEdit| match e {
+        CentreEdit::Merge { part: other, into } => part == *other || part == *into,
+        CentreEdit::Move { part: other, .. } | CentreEdit::Split { part: other, .. } => part == *other,
+        CentreEdit::Add { .. } | CentreEdit::Delete { .. } => false,
+    };
+    let decided = corrections.joints.iter().any(|mark| mark.part == part);
+    let found = found.alternatives.get(part - 1).filter(|_| !decided && !corrections.centres.iter().any(named));
+    found.cloned().unwrap_or_default()
 }
 
 /// The part number if there are so many parts.

@@ -15,7 +15,7 @@
 //! });
 //! let config = DiscoverConfig::default();
 //! let scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config)?;
-//! let found = discover(&scene, 2..=2, &config)?;
+//! let found = discover(&scene, 1..=8, &config)?;
 //! for part in &found.parts {
 //!     println!("{:?} with confidence {:?}", part.kind, part.confidence);
 //! }
@@ -36,16 +36,16 @@ mod landing;
 mod moved_points;
 mod poses;
 mod ranking;
+mod refinement;
 pub(crate) mod registration;
 pub(crate) mod scene;
 mod segmentation;
 mod selection;
-mod refinement;
 mod space_grid;
 mod support;
 pub(crate) mod visibility;
 
-use artgs_core::{JointEstimate, JointKind, PerState, Rigid, State};
+use artgs_core::{JointAlternative, JointEstimate, JointKind, PerState, Rigid, State};
 use candidates::{Candidate, Search, SearchState};
 pub use cloud::Cloud;
 use cloud::IndexedCloud;
@@ -56,7 +56,7 @@ use front::Front;
 use glam::Vec3;
 pub use moved_points::{MovedPoints, moved_points};
 pub use scene::{DepthPicture, Scene, pixel_step};
-use refinement::{Refinement, refine_parts};
+use refinement::Refinement;
 use selection::Selection;
 pub use support::Support;
 use space_grid::SpaceGrid;
@@ -72,6 +72,8 @@ pub struct Discovery {
     pub labels: PerState<Vec<u16>>,
     /// Parts 1.., largest first.
     pub parts: Vec<JointEstimate>,
+    /// Other joints that explain part `k + 1` nearly as well, the most likely first. Parts beyond its end have none.
+    pub alternatives: Vec<Vec<JointAlternative>>,
     /// Diagonal of the object's bounding box, scene units.
     pub diagonal: f64,
     /// Distance between neighbouring points, scene units.
@@ -102,17 +104,14 @@ pub fn discover(
     movable: RangeInclusive<usize>,
     config: &DiscoverConfig,
 ) -> Result<Discovery, DiscoverError> {
-    let begun = std::time::Instant::now();
     let clouds = scene.indexed_clouds();
     let evidence = Evidence::new(scene)?;
     let settings = StepSettings::default();
     let pool = evidence.candidates(scene, &clouds, *movable.end(), config, &settings);
-    eprintln!("  candidates {:.1}", begun.elapsed().as_secs_f64());
     let selection = Selection::new(scene, &clouds, &evidence.moved, &pool, settings.selection);
     let work = Refinement { scene, clouds: &clouds, evidence: &evidence, config, settings: &settings };
     let motions = |chosen: Vec<usize>| chosen.into_iter().map(|c| pool[c].motion).collect::<Vec<Rigid>>();
     let chosen = selection.best(1..=*movable.end());
-    eprintln!("  selection {:.1} {}", begun.elapsed().as_secs_f64(), chosen.len());
     let count = chosen.len();
     let mut found = work.parts(&motions(chosen), &movable);
     if found.parts.len() < *movable.start() {
@@ -129,7 +128,6 @@ pub fn discover(
     }
     let out = evidence.result(scene, found.parts, found.labels, warnings, &settings);
     let support = settings.support.measure(scene, &clouds, &evidence.occupancy, &out.labels, &out.parts, &pool);
-    eprintln!("  done {:.1}", begun.elapsed().as_secs_f64());
     Ok(Discovery { support, ..out })
 }
 
@@ -226,6 +224,7 @@ pub fn without_parts(scene: &Scene) -> Discovery {
         labels: clouds.as_ref().map(|c| vec![0; c.len()]),
         clouds,
         parts: Vec::new(),
+        alternatives: Vec::new(),
         diagonal: scene.lengths.diagonal.into(),
         spacing: scene.lengths.spacing.into(),
         tolerance: scene.tolerance.into(),

@@ -7,13 +7,13 @@ use crate::articulation::{Trained, score_state};
 use crate::discover::Discovery;
 use crate::fit::score::mean_score;
 use crate::surface::PartMeshes;
-use artgs_core::{Capture, Joint, JointEstimate, Mesh, Replica, State, View};
+use artgs_core::{Alternative, Capture, Joint, JointEstimate, Mesh, Replica, State, View};
 use artgs_io::run_folder::{load_text, save_json};
 use artgs_io::write_atomic;
 use glam::DVec3;
 
-/// Joints with a smaller confidence are warned of; right ones have more than 0.9.
-const DOUBTFUL: f64 = 0.5;
+/// Joints with a smaller confidence are uncertain and warned of; right ones have more than 0.9.
+pub const DOUBTFUL: f64 = 0.5;
 
 impl Run<'_> {
     /// The result, saved in the folder if there is one.
@@ -37,7 +37,7 @@ impl Run<'_> {
                     Preview::new(capture, trained, &fitted.parts, rotate)
                 });
                 let result = Reconstructed {
-                    replica: replica(&fitted.parts, &meshes),
+                    replica: replica(&fitted.parts, points.as_ref(), &meshes),
                     meshes,
                     points,
                     trained: fitted.trained,
@@ -77,12 +77,16 @@ impl Run<'_> {
 }
 
 /// The joints' origins are near the parts at the start state.
-fn replica(parts: &[JointEstimate], meshes: &PartMeshes) -> Replica {
-    let joint = |(k, part): (usize, &JointEstimate)| part.joint_near(middle(&meshes.parts[k + 1][State::START]));
-    let joints: Vec<Joint> = parts.iter().enumerate().map(joint).collect();
+fn replica(parts: &[JointEstimate], found: Option<&Discovery>, meshes: &PartMeshes) -> Replica {
+    let middles: Vec<DVec3> = meshes.parts.iter().skip(1).map(|m| middle(&m[State::START])).collect();
+    let joints: Vec<Joint> = parts.iter().zip(&middles).map(|(part, at)| part.joint_near(*at)).collect();
     let mut replica = Replica::new(&joints);
-    for (part, found) in replica.parts[1..].iter_mut().zip(parts) {
-        part.confidence = found.confidence;
+    for (part, fitted) in replica.parts[1..].iter_mut().zip(parts) {
+        part.confidence = fitted.confidence;
+    }
+    let others = found.map_or(&[][..], |found| found.alternatives.as_slice());
+    for ((part, others), at) in replica.parts[1..].iter_mut().zip(others).zip(&middles) {
+        part.alternatives = others.iter().map(|other| Alternative::near(other, *at)).collect();
     }
     replica
 }

@@ -5,7 +5,7 @@ use super::points::{points_as_splats, splats_as_points};
 use crate::articulation::MotionParameters;
 use crate::articulation::Trained;
 use crate::discover::Discovery;
-use artgs_core::{JointEstimate, PerState, Splats, State};
+use artgs_core::{JointAlternative, JointEstimate, PerState, Splats, State};
 use artgs_io::run_folder::{CANONICAL_FRAME, RunFolder, load_json, remove_file, save_json};
 use artgs_io::{FileError, read_splat_ply, write_splat_ply};
 use serde::de::DeserializeOwned;
@@ -16,6 +16,8 @@ use std::path::Path;
 #[derive(Serialize, Deserialize)]
 struct FoundFile {
     parts: Vec<JointEstimate>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    alternatives: Vec<Vec<JointAlternative>>,
     diagonal: f64,
     spacing: f64,
     tolerance: f64,
@@ -50,19 +52,20 @@ pub(super) fn save_discovery(folder: &RunFolder, found: &Discovery) -> Result<()
         let splats = points_as_splats(&found.clouds[state], found.spacing);
         write_splat_ply(&folder.found_points(state), &splats, Some(&found.labels[state]), state.name())?;
     }
-    let Discovery { parts, diagonal, spacing, tolerance, warnings, .. } = found.clone();
-    Ok(save_json(&folder.found_parts(), &FoundFile { parts, diagonal, spacing, tolerance, warnings })?)
+    let Discovery { parts, alternatives, diagonal, spacing, tolerance, warnings, .. } = found.clone();
+    let file = FoundFile { parts, alternatives, diagonal, spacing, tolerance, warnings };
+    Ok(save_json(&folder.found_parts(), &file)?)
 }
 
 pub(super) fn load_discovery(folder: &RunFolder) -> Option<Discovery> {
-    let FoundFile { parts, diagonal, spacing, tolerance, warnings } = readable(&folder.found_parts())?;
+    let FoundFile { parts, alternatives, diagonal, spacing, tolerance, warnings } = readable(&folder.found_parts())?;
     let load = |state: State| {
         let (splats, labels) = read_splat_ply(&folder.found_points(state)).ok()?;
         Some((splats_as_points(&splats), labels?))
     };
     let ((start, start_labels), (end, end_labels)) = (load(State::START)?, load(State::END)?);
     let (clouds, labels) = (PerState::new(start, end), PerState::new(start_labels, end_labels));
-    Some(Discovery { clouds, labels, parts, diagonal, spacing, tolerance, warnings })
+    Some(Discovery { clouds, labels, parts, alternatives, diagonal, spacing, tolerance, warnings })
 }
 
 /// What [`load_discovery`] loads after [`save_discovery`]: files hold less than memory, and a run must continue from
@@ -122,8 +125,17 @@ mod tests {
         let part =
             |rms, confidence| JointEstimate { kind: JointKind::Prismatic, motion: Rigid::IDENTITY, rms, confidence };
         let parts = vec![part(None, None), part(Some(0.5), Some(0.25))];
-        save_discovery(&folder, &Discovery { parts: parts.clone(), ..Discovery::default() }).unwrap();
-        assert_eq!(load_discovery(&folder).unwrap().parts, parts);
+        let other = JointAlternative {
+            kind: JointKind::Revolute,
+            motion: Rigid::IDENTITY,
+            cost: 0.25,
+            what: "turns".into(),
+            advice: "open it further".into(),
+        };
+        let found = Discovery { parts, alternatives: vec![vec![], vec![other]], ..Discovery::default() };
+        save_discovery(&folder, &found).unwrap();
+        let loaded = load_discovery(&folder).unwrap();
+        assert_eq!((loaded.parts, loaded.alternatives), (found.parts, found.alternatives));
     }
 
     #[test]

@@ -11,12 +11,6 @@ use artgs_io::FileError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The number of parts was not given.
-    #[error(
-        "the number of parts is not known: give --parts K (or `parts` in the configuration), counting the static part; \
-         a cabinet with two drawers has K = 3"
-    )]
-    PartsMissing,
     /// The output folder was made with other settings.
     #[error("{0} was made with other settings; resume with the same ones, use --force, or use another folder")]
     OtherSettings(String),
@@ -59,8 +53,7 @@ impl Error {
     /// True if the user has to change the capture, the settings or the command.
     pub fn is_bad_input(&self) -> bool {
         match self {
-            Self::PartsMissing
-            | Self::PartsLearnt
+            Self::PartsLearnt
             | Self::OtherSettings(_)
             | Self::OtherCapture(_)
             | Self::Config(_)

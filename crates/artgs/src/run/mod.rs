@@ -21,6 +21,7 @@ mod score;
 mod stages;
 mod summary;
 
+pub use assemble::DOUBTFUL;
 pub use corrected::{corrections_of, found_parts};
 pub use error::Error;
 pub use fingerprint::made_from;
@@ -28,5 +29,5 @@ pub use points::{PartSource, StartConfig, StartSource};
 pub use preview::Preview;
 pub use reconstruction::{Reconstruction, finds_parts};
 pub use result::{FittedParts, Reconstructed};
-pub use score::evaluate;
+pub use score::{evaluate, evaluate_found};
 pub use summary::{Summary, ViewMeans};

@@ -6,6 +6,7 @@ use crate::config::{Config, Method};
 use crate::discover::Discovery;
 use crate::fit::{Cpu, Devices};
 use crate::observer::Observer;
+use crate::part_count::PartCount;
 use crate::run::points::PartSource;
 use crate::surface::PartMeshes;
 use artgs_core::{Capture, Replica};
@@ -17,7 +18,7 @@ use std::path::PathBuf;
 pub struct Reconstruction<'a> {
     /// Photos of both states.
     pub capture: &'a Capture,
-    /// All settings; `parts` must be given.
+    /// All settings. The default method finds the number of parts unless `parts` gives it; the others need it.
     pub config: Config,
     /// What trains.
     pub devices: &'a dyn Devices,
@@ -26,10 +27,15 @@ pub struct Reconstruction<'a> {
 }
 
 impl<'a> Reconstruction<'a> {
-    /// The default method on the processor, from the start. `parts` counts the static part.
-    pub fn new(capture: &'a Capture, parts: usize) -> Self {
-        let config = Config { parts: Some(parts), ..Config::default() };
-        Self { capture, config, devices: &Cpu, resume: false }
+    /// The default method on the processor, from the start. It finds the number of parts.
+    pub fn new(capture: &'a Capture) -> Self {
+        Self { capture, config: Config::default(), devices: &Cpu, resume: false }
+    }
+
+    /// The same with a known number of parts, or bounds of it; it counts the static part.
+    pub fn with_parts(mut self, parts: impl Into<PartCount>) -> Self {
+        self.config.parts = parts.into();
+        self
     }
 
     /// Runs all stages, saves each in the folder `out` when it is finished, and writes the replica there. The same seed
@@ -50,20 +56,20 @@ impl<'a> Reconstruction<'a> {
     }
 
     fn compute_with(&self, folder: Option<&RunFolder>, observer: &mut dyn Observer) -> Result<Reconstructed, Error> {
-        let parts = self.checked()?;
+        self.check()?;
         let mut run = Run::open(self, folder, observer)?;
         match self.config.method {
             Method::Discover => {
                 let depths = run.depths()?;
-                let found = run.discover(&depths, parts)?;
+                let found = run.discover(&depths)?;
                 let found = run.corrected(&depths, found)?;
-                let (fitted, found) = run.articulate(found, parts)?;
+                let (fitted, found) = run.articulate(found)?;
                 let meshes = run.surface(&depths, &found, &fitted)?;
                 run.assemble(fitted, meshes, Some(found))
             }
             Method::Registration => {
                 let depths = run.captured_depths()?;
-                let found = run.register(&depths, parts)?;
+                let found = run.register(&depths)?;
                 let found = run.corrected(&depths, found)?;
                 let fitted = FittedParts { trained: None, parts: found.parts.clone() };
                 let meshes = run.surface(&depths, &found, &fitted)?;
@@ -72,7 +78,7 @@ impl<'a> Reconstruction<'a> {
             Method::Paper => {
                 run.warn_of_ignored_corrections();
                 let single = run.single()?;
-                let fitted = run.published(&single, parts)?;
+                let fitted = run.published(&single)?;
                 let meshes = run.rendered_surface(&fitted)?;
                 run.assemble(fitted, meshes, None)
             }
@@ -91,23 +97,22 @@ impl<'a> Reconstruction<'a> {
     }
 
     fn find_parts_with(&self, folder: Option<&RunFolder>, observer: &mut dyn Observer) -> Result<Discovery, Error> {
-        let parts = self.checked()?;
+        self.check()?;
         if !finds_parts(&self.config) {
             return Err(Error::PartsLearnt);
         }
         let mut run = Run::open(self, folder, observer)?;
         if self.config.method == Method::Registration {
             let depths = run.captured_depths()?;
-            return run.register(&depths, parts);
+            return run.register(&depths);
         }
         let depths = run.depths()?;
-        run.discover(&depths, parts)
+        run.discover(&depths)
     }
 
     /// Trains Gaussians on found parts, in memory. Part `k` of the result is part `k` of `found`.
     pub fn train(&self, found: &Discovery, observer: &mut dyn Observer) -> Result<FittedParts, Error> {
-        let parts = found.parts.len() + 1;
-        Ok(Run::open(self, None, observer)?.articulate(found.clone(), parts)?.0)
+        Ok(Run::open(self, None, observer)?.articulate(found.clone())?.0)
     }
 
     /// Fuses the depth maps of both states into meshes of the found parts, in memory. Motions are those of `fitted` where
@@ -124,9 +129,9 @@ impl<'a> Reconstruction<'a> {
         run.surface(&depths, found, fitted.unwrap_or(&untrained))
     }
 
-    fn checked(&self) -> Result<usize, Error> {
+    fn check(&self) -> Result<(), Error> {
         self.config.check()?;
-        self.config.parts.ok_or(Error::PartsMissing)
+        Ok(self.config.check_part_count()?)
     }
 }
 

@@ -1,11 +1,13 @@
-//! Scores of a replica on disk.
+//! Scores of a replica on disk, or of parts that were found before training.
 
-use super::Error;
+use super::{Error, found_parts};
+use crate::discover::Discovery;
 use crate::evaluate::{EvaluateConfig, Scores, Truth};
 use crate::surface::PartMeshes;
-use artgs_core::{Mesh, PerState};
+use artgs_core::{Joint, JointEstimate, Mesh, PerState, Replica, State};
 use artgs_io::FileError;
 use artgs_io::run_folder::RunFolder;
+use glam::{DVec3, Vec3};
 use std::path::Path;
 
 /// Scores the replica in a run's folder against the ground truth in the folder `ground_truth`.
@@ -16,7 +18,44 @@ pub fn evaluate(folder: &RunFolder, ground_truth: &Path) -> Result<Scores, Error
     };
     let parts = replica.parts.iter().map(|part| load(&part.meshes)).collect::<Result<_, _>>()?;
     let meshes = PartMeshes { parts, whole: load(&replica.whole)? };
-    let artgs_io::GroundTruth { joints, parents, whole, fixed, movable } = artgs_io::load_ground_truth(ground_truth)?;
-    let truth = Truth { joints, parents, whole, fixed, movable };
+    let truth = load_truth(ground_truth)?;
     Ok(crate::evaluate::evaluate(&replica, &meshes, &truth, &EvaluateConfig::default()))
+}
+
+/// Scores the parts that a run found before training. Surfaces are small triangles at the labelled points. None if the
+/// folder does not hold them.
+pub fn evaluate_found(folder: &RunFolder, ground_truth: &Path) -> Result<Option<Scores>, Error> {
+    let Some(found) = found_parts(folder) else { return Ok(None) };
+    let parts: Vec<PerState<Mesh>> =
+        (0..=found.parts.len()).map(|part| surfels(&found, |label| usize::from(label) == part)).collect();
+    let joint = |part: &JointEstimate| part.joint_near(DVec3::ZERO);
+    let joints: Vec<Joint> = found.parts.iter().map(joint).collect();
+    let meshes = PartMeshes { parts, whole: surfels(&found, |_| true) };
+    let truth = load_truth(ground_truth)?;
+    Ok(Some(crate::evaluate::evaluate(&Replica::new(&joints), &meshes, &truth, &EvaluateConfig::default())))
+}
+
+fn load_truth(folder: &Path) -> Result<Truth, FileError> {
+    let artgs_io::GroundTruth { joints, parents, whole, fixed, movable } = artgs_io::load_ground_truth(folder)?;
+    Ok(Truth { joints, parents, whole, fixed, movable })
+}
+
+/// A triangle at every point with such a label, in its tangent plane; about as large as the surface between points.
+fn surfels(found: &Discovery, wanted: impl Fn(u16) -> bool) -> PerState<Mesh> {
+    let radius = 0.6 * found.spacing as f32;
+    PerState::from_fn(|s: State| {
+        let mut mesh = Mesh::default();
+        let cloud = &found.clouds[s];
+        for (i, _) in found.labels[s].iter().enumerate().filter(|(_, label)| wanted(**label)) {
+            let (at, normal) = (cloud.points[i], cloud.normals[i].normalize_or(Vec3::Z));
+            let (along, across) = normal.any_orthonormal_pair();
+            let first = mesh.vertices.len() as u32;
+            for [x, y] in [[1.0_f32, 0.0], [-0.5, 0.866], [-0.5, -0.866]] {
+                mesh.vertices.push((at + radius * (x * along + y * across)).to_array());
+                mesh.colors.push(cloud.colors[i].to_array().map(|c| (255.0 * c).round().clamp(0.0, 255.0) as u8));
+            }
+            mesh.triangles.push([first, first + 1, first + 2]);
+        }
+        mesh
+    })
 }

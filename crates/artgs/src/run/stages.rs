@@ -8,7 +8,7 @@ use super::rendered::{part_meshes_from_renderings, rendered_depths};
 use super::{Error, FittedParts, Reconstruction, Summary, fingerprint, fusion};
 use crate::articulation::{PaperConfig, SkinStart, Start, Trained, articulate, paper_pipeline};
 use crate::config::Config;
-use crate::discover::{self, DepthPicture, Discovery, Scene};
+use crate::discover::{self, DepthPicture, DiscoverError, Discovery, Scene};
 use crate::fit::{FitError, single::fit_single};
 use crate::observer::{Event, Observer};
 use crate::registration::{RegistrationError, register_parts};
@@ -158,21 +158,30 @@ impl<'a> Run<'a> {
     }
 
     /// Parts, joints and labelled points; only points where training is to learn the parts.
-    pub(super) fn discover(&mut self, depths: &Depths<'a>, parts: usize) -> Result<Discovery, Error> {
+    pub(super) fn discover(&mut self, depths: &Depths<'a>) -> Result<Discovery, Error> {
         self.find("discover", |run| {
             let scene = run.scene(depths)?;
-            Ok(match run.config.start.parts {
-                PartSource::Labels => discover::discover(&scene, parts - 1..=parts - 1, &run.config.discover)?,
-                PartSource::Learnt => discover::without_parts(&scene),
-            })
+            if run.config.start.parts == PartSource::Learnt {
+                return Ok(discover::without_parts(&scene));
+            }
+            match discover::discover(&scene, run.config.parts.movable(), &run.config.discover) {
+                Err(DiscoverError::NothingMoved) => Ok(nothing_moved(&scene)),
+                Ok(found) if found.parts.is_empty() => Ok(nothing_explained(found)),
+                found => Ok(found?),
+            }
         })
     }
 
     /// The same by the baseline.
-    pub(super) fn register(&mut self, depths: &Depths<'a>, parts: usize) -> Result<Discovery, Error> {
+    pub(super) fn register(&mut self, depths: &Depths<'a>) -> Result<Discovery, Error> {
         self.find("register", |run| {
             let Config { registration, seed, .. } = run.config;
-            Ok(register_parts(&run.scene(depths)?, parts - 1, registration, *seed)?)
+            let movable = run.config.known_parts()?.saturating_sub(1);
+            let scene = run.scene(depths)?;
+            match register_parts(&scene, movable, registration, *seed) {
+                Err(RegistrationError::Discover(DiscoverError::NothingMoved)) => Ok(nothing_moved(&scene)),
+                found => Ok(found?),
+            }
         })
     }
 
@@ -192,11 +201,11 @@ impl<'a> Run<'a> {
 
     /// Canonical Gaussians trained on both states with the found parts, or with parts that training learns; these then
     /// label the points.
-    pub(super) fn articulate(&mut self, found: Discovery, parts: usize) -> Result<(FittedParts, Discovery), Error> {
+    pub(super) fn articulate(&mut self, found: Discovery) -> Result<(FittedParts, Discovery), Error> {
         let learnt = self.config.start.parts == PartSource::Learnt;
         let (trained, parts) = self.stage("articulate", checkpoint::load_trained, |run| {
             let (config, devices) = (&run.config.articulate, run.what.devices);
-            let (start, targets) = run.start(&found, parts)?;
+            let (start, targets) = run.start(&found)?;
             let mut follow = Following::new(run.observer, devices, &mut run.summary.warnings, "articulate");
             let views = views_of(run.what);
             let trained = articulate(views, start, targets.as_ref(), config, run.config.seed, devices, &mut follow)?;
@@ -224,10 +233,10 @@ impl<'a> Run<'a> {
     }
 
     /// What training begins with, and targets of the Chamfer term if parts are to be learnt.
-    fn start(&self, found: &Discovery, parts: usize) -> Result<(Start, Option<ChamferPoints>), Error> {
+    fn start(&self, found: &Discovery) -> Result<(Start, Option<ChamferPoints>), Error> {
         let config = self.config;
         if config.start.parts == PartSource::Learnt {
-            let (start, canonical) = uninformed_start(found, parts, config).map_err(FitError::from)?;
+            let (start, canonical) = uninformed_start(found, config.known_parts()?, config).map_err(FitError::from)?;
             return Ok((start, Some(canonical.cd_targets)));
         }
         let mut labelled = canonical_start(found, &config.start);
@@ -240,13 +249,14 @@ impl<'a> Run<'a> {
     }
 
     /// The published method from the Gaussians of each state to trained parts.
-    pub(super) fn published(&mut self, single: &PerState<Splats>, parts: usize) -> Result<FittedParts, Error> {
+    pub(super) fn published(&mut self, single: &PerState<Splats>) -> Result<FittedParts, Error> {
         let (trained, parts) = self.stage("articulate", checkpoint::load_trained, |run| {
             let devices = run.what.devices;
             let Config { canonical, types, articulate, .. } = run.config.clone();
             let config = PaperConfig { canonical, types, articulate };
             let mut follow = Following::new(run.observer, devices, &mut run.summary.warnings, "articulate");
             let (views, seed) = (views_of(run.what), run.config.seed);
+            let parts = run.config.known_parts()?;
             let result = paper_pipeline(views, single, parts, &config, seed, devices, &mut follow)?;
             run.summary.device = Some(devices.name());
             let parts = joints_of(&result.trained, config.types.half_angle_deg.to_radians());
@@ -284,6 +294,19 @@ impl<'a> Run<'a> {
             },
         )
     }
+}
+
+/// One static part, where nothing moved.
+fn nothing_moved(scene: &Scene) -> Discovery {
+    let warning = format!("{}; the replica is one part without joints", DiscoverError::NothingMoved);
+    Discovery { warnings: vec![warning], ..discover::without_parts(scene) }
+}
+
+/// One static part, where noise or a misalignment looks like motion.
+fn nothing_explained(mut found: Discovery) -> Discovery {
+    let warning = "no motion explains what differs between the two states; the replica is one part without joints";
+    found.warnings.push(warning.into());
+    found
 }
 
 /// Refuses to resume a run that was made with other settings.

@@ -41,7 +41,8 @@ pub struct ViewMeans {
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{} parts, {} Gaussians, {:.1} s", self.parts, self.gaussians, self.total_seconds)?;
+        let parts = if self.parts == 1 { "part" } else { "parts" };
+        writeln!(f, "{} {parts}, {} Gaussians, {:.1} s", self.parts, self.gaussians, self.total_seconds)?;
         for (kind, means) in [("test", &self.test), ("train", &self.train)] {
             for (state, mean) in State::ALL.into_iter().zip(means) {
                 if let Some(m) = mean {

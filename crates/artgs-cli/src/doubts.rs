@@ -1,0 +1,106 @@
+//! What is doubtful about the joints of a result, one line per part, for people.
+
+use artgs::discover::Discovery;
+use artgs::run::DOUBTFUL;
+use artgs_core::{Alternative, Joint, JointKind, Replica};
+use glam::DVec3;
+
+/// Lines on the parts of a replica; empty if none is uncertain.
+pub(crate) fn of_replica(replica: &Replica) -> String {
+    let line = |(number, part): (usize, &artgs_core::replica::Part)| {
+        line(number, &replica.joint(number)?, part.confidence, &part.alternatives)
+    };
+    replica.parts.iter().enumerate().filter_map(line).collect()
+}
+
+/// Lines on found parts before training.
+pub(crate) fn of_found(found: &Discovery) -> String {
+    let line = |(k, part): (usize, &artgs_core::JointEstimate)| {
+        let others = found.alternatives.get(k).into_iter().flatten();
+        let others: Vec<Alternative> = others.map(|other| Alternative::near(other, DVec3::ZERO)).collect();
+        line(k + 1, &part.joint_near(DVec3::ZERO), part.confidence, &others)
+    };
+    found.parts.iter().enumerate().filter_map(line).collect()
+}
+
+/// The line on a part; none if it is certain.
+fn line(number: usize, joint: &Joint, confidence: Option<f64>, others: &[Alternative]) -> Option<String> {
+    let low = confidence.filter(|c| *c < DOUBTFUL);
+    if low.is_none() && others.is_empty() {
+        return None;
+    }
+    let mut text = format!("part {number} is uncertain: {}", described(joint));
+    if let Some(share) = low {
+        text.push_str(&format!(", {:.0} % of its points fit", (100.0 * share).floor()));
+    }
+    for other in others {
+        text.push_str(&format!("; or {}: {}", described(&other.joint()), other.what.trim_end_matches('.')));
+    }
+    let mut advice: Vec<&str> =
+        others.iter().map(|o| o.advice.trim_end_matches('.')).filter(|a| !a.is_empty()).collect();
+    advice.dedup();
+    if advice.is_empty() {
+        advice.push("artgs view shows it");
+    }
+    for sentence in advice {
+        text.push_str(&format!(". {sentence}"));
+    }
+    Some(text + "\n")
+}
+
+/// Type and axis.
+fn described(joint: &Joint) -> String {
+    let (kind, by) = match joint.kind {
+        JointKind::Revolute => ("revolute", "about"),
+        JointKind::Prismatic => ("prismatic", "along"),
+        JointKind::Screw => ("screw", "about"),
+    };
+    // No -0.00 in the text.
+    let [x, y, z] = joint.axis.to_array().map(|v| if v.abs() < 0.005 { 0.0 } else { v });
+    format!("{kind} {by} ({x:.2}, {y:.2}, {z:.2})")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artgs_core::{JointAlternative, JointEstimate, Rigid};
+
+    #[test]
+    fn only_uncertain_parts_have_a_line_with_what_they_could_be() {
+        let part = |confidence| JointEstimate {
+            confidence,
+            ..JointEstimate::new(JointKind::Revolute, Rigid::about(DVec3::Z, DVec3::ZERO, 0.3))
+        };
+        let other = JointAlternative {
+            kind: JointKind::Prismatic,
+            motion: Rigid::shift(DVec3::new(0.0, -0.25, 0.0)),
+            cost: 0.1,
+            what: "it slides.".into(),
+            advice: "Open it further.".into(),
+        };
+        let parts = vec![part(Some(0.9)), part(Some(0.3)), part(None), part(Some(0.4))];
+        let found = Discovery {
+            parts,
+            alternatives: vec![vec![], vec![], vec![other.clone()], vec![other]],
+            ..Discovery::default()
+        };
+        let text = of_found(&found);
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(
+            lines,
+            [
+                "part 2 is uncertain: revolute about (0.00, 0.00, 1.00), 30 % of its points fit. artgs view shows it",
+                "part 3 is uncertain: revolute about (0.00, 0.00, 1.00); or prismatic along (0.00, -1.00, 0.00): \
+                 it slides. Open it further",
+                "part 4 is uncertain: revolute about (0.00, 0.00, 1.00), 40 % of its points fit; or prismatic along \
+                 (0.00, -1.00, 0.00): it slides. Open it further",
+            ]
+        );
+        let joints: Vec<Joint> = found.parts.iter().map(|p| p.joint_near(DVec3::ZERO)).collect();
+        let mut replica = Replica::new(&joints);
+        for (part, found) in replica.parts[1..].iter_mut().zip(&found.parts) {
+            part.confidence = found.confidence;
+        }
+        assert_eq!(of_replica(&replica).lines().count(), 2);
+    }
+}
