@@ -83,7 +83,8 @@ impl Job<'_> {
     /// The stages before training likewise.
     pub(crate) fn find_parts(&self, also: &mut dyn Observer) -> Result<Report, Failure> {
         let found = self.observed(also, |reconstruction, observer| reconstruction.find_parts_in(self.run, observer))?;
-        let parts = found.parts.iter().map(|p| json!({ "type": p.kind, "confidence": p.confidence }));
+        let parts =
+            found.parts.iter().map(|p| json!({ "type": p.kind, "parent": p.parent, "confidence": p.confidence }));
         let json = json!({ "parts": parts.collect::<Value>(), "warnings": found.warnings });
         let line = |(k, p)| part_line(k + 1, p);
         Ok(Report { text: found.parts.iter().enumerate().map(line).collect(), json })
@@ -114,7 +115,8 @@ impl Job<'_> {
 fn part_line(number: usize, part: &JointEstimate) -> String {
     let kind = json!(part.kind);
     let share = part.confidence.map(|c| format!(", {:.0} % of its points fit", (100.0 * c).floor()));
-    format!("part {number}: {}{}\n", kind.as_str().unwrap_or_default(), share.unwrap_or_default())
+    let carrier = if part.parent > 0 { format!(" on part {}", part.parent) } else { String::new() };
+    format!("part {number}: {}{carrier}{}\n", kind.as_str().unwrap_or_default(), share.unwrap_or_default())
 }
 
 fn failure(error: artgs::Error) -> Failure {

@@ -9,14 +9,13 @@ use crate::output::{note, say};
 use crate::rerun;
 use anyhow::Context;
 use artgs::discover::{DiscoverConfig, moved_points};
-use artgs_core::{Capture, Joint, JointEstimate, State};
+use artgs_core::{Capture, JointEstimate, State};
 use artgs_io::RunFolder;
 use artgs_io::asset::Format;
 use artgs_io::export_report::ExportReport;
 use artgs_physical::Up;
 use artgs_physical::export::ExportOptions;
-use artgs_view::{CameraView, Cloud, Page, Placement, Server, export_page};
-use glam::DVec3;
+use artgs_view::{CameraView, Cloud, FoundJoint, Page, Placement, Server, export_page};
 use serde_json::json;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -96,14 +95,12 @@ fn found(run: &RunFolder, photos: Option<&Path>, style: Style) -> Result<Page, F
     let shown = run.root().display();
     let unreadable = || Failure::bad(format!("{shown}: stages cannot be read; reconstruct again with --force"));
     let found = artgs::run::found_parts(run).ok_or_else(unreadable)?;
-    let joint = |(k, part): (usize, &JointEstimate)| {
-        let start = found.clouds[State::START].points.iter().zip(&found.labels[State::START]);
-        let own: Vec<DVec3> =
-            start.filter(|(_, label)| usize::from(**label) == k + 1).map(|(p, _)| p.as_dvec3()).collect();
-        let middle = own.iter().sum::<DVec3>() / own.len().max(1) as f64;
-        (part.joint_near(middle), part.confidence)
+    let joint = |(k, part): (usize, &JointEstimate)| FoundJoint {
+        joint: part.joint_near(&found.parts, found.middle(k + 1, State::START)),
+        parent: part.parent,
+        confidence: part.confidence,
     };
-    let joints: Vec<(Joint, Option<f64>)> = found.parts.iter().enumerate().map(joint).collect();
+    let joints: Vec<FoundJoint> = found.parts.iter().enumerate().map(joint).collect();
     let placement = Placement::default();
     let mut page = Page::of_joints(&run.name(), &joints, placement);
     for (state, (cloud, labels)) in State::ALL.into_iter().zip(found.clouds.iter().zip(&found.labels)) {

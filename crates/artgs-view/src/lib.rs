@@ -20,7 +20,7 @@ pub use camera::{CameraView, Placement};
 pub use cloud::Cloud;
 pub use error::ViewError;
 pub use live::Live;
-pub use page::{Page, Source};
+pub use page::{FoundJoint, Page, Source};
 pub use scene::{Scene, SceneCamera, SceneCloud, SceneJoint, SceneLink, SceneMesh, SceneRerun};
 pub use server::{Rerun, Server};
 pub use single::export_page;

@@ -6,7 +6,7 @@ mod common;
 
 use artgs_core::{Joint, JointKind, PerState, Splats, State};
 use artgs_io::{CentreEdit, Corrections};
-use artgs_view::{Live, Page, Placement, Server, ViewError, export_page};
+use artgs_view::{FoundJoint, Live, Page, Placement, Server, ViewError, export_page};
 use glam::{DQuat, DVec3};
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -269,9 +269,11 @@ fn found_parts_are_placed_like_their_points() {
         limits: [0.0, 4.0],
     };
     let upright = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
-    let page = Page::of_joints("x", &[(joint, Some(0.5))], Placement { scale: 0.1, rotation: upright });
-    let [base, part] = &page.scene.links[..] else { panic!("two links") };
-    assert!(base.joint.is_none() && part.parent == Some(0));
+    let found = FoundJoint { joint, parent: 0, confidence: Some(0.5) };
+    let placement = Placement { scale: 0.1, rotation: upright };
+    let page = Page::of_joints("x", &[found, FoundJoint { parent: 1, ..found }], placement);
+    let [base, part, carried] = &page.scene.links[..] else { panic!("three links") };
+    assert!(base.joint.is_none() && (base.parent, part.parent, carried.parent) == (None, Some(0), Some(1)));
     let answer = part.joint.as_ref().unwrap();
     let near = |a: [f64; 3], b: [f64; 3]| DVec3::from(a).distance(DVec3::from(b)) < 1e-12;
     assert!(near(part.origin, [0.1, -0.3, 0.2]) && near(answer.axis, [0.0, 0.0, 1.0]), "{part:?}");

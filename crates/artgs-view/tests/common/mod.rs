@@ -5,7 +5,7 @@ use artgs_core::{
     Splats, State, Texture, TexturedMesh,
 };
 use artgs_io::asset::{export_urdf, splats::export_splats};
-use artgs_view::{CameraView, Cloud, Page, Placement};
+use artgs_view::{CameraView, Cloud, FoundJoint, Page, Placement};
 use glam::DVec3;
 use std::path::Path;
 
@@ -172,11 +172,12 @@ pub(crate) fn page(out: &Path) -> Page {
     page
 }
 
-/// Discovered parts of the sample: joints and labelled points. The parent of the knob is the base, not the door.
+/// Discovered parts of the sample: joints and labelled points.
 pub(crate) fn found_page() -> Page {
     let joint = |l: &AssetLink| {
         let AssetJoint { kind, axis, pitch, limits, observed, .. } = l.joint?;
-        Some((Joint { kind, axis, origin: l.origin, pitch, limits, state_values: observed }, Some(0.87)))
+        let joint = Joint { kind, axis, origin: l.origin, pitch, limits, state_values: observed };
+        Some(FoundJoint { joint, parent: l.parent?, confidence: Some(0.87) })
     };
     let joints: Vec<_> = cabinet().links.iter().filter_map(joint).collect();
     let mut page = Page::of_joints("cabinet", &joints, Placement::default());

@@ -76,13 +76,14 @@ impl Run<'_> {
     }
 }
 
-/// The joints' origins are near the parts at the start state.
+/// The joints' origins are near the parts at the start state. Joints are those to the part that carries each.
 fn replica(parts: &[JointEstimate], meshes: &PartMeshes) -> Replica {
-    let joint = |(k, part): (usize, &JointEstimate)| part.joint_near(middle(&meshes.parts[k + 1][State::START]));
+    let joint = |(k, part): (usize, &JointEstimate)| part.joint_near(parts, middle(&meshes.parts[k + 1][State::START]));
     let joints: Vec<Joint> = parts.iter().enumerate().map(joint).collect();
     let mut replica = Replica::new(&joints);
     for (part, found) in replica.parts[1..].iter_mut().zip(parts) {
         part.confidence = found.confidence;
+        part.parent = Some(found.parent);
     }
     replica
 }
