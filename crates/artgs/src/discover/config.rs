@@ -5,6 +5,7 @@ use super::candidates::CandidateSettings;
 use super::diagnosis::DiagnosisSettings;
 use super::front::FrontSettings;
 use super::joints::JointSettings;
+use super::parents::ParentSettings;
 use super::ranking::RankingSettings;
 use super::segmentation::{GraphSettings, LabelCosts, SegmentationSettings};
 use super::selection::SelectionSettings;
@@ -24,8 +25,9 @@ pub struct DiscoverConfig {
     pub rounds: usize,
     /// Motions that turn less than this are slides, degrees, unless a hinge fits clearly better.
     pub revolute_deg: f64,
-    /// Decide between hinge and slide and register parts on their joints. Otherwise, an ablation, they keep general rigid
-    /// motions, and those that turn by more than `revolute_deg` are called revolute in the end.
+    /// Decide between hinge, slide and screw, find which part carries which, and register parts on their joints. Otherwise,
+    /// an ablation, they keep general rigid motions, and those that turn by more than `revolute_deg` are called revolute in
+    /// the end.
     pub decide_joints: bool,
 }
 
@@ -53,5 +55,6 @@ pub(crate) struct StepSettings {
     pub(crate) graph: GraphSettings,
     pub(crate) label_costs: LabelCosts,
     pub(crate) joints: JointSettings,
+    pub(crate) parents: ParentSettings,
     pub(crate) diagnosis: DiagnosisSettings,
 }

@@ -2,6 +2,7 @@
 
 use super::candidates::Candidate;
 use super::config::StepSettings;
+use super::parents::Numbering;
 use super::{DiscoverConfig, DiscoverError, Discovery, Evidence, Scene, refine_parts};
 use artgs_core::{JointKind, Rigid, State};
 use artgs_io::{CentreEdit, Corrections};
@@ -109,7 +110,9 @@ pub fn correct(
     let kind = |k: &Kept| corrections.joints.iter().find(|mark| mark.part == k.number).map(|mark| mark.kind);
     let kinds: Vec<Option<JointKind>> = kept.iter().map(kind).collect();
     let motions: Vec<Rigid> = kept.iter().map(|k| k.motion).collect();
-    let (parts, labels) = refine_parts(scene, &clouds, &evidence, &motions, &kinds, config, &settings);
+    // Corrections and the page name parts by their numbers.
+    let order = Numbering::Kept;
+    let (parts, labels) = refine_parts(scene, &clouds, &evidence, &motions, &kinds, order, config, &settings);
     Ok(evidence.result(scene, parts, labels, Vec::new(), &settings))
 }
 

@@ -33,10 +33,12 @@ mod graph_cut;
 mod joints;
 mod landing;
 mod moved_points;
+mod parents;
 mod poses;
 mod ranking;
 pub(crate) mod registration;
 pub(crate) mod scene;
+mod screws;
 mod segmentation;
 mod selection;
 mod space_grid;
@@ -49,9 +51,10 @@ use cloud::IndexedCloud;
 pub use config::DiscoverConfig;
 use config::StepSettings;
 pub use correct::{CorrectError, correct};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use joints::JointFit;
 pub use moved_points::{MovedPoints, moved_points};
+use parents::{Carriers, Numbering, parents_first};
 pub use scene::{DepthPicture, Scene, pixel_step};
 use segmentation::Labelling;
 use space_grid::SpaceGrid;
@@ -64,7 +67,7 @@ pub struct Discovery {
     pub clouds: PerState<Cloud>,
     /// Part of every point; 0 is static.
     pub labels: PerState<Vec<u16>>,
-    /// Parts 1.., largest first.
+    /// Parts 1.., largest first, but parts that carry others before those.
     pub parts: Vec<JointEstimate>,
     /// Diagonal of the object's bounding box, scene units.
     pub diagonal: f64,
@@ -74,6 +77,16 @@ pub struct Discovery {
     pub tolerance: f64,
     /// What is doubtful, one sentence each.
     pub warnings: Vec<String>,
+}
+
+impl Discovery {
+    /// Mean of a part's points in a state, world frame; the origin if it has none there.
+    pub fn middle(&self, part: usize, state: State) -> DVec3 {
+        let points = self.clouds[state].points.iter().zip(&self.labels[state]);
+        let own = points.filter(|(_, label)| usize::from(**label) == part).map(|(p, _)| p.as_dvec3());
+        let (sum, count) = own.fold((DVec3::ZERO, 0usize), |(sum, count), p| (sum + p, count + 1));
+        sum / count.max(1) as f64
+    }
 }
 
 /// Why parts could not be found.
@@ -102,7 +115,8 @@ pub fn discover(scene: &Scene, movable: usize, config: &DiscoverConfig) -> Resul
     }
     let motions: Vec<Rigid> = chosen.iter().map(|&c| pool[c].motion).collect();
     let kinds = vec![None; motions.len()];
-    let (parts, labels) = refine_parts(scene, &clouds, &evidence, &motions, &kinds, config, &settings);
+    let order = Numbering::ParentsFirst;
+    let (parts, labels) = refine_parts(scene, &clouds, &evidence, &motions, &kinds, order, config, &settings);
     Ok(evidence.result(scene, parts, labels, warnings, &settings))
 }
 
@@ -189,13 +203,15 @@ impl Evidence {
 }
 
 /// Labels points and registers parts in turn, from motions start to end; the last round decides each joint, unless its
-/// kind is known.
+/// kind is known, and what carries it.
+#[expect(clippy::too_many_arguments, reason = "what was measured, what is known, how to number, and settings")]
 fn refine_parts(
     scene: &Scene,
     clouds: &PerState<IndexedCloud<'_>>,
     evidence: &Evidence,
     motions: &[Rigid],
     kinds: &[Option<JointKind>],
+    numbering: Numbering,
     config: &DiscoverConfig,
     settings: &StepSettings,
 ) -> (Vec<JointEstimate>, PerState<Vec<u16>>) {
@@ -214,10 +230,19 @@ fn refine_parts(
     for round in 0..rounds {
         let motions: Vec<Rigid> = parts.iter().map(|p| p.motion).collect();
         labels = labelling.labels(&motions);
-        let fit = JointFit { lengths: &scene.lengths, settings: &settings.joints, config, last: round + 1 == rounds };
-        for (k, part) in parts.iter_mut().enumerate() {
-            *part = fit.refine(part, &points_of_part(clouds, &labels, k as u16 + 1), kinds[k]);
+        let (lengths, tolerance, last) = (&scene.lengths, scene.tolerance.into(), round + 1 == rounds);
+        let fit = JointFit { lengths, tolerance, settings: &settings.joints, config, last };
+        let own = |part: usize| points_of_part(clouds, &labels, part as u16);
+        if last && config.decide_joints {
+            let clouds = (0..=parts.len()).map(own).collect();
+            let carriers = Carriers { fit: &fit, settings: &settings.parents, clouds, numbering };
+            parts = carriers.joints(&parts, kinds);
+        } else {
+            parts.iter_mut().enumerate().for_each(|(k, part)| *part = fit.refine(part, &own(k + 1)));
         }
+    }
+    if numbering == Numbering::ParentsFirst {
+        parents_first(&mut parts, &mut labels);
     }
     (parts, labels)
 }
