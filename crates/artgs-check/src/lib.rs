@@ -7,6 +7,9 @@
 //!
 //! Physics: Rapier. One joint at a time moves, the rest is locked at 0; a screw is driven as a hinge, as in URDF.
 
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod chain_tests;
 mod compare;
 mod drive;
 mod mass;

@@ -88,7 +88,7 @@ impl Job<'_> {
         let others = |k: usize| found.alternatives.get(k).map_or(&[][..], Vec::as_slice);
         let part = |(k, p): (usize, &JointEstimate)| {
             let alternatives = others(k);
-            json!({ "type": p.kind, "confidence": p.confidence, "alternatives": alternatives })
+            json!({ "type": p.kind, "parent": p.parent, "confidence": p.confidence, "alternatives": alternatives })
         };
         let parts = found.parts.iter().enumerate().map(part);
         let json = json!({ "parts": parts.collect::<Value>(), "warnings": found.warnings });
@@ -123,7 +123,8 @@ impl Job<'_> {
 fn part_line(number: usize, part: &JointEstimate) -> String {
     let kind = json!(part.kind);
     let share = part.confidence.map(|c| format!(", {:.0} % of its points fit", (100.0 * c).floor()));
-    format!("part {number}: {}{}\n", kind.as_str().unwrap_or_default(), share.unwrap_or_default())
+    let carrier = if part.parent > 0 { format!(" on part {}", part.parent) } else { String::new() };
+    format!("part {number}: {}{carrier}{}\n", kind.as_str().unwrap_or_default(), share.unwrap_or_default())
 }
 
 fn failure(error: artgs::Error) -> Failure {

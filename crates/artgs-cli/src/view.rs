@@ -16,7 +16,6 @@ use artgs_io::export_report::ExportReport;
 use artgs_physical::Up;
 use artgs_physical::export::ExportOptions;
 use artgs_view::{CameraView, Cloud, FoundJoint, Page, Placement, Server, export_page};
-use glam::DVec3;
 use serde_json::json;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -97,13 +96,14 @@ fn found(run: &RunFolder, photos: Option<&Path>, style: Style) -> Result<Page, F
     let unreadable = || Failure::bad(format!("{shown}: stages cannot be read; reconstruct again with --force"));
     let found = artgs::run::found_parts(run).ok_or_else(unreadable)?;
     let joint = |(k, part): (usize, &JointEstimate)| {
-        let start = found.clouds[State::START].points.iter().zip(&found.labels[State::START]);
-        let own: Vec<DVec3> =
-            start.filter(|(_, label)| usize::from(**label) == k + 1).map(|(p, _)| p.as_dvec3()).collect();
-        let middle = own.iter().sum::<DVec3>() / own.len().max(1) as f64;
+        let middle = found.middle(k + 1, State::START);
         let others = found.alternatives.get(k).into_iter().flatten();
-        let alternatives = others.map(|other| Alternative::near(other, middle)).collect();
-        FoundJoint { joint: part.joint_near(middle), confidence: part.confidence, alternatives }
+        FoundJoint {
+            joint: part.joint_near(&found.parts, middle),
+            parent: part.parent,
+            confidence: part.confidence,
+            alternatives: others.map(|other| Alternative::near(other, middle)).collect(),
+        }
     };
     let joints: Vec<FoundJoint> = found.parts.iter().enumerate().map(joint).collect();
     let placement = Placement::default();

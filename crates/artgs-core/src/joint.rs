@@ -1,4 +1,4 @@
-//! One-degree-of-freedom joints between a part and the static part, in the world frame.
+//! One-degree-of-freedom joints between a part and the part that carries it, in the world frame of the start state.
 
 use crate::{PerState, Rigid, State};
 use glam::DVec3;
@@ -81,8 +81,11 @@ impl Joint {
 pub struct JointEstimate {
     /// Type of the joint.
     pub kind: JointKind,
-    /// Motion from start to end, world frame.
+    /// Motion of the part from start to end in the world: that of its joint, then that of the part that carries it.
     pub motion: Rigid,
+    /// Part that carries this one, 0 for the static part. Parts are numbered from 1 in the order of their estimates.
+    #[serde(default, skip_serializing_if = "is_base")]
+    pub parent: usize,
     /// Root mean square distance between the registered surfaces, scene units; none where too little of the part was
     /// seen to register it.
     pub rms: Option<f64>,
@@ -93,15 +96,31 @@ pub struct JointEstimate {
 }
 
 impl JointEstimate {
-    /// An estimate without measures of its quality.
+    /// An estimate without measures of its quality, carried by the static part.
     pub fn new(kind: JointKind, motion: Rigid) -> Self {
-        Self { kind, motion, rms: None, confidence: None }
+        Self { kind, motion, parent: 0, rms: None, confidence: None }
     }
 
-    /// The joint, with value 0 at the start and its origin near `point` (world frame).
-    pub fn joint_near(&self, point: DVec3) -> Joint {
-        Joint::from_motion(self.kind, &self.motion).with_origin_near(point)
+    /// Joint to the part that carries this one, with value 0 and the world frame at the start, its origin near `point` (world
+    /// frame, start). `parts` are the estimates of all parts. What the kind cannot express is dropped.
+    pub fn joint_near(&self, parts: &[Self], point: DVec3) -> Joint {
+        let Some(carrier) = self.carrier(parts) else {
+            return Joint::from_motion(self.kind, &self.motion).with_origin_near(point);
+        };
+        let own = carrier.motion.inverse() * self.motion;
+        // The shift where the part is: a small turn must not change it.
+        let own = if self.kind == JointKind::Prismatic { Rigid::shift(own.apply(point) - point) } else { own };
+        Joint::from_motion(self.kind, &own).with_origin_near(point)
     }
+
+    /// The estimate of the part that carries this one; none for the static part.
+    pub fn carrier<'a>(&self, parts: &'a [Self]) -> Option<&'a Self> {
+        self.parent.checked_sub(1).and_then(|k| parts.get(k))
+    }
+}
+
+fn is_base(part: &usize) -> bool {
+    *part == 0
 }
 
 /// Another joint that explains what was seen of a part nearly as well as the one that was chosen.
@@ -141,6 +160,26 @@ mod tests {
         for (kind, m) in [(JointKind::Revolute, hinge), (JointKind::Prismatic, slide), (JointKind::Screw, screw)] {
             let joint = Joint::from_motion(kind, &m).with_origin_near(DVec3::new(5.0, 1.0, 2.0));
             assert!((joint.start_to_end().apply(x) - m.apply(x)).length() < 1e-12, "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn the_joint_of_a_carried_part_is_the_one_against_its_carrier() {
+        let door = Rigid::about(DVec3::Z, DVec3::new(0.4, 0.1, 0.0), 0.9);
+        let middle = DVec3::new(0.7, 0.2, 0.3);
+        let knob = Rigid::about(DVec3::Y, DVec3::new(0.8, 0.0, 0.3), 0.5);
+        let slide = Rigid::shift(DVec3::new(0.0, -0.2, 0.0));
+        for (kind, own) in [(JointKind::Revolute, knob), (JointKind::Prismatic, slide)] {
+            let carried = JointEstimate { parent: 1, ..JointEstimate::new(kind, door * own) };
+            let parts = [JointEstimate::new(JointKind::Revolute, door), carried];
+            let joint = carried.joint_near(&parts, middle);
+            assert!((joint.start_to_end().apply(middle) - own.apply(middle)).length() < 1e-12, "{kind:?}");
+            assert!((joint.axis.cross(DVec3::Y)).length() < 1e-12, "{kind:?}: {joint:?}");
+            // A part on the base keeps its motion.
+            assert_eq!(
+                parts[0].joint_near(&parts, middle).start_to_end(),
+                Joint::from_motion(JointKind::Revolute, &door).with_origin_near(middle).start_to_end()
+            );
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::FileError;
 use crate::run_folder::{RunFolder, load_json, save_json};
+use artgs_core::JointKind;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -69,6 +70,14 @@ pub struct LinkReport {
     pub textured_share: Option<f64>,
     /// State in which the part is closed, `start` or `end`.
     pub closed_state: Option<String>,
+    /// Link that carries it; none for the base.
+    pub parent: Option<String>,
+    /// Type of its joint.
+    pub joint: Option<JointKind>,
+    /// Metres along the axis per radian; only of screws.
+    pub pitch: Option<f64>,
+    /// Formats written in which the screw is a hinge.
+    pub hinge_in: Vec<String>,
     /// Lower and upper limit, radians or metres.
     pub limits: Option<[f64; 2]>,
     /// Values in the observed states, radians or metres.

@@ -95,6 +95,46 @@ fn observed_states_keep_their_positions_and_positive_values_open() {
 }
 
 #[test]
+fn a_carried_part_and_a_screw_keep_their_places() {
+    let (mut replica, mut meshes) = replica();
+    // A knob on the door that turns and comes out while the door swings, and a cover that slides on the door.
+    let knob = Joint {
+        pitch: 0.02,
+        ..Joint::from_motion(JointKind::Screw, &Rigid::about(DVec3::NEG_Y, DVec3::new(0.3, -0.06, 0.7), 2.0))
+    };
+    let cover = Joint::from_motion(JointKind::Prismatic, &Rigid::shift(DVec3::new(0.0, 0.0, -0.1)));
+    for (joint, at) in [(knob, DVec3::new(0.3, -0.06, 0.7)), (cover, DVec3::new(-0.2, -0.06, 0.8))] {
+        let (id, mesh) = (replica.parts.len(), cuboid(at - 0.02, at + 0.02));
+        let part = artgs_core::replica::Part {
+            id,
+            name: format!("part_{id}"),
+            parent: Some(2),
+            joint: Some(joint.with_origin_near(at).into()),
+            ..replica.parts[2].clone()
+        };
+        replica.parts.push(part);
+        meshes.push(mesh);
+    }
+    replica.validate().unwrap();
+    let config = PhysicalConfig { scale: 2.5, ..PhysicalConfig::default() };
+    let (asset, decisions) =
+        assemble("a", &replica, &surfaces(&replica, &meshes, None, &config), &config, None).unwrap();
+    assert_eq!(asset.links.iter().map(|l| l.parent).collect::<Vec<_>>(), [None, Some(0), Some(0), Some(2), Some(2)]);
+    let turned = asset.links[3].joint.unwrap();
+    assert_eq!(turned.kind, JointKind::Screw);
+    assert!((turned.pitch - 0.05).abs() < 1e-12, "metres per radian: {}", turned.pitch);
+    for state in State::ALL {
+        let values = asset.observed(state);
+        for link in 0..5 {
+            let point = DVec3::new(0.3, -0.1, 0.6);
+            let want = 2.5 * replica.motion_to(link, state).apply(point);
+            let found = placed(&asset, &decisions, link, point, &values);
+            assert!(found.distance(want) < 1e-9, "{state:?} link {link}: {found} {want}");
+        }
+    }
+}
+
+#[test]
 fn no_pose_has_collisions() {
     let (replica, meshes) = replica();
     let config = PhysicalConfig::default();

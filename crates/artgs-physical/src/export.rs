@@ -4,7 +4,7 @@ use crate::build::{BuiltAsset, Parts, build};
 use crate::coacd;
 use crate::stance::Stop;
 use crate::{Collision, PhysicalConfig, Up};
-use artgs_core::{AssetLink, Capture, Mesh, State};
+use artgs_core::{AssetLink, Capture, JointKind, Mesh, State};
 use artgs_io::asset::{Format, check_asset};
 use artgs_io::export_report::{ExportReport, LinkReport, RequestedOptions};
 use artgs_io::replica::ReplicaFileError;
@@ -219,20 +219,20 @@ pub fn export(
     for format in &options.formats {
         files.extend(format.replace(&folder.exports(), &built.asset).map_err(ExportError::Output)?);
     }
-    let report = ExportReport { options: options.requested(), files, ..report(&built, config.up) };
+    let report = ExportReport { options: options.requested(), files, ..report(&built, config.up, &options.formats) };
     report.save(folder).map_err(ExportError::Output)?;
     Ok(report)
 }
 
 /// What was decided about an asset.
-fn report(built: &BuiltAsset, up: Up) -> ExportReport {
+fn report(built: &BuiltAsset, up: Up, formats: &[Format]) -> ExportReport {
     let BuiltAsset { asset, decisions, .. } = built;
     let [before, after] = decisions.clearance.volume;
     ExportReport {
         options: RequestedOptions::default(),
         scale: decisions.scale,
         up: if up == Up::Z { "z" } else { "y" }.into(),
-        links: asset.links.iter().enumerate().map(|(i, link)| link_report(built, i, link)).collect(),
+        links: asset.links.iter().enumerate().map(|(i, link)| link_report(built, i, link, formats)).collect(),
         penetration: [decisions.clearance.deepest, decisions.penetration],
         lost_pieces: decisions.clearance.lost,
         cut_share: if before > 0.0 { 1.0 - after / before } else { 0.0 },
@@ -240,8 +240,10 @@ fn report(built: &BuiltAsset, up: Up) -> ExportReport {
     }
 }
 
-fn link_report(built: &BuiltAsset, i: usize, link: &AssetLink) -> LinkReport {
+fn link_report(built: &BuiltAsset, i: usize, link: &AssetLink, formats: &[Format]) -> LinkReport {
     let (surface, decisions) = (&built.surfaces[i], &built.decisions);
+    let is_screw = link.joint.is_some_and(|j| j.kind == JointKind::Screw);
+    let hinge_in = formats.iter().filter(|format| is_screw && !format.has_screws());
     let [texels, seen] = surface.texels;
     LinkReport {
         name: link.name.clone(),
@@ -253,6 +255,10 @@ fn link_report(built: &BuiltAsset, i: usize, link: &AssetLink) -> LinkReport {
         surface_error: surface.error.most * decisions.scale,
         textured_share: (seen > 0).then(|| seen as f64 / texels as f64),
         closed_state: decisions.closed_state[i].map(|state| state.name().into()),
+        parent: link.parent.map(|p| built.asset.links[p].name.clone()),
+        joint: link.joint.map(|j| j.kind),
+        pitch: link.joint.filter(|_| is_screw).map(|j| j.pitch),
+        hinge_in: hinge_in.map(|format| format.name().into()).collect(),
         limits: link.joint.map(|j| j.limits),
         observed: link.joint.map(|j| State::ALL.map(|state| j.observed[state])),
         stops: decisions.ranges[i].as_ref().map(|range| range.stops.each_ref().map(reason)),

@@ -32,6 +32,17 @@ impl Source {
     }
 }
 
+/// The joint of a part found before training, in the capture's frame and unit.
+#[derive(Clone, Copy, Debug)]
+pub struct FoundJoint {
+    /// Joint to the part that carries it, value 0 at the start.
+    pub joint: Joint,
+    /// That part; 0 is the base, `k + 1` the part of joint `k`. Stands before the part itself.
+    pub parent: usize,
+    /// Joint confidence, 0 to 1.
+    pub confidence: Option<f64>,
+}
+
 /// A scene and its files by name.
 #[derive(Clone, Debug)]
 pub struct Page {
@@ -114,13 +125,14 @@ impl Page {
         Ok(page)
     }
 
-    /// The page of discovered parts before training: a base, and a link for every joint.
+    /// The page of discovered parts before training: a base, and a link for every joint with its confidence. Joints are in the
+    /// capture's frame and unit, as in a replica.
     pub fn of_joints(name: &str, joints: &[FoundJoint], placement: Placement) -> Self {
         let mut page = Self::empty(name);
         page.place(placement);
-        let link = |index: usize, origin: DVec3, joint| SceneLink {
+        let link = |index: usize, parent, origin: DVec3, joint| SceneLink {
             name: if index == 0 { "base".into() } else { format!("part_{index}") },
-            parent: (index > 0).then_some(0),
+            parent,
             origin: origin.to_array(),
             joint,
             mesh: None,
@@ -128,8 +140,8 @@ impl Page {
             splats: None,
             colour: colour(index),
         };
-        page.scene.links.push(link(0, DVec3::ZERO, None));
-        for (k, FoundJoint { joint, confidence, alternatives }) in joints.iter().enumerate() {
+        page.scene.links.push(link(0, None, DVec3::ZERO, None));
+        for (k, FoundJoint { joint, parent, confidence, alternatives }) in joints.iter().enumerate() {
             let length = if joint.kind == JointKind::Prismatic { placement.scale } else { 1.0 };
             let scene_joint = SceneJoint {
                 kind: joint.kind,
@@ -142,7 +154,7 @@ impl Page {
                 alternatives: alternatives.iter().map(SceneAlternative::from).collect(),
             };
             let origin = placement.rotation * (placement.scale * joint.origin);
-            page.scene.links.push(link(k + 1, origin, Some(scene_joint)));
+            page.scene.links.push(link(k + 1, Some(*parent), origin, Some(scene_joint)));
         }
         page
     }

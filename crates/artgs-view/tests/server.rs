@@ -270,10 +270,11 @@ fn found_parts_are_placed_like_their_points() {
     };
     let upright = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
     let other = Alternative { joint: joint.into(), cost: 0.1, what: "It slides.".into(), advice: String::new() };
-    let found = FoundJoint { joint, confidence: Some(0.5), alternatives: vec![other] };
-    let page = Page::of_joints("x", &[found], Placement { scale: 0.1, rotation: upright });
-    let [base, part] = &page.scene.links[..] else { panic!("two links") };
-    assert!(base.joint.is_none() && part.parent == Some(0));
+    let found = FoundJoint { joint, parent: 0, confidence: Some(0.5), alternatives: vec![other] };
+    let placement = Placement { scale: 0.1, rotation: upright };
+    let page = Page::of_joints("x", &[found.clone(), FoundJoint { parent: 1, ..found }], placement);
+    let [base, part, carried] = &page.scene.links[..] else { panic!("three links") };
+    assert!(base.joint.is_none() && (base.parent, part.parent, carried.parent) == (None, Some(0), Some(1)));
     let answer = part.joint.as_ref().unwrap();
     let near = |a: [f64; 3], b: [f64; 3]| DVec3::from(a).distance(DVec3::from(b)) < 1e-12;
     assert!(near(part.origin, [0.1, -0.3, 0.2]) && near(answer.axis, [0.0, 0.0, 1.0]), "{part:?}");

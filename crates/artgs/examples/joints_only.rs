@@ -6,8 +6,8 @@
 
 use artgs::Reconstruction;
 use artgs::observer::NullObserver;
+use artgs_core::State;
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
-use glam::DVec3;
 use std::path::Path;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -17,10 +17,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let found = Reconstruction::new(&capture).find_parts(&mut NullObserver)?;
     for (i, part) in found.parts.iter().enumerate() {
-        let joint = part.joint_near(DVec3::ZERO);
+        let joint = part.joint_near(&found.parts, found.middle(i + 1, State::START));
         let confidence = part.confidence.map_or("unknown".into(), |c| format!("{c:.2}"));
-        println!("part {}: {:?} about {:.3} at {:.3}", i + 1, joint.kind, joint.axis, joint.origin);
-        println!("  0 to {:.3} between the states, confidence {confidence}", joint.limits[1]);
+        let carrier = if part.parent == 0 { "the static part".into() } else { format!("part {}", part.parent) };
+        println!("part {} on {carrier}: {:?} about {:.4} at {:.4}", i + 1, joint.kind, joint.axis, joint.origin);
+        println!("  0 to {:.4} between the states, pitch {:.4}, confidence {confidence}", joint.limits[1], joint.pitch);
     }
     found.warnings.iter().for_each(|warning| println!("warning: {warning}"));
     Ok(())

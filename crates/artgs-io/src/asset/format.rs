@@ -68,6 +68,11 @@ impl Format {
         cfg!(feature = "usd") || !matches!(self, Self::Usd | Self::Usdz)
     }
 
+    /// False if a screw is written as a hinge, with its pitch where the format has a place for it.
+    pub const fn has_screws(self) -> bool {
+        matches!(self, Self::Mjcf | Self::Glb | Self::Sdf | Self::Splats)
+    }
+
     /// False if an asset has nothing that the format could hold.
     pub fn can_hold(self, asset: &Asset) -> bool {
         self != Self::Splats || asset.links.iter().any(|link| link.splats.is_some())

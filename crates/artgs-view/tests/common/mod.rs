@@ -185,12 +185,12 @@ fn slide() -> Alternative {
     Alternative::near(&found, DVec3::ZERO)
 }
 
-/// Discovered parts of the sample: joints and labelled points. The parent of the knob is the base, not the door.
+/// Discovered parts of the sample: joints and labelled points.
 pub(crate) fn found_page() -> Page {
     let joint = |l: &AssetLink| {
         let AssetJoint { kind, axis, pitch, limits, observed, .. } = l.joint?;
         let joint = Joint { kind, axis, origin: l.origin, pitch, limits, state_values: observed };
-        Some(FoundJoint { joint, confidence: Some(0.87), alternatives: vec![slide()] })
+        Some(FoundJoint { joint, parent: l.parent?, confidence: Some(0.87), alternatives: vec![slide()] })
     };
     let joints: Vec<_> = cabinet().links.iter().filter_map(joint).collect();
     let mut page = Page::of_joints("cabinet", &joints, Placement::default());

@@ -6,6 +6,7 @@ use super::diagnosis::DiagnosisSettings;
 use super::front::FrontSettings;
 use super::instances::InstanceSettings;
 use super::joints::JointSettings;
+use super::parents::ParentSettings;
 use super::ranking::RankingSettings;
 use super::segmentation::{GraphSettings, LabelCosts, SegmentationSettings};
 use super::selection::SelectionSettings;
@@ -26,8 +27,9 @@ pub struct DiscoverConfig {
     pub rounds: usize,
     /// Motions that turn less than this are slides, degrees, unless a hinge fits clearly better.
     pub revolute_deg: f64,
-    /// Decide between hinge and slide and register parts on their joints. Otherwise, an ablation, they keep general rigid
-    /// motions, and those that turn by more than `revolute_deg` are called revolute in the end.
+    /// Decide between hinge, slide and screw, find which part carries which, and register parts on their joints. Otherwise,
+    /// an ablation, they keep general rigid motions, and those that turn by more than `revolute_deg` are called revolute in
+    /// the end.
     pub decide_joints: bool,
 }
 
@@ -57,5 +59,6 @@ pub(crate) struct StepSettings {
     pub(crate) joints: JointSettings,
     pub(crate) instances: InstanceSettings,
     pub(crate) support: SupportSettings,
+    pub(crate) parents: ParentSettings,
     pub(crate) diagnosis: DiagnosisSettings,
 }

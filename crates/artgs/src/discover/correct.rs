@@ -6,6 +6,7 @@ mod split;
 use super::candidates::Candidate;
 use super::config::StepSettings;
 use super::joints::JointFit;
+use super::parents::Numbering;
 use super::refinement::{points_of_part, refine_parts};
 use super::{DiscoverConfig, DiscoverError, Discovery, Evidence, Scene};
 use artgs_core::{JointAlternative, JointEstimate, JointKind, Rigid, State};
@@ -140,19 +141,22 @@ pub fn correct(
     let kinds: Vec<Option<JointKind>> =
         kept.iter().map(|k| kind(k.number).filter(|_| !split.concerns(k.number))).collect();
     let motions: Vec<Rigid> = kept.iter().map(|k| k.motion).collect();
-    let (parts, labels) = refine_parts(scene, &clouds, &evidence, &motions, &kinds, config, &settings);
+    // Corrections and the page name parts by their numbers.
+    let order = Numbering::Kept;
+    let (parts, labels) = refine_parts(scene, &clouds, &evidence, &motions, &kinds, order, config, &settings);
     let numbers: Vec<usize> = kept.iter().map(|k| k.number).collect();
     let pieces = split.apply(&clouds, &numbers, &parts, labels)?;
     if pieces.numbers.is_empty() {
         return Err(CorrectError::NothingLeft);
     }
     // Pieces are registered on their own points and not labelled again: equal motions would mix their points.
-    let fit = JointFit { lengths: &scene.lengths, settings: &settings.joints, config, last: true };
+    let (lengths, tolerance) = (&scene.lengths, scene.tolerance.into());
+    let fit = JointFit { lengths, tolerance, settings: &settings.joints, config, last: true };
     let refined = |(k, number): (usize, &usize)| match pieces.starts[k] {
         None => parts[numbers.iter().position(|n| n == number).unwrap_or_default()],
         Some(start) => {
             let own = points_of_part(&clouds, &pieces.labels, k as u16 + 1);
-            fit.refine(&JointEstimate::new(JointKind::Screw, start), &own, kind(*number))
+            fit.decide(&JointEstimate::new(JointKind::Screw, start), &own, kind(*number)).joint
         }
     };
     let parts: Vec<JointEstimate> = pieces.numbers.iter().enumerate().map(refined).collect();

@@ -4,6 +4,7 @@ use super::DiscoverConfig;
 use super::cloud::{Cloud, IndexedCloud};
 use super::registration::{Matching, Registration, RegistrationOptions, register};
 use super::scene::Lengths;
+use super::screws::{ScrewSettings, turned};
 use artgs_core::{Joint, JointEstimate, JointKind, PerState, Rigid, State};
 
 /// Settings of the registration of parts and of the choice of their joints. Calibrated on the demo cabinet and the
@@ -24,6 +25,17 @@ pub(crate) struct JointSettings {
     pub(crate) better: f64,
     /// and it matches at least this fraction of the slide's pairs.
     pub(crate) as_many: f64,
+    /// A surely turning motion is general, neither slide nor hinge, if it slides along its axis by at least so many depth
+    /// tolerances,
+    pub(crate) slide_tolerances: f64,
+    /// and so many spacings,
+    pub(crate) slide_spacings: f64,
+    /// and matches at least so many times the hinge's pairs,
+    pub(crate) more: f64,
+    /// or nearly as many (`as_many`) with a root mean square distance below this fraction of the hinge's.
+    pub(crate) much_better: f64,
+    /// Screws of parts that look alike from many sides.
+    pub(crate) screws: ScrewSettings,
 }
 
 impl Default for JointSettings {
@@ -36,6 +48,11 @@ impl Default for JointSettings {
             sure_turn: 4.0,
             better: 0.7,
             as_many: 0.95,
+            slide_tolerances: 4.0,
+            slide_spacings: 3.0,
+            more: 1.2,
+            much_better: 0.5,
+            screws: ScrewSettings::default(),
         }
     }
 }
@@ -43,43 +60,114 @@ impl Default for JointSettings {
 /// Estimates joints from labelled points.
 pub(super) struct JointFit<'a> {
     pub(super) lengths: &'a Lengths,
+    /// Depth tolerance, scene units.
+    pub(super) tolerance: f64,
     pub(super) settings: &'a JointSettings,
     pub(super) config: &'a DiscoverConfig,
-    /// In the last round joints are decided; before, motions are general.
+    /// The last round works with all points.
     pub(super) last: bool,
 }
 
+/// A joint and, where neither a slide nor a hinge fits, the general motion that does.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Decided {
+    /// The joint that fits best, of the kind that the user gave or of a slide and a hinge.
+    pub(super) joint: JointEstimate,
+    /// A motion that fits clearly better than the joint: that of a screw, or of a part that another one carries.
+    pub(super) general: Option<JointEstimate>,
+    /// The joint fits as well as a motion that is free.
+    pub(super) exact: bool,
+}
+
 impl JointFit<'_> {
-    /// Registers the points of one part, `own`, beginning with the estimate so far. `known` is the type if the user gave
-    /// it.
-    pub(super) fn refine(
-        &self,
-        part: &JointEstimate,
-        own: &PerState<Cloud>,
-        known: Option<JointKind>,
-    ) -> JointEstimate {
-        let decide = self.last && self.config.decide_joints;
-        if own.iter().any(|c| c.len() < self.settings.least_points) {
-            return if decide { self.unregistered(part, known) } else { *part };
+    /// Registers the points of one part, `own`, on a general motion, beginning with the estimate so far.
+    pub(super) fn refine(&self, part: &JointEstimate, own: &PerState<Cloud>) -> JointEstimate {
+        if self.too_few(own) {
+            return *part;
         }
         let points = own.as_ref().map(IndexedCloud::new);
-        let spacing = f64::from(self.lengths.spacing);
-        let (iterations, max_points) = self.settings.effort[usize::from(self.last)];
-        let options = RegistrationOptions {
-            first_reach: self.settings.reach * spacing,
-            last_reach: spacing,
-            iterations,
-            max_points,
-        };
-        let free = register(both(&points), part.motion, None, &options);
-        if !decide {
-            return JointEstimate { rms: free.rms, ..JointEstimate::new(JointKind::Screw, free.motion) };
+        general(&register(both(&points), part.motion, None, &self.options()))
+    }
+
+    /// Registers the points of one part on its joint, beginning with the motion so far. `known` is the type if the user
+    /// gave it.
+    pub(super) fn decide(&self, part: &JointEstimate, own: &PerState<Cloud>, known: Option<JointKind>) -> Decided {
+        if self.too_few(own) {
+            return Decided { joint: self.unregistered(part, known), general: None, exact: false };
         }
+        let points = own.as_ref().map(IndexedCloud::new);
+        let options = self.options();
+        let free = register(both(&points), part.motion, None, &options);
         let (kind, fit) = match known {
             Some(kind) => (kind, on_joint(&points, &free, kind, &options)),
             None => self.choose(&points, &free, &options),
         };
-        JointEstimate { rms: fit.rms, ..JointEstimate::new(kind, fit.motion) }
+        let joint = JointEstimate { rms: fit.rms, ..JointEstimate::new(kind, fit.motion) };
+        let is_general = self.is_general(&free, &fit, kind);
+        let may_turn = known.is_none_or(|known| known == JointKind::Screw);
+        let turn = may_turn.then(|| self.turn(&points, &free, is_general, kind, &options)).flatten();
+        let turn = turn.map(|screw| general(&screw));
+        if let (Some(screw), Some(JointKind::Screw)) = (turn, known) {
+            return Decided { joint: screw, general: None, exact: true };
+        }
+        let exact = turn.is_none() && self.is_exact(&free, &fit);
+        Decided { joint, general: turn.or(is_general.then(|| general(&free))), exact }
+    }
+
+    /// The turn of a part that looks alike from many sides and slides by more than noise; none of parts that slide and
+    /// turn in a way that their surface shows.
+    fn turn(
+        &self,
+        points: &PerState<IndexedCloud<'_>>,
+        free: &Registration,
+        is_general: bool,
+        kind: JointKind,
+        options: &RegistrationOptions,
+    ) -> Option<Registration> {
+        let middle = points[State::START].cloud.middle().as_dvec3();
+        let may_turn = match kind {
+            JointKind::Screw => true,
+            JointKind::Prismatic => self.slides(free.motion.apply(middle).distance(middle)),
+            JointKind::Revolute => is_general,
+        };
+        let spacing = f64::from(self.lengths.spacing);
+        may_turn.then(|| turned(points, &free.motion, options, spacing, &self.settings.screws)).flatten()
+    }
+
+    fn too_few(&self, own: &PerState<Cloud>) -> bool {
+        own.iter().any(|c| c.len() < self.settings.least_points)
+    }
+
+    fn options(&self) -> RegistrationOptions {
+        let spacing = f64::from(self.lengths.spacing);
+        let (iterations, max_points) = self.settings.effort[usize::from(self.last)];
+        RegistrationOptions { first_reach: self.settings.reach * spacing, last_reach: spacing, iterations, max_points }
+    }
+
+    /// True if a slide along an axis is more than noise.
+    fn slides(&self, slide: f64) -> bool {
+        let least = self.settings.slide_spacings * f64::from(self.lengths.spacing);
+        slide.abs() > least.max(self.settings.slide_tolerances * self.tolerance)
+    }
+
+    /// True if a motion surely turns and slides along its axis, and fits clearly better than the `joint` of this kind.
+    fn is_general(&self, free: &Registration, joint: &Registration, kind: JointKind) -> bool {
+        let screw = free.motion.screw();
+        let surely = screw.angle.to_degrees() > self.settings.sure_turn * self.config.revolute_deg;
+        if kind == JointKind::Screw || !surely || !self.slides(screw.slide) {
+            return false;
+        }
+        let rms = |r: &Registration| r.rms.unwrap_or(f64::INFINITY);
+        let (pairs, as_joint) = (free.pairs as f64, joint.pairs as f64);
+        let better = pairs > self.settings.as_many * as_joint && rms(free) < self.settings.much_better * rms(joint);
+        better || pairs > self.settings.more * as_joint
+    }
+
+    /// True if a joint matches nearly all pairs of the free motion, nearly as closely.
+    fn is_exact(&self, free: &Registration, joint: &Registration) -> bool {
+        let rms = |r: &Registration| r.rms.unwrap_or(f64::INFINITY);
+        let close = (rms(free) / self.settings.much_better).max(0.5 * self.tolerance);
+        joint.pairs as f64 > self.settings.as_many * free.pairs as f64 && rms(joint) < close
     }
 
     /// Too few points to fit anything to: the motion as proposed, on the likelier joint.
@@ -112,6 +200,10 @@ impl JointFit<'_> {
         let hinge_wins = turn > revolute_deg || (rms(&hinge) < settings.better * rms(&slide) && as_many);
         if hinge_wins { (JointKind::Revolute, hinge) } else { (JointKind::Prismatic, slide) }
     }
+}
+
+fn general(fit: &Registration) -> JointEstimate {
+    JointEstimate { rms: fit.rms, ..JointEstimate::new(JointKind::Screw, fit.motion) }
 }
 
 fn both<'a>(points: &'a PerState<IndexedCloud<'a>>) -> Matching<'a> {

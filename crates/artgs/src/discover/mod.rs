@@ -34,11 +34,13 @@ mod instances;
 mod joints;
 mod landing;
 mod moved_points;
+mod parents;
 mod poses;
 mod ranking;
 mod refinement;
 pub(crate) mod registration;
 pub(crate) mod scene;
+mod screws;
 mod segmentation;
 mod selection;
 mod space_grid;
@@ -53,7 +55,7 @@ pub use config::DiscoverConfig;
 use config::StepSettings;
 pub use correct::{CorrectError, correct};
 use front::Front;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 pub use moved_points::{MovedPoints, moved_points};
 pub use scene::{DepthPicture, Scene, pixel_step};
 use refinement::Refinement;
@@ -70,7 +72,7 @@ pub struct Discovery {
     pub clouds: PerState<Cloud>,
     /// Part of every point; 0 is static.
     pub labels: PerState<Vec<u16>>,
-    /// Parts 1.., largest first.
+    /// Parts 1.., largest first, but parts that carry others before those.
     pub parts: Vec<JointEstimate>,
     /// Other joints that explain part `k + 1` nearly as well, the most likely first. Parts beyond its end have none.
     pub alternatives: Vec<Vec<JointAlternative>>,
@@ -84,6 +86,16 @@ pub struct Discovery {
     pub warnings: Vec<String>,
     /// What supports the joint of each part.
     pub support: Vec<Support>,
+}
+
+impl Discovery {
+    /// Mean of a part's points in a state, world frame; the origin if it has none there.
+    pub fn middle(&self, part: usize, state: State) -> DVec3 {
+        let points = self.clouds[state].points.iter().zip(&self.labels[state]);
+        let own = points.filter(|(_, label)| usize::from(**label) == part).map(|(p, _)| p.as_dvec3());
+        let (sum, count) = own.fold((DVec3::ZERO, 0usize), |(sum, count), p| (sum + p, count + 1));
+        sum / count.max(1) as f64
+    }
 }
 
 /// Why parts could not be found.

@@ -4,6 +4,7 @@
 use super::cloud::{Cloud, IndexedCloud};
 use super::config::StepSettings;
 use super::joints::JointFit;
+use super::parents::{Carriers, Numbering, parents_first};
 use super::scene::Scene;
 use super::segmentation::Labelling;
 use super::{DiscoverConfig, Evidence};
@@ -47,7 +48,8 @@ impl Refinement<'_> {
     fn refined(&self, motions: &[Rigid]) -> Parts {
         let kinds = vec![None; motions.len()];
         let Self { scene, clouds, evidence, config, settings } = *self;
-        let (parts, labels) = refine_parts(scene, clouds, evidence, motions, &kinds, config, settings);
+        let order = Numbering::ParentsFirst;
+        let (parts, labels) = refine_parts(scene, clouds, evidence, motions, &kinds, order, config, settings);
         Parts { parts, labels }
     }
 
@@ -75,22 +77,26 @@ impl Refinement<'_> {
         changed.sort_unstable();
         changed.dedup();
         let Self { scene, config, settings, .. } = *self;
-        let fit = JointFit { lengths: &scene.lengths, settings: &settings.joints, config, last: true };
-        for k in changed {
+        let (lengths, tolerance) = (&scene.lengths, scene.tolerance.into());
+        let fit = JointFit { lengths, tolerance, settings: &settings.joints, config, last: true };
+        for k in changed.into_iter().filter(|k| found.parts[*k].parent == 0) {
             let points = points_of_part(self.clouds, &found.labels, k as u16 + 1);
-            found.parts[k] = fit.refine(&found.parts[k], &points, Some(found.parts[k].kind));
+            let kind = found.parts[k].kind;
+            found.parts[k] = fit.decide(&found.parts[k], &points, Some(kind)).joint;
         }
     }
 }
 
 /// Labels points and registers parts in turn, from motions start to end; the last round decides each joint, unless its
-/// kind is known.
+/// kind is known, and what carries it.
+#[expect(clippy::too_many_arguments, reason = "what was measured, what is known, how to number, and settings")]
 pub(super) fn refine_parts(
     scene: &Scene,
     clouds: &PerState<IndexedCloud<'_>>,
     evidence: &Evidence,
     motions: &[Rigid],
     kinds: &[Option<JointKind>],
+    numbering: Numbering,
     config: &DiscoverConfig,
     settings: &StepSettings,
 ) -> (Vec<JointEstimate>, PerState<Vec<u16>>) {
@@ -109,10 +115,19 @@ pub(super) fn refine_parts(
     for round in 0..rounds {
         let motions: Vec<Rigid> = parts.iter().map(|p| p.motion).collect();
         labels = labelling.labels(&motions);
-        let fit = JointFit { lengths: &scene.lengths, settings: &settings.joints, config, last: round + 1 == rounds };
-        for (k, part) in parts.iter_mut().enumerate() {
-            *part = fit.refine(part, &points_of_part(clouds, &labels, k as u16 + 1), kinds[k]);
+        let (lengths, tolerance, last) = (&scene.lengths, scene.tolerance.into(), round + 1 == rounds);
+        let fit = JointFit { lengths, tolerance, settings: &settings.joints, config, last };
+        let own = |part: usize| points_of_part(clouds, &labels, part as u16);
+        if last && config.decide_joints {
+            let clouds = (0..=parts.len()).map(own).collect();
+            let carriers = Carriers { fit: &fit, settings: &settings.parents, clouds, numbering };
+            parts = carriers.joints(&parts, kinds);
+        } else {
+            parts.iter_mut().enumerate().for_each(|(k, part)| *part = fit.refine(part, &own(k + 1)));
         }
+    }
+    if numbering == Numbering::ParentsFirst {
+        parents_first(&mut parts, &mut labels);
     }
     (parts, labels)
 }

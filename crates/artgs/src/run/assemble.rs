@@ -76,13 +76,14 @@ impl Run<'_> {
     }
 }
 
-/// The joints' origins are near the parts at the start state.
+/// The joints' origins are near the parts at the start state. Joints are those to the part that carries each.
 fn replica(parts: &[JointEstimate], found: Option<&Discovery>, meshes: &PartMeshes) -> Replica {
     let middles: Vec<DVec3> = meshes.parts.iter().skip(1).map(|m| middle(&m[State::START])).collect();
-    let joints: Vec<Joint> = parts.iter().zip(&middles).map(|(part, at)| part.joint_near(*at)).collect();
+    let joints: Vec<Joint> = parts.iter().zip(&middles).map(|(part, at)| part.joint_near(parts, *at)).collect();
     let mut replica = Replica::new(&joints);
     for (part, fitted) in replica.parts[1..].iter_mut().zip(parts) {
         part.confidence = fitted.confidence;
+        part.parent = Some(fitted.parent);
     }
     let others = found.map_or(&[][..], |found| found.alternatives.as_slice());
     for ((part, others), at) in replica.parts[1..].iter_mut().zip(others).zip(&middles) {

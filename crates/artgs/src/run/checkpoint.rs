@@ -122,9 +122,13 @@ mod tests {
     fn parts_that_could_not_be_registered_come_back() {
         let root = tempfile::tempdir().unwrap();
         let folder = RunFolder::new(root.path());
-        let part =
-            |rms, confidence| JointEstimate { kind: JointKind::Prismatic, motion: Rigid::IDENTITY, rms, confidence };
-        let parts = vec![part(None, None), part(Some(0.5), Some(0.25))];
+        let part = |parent, rms, confidence| JointEstimate {
+            parent,
+            rms,
+            confidence,
+            ..JointEstimate::new(JointKind::Prismatic, Rigid::IDENTITY)
+        };
+        let parts = vec![part(0, None, None), part(1, Some(0.5), Some(0.25))];
         let other = JointAlternative {
             kind: JointKind::Revolute,
             motion: Rigid::IDENTITY,

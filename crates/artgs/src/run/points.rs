@@ -156,14 +156,16 @@ fn push_disc(splats: &mut Splats, cloud: &Cloud, i: usize, spacing: f32, config:
     splats.sh[sh..sh + 3].copy_from_slice(&dc.to_array());
 }
 
-/// Optimiser's form of found motions.
+/// Optimiser's form of found motions. That of a part which another movable part carries is no joint in the world: it is
+/// free.
 pub(super) fn motion_parameters(parts: &[JointEstimate]) -> Vec<MotionParameters> {
-    let model = |kind| match kind {
+    let model = |part: &JointEstimate| match part.kind {
+        _ if part.parent > 0 => MotionModel::Free,
         JointKind::Prismatic => MotionModel::Prismatic,
         JointKind::Revolute => MotionModel::Hinge,
         JointKind::Screw => MotionModel::Screw,
     };
-    parts.iter().map(|p| MotionParameters::from_motion(model(p.kind), &p.motion)).collect()
+    parts.iter().map(|p| MotionParameters::from_motion(model(p), &p.motion)).collect()
 }
 
 fn moved(cloud: &Cloud, motion: &Rigid) -> Cloud {

@@ -227,9 +227,7 @@ impl<'a> Run<'a> {
         if !discover.decide_joints {
             return joints_of(trained, 0.5 * discover.revolute_deg.to_radians());
         }
-        let pairs = found.parts.iter().zip(&trained.joints);
-        let learnt = articulate.learn_joints;
-        pairs.map(|(p, j)| if learnt { JointEstimate { motion: j.full_motion(), ..*p } } else { *p }).collect()
+        if articulate.learn_joints { refined(found, trained) } else { found.parts.clone() }
     }
 
     /// What training begins with, and targets of the Chamfer term if parts are to be learnt.
@@ -309,6 +307,20 @@ fn nothing_explained(mut found: Discovery) -> Discovery {
     found
 }
 
+/// Found parts with trained motions. A carried part was free in training: its motion is put on its joint again.
+fn refined(found: &Discovery, trained: &Trained) -> Vec<JointEstimate> {
+    let pairs = found.parts.iter().zip(&trained.joints);
+    let mut parts: Vec<JointEstimate> = pairs.map(|(p, j)| JointEstimate { motion: j.full_motion(), ..*p }).collect();
+    // Parents precede their children.
+    for k in 0..parts.len() {
+        if let Some(carrier) = parts[k].carrier(&parts).copied() {
+            let joint = parts[k].joint_near(&parts, found.middle(k + 1, State::START));
+            parts[k].motion = carrier.motion * joint.start_to_end();
+        }
+    }
+    parts
+}
+
 /// Refuses to resume a run that was made with other settings.
 fn check_same_settings(folder: &RunFolder, config: &Config) -> Result<(), Error> {
     let Some(text) = folder.load_config()? else { return Ok(()) };
@@ -326,4 +338,36 @@ fn depth_pictures<'p>(views: PerState<&'p [View]>, depths: &'p Depths<'_>) -> Pe
         let pairs = views[state].iter().zip(&depths[state]);
         pairs.map(|(view, depth)| DepthPicture { view, depth }).collect()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::articulation::{MotionModel, MotionParameters};
+    use crate::discover::Cloud;
+    use artgs_core::{JointKind, Rigid};
+    use glam::{DVec3, Vec3};
+
+    #[test]
+    fn a_carried_part_is_on_its_joint_after_training() {
+        let door = Rigid::about(DVec3::Z, DVec3::new(0.4, 0.1, 0.0), 0.9);
+        let slide = Rigid::shift(DVec3::new(0.0, -0.2, 0.0));
+        // Training turned the drawer by a little and moved it off its axis.
+        let trained = door * slide * Rigid::about(DVec3::X, DVec3::new(0.7, 0.0, 0.3), 0.004);
+        let carried = JointEstimate { parent: 1, ..JointEstimate::new(JointKind::Prismatic, door * slide) };
+        let cloud = Cloud { points: vec![Vec3::new(0.6, 0.0, 0.3), Vec3::new(0.8, 0.0, 0.3)], ..Cloud::default() };
+        let found = Discovery {
+            clouds: PerState::new(cloud.clone(), cloud),
+            labels: PerState::new(vec![2; 2], vec![2; 2]),
+            parts: vec![JointEstimate::new(JointKind::Revolute, door), carried],
+            ..Discovery::default()
+        };
+        let models = motion_parameters(&found.parts);
+        assert_eq!(models.iter().map(|m| m.model()).collect::<Vec<_>>(), [MotionModel::Hinge, MotionModel::Free]);
+        let joints = vec![models[0].clone(), MotionParameters::from_motion(MotionModel::Free, &trained)];
+        let parts = refined(&found, &Trained { splats: Splats::empty(0), labels: Vec::new(), joints });
+        let own = parts[0].motion.inverse() * parts[1].motion;
+        assert!(own.angle() < 1e-9 && own.translation.distance(slide.translation) < 1e-9, "{own:?}");
+        assert_eq!((parts[1].kind, parts[1].parent), (JointKind::Prismatic, 1));
+    }
 }

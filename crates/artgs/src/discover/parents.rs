@@ -1,0 +1,242 @@
+//! Which part carries which. A part is first taken to hang on the static part. If no joint there explains its motion, or
+//! the joint would be in mid-air, the parts beside it are tried: a drawer in a door moves on a simple joint against the
+//! door.
+
+use super::cloud::{Cloud, IndexedCloud};
+use super::joints::{Decided, JointFit};
+use artgs_core::{JointEstimate, JointKind, PerState, Rigid, State};
+use glam::DVec3;
+
+/// Settings of the search for parents. Lengths are fractions of the object's diagonal.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ParentSettings {
+    /// A hinge passes this close to both parts that it connects, at one place.
+    pub(crate) pivot: f64,
+    /// A part is beside another if points of it are this close.
+    pub(crate) contact: f64,
+    /// A part hangs free of the static part if in one of the states no points of it are this close.
+    pub(crate) detached: f64,
+    /// Fewer points are noise,
+    pub(crate) least_points: usize,
+    /// and so is a smaller share of the points of a part.
+    pub(crate) least_share: f64,
+    /// A part that has a possible joint to the static part must move less against its parent: its mean motion must be below
+    /// this share of its mean motion in the world.
+    pub(crate) smaller: f64,
+    /// Parts that move less against another part move with it, depth tolerances.
+    pub(crate) least_motion: f64,
+}
+
+impl Default for ParentSettings {
+    fn default() -> Self {
+        Self {
+            pivot: 0.05,
+            contact: 0.03,
+            detached: 0.03,
+            least_points: 8,
+            least_share: 0.005,
+            smaller: 0.7,
+            least_motion: 3.0,
+        }
+    }
+}
+
+/// How parts are numbered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Numbering {
+    /// As they are given: only earlier parts carry later ones.
+    Kept,
+    /// Parts come after the part that carries them.
+    ParentsFirst,
+}
+
+/// Finds the joints of all parts and what carries them.
+pub(super) struct Carriers<'a> {
+    pub(super) fit: &'a JointFit<'a>,
+    pub(super) settings: &'a ParentSettings,
+    /// Points of every part in both states, the static part first.
+    pub(super) clouds: Vec<PerState<Cloud>>,
+    pub(super) numbering: Numbering,
+}
+
+impl Carriers<'_> {
+    /// Decides all joints, beginning with the motions of `parts`. `kinds` are the types that the user gave.
+    pub(super) fn joints(&self, parts: &[JointEstimate], kinds: &[Option<JointKind>]) -> Vec<JointEstimate> {
+        let decide = |k: usize| self.fit.decide(&parts[k], &self.clouds[k + 1], kinds[k]);
+        let decided: Vec<Decided> = (0..parts.len()).map(decide).collect();
+        let on_base =
+            |(k, d): (usize, &Decided)| (d.general.is_none() && !self.in_mid_air(k, &d.joint)).then_some(d.joint);
+        let mut settled: Vec<Option<JointEstimate>> = decided.iter().enumerate().map(on_base).collect();
+        // A part that is carried may carry others.
+        while let Some((k, joint)) = self.next_carried(&settled, &decided, kinds) {
+            settled[k] = Some(joint);
+        }
+        let otherwise = |(k, joint): (usize, Option<JointEstimate>)| {
+            let general = decided[k].general.filter(|_| kinds[k].is_none());
+            let screw = general.filter(|g| self.turns_about_itself(k, &g.motion));
+            joint.or(screw).unwrap_or(decided[k].joint)
+        };
+        settled.into_iter().enumerate().map(otherwise).collect()
+    }
+
+    /// Of all unsettled parts and all settled ones that may carry them, those that move least against each other.
+    fn next_carried(
+        &self,
+        settled: &[Option<JointEstimate>],
+        decided: &[Decided],
+        kinds: &[Option<JointKind>],
+    ) -> Option<(usize, JointEstimate)> {
+        let mut best: Option<(f64, usize, JointEstimate)> = None;
+        for child in (0..settled.len()).filter(|&k| settled[k].is_none()) {
+            for (carrier, joint) in settled.iter().enumerate() {
+                let Some(joint) = joint.filter(|_| self.numbering == Numbering::ParentsFirst || carrier < child) else {
+                    continue;
+                };
+                let found = self.carried(child, &decided[child], carrier, &joint, kinds[child]);
+                if let Some((travel, joint)) = found.filter(|f| best.is_none_or(|b| f.0 < b.0)) {
+                    best = Some((travel, child, joint));
+                }
+            }
+        }
+        best.map(|(_, child, joint)| (child, joint))
+    }
+
+    /// The joint of part `child` (from 0) against part `carrier` with its mean motion there; none if there is no simple one.
+    fn carried(
+        &self,
+        child: usize,
+        decided: &Decided,
+        carrier: usize,
+        carrier_joint: &JointEstimate,
+        known: Option<JointKind>,
+    ) -> Option<(f64, JointEstimate)> {
+        let [own, other] = [child, carrier].map(|k| &self.clouds[k + 1]);
+        if !State::ALL.iter().all(|s| self.are_near(&own[*s], &other[*s], self.settings.contact)) {
+            return None;
+        }
+        // As seen from the carrier, which then does not move.
+        let from_carrier = carrier_joint.motion.inverse();
+        let seen = |clouds: &PerState<Cloud>| {
+            PerState::new(clouds[State::START].clone(), moved(&clouds[State::END], &from_carrier))
+        };
+        let (own, other) = (seen(own), seen(other));
+        let in_world = decided.general.unwrap_or(decided.joint).motion;
+        let guess = JointEstimate::new(JointKind::Screw, from_carrier * in_world);
+        let found = self.fit.decide(&guess, &own, known);
+        if found.general.is_some() || !found.exact {
+            return None;
+        }
+        let points = &own[State::START];
+        let travel = mean_motion(points, &found.joint.motion);
+        let most = if decided.general.is_some() {
+            f64::INFINITY
+        } else {
+            self.settings.smaller * mean_motion(points, &in_world)
+        };
+        let least = self.settings.least_motion * self.fit.tolerance;
+        let hinge = found.joint.kind != JointKind::Prismatic;
+        if travel < least || travel > most || (hinge && !self.is_pivot(&found.joint.motion, &own, &other)) {
+            return None;
+        }
+        let motion = carrier_joint.motion * found.joint.motion;
+        Some((travel, JointEstimate { motion, parent: carrier + 1, ..found.joint }))
+    }
+
+    /// True for a hinge (of part `k`, from 0) that connects its part with nothing static, if the part is away from all that
+    /// is static in one of the states.
+    fn in_mid_air(&self, k: usize, joint: &JointEstimate) -> bool {
+        let (own, base) = (&self.clouds[k + 1], &self.clouds[0]);
+        joint.kind == JointKind::Revolute
+            && own.iter().all(|c| c.len() >= self.settings.least_points)
+            && !self.is_pivot(&joint.motion, own, base)
+            && State::ALL.iter().any(|s| !self.are_near(&own[*s], &base[*s], self.settings.detached))
+    }
+
+    /// True if the axis of a motion passes near both parts at one place. The parts are seen from the second one.
+    fn is_pivot(&self, motion: &Rigid, own: &PerState<Cloud>, other: &PerState<Cloud>) -> bool {
+        let (screw, reach) = (motion.screw(), self.settings.pivot * f64::from(self.fit.lengths.diagonal));
+        let along = |clouds: &PerState<Cloud>| {
+            let points = clouds.iter().flat_map(|c| &c.points).map(|p| p.as_dvec3() - screw.origin);
+            let near = points.filter(|p| p.reject_from_normalized(screw.axis).length() < reach);
+            let mut places: Vec<f64> = near.map(|p| p.dot(screw.axis)).collect();
+            places.sort_by(f64::total_cmp);
+            places
+        };
+        let (own, other) = (along(own), along(other));
+        own.iter().any(|at| {
+            let next = other.partition_point(|o| o < at);
+            let beside = other[next.saturating_sub(1)..].iter().take(2);
+            beside.into_iter().any(|o| (o - at).abs() < 2.0 * reach)
+        })
+    }
+
+    /// True if enough points of one cloud are closer to the other than a share of the diagonal.
+    fn are_near(&self, own: &Cloud, other: &Cloud, share: f64) -> bool {
+        let reach = (share * f64::from(self.fit.lengths.diagonal)) as f32;
+        let other = IndexedCloud::new(other);
+        let near = own.points.iter().filter(|p| other.nearest_within(**p, reach * reach).is_some()).count();
+        let least = self.settings.least_points.max((self.settings.least_share * own.len() as f64) as usize);
+        near >= least
+    }
+
+    /// True if the axis of a motion passes through its part or near it, as that of a screw does.
+    fn turns_about_itself(&self, k: usize, motion: &Rigid) -> bool {
+        let (screw, reach) = (motion.screw(), self.settings.pivot * f64::from(self.fit.lengths.diagonal));
+        let from_axis = |p: DVec3| (p - screw.origin).reject_from_normalized(screw.axis).length();
+        let own = &self.clouds[k + 1][State::START];
+        let distances = || own.points.iter().map(|p| from_axis(p.as_dvec3()));
+        let mean = distances().sum::<f64>() / own.len().max(1) as f64;
+        from_axis(own.middle().as_dvec3()) < 0.5 * mean || distances().fold(f64::INFINITY, f64::min) < reach
+    }
+}
+
+fn mean_motion(cloud: &Cloud, motion: &Rigid) -> f64 {
+    let points = cloud.points.iter().map(|p| p.as_dvec3());
+    points.map(|p| motion.apply(p).distance(p)).sum::<f64>() / cloud.len().max(1) as f64
+}
+
+fn moved(cloud: &Cloud, motion: &Rigid) -> Cloud {
+    let mut out = cloud.clone();
+    out.points.iter_mut().for_each(|p| *p = motion.apply(p.as_dvec3()).as_vec3());
+    out.normals.iter_mut().for_each(|n| *n = motion.turn(n.as_dvec3()).as_vec3());
+    out
+}
+
+/// Numbers parts so that each comes after the one that carries it and else in their order; labels follow.
+pub(super) fn parents_first(parts: &mut Vec<JointEstimate>, labels: &mut PerState<Vec<u16>>) {
+    // Old numbers in the new order, the static part first.
+    let mut order = vec![0usize];
+    while let Some(next) = (1..=parts.len()).find(|k| !order.contains(k) && order.contains(&parts[k - 1].parent)) {
+        order.push(next);
+    }
+    // Parents form a tree, so that every part was reached.
+    debug_assert_eq!(order.len(), parts.len() + 1);
+    let mut number = vec![0usize; parts.len() + 1];
+    order.iter().enumerate().for_each(|(new, old)| number[*old] = new);
+    *parts = order[1..].iter().map(|old| parts[old - 1]).collect();
+    parts.iter_mut().for_each(|p| p.parent = number[p.parent]);
+    labels.iter_mut().flatten().for_each(|l| *l = number[usize::from(*l)] as u16);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_come_after_what_carries_them() {
+        let part = |parent, shift| JointEstimate {
+            parent,
+            ..JointEstimate::new(JointKind::Prismatic, Rigid::shift(DVec3::X * shift))
+        };
+        let mut parts = vec![part(3, 1.0), part(0, 2.0), part(2, 3.0), part(0, 4.0)];
+        let mut labels = PerState::new(vec![0, 1, 2, 3, 4], vec![4, 3]);
+        parents_first(&mut parts, &mut labels);
+        let shifts: Vec<f64> = parts.iter().map(|p| p.motion.translation.x).collect();
+        assert_eq!(shifts, [2.0, 3.0, 1.0, 4.0]);
+        assert_eq!(parts.iter().map(|p| p.parent).collect::<Vec<_>>(), [0, 1, 2, 0]);
+        assert_eq!(labels, PerState::new(vec![0, 3, 1, 2, 4], vec![4, 2]));
+        let before = (parts.clone(), labels.clone());
+        parents_first(&mut parts, &mut labels);
+        assert_eq!((parts, labels), before, "the order is kept where it is right");
+    }
+}
