@@ -122,7 +122,15 @@ fn report(name: &str, truth: &GroundTruth, found: &Discovery, labels: &PerState<
         let size: usize = overlap[k].iter().sum();
         let confidence = part.confidence.unwrap_or(-1.0);
         let Some(t) = of_found[k] else {
-            line.push(format!("[{k}: SPURIOUS {} n={size} c={confidence:.2}]", letter(part.kind)));
+            let joint = part.joint_near(&found.parts, centre(found, k));
+            line.push(format!(
+                "[{k}: SPURIOUS {} n={size} c={confidence:.2} axis {:.2} at {:.2} by {:.3} middle {:.2}]",
+                letter(part.kind),
+                joint.axis,
+                joint.origin,
+                joint.limits[1],
+                centre(found, k)
+            ));
             if joints {
                 println!("{{\"capture\":\"{name}\",\"part\":{k},\"correct\":false,\"confidence\":{confidence},\"why\":\"spurious\",\"support\":{}}}", support(found, k));
             }
@@ -130,7 +138,7 @@ fn report(name: &str, truth: &GroundTruth, found: &Discovery, labels: &PerState<
         };
         let motion = truth.start_to_end(t - 1);
         let joint = truth.joints[t - 1];
-        let own = part.joint_near(centre(found, k));
+        let own = part.joint_near(&found.parts, centre(found, k));
         let axis = axis_angle_deg(own.axis, joint.axis);
         let position = axis_position(&own, &joint).unwrap_or(0.0) / found.diagonal;
         let middle = centre(found, k);

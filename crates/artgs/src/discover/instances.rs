@@ -140,8 +140,8 @@ impl InstanceSettings {
         let spacing = body.scene.lengths.spacing;
         let depth = |i: usize| body.cloud.points[i].dot(opening);
         let all: Vec<usize> = (0..body.cloud.len()).collect();
-        let foremost = percentile(all.iter().map(|&i| depth(i)), 0.99)?;
-        let behind: Vec<usize> = all.iter().copied().filter(|&i| depth(i) < foremost - self.front * spacing).collect();
+        let plate = front_plate(&body.cloud, opening, spacing)?;
+        let behind: Vec<usize> = all.iter().copied().filter(|&i| depth(i) < plate - self.front * spacing).collect();
         let across = directions.iter().filter(|d| d.dot(opening).abs() < 0.2);
         for direction in across {
             let cuts = self.gaps(body, &behind, opening, *direction);
@@ -243,6 +243,17 @@ impl<'a> Body<'a> {
         };
         self.cloud.points.iter().map(of_point).collect()
     }
+}
+
+/// Depth, along `opening`, of the plate that most of the points that face the opening lie on; handles stand out of it.
+fn front_plate(cloud: &Cloud, opening: Vec3, spacing: f32) -> Option<f32> {
+    /// Least cosine between the normals of the plate and the opening.
+    const FACING: f32 = 0.9;
+    let facing = cloud.points.iter().zip(&cloud.normals).filter(|(_, n)| n.dot(opening) > FACING);
+    let mut steps: Vec<i64> = facing.map(|(p, _)| (p.dot(opening) / spacing).round() as i64).collect();
+    steps.sort_unstable();
+    let fullest = steps.chunk_by(|a, b| a == b).max_by_key(|run| run.len())?;
+    Some(fullest[0] as f32 * spacing)
 }
 
 fn percentile(values: impl Iterator<Item = f32>, at: f32) -> Option<f32> {

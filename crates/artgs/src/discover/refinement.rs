@@ -7,6 +7,7 @@ use super::joints::JointFit;
 use super::parents::{Carriers, Numbering, parents_first};
 use super::scene::Scene;
 use super::segmentation::Labelling;
+use super::support::Support;
 use super::{DiscoverConfig, Evidence};
 use artgs_core::{JointEstimate, JointKind, PerState, Rigid, State};
 use std::ops::RangeInclusive;
@@ -30,15 +31,10 @@ impl Refinement<'_> {
     /// Parts that move by `motions` (start to end), as many as `movable` allows.
     pub(super) fn parts(&self, motions: &[Rigid], movable: &RangeInclusive<usize>) -> Parts {
         let mut found = self.refined(motions);
-        let least = (self.config.least_share * self.evidence.total() as f64).max(super::LEAST_MOVED as f64);
-        let moved: Vec<f64> = (0..motions.len()).map(|k| self.moved_points(&found.labels, k as u16 + 1) as f64).collect();
-        let mut order: Vec<usize> = (0..motions.len()).collect();
-        order.sort_by(|a, b| moved[*b].total_cmp(&moved[*a]));
-        let kept = moved.iter().filter(|count| **count >= least).count().max(*movable.start());
-        if kept < motions.len() {
-            let mut strongest = order[..kept].to_vec();
-            strongest.sort_unstable();
-            let motions: Vec<Rigid> = strongest.iter().map(|k| found.parts[*k].motion).collect();
+        while found.parts.len() > *movable.start() {
+            let Some(weakest) = self.unsupported(&found) else { break };
+            let kept = (0..found.parts.len()).filter(|k| *k != weakest);
+            let motions: Vec<Rigid> = kept.map(|k| found.parts[k].motion).collect();
             found = self.refined(&motions);
         }
         self.split(&mut found, *movable.end());
@@ -53,10 +49,16 @@ impl Refinement<'_> {
         Parts { parts, labels }
     }
 
-    /// Points of a part that moved for certain.
-    fn moved_points(&self, labels: &PerState<Vec<u16>>, part: u16) -> usize {
-        let of_state = |s: State| self.evidence.moved[s].iter().filter(|&&i| labels[s][i] == part).count();
-        State::ALL.into_iter().map(of_state).sum()
+    /// The part with the least support, if that is too little: few points moved for certain, or other motions explain all
+    /// of them.
+    fn unsupported(&self, found: &Parts) -> Option<usize> {
+        let Self { scene, clouds, evidence, settings, config } = *self;
+        let supports = settings.support.of_parts(scene, clouds, &evidence.occupancy, &found.labels, &found.parts);
+        let least_moved = (config.least_share * evidence.total() as f64).max(super::LEAST_MOVED as f64);
+        let lacks = |s: &Support| s.moved < least_moved || s.exclusive * s.moved < settings.support.least_exclusive;
+        let lacking = supports.iter().enumerate().filter(|(_, s)| lacks(s));
+        let weakest = lacking.min_by(|a, b| (a.1.exclusive * a.1.moved).total_cmp(&(b.1.exclusive * b.1.moved)));
+        weakest.map(|(k, _)| k)
     }
 
     /// Tells apart bodies that move alike, up to `most` parts, and registers each by itself.
@@ -79,7 +81,11 @@ impl Refinement<'_> {
         let Self { scene, config, settings, .. } = *self;
         let (lengths, tolerance) = (&scene.lengths, scene.tolerance.into());
         let fit = JointFit { lengths, tolerance, settings: &settings.joints, config, last: true };
-        for k in changed.into_iter().filter(|k| found.parts[*k].parent == 0) {
+        for k in changed {
+            // The joint of a carried part is relative to its carrier.
+            if found.parts[k].parent > 0 {
+                continue;
+            }
             let points = points_of_part(self.clouds, &found.labels, k as u16 + 1);
             let kind = found.parts[k].kind;
             found.parts[k] = fit.decide(&found.parts[k], &points, Some(kind)).joint;

@@ -46,8 +46,8 @@ impl Default for SelectionSettings {
             static_weight: 0.5,
             static_cost: 0.05,
             support_fall: 0.5,
-            least_support: 0.001,
-            least_support_points: 12.0,
+            least_support: 0.0003,
+            least_support_points: 8.0,
             patience: 2,
             costs: LabelCosts { hidden_static: 0.25, hidden_moved: 0.1, mismatch: 0.5, ..LabelCosts::default() },
         }

@@ -14,8 +14,12 @@ use glam::Vec3;
 /// Settings of the measures.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SupportSettings {
-    /// Points of a part and state that are compared.
+    /// Points of a part and state that are compared with all candidates.
     pub(crate) sample: usize,
+    /// Points of a part and state that are compared with the other parts only.
+    pub(crate) part_sample: usize,
+    /// Least points that only the motion of a part explains; with fewer it is no part.
+    pub(crate) least_exclusive: f64,
     /// A motion explains a point at a lower cost than this.
     pub(crate) explained: f32,
     /// Another motion does not explain it if it costs more than this beyond.
@@ -29,7 +33,7 @@ pub(crate) struct SupportSettings {
 impl Default for SupportSettings {
     fn default() -> Self {
         let costs = LabelCosts { hidden_static: 0.25, hidden_moved: 0.1, mismatch: 0.5, ..LabelCosts::default() };
-        Self { sample: 400, explained: 0.35, fall: 0.5, same: 4.0, costs }
+        Self { sample: 400, part_sample: 4000, least_exclusive: 8.0, explained: 0.35, fall: 0.5, same: 4.0, costs }
     }
 }
 
@@ -70,7 +74,21 @@ impl SupportSettings {
         parts: &[JointEstimate],
         pool: &[Candidate],
     ) -> Vec<Support> {
-        (0..parts.len()).map(|k| self.measure_part(scene, clouds, occupancy, labels, parts, pool, k)).collect()
+        let of_part = |k: usize| self.measure_part(scene, clouds, occupancy, labels, parts, pool, self.sample, k);
+        (0..parts.len()).map(of_part).collect()
+    }
+
+    /// Measures every part against the other parts only.
+    pub(super) fn of_parts(
+        &self,
+        scene: &Scene,
+        clouds: &PerState<IndexedCloud<'_>>,
+        occupancy: &PerState<Vec<Occupancy>>,
+        labels: &PerState<Vec<u16>>,
+        parts: &[JointEstimate],
+    ) -> Vec<Support> {
+        let of_part = |k: usize| self.measure_part(scene, clouds, occupancy, labels, parts, &[], self.part_sample, k);
+        (0..parts.len()).map(of_part).collect()
     }
 
     fn measure_part(
@@ -81,6 +99,7 @@ impl SupportSettings {
         labels: &PerState<Vec<u16>>,
         parts: &[JointEstimate],
         pool: &[Candidate],
+        sample: usize,
         k: usize,
     ) -> Support {
         let own = parts[k].motion;
@@ -92,7 +111,7 @@ impl SupportSettings {
         let (mut shift, mut lower, mut upper) = (0.0f64, Vec3::INFINITY, Vec3::NEG_INFINITY);
         for s in State::ALL {
             let members: Vec<usize> = (0..labels[s].len()).filter(|&i| usize::from(labels[s][i]) == k + 1).collect();
-            let stride = members.len().div_ceil(self.sample).max(1);
+            let stride = members.len().div_ceil(sample).max(1);
             let picked: Vec<usize> = members.iter().copied().step_by(stride).collect();
             let cloud = clouds[s].cloud.select(&picked);
             let points = IndexedCloud::new(&cloud);
