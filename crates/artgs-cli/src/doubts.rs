@@ -18,7 +18,7 @@ pub(crate) fn of_found(found: &Discovery) -> String {
     let line = |(k, part): (usize, &artgs_core::JointEstimate)| {
         let others = found.alternatives.get(k).into_iter().flatten();
         let others: Vec<Alternative> = others.map(|other| Alternative::near(other, DVec3::ZERO)).collect();
-        line(k + 1, &part.joint_near(DVec3::ZERO), part.confidence, &others)
+        line(k + 1, &part.joint_near(&found.parts, DVec3::ZERO), part.confidence, &others)
     };
     found.parts.iter().enumerate().filter_map(line).collect()
 }
@@ -30,8 +30,8 @@ fn line(number: usize, joint: &Joint, confidence: Option<f64>, others: &[Alterna
         return None;
     }
     let mut text = format!("part {number} is uncertain: {}", described(joint));
-    if let Some(share) = low {
-        text.push_str(&format!(", {:.0} % of its points fit", (100.0 * share).floor()));
+    if let Some(confidence) = low {
+        text.push_str(&format!(", confidence {confidence:.2}"));
     }
     for other in others {
         text.push_str(&format!("; or {}: {}", described(&other.joint()), other.what.trim_end_matches('.')));
@@ -89,14 +89,14 @@ mod tests {
         assert_eq!(
             lines,
             [
-                "part 2 is uncertain: revolute about (0.00, 0.00, 1.00), 30 % of its points fit. artgs view shows it",
+                "part 2 is uncertain: revolute about (0.00, 0.00, 1.00), confidence 0.30. artgs view shows it",
                 "part 3 is uncertain: revolute about (0.00, 0.00, 1.00); or prismatic along (0.00, -1.00, 0.00): \
                  it slides. Open it further",
-                "part 4 is uncertain: revolute about (0.00, 0.00, 1.00), 40 % of its points fit; or prismatic along \
+                "part 4 is uncertain: revolute about (0.00, 0.00, 1.00), confidence 0.40; or prismatic along \
                  (0.00, -1.00, 0.00): it slides. Open it further",
             ]
         );
-        let joints: Vec<Joint> = found.parts.iter().map(|p| p.joint_near(DVec3::ZERO)).collect();
+        let joints: Vec<Joint> = found.parts.iter().map(|p| p.joint_near(&found.parts, DVec3::ZERO)).collect();
         let mut replica = Replica::new(&joints);
         for (part, found) in replica.parts[1..].iter_mut().zip(&found.parts) {
             part.confidence = found.confidence;

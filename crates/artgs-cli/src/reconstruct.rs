@@ -122,7 +122,7 @@ impl Job<'_> {
 
 fn part_line(number: usize, part: &JointEstimate) -> String {
     let kind = json!(part.kind);
-    let share = part.confidence.map(|c| format!(", {:.0} % of its points fit", (100.0 * c).floor()));
+    let share = part.confidence.map(|c| format!(", confidence {c:.2}"));
     let carrier = if part.parent > 0 { format!(" on part {}", part.parent) } else { String::new() };
     format!("part {number}: {}{carrier}{}\n", kind.as_str().unwrap_or_default(), share.unwrap_or_default())
 }

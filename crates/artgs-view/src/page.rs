@@ -32,15 +32,17 @@ impl Source {
     }
 }
 
-/// The joint of a part found before training, in the capture's frame and unit.
-#[derive(Clone, Copy, Debug)]
+/// A joint that was found before training, with what is known of it.
+#[derive(Clone, Debug)]
 pub struct FoundJoint {
-    /// Joint to the part that carries it, value 0 at the start.
+    /// The joint to the part that carries it, capture's frame and unit.
     pub joint: Joint,
-    /// That part; 0 is the base, `k + 1` the part of joint `k`. Stands before the part itself.
+    /// That part; 0 is the static part.
     pub parent: usize,
-    /// Joint confidence, 0 to 1.
+    /// Joint confidence, 0 to 1; none if unknown.
     pub confidence: Option<f64>,
+    /// Other joints that explain the part nearly as well.
+    pub alternatives: Vec<Alternative>,
 }
 
 /// A scene and its files by name.
@@ -53,18 +55,6 @@ pub struct Page {
     /// Corrections already applied to the shown replica, and the number of movable parts before them.
     pub corrected: Option<(Corrections, usize)>,
 }
-
-/// The joint of a discovered part before training, capture's frame and unit, as in a replica.
-#[derive(Clone, Debug)]
-pub struct FoundJoint {
-    /// The joint.
-    pub joint: Joint,
-    /// Its confidence, 0 to 1; none if unknown.
-    pub confidence: Option<f64>,
-    /// Other joints that explain the part nearly as well.
-    pub alternatives: Vec<Alternative>,
-}
-
 /// Colours of movable parts, distinguishable with colour vision deficiencies (after Okabe and Ito), repeated.
 const COLOURS: [[u8; 3]; 7] =
     [[230, 159, 0], [86, 180, 233], [0, 158, 115], [204, 121, 167], [213, 94, 0], [240, 228, 66], [0, 114, 178]];

@@ -40,7 +40,8 @@ fn true_labels(truth: &GroundTruth, state: State, points: &[Vec3], spacing: f64)
     let cell = 2.0 * spacing;
     let key = |p: DVec3| (p / cell).floor().as_ivec3().to_array();
     let mut grid = std::collections::BTreeMap::<[i32; 3], Vec<(DVec3, usize)>>::new();
-    let meshes: Vec<&Mesh> = std::iter::once(&truth.fixed[state]).chain(truth.movable.iter().map(|m| &m[state])).collect();
+    let meshes: Vec<&Mesh> =
+        std::iter::once(&truth.fixed[state]).chain(truth.movable.iter().map(|m| &m[state])).collect();
     for (part, mesh) in meshes.iter().enumerate() {
         for t in &mesh.triangles {
             let [a, b, c] = t.map(|i| Vec3::from(mesh.vertices[i as usize]).as_dvec3());
@@ -95,7 +96,14 @@ fn measure(folder: &Path, given: bool, joints: bool, pictures: Option<&str>) -> 
     Ok(())
 }
 
-fn report(name: &str, truth: &GroundTruth, found: &Discovery, labels: &PerState<Vec<usize>>, seconds: f64, joints: bool) {
+fn report(
+    name: &str,
+    truth: &GroundTruth,
+    found: &Discovery,
+    labels: &PerState<Vec<usize>>,
+    seconds: f64,
+    joints: bool,
+) {
     let (n, m) = (found.parts.len(), truth.joints.len());
     let mut overlap = vec![vec![0usize; m + 1]; n + 1];
     for s in State::ALL {
@@ -132,7 +140,10 @@ fn report(name: &str, truth: &GroundTruth, found: &Discovery, labels: &PerState<
                 centre(found, k)
             ));
             if joints {
-                println!("{{\"capture\":\"{name}\",\"part\":{k},\"correct\":false,\"confidence\":{confidence},\"why\":\"spurious\",\"support\":{}}}", support(found, k));
+                println!(
+                    "{{\"capture\":\"{name}\",\"part\":{k},\"correct\":false,\"confidence\":{confidence},\"why\":\"spurious\",\"support\":{}}}",
+                    support(found, k)
+                );
             }
             continue;
         };
@@ -145,7 +156,8 @@ fn report(name: &str, truth: &GroundTruth, found: &Discovery, labels: &PerState<
         let shift = part.motion.apply(middle).distance(motion.apply(middle)) / found.diagonal;
         let size_of_part = extent(found, k) / found.diagonal;
         let type_ok = part.kind == joint.kind;
-        let ok = type_ok && axis < 5.0 && position < 0.05 * size_of_part.max(0.02) && shift < 0.05 * size_of_part.max(0.02);
+        let ok =
+            type_ok && axis < 5.0 && position < 0.05 * size_of_part.max(0.02) && shift < 0.05 * size_of_part.max(0.02);
         if type_ok && axis < 1.0 && shift < 0.02 {
             right += 1;
         }
@@ -159,20 +171,26 @@ fn report(name: &str, truth: &GroundTruth, found: &Discovery, labels: &PerState<
             iou(k, t)
         ));
         if joints {
-            println!("{{\"capture\":\"{name}\",\"part\":{k},\"correct\":{ok},\"confidence\":{confidence},\"axis\":{axis:.4},\"position\":{position:.5},\"shift\":{shift:.5},\"type_ok\":{type_ok},\"support\":{}}}", support(found, k));
+            println!(
+                "{{\"capture\":\"{name}\",\"part\":{k},\"correct\":{ok},\"confidence\":{confidence},\"axis\":{axis:.4},\"position\":{position:.5},\"shift\":{shift:.5},\"type_ok\":{type_ok},\"support\":{}}}",
+                support(found, k)
+            );
         }
     }
     let missing: Vec<usize> = (1..=m).filter(|t| of_truth[*t].is_none()).collect();
     let verdict = if n == m && right == m { "OK " } else { "BAD" };
-    println!("{verdict} {name} {n}/{m} right {right} worst {worst:.3} {seconds:.1}s {} missing {missing:?}", line.join(" "));
+    println!(
+        "{verdict} {name} {n}/{m} right {right} worst {worst:.3} {seconds:.1}s {} missing {missing:?}",
+        line.join(" ")
+    );
     found.warnings.iter().for_each(|w| println!("      warning: {w}"));
 }
 
 fn support(found: &Discovery, part: usize) -> String {
     let Some(s) = found.support.get(part - 1) else { return "null".into() };
     format!(
-        "[{},{:.4},{:.4},{:.4},{:.4},{:.4},{:.3},{:.2},{:.1}]",
-        s.moved, s.explained, s.exclusive, s.cost, s.margin, s.stiffness, s.residual, s.shift, s.size
+        "[{},{:.4},{:.4},{:.4},{:.4},{:.4},{:.3},{:.2},{:.1},{:.4}]",
+        s.moved, s.explained, s.exclusive, s.cost, s.margin, s.stiffness, s.residual, s.shift, s.size, s.unexplained
     )
 }
 

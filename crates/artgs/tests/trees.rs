@@ -12,7 +12,8 @@ fn found(name: &str, movable: usize) -> (Object, Capture, Discovery) {
     let object = object(name, 0).expect("an object of the catalogue");
     let options = CaptureOptions { views: 24, test_views: 0, size: 200, ..CaptureOptions::default() };
     let capture: Capture = render_capture(&object, &options).expect("the object is drawn");
-    let found = Reconstruction::new(&capture, movable + 1).find_parts(&mut NullObserver).expect("parts are found");
+    let found =
+        Reconstruction::new(&capture).with_parts(movable + 1).find_parts(&mut NullObserver).expect("parts are found");
     (object, capture, found)
 }
 
@@ -42,7 +43,7 @@ fn a_screw_cap_turns_and_rises() {
     });
     let scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config).expect("there are surface points");
     let marked = |kind| {
-        let corrections = Corrections { centres: Vec::new(), joints: vec![JointMark { part: 1, kind }] };
+        let corrections = Corrections { centres: Vec::new(), joints: vec![JointMark { part: 1, kind, joint: None }] };
         correct(&scene, &found, &corrections, &config).expect("part 1 exists").parts[0]
     };
     assert_eq!(marked(JointKind::Prismatic).kind, JointKind::Prismatic);

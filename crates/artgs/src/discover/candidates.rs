@@ -164,6 +164,8 @@ pub(super) struct Search<'a> {
     pub(super) ranking: RankingSettings,
     /// Least value of what a motion explains, in points.
     pub(super) least_gain: f64,
+    /// The same for another round of the search. What noise leaves would be searched for minutes.
+    pub(super) least_round: f64,
 }
 
 impl Search<'_> {
@@ -184,7 +186,7 @@ impl Search<'_> {
             let best = weighed.reduce(|a, b| if b.gain > a.gain { b } else { a });
             winners.extend(best.iter().map(|b| b.motion));
             others.extend(found);
-            let Some(best) = best.filter(|b| b.gain > self.least_gain) else { break };
+            let Some(best) = best.filter(|b| b.gain > self.least_round) else { break };
             for s in State::ALL {
                 let claimed = self.claim(s, &open[s], &values[s.other()], &best.motion);
                 open[s].retain(|&i| !claimed[i]);
@@ -342,7 +344,8 @@ impl Search<'_> {
                 max_points,
             };
             let judged = guesses.par_iter().map(|guess| {
-                let motion = register(Matching::one_sided(&source, target.points, target.grid), *guess, None, &options).motion;
+                let motion =
+                    register(Matching::one_sided(&source, target.points, target.grid), *guess, None, &options).motion;
                 let radius = settings.fine_reach * self.lengths.spacing;
                 let value = self.mean_value(&Pose::of(&motion), &fine, target, landing, radius);
                 let implausibility = self.ranking.implausibility(&motion, &fine, &self.lengths, self.front);

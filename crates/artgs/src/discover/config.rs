@@ -2,6 +2,7 @@
 //! step that reads them, each group in the module of that step.
 
 use super::candidates::CandidateSettings;
+use super::confidence::ConfidenceSettings;
 use super::diagnosis::DiagnosisSettings;
 use super::front::FrontSettings;
 use super::instances::InstanceSettings;
@@ -59,6 +60,7 @@ pub(crate) struct StepSettings {
     pub(crate) joints: JointSettings,
     pub(crate) instances: InstanceSettings,
     pub(crate) support: SupportSettings,
+    pub(crate) confidence: ConfidenceSettings,
     pub(crate) parents: ParentSettings,
     pub(crate) diagnosis: DiagnosisSettings,
 }

@@ -81,8 +81,9 @@ pub fn correct(
     let evidence = Evidence::new(scene)?;
     let settings = StepSettings::default();
     let needs_motion = |e: &CentreEdit| matches!(e, CentreEdit::Add { .. } | CentreEdit::Move { .. });
+    let wanted = found.parts.len() + 2;
     let pool = match corrections.centres.iter().any(needs_motion) {
-        true => evidence.candidates(scene, &clouds, found.parts.len() + 2, config, &settings),
+        true => evidence.candidates(scene, &clouds, &(wanted..=wanted), config, &settings),
         false => Vec::new(),
     };
     let mut kept: Vec<Kept> =
@@ -161,7 +162,10 @@ pub fn correct(
     };
     let parts: Vec<JointEstimate> = pieces.numbers.iter().enumerate().map(refined).collect();
     let alternatives = pieces.numbers.iter().map(|part| untouched(found, corrections, *part)).collect();
-    Ok(Discovery { alternatives, ..evidence.result(scene, parts, pieces.labels, Vec::new(), &settings) })
+    Ok(Discovery {
+        alternatives,
+        ..evidence.result(scene, &clouds, parts, pieces.labels, Vec::new(), &pool, &settings)
+    })
 }
 
 /// Alternatives of a part as they were found; none for one whose points or joint are corrected.

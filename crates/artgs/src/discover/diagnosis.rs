@@ -13,7 +13,7 @@ pub(crate) struct DiagnosisSettings {
     pub(crate) unexplained: f64,
     /// A warning if no point of a part moves by more, depth tolerances.
     pub(crate) least_motion: f64,
-    /// With fewer visible points the joint confidence is none.
+    /// With fewer visible points the fit is none.
     pub(crate) least_visible: usize,
 }
 
@@ -56,15 +56,9 @@ impl DiagnosisSettings {
         warnings
     }
 
-    /// Joint confidence: of the points of a part that `motion` (start to end) moves to where the other state shows a surface
+    /// Fit of a part: of its points that `motion` (start to end) moves to where the other state shows a surface
     /// or empty space, the share on a surface; none if fewer than [`Self::least_visible`] points are visible.
-    pub(crate) fn joint_confidence(
-        &self,
-        scene: &Scene,
-        labels: &PerState<Vec<u16>>,
-        part: u16,
-        motion: &Rigid,
-    ) -> Option<f64> {
+    pub(crate) fn fit(&self, scene: &Scene, labels: &PerState<Vec<u16>>, part: u16, motion: &Rigid) -> Option<f64> {
         let (mut on_surface, mut in_empty) = (0, 0);
         for state in State::ALL {
             let motion = motion.away_from(state);

@@ -1,5 +1,5 @@
 //! Parts that move alike: one motion, several rigid bodies. Points of both states are brought together in the frame of the
-//! start state, where each body is seen from both states; then bodies are told apart by the space between them.
+//! start state, where each body is seen from both states; then bodies are separated by the space between them.
 
 use super::cloud::{Cloud, IndexedCloud, components};
 use super::front::Front;
@@ -20,14 +20,12 @@ pub(crate) struct InstanceSettings {
     pub(crate) least_points: usize,
     /// Of the shortest connections between two bodies at least this share must cross space shown as empty.
     pub(crate) least_empty: f32,
-    /// Thickness of the front of a drawer, spacings: it is ignored where boxes behind it are told apart.
+    /// Thickness of the front of a drawer, spacings: it is ignored where boxes behind it are separated.
     pub(crate) front: f32,
-    /// Least gap between boxes, spacings.
-    pub(crate) gap: usize,
-    /// Most points in each step of the gap, share of the mean.
-    pub(crate) in_gap: f32,
-    /// Least ratio of the widths of two boxes behind neighbouring fronts, and of their heights.
-    pub(crate) alike: [f32; 2],
+    /// Least share of the points behind a front in a box.
+    pub(crate) least_box: f32,
+    /// Least extent of a box in both directions across the opening, spacings.
+    pub(crate) least_extent: f32,
 }
 
 impl Default for InstanceSettings {
@@ -38,9 +36,8 @@ impl Default for InstanceSettings {
             least_points: 24,
             least_empty: 0.5,
             front: 5.0,
-            gap: 2,
-            in_gap: 0.02,
-            alike: [0.7, 0.3],
+            least_box: 0.06,
+            least_extent: 4.0,
         }
     }
 }
@@ -58,30 +55,36 @@ struct Body<'a> {
 type Bodies = (Vec<usize>, usize);
 
 impl InstanceSettings {
-    /// Splits parts whose points are several bodies: new labels (part `k` keeps the largest body, the others get new
-    /// numbers) and, of each new part, the part it comes from.
+    /// Splits parts whose points are several bodies: new labels (part `k` keeps the first body, the others get new
+    /// numbers) and, of each new part, the part it comes from. At most `most` parts are made.
     pub(super) fn split(
         &self,
         scene: &Scene,
         labels: &mut PerState<Vec<u16>>,
         motions: &[Rigid],
         front: Option<Front>,
-        directions: &[Vec3],
+        most: usize,
     ) -> Vec<usize> {
-        let mut sources = Vec::new();
-        for (k, motion) in motions.iter().enumerate() {
-            let body = Body::new(scene, labels, k as u16 + 1, motion);
-            let split = self.pieces(&body).or_else(|| self.boxes(&body, front, directions));
-            let Some((of_point, count)) = split else { continue };
-            let first = motions.len() + sources.len() + 1;
+        let mut sources: Vec<usize> = (0..motions.len()).collect();
+        let mut next = 0;
+        while next < sources.len() {
+            let motion = &motions[sources[next]];
+            let body = Body::new(scene, labels, next as u16 + 1, motion);
+            let split = self.pieces(&body).or_else(|| self.boxes(&body, front));
+            let split = split.filter(|split| self.all_large(&body, split));
+            let Some((of_point, count)) = split.filter(|(_, count)| sources.len() + count - 1 <= most) else {
+                next += 1;
+                continue;
+            };
+            // Bodies may be several again: the first one is looked at once more, the others in their turn.
             for (point, (state, index)) in of_point.iter().zip(&body.origin) {
                 if *point > 0 {
-                    labels[*state][*index] = (first + point - 1) as u16;
+                    labels[*state][*index] = (sources.len() + point) as u16;
                 }
             }
-            sources.extend(std::iter::repeat_n(k, count - 1));
+            sources.extend(std::iter::repeat_n(sources[next], count - 1));
         }
-        sources
+        sources.split_off(motions.len())
     }
 
     /// Bodies that do not touch, with empty space on the shortest ways between them.
@@ -98,6 +101,12 @@ impl InstanceSettings {
             }
         }
         (bodies.len() > 1).then(|| (body.nearest(&bodies), bodies.len()))
+    }
+
+    /// True if every body has enough of the part's points in each state.
+    fn all_large(&self, body: &Body<'_>, (of_point, count): &Bodies) -> bool {
+        let group = |k: usize| (0..of_point.len()).filter(|&i| of_point[i] == k).collect::<Vec<usize>>();
+        (0..*count).all(|k| self.is_large(body, &group(k)))
     }
 
     /// True if a group has enough of the part's points in each state.
@@ -133,75 +142,52 @@ impl InstanceSettings {
         empty.iter().filter(|e| **e).count() as f32 >= self.least_empty * ways.len() as f32
     }
 
-    /// Boxes behind fronts that touch each other: behind the front there is a gap between them all the way.
-    fn boxes(&self, body: &Body<'_>, front: Option<Front>, directions: &[Vec3]) -> Option<Bodies> {
-        let slide = body.motion.translation.as_vec3().normalize_or_zero();
-        let opening = front.map(|f| f.direction).filter(|d| body.motion.angle() < 0.01 && d.dot(slide).abs() > 0.8)?;
+    /// Boxes behind fronts that touch each other: behind the front they do not touch. A front belongs to the box behind it.
+    fn boxes(&self, body: &Body<'_>, front: Option<Front>) -> Option<Bodies> {
+        /// Parts that turn more are no drawers, radians.
+        const TURN: f64 = 0.1;
+        let middle = body.cloud.middle().as_dvec3();
+        let slide = (body.motion.apply(middle) - middle).as_vec3().normalize_or_zero();
+        let opening = front.map(|f| f.direction).filter(|d| body.motion.angle() < TURN && d.dot(slide).abs() > 0.8)?;
         let spacing = body.scene.lengths.spacing;
         let depth = |i: usize| body.cloud.points[i].dot(opening);
-        let all: Vec<usize> = (0..body.cloud.len()).collect();
         let plate = front_plate(&body.cloud, opening, spacing)?;
-        let behind: Vec<usize> = all.iter().copied().filter(|&i| depth(i) < plate - self.front * spacing).collect();
-        let across = directions.iter().filter(|d| d.dot(opening).abs() < 0.2);
-        for direction in across {
-            let cuts = self.gaps(body, &behind, opening, *direction);
-            if !cuts.is_empty() {
-                let of_point = all.iter().map(|&i| {
-                    let height = body.cloud.points[i].dot(*direction);
-                    cuts.iter().filter(|cut| height > **cut).count()
-                });
-                return Some((of_point.collect(), cuts.len() + 1));
-            }
+        let behind: Vec<usize> = (0..body.cloud.len()).filter(|&i| depth(i) < plate - self.front * spacing).collect();
+        let groups = components(&body.cloud, &behind, self.reach * spacing, 1);
+        let least = (self.least_box * behind.len() as f32) as usize;
+        let is_box =
+            |group: &Vec<usize>| group.len() >= least.max(self.least_points) && self.is_box(body, group, opening);
+        let boxes: Vec<Vec<usize>> = groups.into_iter().filter(is_box).collect();
+        if boxes.len() < 2 {
+            return None;
         }
-        None
+        // Seen along the opening, so that a front is nearest to its own box.
+        let flat = |p: Vec3| p - opening * p.dot(opening);
+        let mut seen = Body { cloud: body.cloud.clone(), origin: Vec::new(), ..*body };
+        seen.cloud.points.iter_mut().for_each(|p| *p = flat(*p));
+        Some((seen.nearest(&boxes), boxes.len()))
     }
 
-    /// Heights along `direction` at which the points behind the front leave a gap between boxes that are alike.
-    fn gaps(&self, body: &Body<'_>, behind: &[usize], opening: Vec3, direction: Vec3) -> Vec<f32> {
-        let spacing = body.scene.lengths.spacing;
-        let other = opening.cross(direction).normalize_or_zero();
-        let mut heights: Vec<(f32, usize)> =
-            behind.iter().map(|&i| (body.cloud.points[i].dot(direction), i)).collect();
-        heights.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (Some(first), Some(last)) = (heights.first(), heights.last()) else { return Vec::new() };
-        let bins = ((last.0 - first.0) / spacing) as usize + 1;
-        let mut counts = vec![0usize; bins];
-        heights.iter().for_each(|(h, _)| counts[(((h - first.0) / spacing) as usize).min(bins - 1)] += 1);
-        let few = self.in_gap * heights.len() as f32 / bins as f32;
-        let mut cuts = Vec::new();
-        let mut run = 0;
-        for bin in 0..bins {
-            if counts[bin] as f32 <= few {
-                run += 1;
-                continue;
-            }
-            if run >= self.gap && bin > run {
-                cuts.push(first.0 + (bin as f32 - 0.5 * run as f32) * spacing);
-            }
-            run = 0;
+    /// True if a group extends in both directions across the opening; a single wall of a box does not.
+    fn is_box(&self, body: &Body<'_>, group: &[usize], opening: Vec3) -> bool {
+        let points: Vec<Vec3> = group.iter().map(|&i| body.cloud.points[i]).collect();
+        let flat: Vec<Vec3> = points.iter().map(|p| *p - opening * p.dot(opening)).collect();
+        let mean = flat.iter().sum::<Vec3>() / flat.len().max(1) as f32;
+        let (u, v) = opening.any_orthonormal_pair();
+        let (mut uu, mut uv, mut vv) = (0.0f32, 0.0f32, 0.0f32);
+        for p in &flat {
+            let (a, b) = ((*p - mean).dot(u), (*p - mean).dot(v));
+            uu += a * a;
+            uv += a * b;
+            vv += b * b;
         }
-        // Boxes between the cuts must be large and alike; otherwise the gap is one within a single drawer.
-        let mut edges = vec![f32::NEG_INFINITY];
-        edges.extend(&cuts);
-        edges.push(f32::INFINITY);
-        let extents: Vec<[f32; 2]> = edges
-            .windows(2)
-            .filter_map(|edge| {
-                let inside = heights.iter().filter(|(h, _)| *h > edge[0] && *h <= edge[1]);
-                let group: Vec<usize> = inside.map(|(_, i)| *i).collect();
-                let large = group.len() as f32 >= self.least_share * heights.len() as f32;
-                let wide = |d: Vec3| {
-                    let along = || group.iter().map(|&i| body.cloud.points[i].dot(d));
-                    Some(percentile(along(), 0.98)? - percentile(along(), 0.02)?)
-                };
-                if large { Some([wide(other)?, wide(direction)?]) } else { None }
-            })
-            .collect();
-        let alike = (0..2).all(|axis| {
-            let (lo, hi) = extents.iter().fold((f32::INFINITY, 0.0f32), |(lo, hi), e| (lo.min(e[axis]), hi.max(e[axis])));
-            lo >= self.alike[axis] * hi
-        });
-        if extents.len() == cuts.len() + 1 && alike { cuts } else { Vec::new() }
+        let turn = 0.5 * (2.0 * uv).atan2(uu - vv);
+        let axes = [u * turn.cos() + v * turn.sin(), v * turn.cos() - u * turn.sin()];
+        axes.iter().all(|axis| {
+            let along = || flat.iter().map(|p| p.dot(*axis));
+            let extent = percentile(along(), 0.98).zip(percentile(along(), 0.02)).map_or(0.0, |(hi, lo)| hi - lo);
+            extent > self.least_extent * body.scene.lengths.spacing
+        })
     }
 }
 
@@ -236,7 +222,8 @@ impl<'a> Body<'a> {
     fn nearest(&self, bodies: &[Vec<usize>]) -> Vec<usize> {
         let clouds: Vec<Cloud> = bodies.iter().map(|b| self.cloud.select(b)).collect();
         let trees: Vec<IndexedCloud<'_>> = clouds.iter().map(IndexedCloud::new).collect();
-        let distance = |tree: &IndexedCloud<'_>, p: Vec3| tree.nearest_within(p, f32::INFINITY).map_or(f32::INFINITY, |n| n.1);
+        let distance =
+            |tree: &IndexedCloud<'_>, p: Vec3| tree.nearest_within(p, f32::INFINITY).map_or(f32::INFINITY, |n| n.1);
         let of_point = |p: &Vec3| {
             let distances = trees.iter().map(|tree| distance(tree, *p)).enumerate();
             distances.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |best| best.0)

@@ -25,6 +25,7 @@
 
 mod candidates;
 pub(crate) mod cloud;
+mod confidence;
 mod config;
 mod correct;
 pub(crate) mod diagnosis;
@@ -47,7 +48,7 @@ mod space_grid;
 mod support;
 pub(crate) mod visibility;
 
-use artgs_core::{JointAlternative, JointEstimate, JointKind, PerState, Rigid, State};
+use artgs_core::{JointAlternative, JointEstimate, PerState, Rigid, State};
 use candidates::{Candidate, Search, SearchState};
 pub use cloud::Cloud;
 use cloud::IndexedCloud;
@@ -57,12 +58,12 @@ pub use correct::{CorrectError, correct};
 use front::Front;
 use glam::{DVec3, Vec3};
 pub use moved_points::{MovedPoints, moved_points};
-pub use scene::{DepthPicture, Scene, pixel_step};
 use refinement::Refinement;
+pub use scene::{DepthPicture, Scene, pixel_step};
 use selection::Selection;
-pub use support::Support;
 use space_grid::SpaceGrid;
 use std::ops::RangeInclusive;
+pub use support::Support;
 use visibility::Occupancy;
 
 /// Labelled surface points of both states and the motions of the parts.
@@ -119,7 +120,7 @@ pub fn discover(
     let clouds = scene.indexed_clouds();
     let evidence = Evidence::new(scene)?;
     let settings = StepSettings::default();
-    let pool = evidence.candidates(scene, &clouds, *movable.end(), config, &settings);
+    let pool = evidence.candidates(scene, &clouds, &movable, config, &settings);
     let selection = Selection::new(scene, &clouds, &evidence.moved, &pool, settings.selection);
     let work = Refinement { scene, clouds: &clouds, evidence: &evidence, config, settings: &settings };
     let motions = |chosen: Vec<usize>| chosen.into_iter().map(|c| pool[c].motion).collect::<Vec<Rigid>>();
@@ -138,9 +139,7 @@ pub fn discover(
         let (count, movable) = (found.parts.len(), movable.start());
         warnings.push(format!("{movable} movable parts were asked for but only {count} distinct motions were found"));
     }
-    let out = evidence.result(scene, found.parts, found.labels, warnings, &settings);
-    let support = settings.support.measure(scene, &clouds, &evidence.occupancy, &out.labels, &out.parts, &pool);
-    Ok(Discovery { support, ..out })
+    Ok(evidence.result(scene, &clouds, found.parts, found.labels, warnings, &pool, &settings))
 }
 
 /// What the depth maps of the other state show at the points of each state.
@@ -179,7 +178,7 @@ impl Evidence {
         &self,
         scene: &Scene,
         clouds: &PerState<IndexedCloud<'_>>,
-        movable: usize,
+        movable: &RangeInclusive<usize>,
         config: &DiscoverConfig,
         settings: &StepSettings,
     ) -> Vec<Candidate> {
@@ -187,6 +186,9 @@ impl Evidence {
         const POOL: usize = 120;
         /// Rounds of the search beyond one per part, for parts whose first motion is wrong.
         const EXTRA_ROUNDS: usize = 2;
+        /// Least share of the moved points that a round explains, where the number of parts is not given.
+        const LEAST_ROUND: f64 = 0.01;
+        let least_round = if movable.start() == movable.end() { config.least_share } else { LEAST_ROUND };
         /// The grid reaches past the object by this fraction of its diagonal.
         const MARGIN: f32 = 0.05;
         let pad = Vec3::splat(MARGIN * scene.lengths.diagonal);
@@ -208,24 +210,31 @@ impl Evidence {
             settings: settings.candidates,
             ranking: settings.ranking,
             least_gain: (config.least_share * self.total() as f64).max(LEAST_MOVED as f64),
+            least_round: (least_round * self.total() as f64).max(LEAST_MOVED as f64),
         };
-        search.candidates(movable + EXTRA_ROUNDS, POOL)
+        search.candidates(movable.end() + EXTRA_ROUNDS, POOL)
     }
 
-    /// The result with its confidence and warnings.
+    /// The result with its confidence, alternatives among the candidates `pool`, and warnings.
     fn result(
         &self,
         scene: &Scene,
+        clouds: &PerState<IndexedCloud<'_>>,
         mut parts: Vec<JointEstimate>,
         labels: PerState<Vec<u16>>,
         mut warnings: Vec<String>,
+        pool: &[Candidate],
         settings: &StepSettings,
     ) -> Discovery {
-        for (k, part) in parts.iter_mut().enumerate() {
-            part.confidence = settings.diagnosis.joint_confidence(scene, &labels, k as u16 + 1, &part.motion);
+        let support = settings.support.measure(scene, clouds, &self.occupancy, &labels, &parts, pool);
+        for (k, (part, support)) in parts.iter_mut().zip(&support).enumerate() {
+            let fit = settings.diagnosis.fit(scene, &labels, k as u16 + 1, &part.motion);
+            part.confidence = Some(settings.confidence.confidence(support, fit));
         }
+        let others = parts.iter().zip(&support).map(|(part, s)| settings.confidence.alternatives(part, s, pool));
+        let alternatives = others.collect();
         warnings.extend(settings.diagnosis.warnings(scene, &labels, &self.moved, &parts));
-        Discovery { labels, parts, warnings, ..without_parts(scene) }
+        Discovery { labels, parts, alternatives, support, warnings, ..without_parts(scene) }
     }
 }
 

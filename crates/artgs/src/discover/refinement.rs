@@ -1,5 +1,5 @@
 //! From motions to parts: points are labelled and parts registered in turn, parts that explain next to nothing are
-//! removed, and bodies that move alike are told apart.
+//! removed, and bodies that move alike are separated.
 
 use super::cloud::{Cloud, IndexedCloud};
 use super::config::StepSettings;
@@ -28,17 +28,54 @@ pub(super) struct Refinement<'a> {
 }
 
 impl Refinement<'_> {
-    /// Parts that move by `motions` (start to end), as many as `movable` allows.
+    /// Parts that move by `motions` (start to end), as many as `movable` allows. Bodies with slightly different motions may
+    /// share one at first: once they are separated, each is registered by itself, and all points are labelled again with
+    /// the motions found then.
     pub(super) fn parts(&self, motions: &[Rigid], movable: &RangeInclusive<usize>) -> Parts {
+        /// Rounds of separating bodies.
+        const ROUNDS: usize = 3;
+        let mut found = self.supported(motions, *movable.start());
+        for round in 1..=ROUNDS {
+            let before = found.parts.len();
+            let mut split = Parts { parts: found.parts.clone(), labels: found.labels.clone() };
+            self.split(&mut split, *movable.end());
+            let distinct = self.distinct_motions(&split);
+            if distinct.len() <= before || round == ROUNDS {
+                return split;
+            }
+            found = self.supported(&distinct, *movable.start());
+        }
+        found
+    }
+
+    /// Parts of which each has enough support, but at least `least`.
+    fn supported(&self, motions: &[Rigid], least: usize) -> Parts {
         let mut found = self.refined(motions);
-        while found.parts.len() > *movable.start() {
+        while found.parts.len() > least {
             let Some(weakest) = self.unsupported(&found) else { break };
             let kept = (0..found.parts.len()).filter(|k| *k != weakest);
             let motions: Vec<Rigid> = kept.map(|k| found.parts[k].motion).collect();
             found = self.refined(&motions);
         }
-        self.split(&mut found, *movable.end());
         found
+    }
+
+    /// Motions of parts, those that take a part's points to the same places as an earlier one left out.
+    fn distinct_motions(&self, found: &Parts) -> Vec<Rigid> {
+        /// Places this close are the same, spacings.
+        const SAME: f64 = 0.4;
+        let same = SAME * f64::from(self.scene.lengths.spacing);
+        let mut out: Vec<Rigid> = Vec::new();
+        for (k, part) in found.parts.iter().enumerate() {
+            let own = points_of_part(self.clouds, &found.labels, k as u16 + 1);
+            let points = &own[State::START].points;
+            let gap = |m: &Rigid, p: glam::DVec3| m.apply(p).distance(part.motion.apply(p));
+            let alike = |m: &Rigid| points.iter().step_by(16).all(|p| gap(m, p.as_dvec3()) < same);
+            if !points.is_empty() && !out.iter().any(alike) {
+                out.push(part.motion);
+            }
+        }
+        out
     }
 
     fn refined(&self, motions: &[Rigid]) -> Parts {
@@ -52,24 +89,40 @@ impl Refinement<'_> {
     /// The part with the least support, if that is too little: few points moved for certain, or other motions explain all
     /// of them.
     fn unsupported(&self, found: &Parts) -> Option<usize> {
-        let Self { scene, clouds, evidence, settings, config } = *self;
+        let Self { scene, clouds, evidence, settings, .. } = *self;
         let supports = settings.support.of_parts(scene, clouds, &evidence.occupancy, &found.labels, &found.parts);
-        let least_moved = (config.least_share * evidence.total() as f64).max(super::LEAST_MOVED as f64);
-        let lacks = |s: &Support| s.moved < least_moved || s.exclusive * s.moved < settings.support.least_exclusive;
+        let least_moved = self.least_moved();
+        let lacks = |s: &Support| {
+            s.moved < least_moved
+                || s.exclusive * s.moved < settings.support.least_exclusive
+                || s.explained < settings.support.least_explained
+                || s.stiffness < settings.support.least_stiffness
+        };
         let lacking = supports.iter().enumerate().filter(|(_, s)| lacks(s));
         let weakest = lacking.min_by(|a, b| (a.1.exclusive * a.1.moved).total_cmp(&(b.1.exclusive * b.1.moved)));
         weakest.map(|(k, _)| k)
     }
 
-    /// Tells apart bodies that move alike, up to `most` parts, and registers each by itself.
+    /// Points of a part that must have moved for certain.
+    fn least_moved(&self) -> f64 {
+        (self.config.least_share * self.evidence.total() as f64).max(super::LEAST_MOVED as f64)
+    }
+
+    /// Separates bodies that move alike, up to `most` parts, and registers each by itself.
     fn split(&self, found: &mut Parts, most: usize) {
         let motions: Vec<Rigid> = found.parts.iter().map(|p| p.motion).collect();
         let front = self.evidence.front(self.scene, self.clouds, self.settings);
-        let poses = &self.settings.candidates.poses;
-        let directions = poses.face_directions(self.clouds[State::END].cloud);
         let mut labels = found.labels.clone();
-        let sources = self.settings.instances.split(self.scene, &mut labels, &motions, front, &directions);
-        if sources.is_empty() || found.parts.len() + sources.len() > most {
+        let sources = self.settings.instances.split(self.scene, &mut labels, &motions, front, most);
+        let least = self.least_moved();
+        let bodies = motions.len() + sources.len();
+        let moved = |part: usize| -> f64 {
+            let of_state =
+                |s: State| self.evidence.moved[s].iter().filter(|&&i| usize::from(labels[s][i]) == part).count();
+            State::ALL.into_iter().map(of_state).sum::<usize>() as f64
+        };
+        // A body of which hardly a point moved for certain is a piece of another one.
+        if sources.is_empty() || (1..=bodies).any(|part| moved(part) < least) {
             return;
         }
         let mut changed = sources.clone();
@@ -87,8 +140,7 @@ impl Refinement<'_> {
                 continue;
             }
             let points = points_of_part(self.clouds, &found.labels, k as u16 + 1);
-            let kind = found.parts[k].kind;
-            found.parts[k] = fit.decide(&found.parts[k], &points, Some(kind)).joint;
+            found.parts[k] = fit.decide(&found.parts[k], &points, None).joint;
         }
     }
 }
@@ -139,10 +191,13 @@ pub(super) fn refine_parts(
 }
 
 /// Points of one part in every state.
-pub(super) fn points_of_part(clouds: &PerState<IndexedCloud<'_>>, labels: &PerState<Vec<u16>>, part: u16) -> PerState<Cloud> {
+pub(super) fn points_of_part(
+    clouds: &PerState<IndexedCloud<'_>>,
+    labels: &PerState<Vec<u16>>,
+    part: u16,
+) -> PerState<Cloud> {
     PerState::from_fn(|s: State| {
         let members: Vec<usize> = (0..labels[s].len()).filter(|&i| labels[s][i] == part).collect();
         clouds[s].cloud.select(&members)
     })
 }
-

@@ -10,6 +10,7 @@ use super::segmentation::LabelCosts;
 use super::visibility::Occupancy;
 use artgs_core::{JointEstimate, PerState, Rigid, State};
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// Settings of the measures.
 #[derive(Clone, Copy, Debug)]
@@ -20,6 +21,10 @@ pub(crate) struct SupportSettings {
     pub(crate) part_sample: usize,
     /// Least points that only the motion of a part explains; with fewer it is no part.
     pub(crate) least_exclusive: f64,
+    /// Least share of the points that moved for certain that the motion of a part explains.
+    pub(crate) least_explained: f64,
+    /// Least stiffness of a part.
+    pub(crate) least_stiffness: f64,
     /// A motion explains a point at a lower cost than this.
     pub(crate) explained: f32,
     /// Another motion does not explain it if it costs more than this beyond.
@@ -33,12 +38,22 @@ pub(crate) struct SupportSettings {
 impl Default for SupportSettings {
     fn default() -> Self {
         let costs = LabelCosts { hidden_static: 0.25, hidden_moved: 0.1, mismatch: 0.5, ..LabelCosts::default() };
-        Self { sample: 400, part_sample: 4000, least_exclusive: 8.0, explained: 0.35, fall: 0.5, same: 4.0, costs }
+        Self {
+            sample: 400,
+            part_sample: 4000,
+            least_exclusive: 8.0,
+            least_explained: 0.5,
+            least_stiffness: 0.03,
+            explained: 0.35,
+            fall: 0.5,
+            same: 4.0,
+            costs,
+        }
     }
 }
 
 /// What supports the joint of one part.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Support {
     /// Points of the part that moved for certain: the other state shows their place as empty.
     pub moved: f64,
@@ -55,12 +70,14 @@ pub struct Support {
     /// Displacement of the part in the direction that the matched surfaces hold least, as a root mean square distance
     /// between the surfaces per unit: 0 if the part slides freely in some direction, 1 at most.
     pub stiffness: f64,
-    /// Root mean square distance of the matched surfaces, spacings.
+    /// Root mean square distance of the matched surfaces, depth tolerances.
     pub residual: f64,
     /// Mean distance that the part's points move, spacings.
     pub shift: f64,
     /// Diagonal of the part's box, spacings.
     pub size: f64,
+    /// Share of all points that moved for certain that no part explains; the same for every part.
+    pub unexplained: f64,
 }
 
 impl SupportSettings {
@@ -75,7 +92,11 @@ impl SupportSettings {
         pool: &[Candidate],
     ) -> Vec<Support> {
         let of_part = |k: usize| self.measure_part(scene, clouds, occupancy, labels, parts, pool, self.sample, k);
-        (0..parts.len()).map(of_part).collect()
+        let mut all: Vec<Support> = (0..parts.len()).map(of_part).collect();
+        let total = occupancy.iter().flatten().filter(|o| **o == Occupancy::Empty).count() as f64;
+        let explained: f64 = all.iter().map(|s| s.explained * s.moved).sum();
+        all.iter_mut().for_each(|s| s.unexplained = (1.0 - explained / total.max(1.0)).clamp(0.0, 1.0));
+        all
     }
 
     /// Measures every part against the other parts only.
@@ -156,7 +177,7 @@ impl SupportSettings {
         out.rival = rival.map(|r| r.1);
         out.shift = mean(shift) / spacing;
         out.size = f64::from((upper - lower).max(Vec3::ZERO).length()) / spacing;
-        out.residual = parts[k].rms.unwrap_or(0.0) / spacing;
+        out.residual = parts[k].rms.unwrap_or(0.0) / f64::from(scene.tolerance);
         out.stiffness = self.stiffness(clouds, labels, k, &own, spacing);
         out
     }

@@ -84,7 +84,7 @@ pub(crate) fn register_parts(
     }
     let diagnosis = DiagnosisSettings::default();
     for (k, part) in found.parts.iter_mut().enumerate() {
-        part.confidence = diagnosis.joint_confidence(scene, &found.labels, k as u16 + 1, &part.motion);
+        part.confidence = diagnosis.fit(scene, &found.labels, k as u16 + 1, &part.motion);
     }
     Ok(found)
 }

@@ -4,7 +4,7 @@ use super::Error;
 use super::points::{points_as_splats, splats_as_points};
 use crate::articulation::MotionParameters;
 use crate::articulation::Trained;
-use crate::discover::Discovery;
+use crate::discover::{Discovery, Support};
 use artgs_core::{JointAlternative, JointEstimate, PerState, Splats, State};
 use artgs_io::run_folder::{CANONICAL_FRAME, RunFolder, load_json, remove_file, save_json};
 use artgs_io::{FileError, read_splat_ply, write_splat_ply};
@@ -18,6 +18,8 @@ struct FoundFile {
     parts: Vec<JointEstimate>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     alternatives: Vec<Vec<JointAlternative>>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    support: Vec<Support>,
     diagonal: f64,
     spacing: f64,
     tolerance: f64,
@@ -52,20 +54,21 @@ pub(super) fn save_discovery(folder: &RunFolder, found: &Discovery) -> Result<()
         let splats = points_as_splats(&found.clouds[state], found.spacing);
         write_splat_ply(&folder.found_points(state), &splats, Some(&found.labels[state]), state.name())?;
     }
-    let Discovery { parts, alternatives, diagonal, spacing, tolerance, warnings, .. } = found.clone();
-    let file = FoundFile { parts, alternatives, diagonal, spacing, tolerance, warnings };
+    let Discovery { parts, alternatives, support, diagonal, spacing, tolerance, warnings, .. } = found.clone();
+    let file = FoundFile { parts, alternatives, support, diagonal, spacing, tolerance, warnings };
     Ok(save_json(&folder.found_parts(), &file)?)
 }
 
 pub(super) fn load_discovery(folder: &RunFolder) -> Option<Discovery> {
-    let FoundFile { parts, alternatives, diagonal, spacing, tolerance, warnings } = readable(&folder.found_parts())?;
+    let FoundFile { parts, alternatives, support, diagonal, spacing, tolerance, warnings } =
+        readable(&folder.found_parts())?;
     let load = |state: State| {
         let (splats, labels) = read_splat_ply(&folder.found_points(state)).ok()?;
         Some((splats_as_points(&splats), labels?))
     };
     let ((start, start_labels), (end, end_labels)) = (load(State::START)?, load(State::END)?);
     let (clouds, labels) = (PerState::new(start, end), PerState::new(start_labels, end_labels));
-    Some(Discovery { clouds, labels, parts, alternatives, diagonal, spacing, tolerance, warnings })
+    Some(Discovery { clouds, labels, parts, alternatives, support, diagonal, spacing, tolerance, warnings })
 }
 
 /// What [`load_discovery`] loads after [`save_discovery`]: files hold less than memory, and a run must continue from

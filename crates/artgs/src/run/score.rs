@@ -28,11 +28,13 @@ pub fn evaluate_found(folder: &RunFolder, ground_truth: &Path) -> Result<Option<
     let Some(found) = found_parts(folder) else { return Ok(None) };
     let parts: Vec<PerState<Mesh>> =
         (0..=found.parts.len()).map(|part| surfels(&found, |label| usize::from(label) == part)).collect();
-    let joint = |part: &JointEstimate| part.joint_near(DVec3::ZERO);
+    let joint = |part: &JointEstimate| part.joint_near(&found.parts, DVec3::ZERO);
     let joints: Vec<Joint> = found.parts.iter().map(joint).collect();
     let meshes = PartMeshes { parts, whole: surfels(&found, |_| true) };
     let truth = load_truth(ground_truth)?;
-    Ok(Some(crate::evaluate::evaluate(&Replica::new(&joints), &meshes, &truth, &EvaluateConfig::default())))
+    let mut replica = Replica::new(&joints);
+    replica.parts[1..].iter_mut().zip(&found.parts).for_each(|(part, found)| part.parent = Some(found.parent));
+    Ok(Some(crate::evaluate::evaluate(&replica, &meshes, &truth, &EvaluateConfig::default())))
 }
 
 fn load_truth(folder: &Path) -> Result<Truth, FileError> {

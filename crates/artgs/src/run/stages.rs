@@ -301,10 +301,9 @@ fn nothing_moved(scene: &Scene) -> Discovery {
 }
 
 /// One static part, where noise or a misalignment looks like motion.
-fn nothing_explained(mut found: Discovery) -> Discovery {
+fn nothing_explained(found: Discovery) -> Discovery {
     let warning = "no motion explains what differs between the two states; the replica is one part without joints";
-    found.warnings.push(warning.into());
-    found
+    Discovery { warnings: vec![warning.into()], ..found }
 }
 
 /// Found parts with trained motions. A carried part was free in training: its motion is put on its joint again.

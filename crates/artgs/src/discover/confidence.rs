@@ -1,0 +1,183 @@
+//! Joint confidence from what supports a joint, and the other joints that a part could have.
+
+use super::candidates::Candidate;
+use super::support::Support;
+use artgs_core::{Joint, JointAlternative, JointEstimate, JointKind};
+use glam::DVec3;
+
+/// Settings of the joint confidence: a logistic regression on the measures of [`Support`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ConfidenceSettings {
+    /// Constant of the regression.
+    pub(crate) bias: f64,
+    /// Weight of the share of the moved points that the motion explains.
+    pub(crate) explained: f64,
+    /// Weight of the mean cost of the part's points.
+    pub(crate) cost: f64,
+    /// Weight of the margin to the best different motion, up to [`Self::most_margin`].
+    pub(crate) margin: f64,
+    /// Larger margins count as this one.
+    pub(crate) most_margin: f64,
+    /// Weight of the stiffness, up to [`Self::most_stiffness`].
+    pub(crate) stiffness: f64,
+    /// Larger stiffness counts as this one.
+    pub(crate) most_stiffness: f64,
+    /// Weight of the decimal logarithm of the number of moved points, up to [`Self::most_moved`].
+    pub(crate) moved: f64,
+    /// Larger logarithms count as this one.
+    pub(crate) most_moved: f64,
+    /// Weight of the residual in depth tolerances, up to [`Self::most_residual`].
+    pub(crate) residual: f64,
+    /// Larger residuals count as this one.
+    pub(crate) most_residual: f64,
+    /// Weight of the share of the visible points that fit.
+    pub(crate) fit: f64,
+    /// Parts of a lower confidence, or of a lower margin, get an alternative.
+    pub(crate) uncertain: f64,
+    /// See [`Self::uncertain`].
+    pub(crate) least_margin: f64,
+    /// Motions that turn less are slides, degrees.
+    pub(crate) turn_deg: f64,
+}
+
+impl Default for ConfidenceSettings {
+    fn default() -> Self {
+        Self {
+            bias: -20.0,
+            explained: 12.0,
+            cost: -25.0,
+            margin: 40.0,
+            most_margin: 0.15,
+            stiffness: 30.0,
+            most_stiffness: 0.1,
+            moved: 2.0,
+            most_moved: 3.5,
+            residual: -20.0,
+            most_residual: 0.5,
+            fit: 0.0,
+            uncertain: 0.7,
+            least_margin: 0.03,
+            turn_deg: 3.0,
+        }
+    }
+}
+
+impl ConfidenceSettings {
+    /// Probability that the joint is correct: its type, its axis to 5 degrees, and its place and motion to 5 % of the
+    /// part's size. `fit` is the share of the visible points that the motion takes onto a surface.
+    pub(super) fn confidence(&self, support: &Support, fit: Option<f64>) -> f64 {
+        let z = self.bias
+            + self.explained * support.explained
+            + self.cost * support.cost
+            + self.margin * support.margin.min(self.most_margin)
+            + self.stiffness * support.stiffness.min(self.most_stiffness)
+            + self.moved * support.moved.max(1.0).log10().min(self.most_moved)
+            + self.residual * support.residual.min(self.most_residual)
+            + self.fit * fit.unwrap_or(0.0);
+        let probability = 1.0 / (1.0 + (-z).exp());
+        // Nothing visible supports the motion.
+        if fit.is_none() { probability.min(0.4) } else { probability }
+    }
+
+    /// The best different joint of an uncertain part.
+    pub(super) fn alternatives(
+        &self,
+        part: &JointEstimate,
+        support: &Support,
+        pool: &[Candidate],
+    ) -> Vec<JointAlternative> {
+        let uncertain = part.confidence.unwrap_or(0.0) < self.uncertain || support.margin < self.least_margin;
+        let Some(rival) = support.rival.filter(|_| uncertain) else { return Vec::new() };
+        let turns = pool[rival].motion.angle().to_degrees() > self.turn_deg;
+        let kind = if turns { JointKind::Revolute } else { JointKind::Prismatic };
+        let joint = Joint::from_motion(kind, &pool[rival].motion);
+        let [x, y, z] = rounded(joint.axis);
+        let amount = joint.start_to_end();
+        let what = match kind {
+            JointKind::Prismatic => {
+                format!("it slides along ({x}, {y}, {z}) by {:.3} scene units", amount.translation.length())
+            }
+            _ => format!("it turns about ({x}, {y}, {z}) by {:.0} degrees", amount.angle().to_degrees()),
+        };
+        let advice = self.advice(support).into();
+        vec![JointAlternative { kind, motion: amount, cost: support.margin.max(0.0), what, advice }]
+    }
+
+    /// Which further capture would decide between the joints.
+    fn advice(&self, support: &Support) -> &'static str {
+        /// Points that moved less say little, spacings.
+        const SMALL_MOTION: f64 = 4.0;
+        /// Fewer moved points are hardly a part.
+        const FEW_POINTS: f64 = 200.0;
+        if support.moved < FEW_POINTS {
+            "Photos that show more of this part in both states would decide it"
+        } else if support.shift < SMALL_MOTION {
+            "A state in which this part is opened further would decide it"
+        } else if support.stiffness < 0.5 * self.most_stiffness {
+            "Photos that show the edges and sides of this part in both states would decide it"
+        } else {
+            "A capture in which only this part moves would decide it"
+        }
+    }
+}
+
+/// Coordinates with two digits, without a negative zero.
+fn rounded(v: DVec3) -> [String; 3] {
+    v.to_array().map(|x| format!("{:.2}", if x.abs() < 0.005 { 0.0 } else { x }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artgs_core::{PerState, Rigid};
+
+    fn sure() -> Support {
+        Support {
+            moved: 3000.0,
+            explained: 0.97,
+            exclusive: 0.3,
+            cost: 0.08,
+            margin: 0.2,
+            rival: Some(0),
+            stiffness: 0.2,
+            residual: 0.03,
+            shift: 20.0,
+            size: 80.0,
+            unexplained: 0.02,
+        }
+    }
+
+    #[test]
+    fn every_lack_of_support_lowers_the_confidence() {
+        let settings = ConfidenceSettings::default();
+        let of = |s: Support| settings.confidence(&s, Some(1.0));
+        assert!(of(sure()) > 0.9, "{}", of(sure()));
+        for weaker in [
+            Support { margin: -0.2, ..sure() },
+            Support { explained: 0.3, ..sure() },
+            Support { stiffness: 0.0, margin: 0.05, ..sure() },
+            Support { cost: 0.6, ..sure() },
+        ] {
+            assert!(of(weaker) < 0.5, "{weaker:?}: {}", of(weaker));
+        }
+        assert!(settings.confidence(&sure(), None) < 0.5);
+    }
+
+    #[test]
+    fn an_uncertain_part_has_an_alternative_and_advice() {
+        let settings = ConfidenceSettings::default();
+        let pool = [Candidate {
+            motion: Rigid::shift(DVec3::X * 0.25),
+            explained: PerState::default(),
+            gain: 1.0,
+            implausibility: 0.0,
+        }];
+        let part =
+            |c| JointEstimate { confidence: Some(c), ..JointEstimate::new(JointKind::Revolute, Rigid::IDENTITY) };
+        assert!(settings.alternatives(&part(0.95), &sure(), &pool).is_empty());
+        let found = settings.alternatives(&part(0.3), &Support { shift: 1.0, ..sure() }, &pool);
+        assert_eq!(found[0].kind, JointKind::Prismatic);
+        assert!(found[0].what.contains("slides along (1.00, 0.00, 0.00) by 0.250"), "{}", found[0].what);
+        assert!(found[0].advice.contains("opened further"));
+    }
+}
