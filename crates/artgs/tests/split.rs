@@ -30,10 +30,11 @@ fn points(found: &Discovery, part: u16, state: State) -> Vec<DVec3> {
 
 /// The drawers, with both found as part 1, and the plane between them; its normal points to the upper one.
 fn twins() -> (Capture, Object, Discovery, CutPlane) {
-    let twins = object("twin_drawers", 0).unwrap();
+    let twins = object("twin_drawers", 0).expect("the object exists");
     let options = CaptureOptions { views: 24, test_views: 0, size: 112, ..CaptureOptions::default() };
-    let capture = render_capture(&twins, &options).unwrap();
-    let found = Reconstruction::new(&capture).with_parts(2).find_parts(&mut NullObserver).unwrap();
+    let capture = render_capture(&twins, &options).expect("it is rendered");
+    let found =
+        Reconstruction::new(&capture).with_parts(2).find_parts(&mut NullObserver).expect("the drawers are found");
     assert_eq!(found.parts.len(), 1);
     let [lower, upper] = [1, 2].map(|part| true_centre(&twins, part));
     let plane = CutPlane { point: (0.5 * (lower + upper)).to_array(), normal: (upper - lower).to_array() };

@@ -13,7 +13,7 @@ use common::reconstruct;
 /// Both states show the cabinet at the start, from different cameras.
 fn still() -> Capture {
     let options = CabinetOptions { views: 40, test_views: 2, size: 96, ..CabinetOptions::default() };
-    let (mut capture, _) = cabinet_capture(&options).unwrap();
+    let (mut capture, _) = cabinet_capture(&options).expect("the cabinet is rendered");
     let views = std::mem::take(&mut capture.states[State::START].train);
     let (even, odd): (Vec<_>, Vec<_>) = views.into_iter().enumerate().partition(|(i, _)| i % 2 == 0);
     capture.states[State::START].train = even.into_iter().map(|v| v.1).collect();
@@ -46,7 +46,7 @@ fn a_still_object_becomes_one_static_part() {
         let mut events: Vec<Event> = Vec::new();
         reconstruct(&capture, run.root(), &config, true, &Cpu, &mut events).unwrap();
         let found_again = |e: &Event| match e {
-            Event::StageFinished { stage, reused, .. } => !reused && stage.to_string() == "discover",
+            Event::StageFinished { stage, reused, .. } => !reused && *stage == "discover",
             _ => false,
         };
         assert!(!events.iter().any(found_again), "{name}");
