@@ -5,7 +5,7 @@ use super::support::Support;
 use artgs_core::{Joint, JointAlternative, JointEstimate, JointKind};
 use glam::DVec3;
 
-/// Settings of the joint confidence: a logistic regression on the measures of [`Support`]. Fitted on 163 joints of 49 captures of
+/// Settings of the joint confidence: a logistic regression on the measures of [`Support`]. Fitted on 163 joints of 56 captures of
 /// stand-ins and hard cases, clean ones and ones with noise, few views, front views, jitter and misalignment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ConfidenceSettings {
