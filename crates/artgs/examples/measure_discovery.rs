@@ -17,18 +17,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let given = arguments.windows(2).any(|w| w[0] == "--parts" && w[1] == "given");
     let joints = arguments.iter().any(|a| a == "--joints");
-    let pictures = arguments.windows(2).find(|w| w[0] == "--points").map(|w| w[1].clone());
     let mut folders = Vec::new();
     let mut rest = arguments.iter();
     while let Some(argument) = rest.next() {
         match argument.as_str() {
-            "--parts" | "--points" => _ = rest.next(),
+            "--parts" => _ = rest.next(),
             "--joints" => {}
             folder => folders.push(folder.to_string()),
         }
     }
     for folder in folders {
-        if let Err(error) = measure(Path::new(&folder), given, joints, pictures.as_deref()) {
+        if let Err(error) = measure(Path::new(&folder), given, joints) {
             println!("{folder}: {error}");
         }
     }
@@ -74,7 +73,7 @@ fn true_labels(truth: &GroundTruth, state: State, points: &[Vec3], spacing: f64)
     points.iter().map(nearest).collect()
 }
 
-fn measure(folder: &Path, given: bool, joints: bool, pictures: Option<&str>) -> Result<(), Box<dyn std::error::Error>> {
+fn measure(folder: &Path, given: bool, joints: bool) -> Result<(), Box<dyn std::error::Error>> {
     let truth = load_ground_truth(&folder.join("gt"))?;
     let capture = artgs_io::load_capture(folder)?;
     let views = PerState::from_fn(|s| {
@@ -88,9 +87,6 @@ fn measure(folder: &Path, given: bool, joints: bool, pictures: Option<&str>) -> 
     let found = discover(&scene, if given { count..=count } else { 1..=40 }, &config)?;
     let seconds = begun.elapsed().as_secs_f64();
     let labels = PerState::from_fn(|s| true_labels(&truth, s, &found.clouds[s].points, found.spacing));
-    if let Some(prefix) = pictures {
-        write_points(prefix, folder, &found)?;
-    }
     let name = folder.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     report(&name, &truth, &found, &labels, seconds, joints);
     Ok(())
@@ -130,14 +126,14 @@ fn report(
         let size: usize = overlap[k].iter().sum();
         let confidence = part.confidence.unwrap_or(-1.0);
         let Some(t) = of_found[k] else {
-            let joint = part.joint_near(&found.parts, centre(found, k));
+            let joint = part.joint_near(&found.parts, found.middle(k, State::START));
             line.push(format!(
                 "[{k}: SPURIOUS {} n={size} c={confidence:.2} axis {:.2} at {:.2} by {:.3} middle {:.2}]",
                 letter(part.kind),
                 joint.axis,
                 joint.origin,
                 joint.limits[1],
-                centre(found, k)
+                found.middle(k, State::START)
             ));
             if joints {
                 println!(
@@ -149,10 +145,10 @@ fn report(
         };
         let motion = truth.start_to_end(t - 1);
         let joint = truth.joints[t - 1];
-        let own = part.joint_near(&found.parts, centre(found, k));
+        let own = part.joint_near(&found.parts, found.middle(k, State::START));
         let axis = axis_angle_deg(own.axis, joint.axis);
         let position = axis_position(&own, &joint).unwrap_or(0.0) / found.diagonal;
-        let middle = centre(found, k);
+        let middle = found.middle(k, State::START);
         let shift = part.motion.apply(middle).distance(motion.apply(middle)) / found.diagonal;
         let size_of_part = extent(found, k) / found.diagonal;
         let type_ok = part.kind == joint.kind;
@@ -202,29 +198,9 @@ fn letter(kind: JointKind) -> char {
     }
 }
 
-fn centre(found: &Discovery, part: usize) -> DVec3 {
-    let s = State::START;
-    let points = found.clouds[s].points.iter().zip(&found.labels[s]).filter(|(_, l)| usize::from(**l) == part);
-    let (sum, count) = points.fold((DVec3::ZERO, 0), |(sum, n), (p, _)| (sum + p.as_dvec3(), n + 1));
-    sum / f64::from(count.max(1))
-}
-
 fn extent(found: &Discovery, part: usize) -> f64 {
     let s = State::START;
     let points = found.clouds[s].points.iter().zip(&found.labels[s]).filter(|(_, l)| usize::from(**l) == part);
     let (lo, hi) = points.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), (p, _)| (lo.min(*p), hi.max(*p)));
     f64::from((hi - lo).max(Vec3::ZERO).length())
-}
-
-/// Labelled points as a PLY per state, parts in colours.
-fn write_points(prefix: &str, folder: &Path, found: &Discovery) -> Result<(), Box<dyn std::error::Error>> {
-    let name = folder.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    for s in State::ALL {
-        let mut text = String::new();
-        for ((p, l), o) in found.clouds[s].points.iter().zip(&found.labels[s]).zip(&found.clouds[s].normals) {
-            text.push_str(&format!("{} {} {} {l} {} {} {}\n", p.x, p.y, p.z, o.x, o.y, o.z));
-        }
-        std::fs::write(format!("{prefix}/{name}_{}.txt", s.name()), text)?;
-    }
-    Ok(())
 }

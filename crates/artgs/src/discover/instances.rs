@@ -8,8 +8,8 @@ use super::visibility::ViewVotes;
 use artgs_core::{PerState, Rigid, State};
 use glam::Vec3;
 
-/// Settings of the search for parts that move alike. Calibrated on `twin_drawers`, `drawers_12` and single drawers and doors
-/// of the stand-ins.
+/// Settings of the search for parts that move alike. Calibrated on `twin_drawers` and on single drawers and doors of the
+/// stand-ins, which must stay whole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct InstanceSettings {
     /// Two points this close belong to one body, spacings.

@@ -2,8 +2,9 @@
 //! seen surfaces hold the motion.
 
 use super::candidates::Candidate;
-use super::cloud::{Cloud, IndexedCloud};
+use super::cloud::IndexedCloud;
 use super::landing::StatePair;
+use super::refinement::points_of_part;
 use super::registration::{Matching, stiffness};
 use super::scene::Scene;
 use super::segmentation::LabelCosts;
@@ -190,11 +191,7 @@ impl SupportSettings {
         motion: &Rigid,
         spacing: f64,
     ) -> f64 {
-        let of_part = |s: State| -> Cloud {
-            let members: Vec<usize> = (0..labels[s].len()).filter(|&i| usize::from(labels[s][i]) == k + 1).collect();
-            clouds[s].cloud.select(&members)
-        };
-        let own = PerState::from_fn(of_part);
+        let own = points_of_part(clouds, labels, k as u16 + 1);
         let own = own.as_ref().map(IndexedCloud::new);
         stiffness(Matching::mutual(&own[State::START], &own[State::END]), motion, 2.0 * spacing, 2000)
     }
