@@ -53,8 +53,12 @@ fn unreadable(path: &Path, error: &ImageError) -> FileError {
 
 /// Reads a PNG of any colour type as straight 8-bit RGBA.
 pub fn read_rgba(path: &Path) -> Result<RgbaImage, FileError> {
-    let bytes = read_bytes(path)?;
-    let decoder = open(path, &bytes)?;
+    rgba_of_png(path, &read_bytes(path)?)
+}
+
+/// Decodes a PNG of any colour type as straight 8-bit RGBA; `path` names it in messages.
+pub(crate) fn rgba_of_png(path: &Path, bytes: &[u8]) -> Result<RgbaImage, FileError> {
+    let decoder = open(path, bytes)?;
     let ((width, height), color) = (decoder.dimensions(), decoder.color_type());
     let (has_alpha, was_16_bit) = (color.has_alpha(), color.bytes_per_pixel() / color.channel_count() > 1);
     let pixels = if color == ColorType::Rgba8 {

@@ -13,6 +13,7 @@ pub mod ground_truth;
 pub mod image_io;
 mod mesh_ply;
 mod ply;
+pub mod recording;
 pub mod replica;
 pub mod run_folder;
 mod splat_ply;
@@ -25,6 +26,7 @@ pub use corrections::{CentreEdit, Corrections, CutPlane, JointMark, MarkedJoint,
 pub use error::FileError;
 pub use ground_truth::{GroundTruth, load_ground_truth};
 pub use mesh_ply::{read_mesh_ply, write_mesh_ply};
+pub use recording::{RecordingError, RecordingFormat, RecordingOptions, load_recording, write_recording};
 pub use replica::{read_replica, write_replica};
 pub use run_folder::RunFolder;
 pub use splat_ply::{read_splat_ply, write_splat_ply};

@@ -6,11 +6,11 @@ use serde_json::{Map, Value};
 use std::path::Path;
 
 /// A JSON object.
-pub(super) type Object = Map<String, Value>;
+pub(crate) type Object = Map<String, Value>;
 
 /// Parses a camera file; `shown` is its name in messages. Python's `NaN` and `Infinity`, which are not JSON, become
 /// `null`, so that the error can name the frame.
-pub(super) fn read_object(path: &Path, shown: &Path) -> Result<Object, CaptureError> {
+pub(crate) fn read_object(path: &Path, shown: &Path) -> Result<Object, CaptureError> {
     let bytes = std::fs::read(path).map_err(|source| CaptureError::Unreadable { file: shown.into(), source })?;
     let text = null_for_not_finite(&bytes);
     let value: Value = serde_json::from_slice(&text).map_err(|e| CaptureError::Json {
@@ -56,12 +56,12 @@ fn null_for_not_finite(bytes: &[u8]) -> Vec<u8> {
 }
 
 /// A [`CaptureError::Key`].
-pub(super) fn key_error(place: &str, key: &str, reason: impl Into<String>) -> CaptureError {
+pub(crate) fn key_error(place: &str, key: &str, reason: impl Into<String>) -> CaptureError {
     CaptureError::Key { place: place.into(), key: key.into(), reason: reason.into() }
 }
 
 /// A finite number, if the key exists.
-pub(super) fn number(object: &Object, place: &str, key: &str) -> Result<Option<f64>, CaptureError> {
+pub(crate) fn number(object: &Object, place: &str, key: &str) -> Result<Option<f64>, CaptureError> {
     match object.get(key) {
         None => Ok(None),
         Some(value) => match value.as_f64() {
@@ -72,7 +72,7 @@ pub(super) fn number(object: &Object, place: &str, key: &str) -> Result<Option<f
 }
 
 /// A finite number above zero, if the key exists.
-pub(super) fn positive(object: &Object, place: &str, key: &str) -> Result<Option<f64>, CaptureError> {
+pub(crate) fn positive(object: &Object, place: &str, key: &str) -> Result<Option<f64>, CaptureError> {
     match number(object, place, key)? {
         Some(v) if v <= 0.0 => Err(key_error(place, key, format!("is {v}, must be above 0"))),
         v => Ok(v),
@@ -80,7 +80,7 @@ pub(super) fn positive(object: &Object, place: &str, key: &str) -> Result<Option
 }
 
 /// A string, if the key exists.
-pub(super) fn text<'a>(object: &'a Object, place: &str, key: &str) -> Result<Option<&'a str>, CaptureError> {
+pub(crate) fn text<'a>(object: &'a Object, place: &str, key: &str) -> Result<Option<&'a str>, CaptureError> {
     match object.get(key) {
         None => Ok(None),
         Some(Value::String(s)) => Ok(Some(s)),
@@ -89,7 +89,7 @@ pub(super) fn text<'a>(object: &'a Object, place: &str, key: &str) -> Result<Opt
 }
 
 /// An N x N matrix of finite numbers, row-major.
-pub(super) fn matrix<const N: usize>(value: &Value, place: &str, key: &str) -> Result<[[f64; N]; N], CaptureError> {
+pub(crate) fn matrix<const N: usize>(value: &Value, place: &str, key: &str) -> Result<[[f64; N]; N], CaptureError> {
     let shape = || key_error(place, key, format!("expected a {N}x{N} matrix as {N} rows of {N} numbers"));
     let rows = value.as_array().filter(|r| r.len() == N).ok_or_else(shape)?;
     let mut out = [[0.0; N]; N];
@@ -110,7 +110,7 @@ pub(super) fn matrix<const N: usize>(value: &Value, place: &str, key: &str) -> R
 }
 
 /// The upper left 3x3 block and the last column of a 4x4 matrix.
-pub(super) fn block_and_column(m: &[[f64; 4]; 4]) -> (DMat3, DVec3) {
+pub(crate) fn block_and_column(m: &[[f64; 4]; 4]) -> (DMat3, DVec3) {
     let column = |c: usize| DVec3::new(m[0][c], m[1][c], m[2][c]);
     (DMat3::from_cols(column(0), column(1), column(2)), column(3))
 }

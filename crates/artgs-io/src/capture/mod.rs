@@ -8,9 +8,9 @@
 mod artgs_layout;
 mod check;
 mod error;
-mod json;
+pub(crate) mod json;
 mod paris_layout;
-mod pose;
+pub(crate) mod pose;
 mod views;
 
 pub use error::CaptureError;

@@ -11,7 +11,7 @@ const ORTHONORMAL: f64 = 1e-3;
 
 /// World-to-camera motion (OpenCV axes) of a 4x4 camera-to-world matrix (OpenGL axes: y up, looks down -z).
 /// The rotation block must be orthonormal within 1e-3 and is replaced by the nearest rotation.
-pub(super) fn world_to_camera(value: &Value, place: &str, key: &str) -> Result<Rigid, CaptureError> {
+pub(crate) fn world_to_camera(value: &Value, place: &str, key: &str) -> Result<Rigid, CaptureError> {
     let m = matrix::<4>(value, place, key)?;
     if m[3].iter().zip([0.0, 0.0, 0.0, 1.0]).any(|(a, b)| (a - b).abs() > 1e-6) {
         return Err(key_error(place, key, "the last row must be 0 0 0 1; write camera-to-world, row by row"));
@@ -31,7 +31,7 @@ pub fn opengl_pose(camera: &Camera) -> [[f64; 4]; 4] {
 }
 
 /// The rotation nearest to an almost orthonormal matrix.
-fn rotation(block: DMat3) -> Result<DMat3, String> {
+pub(crate) fn rotation(block: DMat3) -> Result<DMat3, String> {
     let gram = block.transpose() * block;
     let off = |m: DMat3| m.to_cols_array().into_iter().map(f64::abs).fold(0.0, f64::max);
     let error = off(gram - DMat3::IDENTITY);

@@ -1,0 +1,73 @@
+//! Small files of recordings: tables of text and folders.
+
+use super::RecordingError;
+use crate::error::read_bytes;
+use std::path::Path;
+
+/// A line of a table without its comment.
+pub(super) struct Row {
+    /// From 1.
+    pub(super) line: usize,
+    pub(super) text: String,
+}
+
+impl Row {
+    /// Words between spaces.
+    pub(super) fn words(&self) -> impl Iterator<Item = &str> {
+        self.text.split_whitespace()
+    }
+
+    /// The words as exactly N finite numbers. The error says what is wrong.
+    pub(super) fn numbers<const N: usize>(&self) -> Result<[f64; N], String> {
+        finite(self.words(), self.line)
+    }
+}
+
+/// Exactly N finite numbers.
+pub(super) fn finite<'a, const N: usize>(
+    words: impl Iterator<Item = &'a str>,
+    line: usize,
+) -> Result<[f64; N], String> {
+    let words: Vec<&str> = words.collect();
+    let mut numbers = [0.0; N];
+    if words.len() != N {
+        return Err(format!("line {line}: {} values, expected {N}; complete or remove the line", words.len()));
+    }
+    for (number, word) in numbers.iter_mut().zip(&words) {
+        let parsed = word.parse::<f64>().ok().filter(|v| v.is_finite());
+        *number = parsed
+            .ok_or_else(|| format!("line {line}: `{word}` is not a finite number; correct or remove the line"))?;
+    }
+    Ok(numbers)
+}
+
+/// Lines of a text file that are neither empty nor comments (`#`).
+pub(super) fn rows(path: &Path) -> Result<Vec<Row>, RecordingError> {
+    let rows =
+        text(path)?.lines().enumerate().map(|(i, l)| Row { line: i + 1, text: l.trim().into() }).collect::<Vec<_>>();
+    Ok(rows.into_iter().filter(|r| !r.text.is_empty() && !r.text.starts_with('#')).collect())
+}
+
+/// A text file.
+pub(super) fn text(path: &Path) -> Result<String, RecordingError> {
+    String::from_utf8(read_bytes(path)?)
+        .map_err(|_| RecordingError::malformed(path, "not a text file; copy or export it again"))
+}
+
+/// Names of the entries of a folder, sorted; empty if it cannot be read.
+pub(super) fn names(dir: &Path) -> Vec<String> {
+    let Ok(entries) = std::fs::read_dir(dir) else { return Vec::new() };
+    let mut names: Vec<String> = entries.filter_map(|e| e.ok()?.file_name().into_string().ok()).collect();
+    names.sort();
+    names
+}
+
+/// `NAME` of `PREFIX NAME SUFFIX`.
+pub(super) fn between<'a>(name: &'a str, prefix: &str, suffix: &str) -> Option<&'a str> {
+    name.strip_prefix(prefix)?.strip_suffix(suffix)
+}
+
+/// The first existing file.
+pub(super) fn first_file(dir: &Path, names: &[&str]) -> Option<std::path::PathBuf> {
+    names.iter().map(|n| dir.join(n)).find(|p| p.is_file())
+}

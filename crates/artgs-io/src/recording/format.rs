@@ -1,0 +1,120 @@
+//! The formats, their names, and recognition by content.
+
+use super::{files, scanner_app, tum};
+use std::path::Path;
+
+/// A format of recordings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum RecordingFormat {
+    /// 3D Scanner App, "All Data".
+    ScannerApp,
+    /// TUM RGB-D.
+    Tum,
+    /// nerfstudio or instant-ngp, `transforms.json`.
+    Nerfstudio,
+    /// Record3D: a folder with EXR and JPG, or a `.r3d` file.
+    Record3d,
+    /// Polycam raw data.
+    Polycam,
+    /// Stray Scanner.
+    Stray,
+    /// COLMAP, text or binary.
+    Colmap,
+    /// 7-Scenes.
+    SevenScenes,
+    /// RealSense `.bag` (ROS 1).
+    RealsenseBag,
+    /// MCAP with ROS messages.
+    Mcap,
+}
+
+impl RecordingFormat {
+    /// All formats, in the order in which they are looked for.
+    pub const ALL: [Self; 10] = [
+        Self::ScannerApp,
+        Self::Tum,
+        Self::Record3d,
+        Self::Polycam,
+        Self::Stray,
+        Self::SevenScenes,
+        Self::Nerfstudio,
+        Self::Colmap,
+        Self::RealsenseBag,
+        Self::Mcap,
+    ];
+
+    /// Name, for example on a command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ScannerApp => "scanner-app",
+            Self::Tum => "tum",
+            Self::Nerfstudio => "nerfstudio",
+            Self::Record3d => "record3d",
+            Self::Polycam => "polycam",
+            Self::Stray => "stray",
+            Self::Colmap => "colmap",
+            Self::SevenScenes => "7-scenes",
+            Self::RealsenseBag => "realsense-bag",
+            Self::Mcap => "mcap",
+        }
+    }
+
+    /// The format of a name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|f| f.name() == name)
+    }
+
+    /// The format of a file or folder by its content.
+    pub fn detect(path: &Path) -> Option<Self> {
+        Self::ALL.into_iter().find(|f| f.matches(path))
+    }
+
+    fn matches(self, path: &Path) -> bool {
+        match self {
+            Self::ScannerApp => scanner_app::matches(path),
+            Self::Tum => tum::matches(path),
+            Self::Nerfstudio => false,
+            Self::Record3d => false,
+            Self::Polycam => false,
+            Self::Stray => false,
+            Self::Colmap => false,
+            Self::SevenScenes => false,
+            Self::RealsenseBag => false,
+            Self::Mcap => false,
+        }
+    }
+
+    /// What the format is recognised by.
+    fn mark(self) -> &'static str {
+        match self {
+            Self::ScannerApp => "frame_00000.json",
+            Self::Tum => "rgb.txt",
+            Self::Nerfstudio => "transforms.json",
+            Self::Record3d => "metadata with poses, or a .r3d file",
+            Self::Polycam => "keyframes/cameras",
+            Self::Stray => "odometry.csv",
+            Self::Colmap => "cameras and images, .txt or .bin",
+            Self::SevenScenes => "frame-000000.pose.txt",
+            Self::RealsenseBag => "a .bag file",
+            Self::Mcap => "a .mcap file",
+        }
+    }
+
+    /// Every format with its mark, for messages.
+    pub(super) fn known() -> String {
+        Self::ALL.map(|f| format!("{} ({})", f.name(), f.mark())).join(", ")
+    }
+}
+
+/// True if a file begins with these bytes.
+pub(super) fn begins_with(path: &Path, magic: &[u8]) -> bool {
+    use std::io::Read;
+    let mut bytes = vec![0; magic.len()];
+    path.is_file() && std::fs::File::open(path).and_then(|mut f| f.read_exact(&mut bytes)).is_ok() && bytes == magic
+}
+
+/// True if a name in the folder has this beginning and end.
+pub(super) fn has_name(dir: &Path, prefix: &str, suffix: &str) -> bool {
+    files::names(dir).iter().any(|n| files::between(n, prefix, suffix).is_some())
+}

@@ -1,0 +1,95 @@
+//! Recordings: frames that a phone or a depth camera took of one state. One source file per format.
+//!
+//! A format's reader lists the frames with poses and intrinsics ([`index`]); then frames are selected ([`select`]), and only
+//! those are decoded ([`decode`]), in parallel. The result has pinhole cameras with OpenCV axes, images without lens
+//! distortion, and depth for their pixels.
+
+mod decode;
+mod depth;
+mod error;
+mod files;
+mod format;
+mod index;
+mod lens;
+mod options;
+mod pixels;
+mod pose;
+mod scanner_app;
+mod select;
+mod trajectory;
+mod tum;
+mod write;
+
+pub use error::RecordingError;
+pub use format::RecordingFormat;
+pub use options::{RecordingOptions, parse_intrinsics};
+
+use artgs_core::{RecordedFrame, Recording};
+use index::Index;
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Loads the recording of one state: a folder or a file. Problems that do not prevent its use are in [`Recording::warnings`];
+/// others are errors that name the file, the frame or field, and a remedy.
+pub fn load_recording(path: &Path, options: &RecordingOptions) -> Result<Recording, RecordingError> {
+    if !path.exists() {
+        return Err(RecordingError::Missing { path: path.into() });
+    }
+    options.check(path)?;
+    let format = options.format.or_else(|| RecordingFormat::detect(path));
+    let format =
+        format.ok_or_else(|| RecordingError::Unknown { path: path.into(), known: RecordingFormat::known() })?;
+    let index = match format {
+        RecordingFormat::ScannerApp => scanner_app::index(path)?,
+        RecordingFormat::Tum => tum::index(path, options)?,
+        _ => return Err(RecordingError::incomplete(path, "this format is not supported")),
+    };
+    load(path, format, index, options)
+}
+
+/// Writes a recording in a format of its own, into a new or empty folder. World frames are kept, except that formats of phones
+/// have +Y up. Formats without masks lose alpha, formats with JPEG images lose a little colour.
+pub fn write_recording(dir: &Path, recording: &Recording, format: RecordingFormat) -> Result<(), RecordingError> {
+    match format {
+        RecordingFormat::ScannerApp => scanner_app::write(dir, recording),
+        RecordingFormat::Tum => tum::write(dir, recording),
+        _ => Err(RecordingError::incomplete(dir, format!("{} recordings cannot be written", format.name()))),
+    }
+}
+
+/// Selects and decodes frames.
+fn load(
+    path: &Path,
+    format: RecordingFormat,
+    index: Index,
+    options: &RecordingOptions,
+) -> Result<Recording, RecordingError> {
+    let Index { up, metric, entries, mut warnings } = index;
+    let recorded = entries.len();
+    let entries: Vec<_> = entries.into_iter().skip(options.offset).step_by(options.every).collect();
+    let with_depth = entries.iter().filter(|e| e.depth.is_some()).count();
+    // A few frames without depth would hide that the others have it.
+    let only_depth = with_depth > 0 && 2 * with_depth >= entries.len();
+    let entries: Vec<_> = entries.into_iter().filter(|e| !only_depth || e.depth.is_some()).collect();
+    if entries.len() < 2 {
+        let reason = format!(
+            "{} of {recorded} frames with a pose and an image can be used, at least 2 are needed; record more frames or \
+             use more of them",
+            entries.len()
+        );
+        return Err(RecordingError::incomplete(path, reason));
+    }
+    let kept = select::keyframes(&entries, options.frames)?;
+    let frames: Vec<RecordedFrame> =
+        kept.par_iter().map(|i| decode::frame(&entries[*i], options.longest_side)).collect::<Result<_, _>>()?;
+    let without_depth = |f: &&RecordedFrame| f.view.depth.as_ref().is_some_and(|d| d.counts().iter().all(|c| *c == 0));
+    if only_depth && frames.iter().filter(without_depth).count() == frames.len() {
+        let reason = "depth is 0 in every frame; check the depth and confidence images, or remove them";
+        return Err(RecordingError::incomplete(path, reason));
+    }
+    if let Some(first) = frames.iter().find(without_depth) {
+        let count = frames.iter().filter(without_depth).count();
+        warnings.push(format!("{}: {count} depth images are empty, first of {}", path.display(), first.view.name));
+    }
+    Ok(Recording { format: format.name(), up, metric, frames, recorded, warnings })
+}

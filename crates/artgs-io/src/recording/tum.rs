@@ -1,0 +1,180 @@
+//! TUM RGB-D: `rgb.txt` and `depth.txt` (`timestamp file`), `groundtruth.txt` (`timestamp tx ty tz qx qy qz qw`, camera-to-world,
+//! OpenCV axes, metres), depth in counts of 0.2 mm. Images may have indices as time stamps; then row i of the poses, for example
+//! in `truth_cam_poses.txt`, belongs to image i.
+
+use super::depth::Measured;
+use super::files::{Row, finite, first_file, names, rows, text};
+use super::index::{Entry, Index, Load};
+use super::lens::{Distortion, Lens};
+use super::options::parse_intrinsics;
+use super::pixels::read_color;
+use super::pose::Axes;
+use super::trajectory::{Pose, Trajectory};
+use super::write::{write_depth_png, write_png};
+use super::{RecordingError, RecordingOptions};
+use crate::write_atomic;
+use artgs_core::{Intrinsics, Recording};
+use glam::DQuat;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// Largest difference of time stamps that belong together, seconds.
+pub(super) const NEAR: f64 = 0.02;
+
+/// Counts per metre.
+const PER_METRE: f32 = 5000.0;
+
+const KNOWN: &str = ". Known cameras of TUM RGB-D: fr1 517.3,516.5,318.6,255.3; fr2 520.9,521.0,325.1,249.7; \
+                     fr3 535.4,539.2,320.1,247.6";
+
+/// Focal lengths, principal point and k1 k2 p1 p2 k3 of the cameras of the data set; images of fr3 are undistorted.
+const CAMERAS: [(&str, [f64; 4], [f64; 5]); 3] = [
+    ("freiburg1", [517.3, 516.5, 318.6, 255.3], [0.2624, -0.9531, -0.0054, 0.0026, 1.1633]),
+    ("freiburg2", [520.9, 521.0, 325.1, 249.7], [0.2312, -0.7849, -0.0033, -0.0001, 0.9172]),
+    ("freiburg3", [535.4, 539.2, 320.1, 247.6], [0.0; 5]),
+];
+
+pub(super) fn matches(dir: &Path) -> bool {
+    dir.join("rgb.txt").is_file() && pose_file(dir).is_some()
+}
+
+fn pose_file(dir: &Path) -> Option<PathBuf> {
+    let other =
+        || names(dir).into_iter().find(|n| n.ends_with(".txt") && (n.contains("poses") || n.contains("trajectory")));
+    first_file(dir, &["groundtruth.txt", "truth_cam_poses.txt"]).or_else(|| Some(dir.join(other()?)))
+}
+
+/// An image of `rgb.txt` or `depth.txt`.
+struct Listed {
+    time: f64,
+    file: String,
+}
+
+fn listed(path: &Path) -> Result<Vec<Listed>, RecordingError> {
+    let parse = |row: Row| {
+        let (time, file) = row.text.split_once(char::is_whitespace).unwrap_or((&row.text, ""));
+        let [time] = finite(std::iter::once(time), row.line)?;
+        let file = file.trim().to_string();
+        if file.is_empty() {
+            Err(format!("line {}: no file name; write `timestamp file`", row.line))
+        } else {
+            Ok(Listed { time, file })
+        }
+    };
+    let list: Result<Vec<_>, String> = rows(path)?.into_iter().map(parse).collect();
+    list.map_err(|e| RecordingError::malformed(path, e))
+}
+
+pub(super) fn index(dir: &Path, options: &RecordingOptions) -> Result<Index, RecordingError> {
+    let images = listed(&dir.join("rgb.txt"))?;
+    let depths = if dir.join("depth.txt").is_file() { listed(&dir.join("depth.txt"))? } else { Vec::new() };
+    let Some(poses) = options.poses.clone().or_else(|| pose_file(dir)) else {
+        return Err(RecordingError::incomplete(dir, "no groundtruth.txt; add the poses of the camera"));
+    };
+    let trajectory = Trajectory::read(&poses)?;
+    let by_row = counts_up(&images) && trajectory.nearest(images[0].time, NEAR).is_none();
+    if by_row && trajectory.poses.len() < images.len() {
+        let reason =
+            format!("{} poses for {} images of rgb.txt; each needs a row", trajectory.poses.len(), images.len());
+        return Err(RecordingError::malformed(&poses, reason));
+    }
+    let mut index = Index { metric: true, ..Index::default() };
+    let lens = lens(dir, options, &mut index.warnings)?;
+    let (mut no_pose, mut no_image, mut no_depth) = (Vec::new(), Vec::new(), Vec::new());
+    for Listed { time, file } in &images {
+        let pose = if by_row { Some(trajectory.poses[*time as usize]) } else { trajectory.at(*time) };
+        let path = dir.join(file);
+        let Some(Pose { time: pose_time, world_to_camera }) = pose else {
+            no_pose.push(file.clone());
+            continue;
+        };
+        if !path.is_file() {
+            no_image.push(file.clone());
+            continue;
+        }
+        let depth = nearest(&depths, *time).map(|d| dir.join(&d.file)).filter(|p| p.is_file());
+        if depth.is_none() {
+            no_depth.push(file.clone());
+        }
+        index.entries.push(Entry {
+            name: file.clone(),
+            time: Some(if by_row { pose_time } else { *time }),
+            world_to_camera,
+            lens,
+            color: Box::new(move || read_color(&path)),
+            depth: depth.map(|d| -> Load<Measured> { Box::new(move || Measured::read_png(&d, PER_METRE, false)) }),
+            mask: None,
+        });
+    }
+    index.warn(dir, "images have no pose within 20 ms and are ignored", &no_pose);
+    index.warn(dir, "images are missing, their frames are ignored", &no_image);
+    if no_depth.len() < index.entries.len() {
+        index.warn(dir, "frames have no depth image within 20 ms", &no_depth);
+    }
+    Ok(index)
+}
+
+/// True if time stamps are indices from 0.
+fn counts_up(images: &[Listed]) -> bool {
+    !images.is_empty() && images.iter().enumerate().all(|(i, image)| image.time == i as f64)
+}
+
+fn nearest(depths: &[Listed], time: f64) -> Option<&Listed> {
+    let apart = |d: &&Listed| (d.time - time).abs();
+    depths.iter().min_by(|a, b| apart(a).total_cmp(&apart(b))).filter(|d| apart(d) <= NEAR)
+}
+
+/// Intrinsics from the options, a file, or the name of the sequence in the head of `rgb.txt`.
+fn lens(dir: &Path, options: &RecordingOptions, warnings: &mut Vec<String>) -> Result<Lens, RecordingError> {
+    if let Some(k) = &options.intrinsics {
+        return Ok(Lens::pinhole(k));
+    }
+    if let Some(path) = first_file(dir, &["intrinsics.txt", "calibration.txt"]) {
+        let row = rows(&path)?.into_iter().next().map_or(String::new(), |r| r.text);
+        let k = parse_intrinsics(&row).map_err(|e| RecordingError::malformed(&path, e))?;
+        return Ok(Lens::pinhole(&k));
+    }
+    let head = text(&dir.join("rgb.txt"))?;
+    let head: String = head.lines().take_while(|l| l.starts_with('#')).collect();
+    let Some((name, [fx, fy, cx, cy], [k1, k2, p1, p2, k3])) = CAMERAS.into_iter().find(|c| head.contains(c.0)) else {
+        return Err(RecordingError::Intrinsics { path: dir.into(), hint: KNOWN });
+    };
+    warnings.push(format!(
+        "{}: no intrinsics are stated; those of {name} are used, because rgb.txt names this camera",
+        dir.display()
+    ));
+    let k = Intrinsics { fx, fy, cx: cx + 0.5, cy: cy + 0.5, width: 640, height: 480 };
+    Ok(Lens { distortion: Distortion::radial([k1, k2, k3, 0.0, 0.0, 0.0], [p1, p2]), ..Lens::pinhole(&k) })
+}
+
+pub(super) fn write(dir: &Path, recording: &Recording) -> Result<(), RecordingError> {
+    let Some(first) = recording.frames.first() else {
+        return Err(RecordingError::incomplete(dir, "a recording without frames cannot be written"));
+    };
+    let k = first.view.camera.intrinsics;
+    if recording.frames.iter().any(|f| f.view.camera.intrinsics != k) {
+        let reason = "TUM recordings have one camera, the frames have several; use another format";
+        return Err(RecordingError::incomplete(dir, reason));
+    }
+    let (mut images, mut depths) = (String::from("# timestamp filename\n"), String::from("# timestamp filename\n"));
+    let mut poses = String::from("# timestamp tx ty tz qx qy qz qw\n");
+    for (i, frame) in recording.frames.iter().enumerate() {
+        let time = frame.time.unwrap_or(i as f64 / 30.0);
+        write_png(&dir.join(format!("rgb/{i:06}.png")), &frame.view)?;
+        let _ = writeln!(images, "{time:.6} rgb/{i:06}.png");
+        if let Some(depth) = &frame.view.depth {
+            write_depth_png(&dir.join(format!("depth/{i:06}.png")), &frame.view, depth, PER_METRE)?;
+            let _ = writeln!(depths, "{time:.6} depth/{i:06}.png");
+        }
+        let (r, t) = Axes::OpenCv.camera_to_world(&frame.view.camera, DQuat::IDENTITY);
+        let q = DQuat::from_mat3(&r);
+        let _ = writeln!(poses, "{time:.6} {} {} {} {} {} {} {}", t.x, t.y, t.z, q.x, q.y, q.z, q.w);
+    }
+    let intrinsics = format!("{} {} {} {} {} {}\n", k.fx, k.fy, k.cx - 0.5, k.cy - 0.5, k.width, k.height);
+    for (name, text) in
+        [("rgb.txt", images), ("depth.txt", depths), ("groundtruth.txt", poses), ("intrinsics.txt", intrinsics)]
+    {
+        write_atomic(&dir.join(name), text.as_bytes())?;
+    }
+    Ok(())
+}

@@ -1,0 +1,215 @@
+//! Recordings: every format is written and read back, and damaged ones are refused with a helpful message.
+
+use artgs_core::{Camera, DepthMap, Intrinsics, RecordedFrame, Recording, View};
+use artgs_io::recording::{RecordingFormat, RecordingOptions, load_recording, write_recording};
+use glam::{DVec2, DVec3};
+use std::path::Path;
+
+const K: Intrinsics = Intrinsics { fx: 70.0, fy: 70.0, cx: 31.0, cy: 25.0, width: 64, height: 48 };
+const UP: DVec3 = DVec3::Y;
+
+/// Frames around a slanted plane with smooth colours. Depth is exact to 0.2 mm.
+fn sample(count: usize) -> Recording {
+    let frame = |i: usize| {
+        let angle = 0.2 * i as f64;
+        let eye = DVec3::new(angle.sin(), 0.6 + 0.01 * i as f64, angle.cos());
+        let camera = Camera::look_at(K, eye, DVec3::new(0.05, 0.1, 0.0), UP);
+        let pixels = (0..48).flat_map(|y| (0..64).map(move |x| (x, y)));
+        let depth = |(x, y): (u32, u32)| {
+            let near = camera.unproject(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5), 1.0) - eye;
+            // The plane y = 0.1 z - 0.3.
+            let normal = DVec3::new(0.0, 1.0, -0.1);
+            let depth = (-0.3 - normal.dot(eye)) / normal.dot(near);
+            if (0.0..5.0).contains(&depth) { (depth * 5000.0).round() as u16 } else { 0 }
+        };
+        let view = View {
+            name: format!("{i}"),
+            camera,
+            rgba: pixels.clone().map(|(x, y)| [2 * x as u8 + 40, 3 * y as u8 + 20, 10 * i as u8, 255]).collect(),
+            depth: Some(DepthMap::new(pixels.map(depth).collect(), 5000.0)),
+        };
+        RecordedFrame { view, time: Some(100.0 + 0.25 * i as f64), depth_step: 1.0 }
+    };
+    Recording { up: Some(UP), metric: true, frames: (0..count).map(frame).collect(), ..Recording::default() }
+}
+
+fn read(dir: &Path) -> Recording {
+    load_recording(dir, &RecordingOptions::default()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn message(dir: &Path) -> String {
+    load_recording(dir, &RecordingOptions::default()).map(|r| r.format).unwrap_err().to_string()
+}
+
+/// Tolerances of a format.
+struct Loss {
+    /// Largest difference of a colour channel.
+    color: u8,
+    /// Largest difference of depth, metres.
+    depth: f32,
+    /// True if time stamps are kept.
+    time: bool,
+}
+
+fn round_trip(format: RecordingFormat, loss: &Loss) -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    let written = sample(6);
+    write_recording(dir.path(), &written, format).unwrap();
+    assert_eq!(RecordingFormat::detect(dir.path()), Some(format));
+    let back = read(dir.path());
+    assert_eq!((back.format, back.frames.len(), back.recorded), (format.name(), 6, 6));
+    assert!(back.warnings.is_empty(), "{:?}", back.warnings);
+    for (a, b) in written.frames.iter().zip(&back.frames) {
+        let (ka, kb) = (a.view.camera.intrinsics, b.view.camera.intrinsics);
+        assert_eq!((ka.width, ka.height), (kb.width, kb.height));
+        for (p, q) in [(ka.fx, kb.fx), (ka.fy, kb.fy), (ka.cx, kb.cx), (ka.cy, kb.cy)] {
+            assert!((p - q).abs() < 1e-4, "{ka:?} {kb:?}");
+        }
+        let off = a.view.camera.world_to_camera.inverse() * b.view.camera.world_to_camera;
+        assert!(off.translation.length() < 1e-4 && off.angle() < 1e-4, "{off:?}");
+        let worst = a.view.rgba.iter().zip(&b.view.rgba).flat_map(|(p, q)| (0..4).map(|c| p[c].abs_diff(q[c]))).max();
+        assert!(worst.unwrap() <= loss.color, "{worst:?}");
+        if loss.time {
+            assert!((a.time.unwrap() - b.time.unwrap()).abs() < 1e-4);
+        }
+        let (da, db) = (a.view.depth.as_ref().unwrap(), b.view.depth.as_ref().unwrap());
+        assert_eq!(b.depth_step, 1.0);
+        for (p, q) in da.iter().zip(db.iter()) {
+            assert!((p - q).abs() <= loss.depth, "{p} {q}");
+        }
+    }
+    dir
+}
+
+#[test]
+fn scanner_app() {
+    let dir = round_trip(RecordingFormat::ScannerApp, &Loss { color: 8, depth: 5.1e-4, time: true });
+    assert_eq!(read(dir.path()).up, Some(DVec3::Y));
+    let path = |name: &str| dir.path().join(name);
+
+    std::fs::remove_file(path("depth_00002.png")).unwrap();
+    std::fs::remove_file(path("frame_00004.jpg")).unwrap();
+    let fewer = read(dir.path());
+    assert_eq!(fewer.frames.len(), 4);
+    assert!(fewer.warnings.iter().any(|w| w.contains("frame_00004.jpg")), "{:?}", fewer.warnings);
+    assert!(fewer.warnings.iter().any(|w| w.contains("no depth") && w.contains("frame_00002.jpg")));
+
+    let image = std::fs::read(path("frame_00003.jpg")).unwrap();
+    std::fs::write(path("frame_00003.jpg"), &image[..image.len() / 2]).unwrap();
+    let text = message(dir.path());
+    assert!(text.contains("frame_00003.jpg") && text.contains("export it again"), "{text}");
+    std::fs::write(path("frame_00003.jpg"), image).unwrap();
+
+    let json = std::fs::read_to_string(path("frame_00001.json")).unwrap();
+    for (from, to, part) in [
+        ("\"intrinsics\"", "\"intrinsic\"", "key `intrinsics`"),
+        ("\"cameraPoseARFrame\": [", "\"cameraPoseARFrame\": [0.5,", "key `cameraPoseARFrame`"),
+        ("{", "", "not valid JSON"),
+    ] {
+        std::fs::write(path("frame_00001.json"), json.replacen(from, to, 1)).unwrap();
+        let text = message(dir.path());
+        assert!(text.contains("frame_00001.json") && text.contains(part), "{text}");
+    }
+    std::fs::write(path("frame_00001.json"), json).unwrap();
+
+    artgs_io::image_io::write_gray(&path("conf_00001.png"), 2, 2, &[2; 4]).unwrap();
+    let text = message(dir.path());
+    assert!(text.contains("conf_00001.png") && text.contains("2x2"), "{text}");
+}
+
+/// Depth of a small image and low confidence, as phones write them.
+#[test]
+fn scanner_app_with_small_depth() {
+    let dir = tempfile::tempdir().unwrap();
+    write_recording(dir.path(), &sample(3), RecordingFormat::ScannerApp).unwrap();
+    for i in 0..3 {
+        let path = |kind: &str| dir.path().join(format!("{kind}_{i:05}.png"));
+        let counts: Vec<u16> = (0..16 * 12).map(|p| 900 + p / 16).collect();
+        artgs_io::image_io::write_depth(&path("depth"), 16, 12, &DepthMap::new(counts, 1000.0)).unwrap();
+        let levels: Vec<u8> = (0..16 * 12).map(|p| if p % 16 < 4 { 0 } else { 1 }).collect();
+        artgs_io::image_io::write_gray(&path("conf"), 16, 12, &levels).unwrap();
+    }
+    let back = read(dir.path());
+    let depth = back.frames[0].view.depth.as_ref().unwrap();
+    assert_eq!(back.frames[0].depth_step, 4.0);
+    assert!((0..48).all(|y| depth.at(y * 64 + 10) == 0.0 && (0.89..0.92).contains(&depth.at(y * 64 + 40))));
+}
+
+#[test]
+fn tum() {
+    let dir = round_trip(RecordingFormat::Tum, &Loss { color: 0, depth: 1e-6, time: true });
+    let path = |name: &str| dir.path().join(name);
+    assert_eq!(read(dir.path()).up, None);
+
+    let rgb = std::fs::read_to_string(path("rgb.txt")).unwrap();
+    std::fs::write(path("rgb.txt"), rgb.replace("100.500000", "107.0")).unwrap();
+    let fewer = read(dir.path());
+    assert_eq!(fewer.frames.len(), 5);
+    assert!(
+        fewer.warnings[0].contains("no pose") && fewer.warnings[0].contains("rgb/000002.png"),
+        "{:?}",
+        fewer.warnings
+    );
+    std::fs::write(path("rgb.txt"), rgb.replace("100.500000", "x")).unwrap();
+    let text = message(dir.path());
+    assert!(text.contains("rgb.txt") && text.contains("line 4"), "{text}");
+    std::fs::write(path("rgb.txt"), &rgb).unwrap();
+
+    std::fs::remove_file(path("intrinsics.txt")).unwrap();
+    let text = message(dir.path());
+    assert!(text.contains("fx,fy,cx,cy") && text.contains("535.4,539.2,320.1,247.6"), "{text}");
+    let options = RecordingOptions { intrinsics: Some(K), every: 2, offset: 1, ..RecordingOptions::default() };
+    let odd = load_recording(dir.path(), &options).unwrap();
+    assert_eq!(odd.frames.iter().map(|f| f.time.unwrap()).collect::<Vec<_>>(), [100.25, 100.75, 101.25]);
+    assert_eq!(odd.frames[0].view.camera.intrinsics, K);
+    let wrong = RecordingOptions { every: 2, offset: 2, ..options };
+    assert!(load_recording(dir.path(), &wrong).unwrap_err().to_string().contains("offset"));
+}
+
+/// Images with indices instead of time stamps: rows of the poses belong to them.
+#[test]
+fn tum_with_indices() {
+    let dir = tempfile::tempdir().unwrap();
+    write_recording(dir.path(), &sample(4), RecordingFormat::Tum).unwrap();
+    let path = |name: &str| dir.path().join(name);
+    let expected = read(dir.path());
+    for name in ["rgb", "depth"] {
+        let list: String = (0..4).map(|i| format!("{i} {name}/{i:06}.png\n")).collect();
+        std::fs::write(path(&format!("{name}.txt")), list).unwrap();
+    }
+    std::fs::rename(path("groundtruth.txt"), path("truth_cam_poses.txt")).unwrap();
+    let back = read(dir.path());
+    for (a, b) in expected.frames.iter().zip(&back.frames) {
+        assert_eq!((a.view.camera, a.time), (b.view.camera, b.time));
+    }
+    let poses = std::fs::read_to_string(path("truth_cam_poses.txt")).unwrap();
+    let fewer: Vec<&str> = poses.lines().take(3).collect();
+    std::fs::write(path("truth_cam_poses.txt"), fewer.join("\n")).unwrap();
+    let text = message(dir.path());
+    assert!(text.contains("truth_cam_poses.txt") && text.contains("2 poses for 4 images"), "{text}");
+}
+
+#[test]
+fn long_recordings_are_thinned_and_large_images_reduced() {
+    let dir = tempfile::tempdir().unwrap();
+    write_recording(dir.path(), &sample(20), RecordingFormat::Tum).unwrap();
+    let options = RecordingOptions { frames: 7, longest_side: 32, ..RecordingOptions::default() };
+    let back = load_recording(dir.path(), &options).unwrap();
+    assert_eq!((back.frames.len(), back.recorded), (7, 20));
+    let k = back.frames[0].view.camera.intrinsics;
+    assert_eq!((k.width, k.height, k.fx, k.cx), (32, 24, 35.0, 15.5));
+    assert_eq!(back.frames[0].view.depth.as_ref().unwrap().len(), 32 * 24);
+    let times: Vec<f64> = back.frames.iter().map(|f| f.time.unwrap()).collect();
+    assert!(times.windows(2).all(|w| (0.25..1.3).contains(&(w[1] - w[0]))), "{times:?}");
+}
+
+#[test]
+fn other_folders_are_no_recordings() {
+    let dir = tempfile::tempdir().unwrap();
+    let text = message(dir.path());
+    assert!(text.contains("not a recording") && text.contains("scanner-app"), "{text}");
+    assert!(message(&dir.path().join("nothing")).contains("no such file"));
+    for format in RecordingFormat::ALL {
+        assert_eq!(RecordingFormat::from_name(format.name()), Some(format));
+    }
+}
