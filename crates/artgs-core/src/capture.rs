@@ -1,6 +1,6 @@
 //! A capture: posed RGBA images, with or without depth, of one object in its observed states.
 
-use crate::{Camera, DepthMap, PerState};
+use crate::{Camera, DepthMap, PerState, Rigid};
 use glam::DVec3;
 
 /// Least alpha of a pixel that shows the object.
@@ -40,6 +40,9 @@ pub struct StateViews {
 pub struct Capture {
     /// Views of every state.
     pub states: PerState<StateViews>,
+    /// Motion from the world of each state's recording into the world of the capture, where the states were recorded in
+    /// worlds of their own.
+    pub frames: Option<PerState<Rigid>>,
     /// Warnings, one sentence each.
     pub warnings: Vec<String>,
 }

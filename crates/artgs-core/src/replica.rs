@@ -138,6 +138,10 @@ pub struct Replica {
     pub states: [String; 2],
     /// Meshes of the whole object.
     pub whole: PerState<String>,
+    /// Motion from the world of each state's recording into the world of the replica, where the states were recorded in
+    /// worlds of their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frames: Option<PerState<Rigid>>,
     /// Parts, the static one first.
     pub parts: Vec<Part>,
 }
@@ -161,6 +165,7 @@ impl Replica {
             version: REPLICA_VERSION,
             states: State::ALL.map(|state| state.name().into()),
             whole: file("whole"),
+            frames: None,
             parts: (0..=joints.len()).map(part).collect(),
         }
     }

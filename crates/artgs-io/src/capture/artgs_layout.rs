@@ -52,9 +52,9 @@ pub(super) fn entries(
             world_to_camera: world_to_camera(pose, &place, "transform_matrix")?,
             depth: find_depth(dir, &image, text(frame, &place, "depth_path")?, &place)?,
             sort_key: listed.into(),
+            lens: own_lens(root, frame, &place, lens)?,
             place,
             image,
-            lens,
             depth_scale,
         });
     }
@@ -64,6 +64,18 @@ pub(super) fn entries(
             .push(format!("{shown}: key `time` of {n} frames (first: frame {first}) is not {number}, read as {name}"));
     }
     Ok(entries)
+}
+
+/// Intrinsics of a frame: those of the file, with the values that the frame has itself.
+fn own_lens(root: &Object, frame: &Object, place: &str, of_file: Lens) -> Result<Lens, CaptureError> {
+    const KEYS: [&str; 8] = ["camera_angle_x", "camera_angle_y", "fl_x", "fl_y", "cx", "cy", "w", "h"];
+    if !KEYS.iter().any(|key| frame.contains_key(*key)) {
+        return Ok(of_file);
+    }
+    // Only these keys: the file also holds a list of all frames.
+    let mut merged: Object = KEYS.iter().filter_map(|key| Some((key.to_string(), root.get(*key)?.clone()))).collect();
+    merged.extend(KEYS.iter().filter_map(|key| Some((key.to_string(), frame.get(*key)?.clone()))));
+    lens(&merged, place)
 }
 
 fn missing(place: &str, key: &str, what: &str) -> CaptureError {

@@ -6,6 +6,9 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CaptureError {
+    /// A file of the capture cannot be read.
+    #[error(transparent)]
+    File(#[from] crate::FileError),
     /// There is no such folder.
     #[error("{}: no such directory; give the folder of the capture", dir.display())]
     DirectoryMissing {

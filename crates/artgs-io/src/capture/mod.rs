@@ -12,9 +12,11 @@ pub(crate) mod json;
 mod paris_layout;
 pub(crate) mod pose;
 mod views;
+mod write;
 
 pub use error::CaptureError;
 pub use pose::opengl_pose;
+pub use write::write_capture;
 
 use artgs_core::{Capture, PerState, State, StateViews, View};
 use std::path::{Path, PathBuf};
@@ -55,7 +57,8 @@ pub fn load_capture(dir: &Path) -> Result<Capture, CaptureError> {
     let states = PerState::new(load(State::START)?, load(State::END)?);
     check::depth_is_everywhere(&states, &mut warnings);
     check::states_overlap(&states)?;
-    Ok(Capture { states, warnings })
+    let frames = write::read_frames(dir)?;
+    Ok(Capture { states, frames, warnings })
 }
 
 /// Layout of the folder.

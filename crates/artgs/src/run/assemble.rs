@@ -36,8 +36,10 @@ impl Run<'_> {
                     (run.summary.test, run.summary.train) = score_pictures(capture, trained, rotate);
                     Preview::new(capture, trained, &fitted.parts, rotate)
                 });
+                let mut replica = replica(&fitted.parts, points.as_ref(), &meshes);
+                replica.frames = capture.frames;
                 let result = Reconstructed {
-                    replica: replica(&fitted.parts, points.as_ref(), &meshes),
+                    replica,
                     meshes,
                     points,
                     trained: fitted.trained,

@@ -1,0 +1,135 @@
+//! Writes a capture in the ArtGS layout, with intrinsics per frame.
+
+use super::pose::opengl_pose;
+use crate::image_io::{write_depth, write_rgba};
+use crate::{FileError, write_atomic};
+use artgs_core::{Capture, DepthMap, PerState, Rigid, State, View};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// File with the motions from the worlds of recordings into that of the capture.
+const FRAMES_FILE: &str = "frames.json";
+
+/// Content of [`FRAMES_FILE`].
+#[derive(Serialize, Deserialize)]
+struct Frames {
+    /// Motion from the world of each state's recording into the world of the capture.
+    frames: PerState<Rigid>,
+}
+
+/// Writes the training and held-out views of a capture into `dir`. [`load_capture`](super::load_capture) reads the same
+/// colours and cameras; depth is rounded to counts of one size, 1/65534 of the largest depth.
+pub fn write_capture(dir: &Path, capture: &Capture) -> Result<(), FileError> {
+    let views = || capture.states.iter().flat_map(|s| s.train.iter().chain(&s.test));
+    let largest = views().filter_map(|v| v.depth.as_ref()).flat_map(DepthMap::iter).fold(0.0_f32, f32::max);
+    let scale = if largest > 0.0 { f64::from(u16::MAX - 1) / f64::from(largest) } else { 1.0 };
+    // A round number keeps files readable.
+    let scale = if scale > 10.0 { scale.floor() } else { scale };
+    for (state, views) in capture.states.enumerate() {
+        for (split, views) in [("train", &views.train), ("test", &views.test)] {
+            if views.is_empty() {
+                continue;
+            }
+            let folder = format!("{}/{split}", state.name());
+            let numbered: Vec<(usize, &View)> = views.iter().enumerate().collect();
+            numbered.par_iter().try_for_each(|(i, view)| write_view(dir, &folder, *i, view, scale))?;
+            let frames: Vec<Value> = numbered.iter().map(|(i, view)| frame(&folder, *i, view, state)).collect();
+            let lens = lens(&views[0]);
+            let mut root = json!({ "depth_scale": scale, "frames": frames });
+            if let (Some(root), Value::Object(lens)) = (root.as_object_mut(), lens) {
+                root.extend(lens);
+            }
+            write_json(&dir.join(format!("transforms_{split}_{}.json", state.name())), &root)?;
+        }
+    }
+    match capture.frames {
+        Some(frames) => write_json(&dir.join(FRAMES_FILE), &json!(Frames { frames })),
+        None => Ok(()),
+    }
+}
+
+/// Motions from the worlds of recordings into the world of the capture; none if the folder does not state them.
+pub(super) fn read_frames(dir: &Path) -> Result<Option<PerState<Rigid>>, FileError> {
+    let path = dir.join(FRAMES_FILE);
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let bytes = std::fs::read(&path).map_err(|source| FileError::Read { path: path.clone(), source })?;
+    let read = serde_json::from_slice::<Frames>(&bytes);
+    Ok(Some(read.map_err(|e| FileError::malformed(&path, e.to_string()))?.frames))
+}
+
+fn write_json(path: &Path, value: &Value) -> Result<(), FileError> {
+    write_atomic(path, format!("{value:#}\n").as_bytes())
+}
+
+fn write_view(dir: &Path, folder: &str, index: usize, view: &View, scale: f64) -> Result<(), FileError> {
+    let (width, height) = (view.camera.intrinsics.width, view.camera.intrinsics.height);
+    write_rgba(&dir.join(format!("{folder}/rgba/{index:04}.png")), width, height, &view.rgba)?;
+    let Some(depth) = &view.depth else { return Ok(()) };
+    let count = |z: f32| if z > 0.0 { (f64::from(z) * scale).round().clamp(1.0, f64::from(u16::MAX)) as u16 } else { 0 };
+    let counts = DepthMap::new(depth.iter().map(count).collect(), scale as f32);
+    write_depth(&dir.join(format!("{folder}/depth/{index:04}.png")), width, height, &counts)
+}
+
+fn lens(view: &View) -> Value {
+    let k = &view.camera.intrinsics;
+    json!({ "fl_x": k.fx, "fl_y": k.fy, "cx": k.cx, "cy": k.cy, "w": k.width, "h": k.height })
+}
+
+fn frame(folder: &str, index: usize, view: &View, state: State) -> Value {
+    let mut frame = lens(view);
+    frame["file_path"] = format!("{folder}/rgba/{index:04}.png").into();
+    if view.depth.is_some() {
+        frame["depth_path"] = format!("{folder}/depth/{index:04}.png").into();
+    }
+    frame["time"] = json!(state.index() as f64);
+    frame["transform_matrix"] = json!(opengl_pose(&view.camera));
+    frame["recorded_as"] = view.name.as_str().into();
+    frame
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load_capture;
+    use artgs_core::{Camera, Intrinsics, StateViews};
+    use glam::DVec3;
+
+    fn view(i: usize) -> View {
+        let intrinsics =
+            Intrinsics { fx: 20.0 + i as f64, fy: 21.0, cx: 4.0 - i as f64, cy: 3.5, width: 8, height: 6 };
+        let eye = DVec3::new(1.0 + i as f64, 0.5, 2.0);
+        let depth: Vec<f32> = (0..48).map(|p| if p == 5 { 0.0 } else { 1.0 + 0.01 * p as f32 }).collect();
+        View {
+            name: format!("walk/{i}.jpg"),
+            camera: Camera::look_at(intrinsics, eye, DVec3::ZERO, DVec3::Y),
+            rgba: (0..48).map(|p| [p, 2 * p, i as u8, 255]).collect(),
+            depth: Some(DepthMap::nearest(&depth)),
+        }
+    }
+
+    #[test]
+    fn a_written_capture_is_read_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let views = || StateViews { train: (0..3).map(view).collect(), test: Vec::new() };
+        let turn = Rigid::about(DVec3::Y, DVec3::X, 0.4);
+        let frames = Some(PerState::new(Rigid::IDENTITY, turn));
+        let capture = Capture { states: PerState::new(views(), views()), frames, warnings: Vec::new() };
+        write_capture(dir.path(), &capture).unwrap();
+        let read = load_capture(dir.path()).unwrap();
+        assert_eq!(read.frames, capture.frames);
+        for (a, b) in capture.states.iter().zip(read.states.iter()) {
+            assert_eq!(b.train.len(), 3);
+            for (a, b) in a.train.iter().zip(&b.train) {
+                assert_eq!((a.camera.intrinsics, &a.rgba), (b.camera.intrinsics, &b.rgba));
+                let p = DVec3::new(0.1, 0.2, -0.3);
+                assert!(a.camera.project(p).0.distance(b.camera.project(p).0) < 1e-9);
+                let (da, db) = (a.depth.as_ref().unwrap(), b.depth.as_ref().unwrap());
+                assert!(da.iter().zip(db.iter()).all(|(a, b)| (a - b).abs() < 1e-4 && (a > 0.0) == (b > 0.0)));
+            }
+        }
+    }
+}

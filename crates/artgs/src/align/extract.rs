@@ -1,0 +1,241 @@
+//! A capture of the selected object: refined poses, masks from depth, images cut to the object.
+
+use super::cloud::FusedCloud;
+use super::consistent::factor_at;
+use super::frames::DepthFrame;
+use super::object::Selection;
+use artgs_core::{Camera, DepthMap, Intrinsics, PerState, RecordedFrame, State, View};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// What makes a view of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ExtractConfig {
+    /// Pixels without depth take the label of a pixel at most this far away, in measured depth pixels.
+    pub fill: f64,
+    /// Pixels around the object that are kept.
+    pub margin: usize,
+    /// Share of the object's surface that other things may hide before a frame is left out, 0 to 1.
+    pub hidden: f64,
+    /// Least share of an image that the object fills, 0 to 1.
+    pub least_share: f64,
+}
+
+impl Default for ExtractConfig {
+    fn default() -> Self {
+        Self { fill: 3.0, margin: 8, hidden: 0.08, least_share: 0.01 }
+    }
+}
+
+/// A frame whose pixels are labelled, and the box of the object in it: first and past-the-last column and row.
+struct Labelled<'a> {
+    recorded: &'a RecordedFrame,
+    camera: Camera,
+    depth: DepthMap,
+    labels: Vec<Label>,
+    columns: [usize; 2],
+    rows: [usize; 2],
+}
+
+/// Recorded and prepared frames of a state, with their factors of depth.
+pub(crate) struct StateFrames<'a> {
+    pub(crate) recorded: &'a [RecordedFrame],
+    pub(crate) frames: &'a [DepthFrame],
+    pub(crate) factors: &'a [Vec<f32>],
+    /// Surface of the object in this state, one point per cube of edge `spacing`.
+    pub(crate) surface: FusedCloud,
+    pub(crate) spacing: f32,
+}
+
+/// Views of the object in all states, cut to one size. Frames in which other things hide it, or that hardly show it, are
+/// left out.
+pub(crate) fn views(
+    states: &PerState<StateFrames<'_>>,
+    selection: &Selection,
+    config: &ExtractConfig,
+) -> PerState<Vec<View>> {
+    let labelled = states.as_ref().map(|s| {
+        let visible = |i: &usize| hidden_share(&s.frames[*i], selection) <= config.hidden;
+        let label = |i: usize| Labelled::new(s, i, selection, config);
+        (0..s.recorded.len()).into_par_iter().filter(visible).filter_map(label).collect::<Vec<_>>()
+    });
+    let all = || labelled.iter().flatten();
+    let most = |extent: fn(&Labelled<'_>) -> usize| all().map(extent).max().unwrap_or(0) + 2 * config.margin;
+    let smallest = |size: fn(&Labelled<'_>) -> usize| all().map(size).min().unwrap_or(0);
+    let width = most(|l| l.columns[1] - l.columns[0]).min(smallest(|l| l.recorded.view.size().0));
+    let height = most(|l| l.rows[1] - l.rows[0]).min(smallest(|l| l.recorded.view.size().1));
+    PerState::from_fn(|state| labelled[state].par_iter().map(|l| l.cut(state, width, height)).collect())
+}
+
+/// Share of the object's points in the image that something else is in front of.
+fn hidden_share(frame: &DepthFrame, selection: &Selection) -> f64 {
+    /// Every so many points are tested.
+    const STRIDE: usize = 5;
+    /// A surface this much nearer than the point, relative to its depth, is in front of it.
+    const FRONT: f64 = 0.05;
+    let (mut hidden, mut total) = (0, 0);
+    let pose = frame.pose();
+    for p in selection.cloud.points.iter().step_by(STRIDE) {
+        let q = frame.camera.world_to_camera.apply(p.as_dvec3());
+        let Some(cell) = frame.cell_of(q) else { continue };
+        total += 1;
+        let surface = frame.points[cell].as_dvec3();
+        let front = surface.z > 0.0 && surface.z < q.z * (1.0 - FRONT);
+        hidden += usize::from(front && !selection.contains(pose.apply(surface)));
+    }
+    if total == 0 { 1.0 } else { f64::from(hidden as u32) / f64::from(total as u32) }
+}
+
+/// Label of a pixel.
+#[derive(Clone, Copy, PartialEq)]
+enum Label {
+    Unknown,
+    Object,
+    Other,
+}
+
+impl<'a> Labelled<'a> {
+    /// None if the object fills less than the least share of the image.
+    fn new(
+        state: &StateFrames<'a>,
+        index: usize,
+        selection: &Selection,
+        config: &ExtractConfig,
+    ) -> Option<Self> {
+        let (recorded, frame, factors) = (&state.recorded[index], &state.frames[index], &state.factors[index]);
+        let width = recorded.view.size().0;
+        let depth = corrected(recorded.view.depth.as_ref()?, width, frame, factors);
+        let camera = Camera { world_to_camera: frame.camera.world_to_camera, ..recorded.view.camera };
+        let mut labels = labels(&camera, &depth, width, selection);
+        cover(&mut labels, &camera, &state.surface, state.spacing);
+        fill(&mut labels, width, (config.fill * recorded.depth_step).ceil() as usize);
+        let (mut count, mut columns, mut rows) = (0, [width, 0], [usize::MAX, 0]);
+        for i in (0..labels.len()).filter(|&i| labels[i] == Label::Object) {
+            let (x, y) = (i % width, i / width);
+            count += 1;
+            columns = [columns[0].min(x), columns[1].max(x + 1)];
+            rows = [rows[0].min(y), rows[1].max(y + 1)];
+        }
+        let large = count as f64 >= config.least_share * labels.len().max(1) as f64;
+        (large && count > 0).then_some(Self { recorded, camera, depth, labels, columns, rows })
+    }
+
+    /// The window of this size around the object; it stays in the image.
+    fn cut(&self, state: State, width: usize, height: usize) -> View {
+        let (source, size) = (&self.recorded.view, self.recorded.view.size());
+        let start = |[from, to]: [usize; 2], window: usize, image: usize| {
+            ((from + to) / 2).saturating_sub(window / 2).min(image - window)
+        };
+        let (x0, y0) = (start(self.columns, width, size.0), start(self.rows, height, size.1));
+        let pixels = || (y0..y0 + height).flat_map(move |y| (x0..x0 + width).map(move |x| y * size.0 + x));
+        let object = |i: usize| self.labels[i] == Label::Object;
+        let color = |i: usize| {
+            let [r, g, b, _] = source.rgba[i];
+            [r, g, b, if object(i) { 255 } else { 0 }]
+        };
+        let counts = pixels().map(|i| if object(i) { self.depth.counts()[i] } else { 0 }).collect();
+        let k = self.camera.intrinsics;
+        let intrinsics = Intrinsics {
+            cx: k.cx - x0 as f64,
+            cy: k.cy - y0 as f64,
+            width: width as u32,
+            height: height as u32,
+            ..k
+        };
+        View {
+            name: format!("{}/{}", state.name(), source.name),
+            camera: Camera { intrinsics, ..self.camera },
+            rgba: pixels().map(color).collect(),
+            depth: Some(DepthMap::new(counts, self.depth.per_unit())),
+        }
+    }
+}
+
+/// Depth with the factors of its cells, in finer counts.
+fn corrected(depth: &DepthMap, width: usize, frame: &DepthFrame, factors: &[f32]) -> DepthMap {
+    let step = width as f64 / frame.columns().max(1) as f64;
+    let step = step.floor().max(1.0);
+    let depths: Vec<f32> = depth
+        .iter()
+        .enumerate()
+        .map(|(i, z)| {
+            let (u, v) = (((i % width) as f64 + 0.5) / step, ((i / width) as f64 + 0.5) / step);
+            if z > 0.0 { z * factor_at(factors, frame.columns(), u, v) } else { 0.0 }
+        })
+        .collect();
+    DepthMap::nearest(&depths)
+}
+
+fn labels(camera: &Camera, depth: &DepthMap, width: usize, selection: &Selection) -> Vec<Label> {
+    let pose = camera.world_to_camera.inverse();
+    let k = &camera.intrinsics;
+    let label = |(i, z): (usize, f32)| {
+        if z == 0.0 {
+            return Label::Unknown;
+        }
+        let z = f64::from(z);
+        let (u, v) = ((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+        let p = pose.apply(glam::DVec3::new((u - k.cx) / k.fx * z, (v - k.cy) / k.fy * z, z));
+        if selection.contains(p) { Label::Object } else { Label::Other }
+    };
+    depth.iter().enumerate().map(label).collect()
+}
+
+/// Unknown pixels in front of which the surface of the object lies, as other frames see it, show the object.
+fn cover(labels: &mut [Label], camera: &Camera, surface: &FusedCloud, spacing: f32) {
+    /// Radius of a point's disc, cubes: discs of neighbouring cubes overlap, and outlines grow little.
+    const RADIUS: f64 = 0.6;
+    let k = &camera.intrinsics;
+    for point in &surface.points {
+        let (center, z) = camera.project(point.as_dvec3());
+        if z <= 0.0 {
+            continue;
+        }
+        let radius = RADIUS * f64::from(spacing) * k.fx / z;
+        let range = |c: f64, size: u32| {
+            let (from, to) = ((c - radius).ceil().max(0.0), (c + radius).floor().min(f64::from(size) - 1.0));
+            if from <= to { from as usize..to as usize + 1 } else { 0..0 }
+        };
+        for y in range(center.y - 0.5, k.height) {
+            for x in range(center.x - 0.5, k.width) {
+                let label = &mut labels[y * k.width as usize + x];
+                if *label == Label::Unknown {
+                    *label = Label::Object;
+                }
+            }
+        }
+    }
+}
+
+/// Gives unknown pixels the label of the nearest known pixel within `reach` steps along rows and columns; others are not
+/// the object.
+fn fill(labels: &mut [Label], width: usize, reach: usize) {
+    let mut front: Vec<usize> = (0..labels.len()).filter(|&i| labels[i] != Label::Unknown).collect();
+    for _ in 0..reach {
+        let mut next = Vec::new();
+        let mut set = Vec::new();
+        for &i in &front {
+            let x = i % width;
+            let around = [
+                (x > 0).then(|| i - 1),
+                (x + 1 < width).then_some(i + 1),
+                i.checked_sub(width),
+                Some(i + width).filter(|j| *j < labels.len()),
+            ];
+            for j in around.into_iter().flatten() {
+                if labels[j] == Label::Unknown {
+                    set.push((j, labels[i]));
+                }
+            }
+        }
+        for (j, label) in set {
+            if labels[j] == Label::Unknown {
+                labels[j] = label;
+                next.push(j);
+            }
+        }
+        front = next;
+    }
+    labels.iter_mut().filter(|l| **l == Label::Unknown).for_each(|l| *l = Label::Other);
+}

@@ -1,0 +1,301 @@
+//! The stage `align`: recordings of two states, each in a world frame of its own, become one capture of the object.
+//!
+//! Poses of each recording are refined (`bundle`), the end recording is moved into the world of the start (`global`), all
+//! poses are refined together, and the object is selected (`object`, `planes`) and cut out (`extract`).
+
+mod bundle;
+mod cloud;
+mod consistent;
+mod extract;
+mod features;
+pub(crate) mod frames;
+pub(crate) mod global;
+mod object;
+mod planes;
+
+pub use bundle::BundleConfig;
+pub use consistent::ConsistentConfig;
+pub use extract::ExtractConfig;
+pub use frames::GridConfig;
+pub use global::GlobalConfig;
+pub use object::ObjectConfig;
+pub use planes::{Plane, PlaneConfig};
+
+use artgs_core::{Capture, PerState, Recording, Rigid, State, StateViews};
+use bundle::{BundleReport, register_frames};
+use extract::StateFrames;
+use frames::DepthFrame;
+use glam::DVec3;
+use global::{Hypothesis, Scenes, seen_through};
+use object::Selection;
+use serde::{Deserialize, Serialize};
+
+/// Settings of the stage `align`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AlignConfig {
+    /// Frames on coarse grids.
+    pub grid: GridConfig,
+    /// Registration of frames with each other.
+    pub bundle: BundleConfig,
+    /// Search for the alignment of the two recordings.
+    pub global: GlobalConfig,
+    /// Correction of depth by other frames.
+    pub consistent: ConsistentConfig,
+    /// Selection of the object.
+    pub object: ObjectConfig,
+    /// Views of the object.
+    pub extract: ExtractConfig,
+    /// Least score of an alignment, -1 to 1: below it the recordings have nothing in common.
+    pub least_score: f64,
+    /// An alignment whose score is this much below the best is still possible, 0 to 1.
+    pub ambiguous: f64,
+}
+
+impl Default for AlignConfig {
+    fn default() -> Self {
+        Self {
+            grid: GridConfig::default(),
+            bundle: BundleConfig::default(),
+            global: GlobalConfig::default(),
+            consistent: ConsistentConfig::default(),
+            object: ObjectConfig::default(),
+            extract: ExtractConfig::default(),
+            least_score: 0.3,
+            ambiguous: 0.08,
+        }
+    }
+}
+
+/// Why recordings were not aligned. Every message says what to do.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AlignError {
+    /// A recording has fewer frames with depth than are needed.
+    #[error(
+        "the recording of state {state} has {count} frames with depth, at least {LEAST_FRAMES} are needed; record with \
+         depth, or use a capture with known poses in one frame"
+    )]
+    FewFrames {
+        /// Name of the state.
+        state: &'static str,
+        /// Frames with depth.
+        count: usize,
+    },
+    /// No alignment explains both recordings.
+    #[error(
+        "the recordings of the two states cannot be aligned: the best alignment explains {percent:.0} % of the surfaces; \
+         are they of the same object and place? Keep more of the surroundings in view and unchanged"
+    )]
+    NothingInCommon {
+        /// Score of the best alignment, percent.
+        percent: f64,
+    },
+    /// Two different alignments explain the recordings equally well.
+    #[error(
+        "two alignments of the recordings are almost equally good (scores {first:.2} and {second:.2}), {degrees:.0} degrees \
+         and {length:.2} units apart; keep something in view that breaks the symmetry, and leave it where it is"
+    )]
+    Ambiguous {
+        /// Score of the best alignment.
+        first: f64,
+        /// Score of the other.
+        second: f64,
+        /// Angle between them.
+        degrees: f64,
+        /// Distance between the places where they put the object, scene units.
+        length: f64,
+    },
+    /// The cameras look at nothing but planes.
+    #[error("no object was found: the cameras look at floor and walls only; walk around the object and keep it in the centre")]
+    NoObject,
+    /// The object is in no view of a state.
+    #[error("no frame of state {0} shows the object unhidden; walk around the object with nothing in front of it")]
+    NoViews(&'static str),
+}
+
+/// Frames with depth that a recording needs.
+pub const LEAST_FRAMES: usize = 4;
+
+/// What the stage found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AlignReport {
+    /// Motion from the world of each recording into the world of the start recording.
+    pub frames: PerState<Rigid>,
+    /// Median distance between surfaces of different frames before and after poses were refined, scene units.
+    pub disagreement: PerState<[f64; 2]>,
+    /// Share of the surfaces that the alignment explains less the share that it contradicts, -1 to 1.
+    pub score: f64,
+    /// The same of the best clearly different alignment; none if there is none.
+    pub runner_up: Option<f64>,
+    /// Box of the object, world of the start recording.
+    pub object: [DVec3; 2],
+    /// Share of what the cameras look at that is the object, 0 to 1.
+    pub attention: f64,
+    /// The same of the next candidate.
+    pub other_attention: f64,
+    /// Planes that bound the scene.
+    pub planes: Vec<Plane>,
+    /// Frames that show the object, of each state.
+    pub views: PerState<usize>,
+    /// Upward direction in the world of the start recording; stated by the device, or the normal of the largest plane.
+    pub up: Option<DVec3>,
+}
+
+/// Aligns two recordings and selects the object. The capture is in the world of the start recording and in its unit.
+pub fn align(
+    recordings: &PerState<Recording>,
+    config: &AlignConfig,
+    seed: u64,
+) -> Result<(Capture, AlignReport), AlignError> {
+    for (state, recording) in recordings.enumerate() {
+        let count = recording.frames.iter().filter(|f| f.view.depth.is_some()).count();
+        if count < LEAST_FRAMES {
+            return Err(AlignError::FewFrames { state: state.name(), count });
+        }
+    }
+    let aligned = poses(recordings, config, seed)?;
+    cut_out(recordings, aligned, config, seed)
+}
+
+/// Frames of both recordings with refined poses in the world of the start recording.
+pub(crate) struct Aligned {
+    pub(crate) frames: PerState<Vec<DepthFrame>>,
+    /// Median depth.
+    pub(crate) unit: f64,
+    pub(crate) best: Hypothesis,
+    pub(crate) runner_up: Option<f64>,
+    pub(crate) disagreement: PerState<[f64; 2]>,
+}
+
+/// Refines the poses of each recording, aligns the recordings, and refines all poses together.
+pub(crate) fn poses(recordings: &PerState<Recording>, config: &AlignConfig, seed: u64) -> Result<Aligned, AlignError> {
+    let mut frames = recordings.as_ref().map(|r| DepthFrame::all(&r.frames, &config.grid));
+    let unit = bundle::median_depth(frames.iter().flatten());
+    let alone = PerState::from_fn(|state| {
+        let order: Vec<(usize, usize)> = (0..frames[state].len()).map(|i| (0, i)).collect();
+        register_frames(&mut frames[state], &order, &config.bundle)
+    });
+    let (best, runner_up) = best_alignment(recordings, &frames, unit, config, seed)?;
+    let (frames, together) = register_jointly(frames, &best.motion, config);
+    Ok(Aligned { frames, unit, best, runner_up, disagreement: alone.map(|r| [r.before, together.after]) })
+}
+
+/// Corrects depth, selects the object and makes views of it.
+pub(crate) fn cut_out(
+    recordings: &PerState<Recording>,
+    aligned: Aligned,
+    config: &AlignConfig,
+    seed: u64,
+) -> Result<(Capture, AlignReport), AlignError> {
+    let Aligned { mut frames, unit, best, runner_up, disagreement } = aligned;
+    let factors = frames.as_ref().map(|f| consistent::depth_factors(f, &config.consistent));
+    for (own, factors) in frames.iter_mut().zip(factors.iter()) {
+        own.iter_mut().zip(factors).for_each(|(frame, factors)| frame.scale_depth(factors));
+    }
+    let up = recordings[State::START].up;
+    let moved = |cloud: &cloud::FusedCloud| {
+        let tolerance = config.global.tolerance * unit;
+        let through = frames.as_ref().map(|f| seen_through(cloud, f, tolerance));
+        (0..cloud.len()).map(|i| through.iter().any(|t| t[i])).collect()
+    };
+    let all: Vec<&DepthFrame> = frames.iter().flatten().collect();
+    let selection = Selection::find(&all, unit, up, &moved, &config.object, seed).ok_or(AlignError::NoObject)?;
+    let spacing = (0.5 * config.object.cube * unit) as f32;
+    let sources = PerState::from_fn(|state| StateFrames {
+        recorded: &recordings[state].frames,
+        frames: &frames[state],
+        factors: &factors[state],
+        surface: selection.surface(&frames[state], spacing),
+        spacing,
+    });
+    let views = extract::views(&sources, &selection, &config.extract);
+    if let Some((state, _)) = views.enumerate().find(|(_, v)| v.is_empty()) {
+        return Err(AlignError::NoViews(state.name()));
+    }
+    let warnings = recordings.iter().flat_map(|r| r.warnings.iter().cloned()).collect();
+    let to_start = PerState::new(Rigid::IDENTITY, end_motion(recordings, &frames, &best.motion));
+    let states = views.map(|train| StateViews { train, test: Vec::new() });
+    let capture = Capture { states, frames: Some(to_start), warnings };
+    let report = AlignReport {
+        frames: to_start,
+        disagreement,
+        score: best.score,
+        runner_up,
+        object: [selection.lower, selection.upper],
+        attention: selection.attention,
+        other_attention: selection.runner_up,
+        up: up.or(selection.planes.first().map(|p| p.normal)),
+        planes: selection.planes,
+        views: capture.states.as_ref().map(|s| s.train.len()),
+    };
+    Ok((capture, report))
+}
+
+/// The alignment with the best score, and the score of the best clearly different one.
+fn best_alignment(
+    recordings: &PerState<Recording>,
+    frames: &PerState<Vec<DepthFrame>>,
+    unit: f64,
+    config: &AlignConfig,
+    seed: u64,
+) -> Result<(Hypothesis, Option<f64>), AlignError> {
+    let up = recordings.as_ref().map(|r| r.up);
+    let scenes = Scenes::new(frames.as_ref().map(Vec::as_slice), up, unit, &config.global);
+    let found = scenes.search(&config.global, seed);
+    let Some(best) = found.first().copied().filter(|h| h.score >= config.least_score) else {
+        let percent = 100.0 * found.first().map_or(0.0, |h| h.score.max(0.0));
+        return Err(AlignError::NothingInCommon { percent });
+    };
+    if let Some(second) = found.get(1).filter(|h| h.score > best.score - config.ambiguous) {
+        let center = scenes.center(State::END);
+        return Err(AlignError::Ambiguous {
+            first: best.score,
+            second: second.score,
+            degrees: (best.motion.inverse() * second.motion).angle().to_degrees(),
+            length: best.motion.apply(center).distance(second.motion.apply(center)),
+        });
+    }
+    Ok((best, found.get(1).map(|h| h.score)))
+}
+
+/// Refines the poses of all frames together, in the world of the start recording.
+fn register_jointly(
+    frames: PerState<Vec<DepthFrame>>,
+    motion: &Rigid,
+    config: &AlignConfig,
+) -> (PerState<Vec<DepthFrame>>, BundleReport) {
+    let counts = frames.as_ref().map(Vec::len);
+    let mut joint = Vec::with_capacity(counts.iter().sum());
+    let mut order = Vec::with_capacity(joint.capacity());
+    for (state, own) in State::ALL.into_iter().zip(frames) {
+        for (i, mut frame) in own.into_iter().enumerate() {
+            if state == State::END {
+                frame.set_pose(*motion * frame.pose());
+            }
+            joint.push(frame);
+            order.push((state.index(), i));
+        }
+    }
+    let report = register_frames(&mut joint, &order, &config.bundle);
+    let end = joint.split_off(counts[State::START]);
+    (PerState::new(joint, end), report)
+}
+
+/// Mean motion from the stated poses of the end recording to the refined ones.
+fn end_motion(recordings: &PerState<Recording>, frames: &PerState<Vec<DepthFrame>>, near: &Rigid) -> Rigid {
+    let stated = recordings[State::END].frames.iter().map(|f| f.view.camera.world_to_camera.inverse());
+    let motions: Vec<Rigid> =
+        stated.zip(&frames[State::END]).map(|(stated, refined)| refined.pose() * stated.inverse()).collect();
+    let count = motions.len().max(1) as f64;
+    let center = frames[State::END].iter().map(|f| f.pose().translation).sum::<DVec3>() / count;
+    // Differences from `near` are small, so that rotation vectors can be averaged.
+    let (mut turn, mut shift) = (DVec3::ZERO, DVec3::ZERO);
+    for m in &motions {
+        let difference = *m * near.inverse();
+        turn += difference.rotation.to_scaled_axis() / count;
+        shift += (difference.apply(center) - center) / count;
+    }
+    let rotation = glam::DQuat::from_scaled_axis(turn);
+    Rigid { rotation, translation: center + shift - rotation * center } * *near
+}
