@@ -277,7 +277,7 @@ fn polycam() {
 
 #[test]
 fn record3d() {
-    let dir = round_trip(RecordingFormat::Record3d, &Loss { color: 8, depth: 1.1e-3, time: true });
+    let dir = round_trip(RecordingFormat::Record3d, &Loss { color: 8, depth: 2.1e-3, time: true });
     let path = |name: &str| dir.path().join(name);
     let json = std::fs::read_to_string(path("metadata.json")).unwrap();
     // Without intrinsics per frame those of the recording count; they are stored column by column.
