@@ -1,4 +1,5 @@
 //! Recordings in containers of ROS messages: small bags and MCAP files are built byte by byte.
+#![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
 use artgs_io::recording::{RecordingFormat, RecordingOptions, load_recording};
 use glam::DVec3;
@@ -251,6 +252,30 @@ fn depth_is_moved_to_the_colour_camera() {
     // At 2 m the depth camera sees 1.26 m to either side of itself, the colour camera 1.07 m, 40 cm farther to the right.
     assert!(seen(0) && seen(28) && !seen(30));
     assert_eq!(back.frames[0].depth_step, 1.0);
+}
+
+/// Colour and depth that were recorded at different times do not form frames.
+#[test]
+fn depth_of_another_time_is_a_warning() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut bytes = bag(false);
+    // 50.004 s, 50.104 s and 50.204 s become 50.044 s and so on.
+    for i in 0..FRAMES as u32 {
+        let (was, now) = (i * 100_000_000 + 4_000_000, i * 100_000_000 + 44_000_000);
+        let pattern = |n: u32| [50_u32.to_le_bytes(), n.to_le_bytes()].concat();
+        let all: Vec<usize> = (0..bytes.len() - 8).filter(|at| near(&bytes[*at..*at + 8], &pattern(was))).collect();
+        assert!(!all.is_empty());
+        all.iter().for_each(|at| bytes[*at..*at + 8].copy_from_slice(&pattern(now)));
+    }
+    let (file, options) = store(dir.path(), "a.bag", &bytes);
+    let back = load_recording(&file, &options).unwrap();
+    assert!(!back.has_depth() && back.warnings[0].contains("no depth image within 20 ms"), "{:?}", back.warnings);
+}
+
+/// True for time stamps that differ by rounding.
+fn near(a: &[u8], b: &[u8]) -> bool {
+    let nanoseconds = |t: &[u8]| u32::from_le_bytes([t[4], t[5], t[6], t[7]]);
+    a[..4] == b[..4] && nanoseconds(a).abs_diff(nanoseconds(b)) < 100
 }
 
 #[test]

@@ -1,4 +1,5 @@
 //! Recordings: every format is written and read back, and damaged ones are refused with a helpful message.
+#![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
 use artgs_core::{Camera, DepthMap, Intrinsics, RecordedFrame, Recording, View};
 use artgs_io::recording::{RecordingFormat, RecordingOptions, load_recording, write_recording};

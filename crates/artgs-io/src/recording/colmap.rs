@@ -41,7 +41,8 @@ pub(super) fn index(path: &Path) -> Result<Index, RecordingError> {
     let (mut no_image, mut no_depth) = (Vec::new(), Vec::new());
     let mut shots = Vec::new();
     for shot in std::mem::take(&mut model.shots) {
-        let Some(image) = beside(&roots, &["images", "", "rgb", "image", "images_undistorted"], &[shot.name.clone()])
+        let Some(image) =
+            beside(&roots, &["images", "", "rgb", "image", "images_undistorted"], std::slice::from_ref(&shot.name))
         else {
             no_image.push(shot.name);
             continue;

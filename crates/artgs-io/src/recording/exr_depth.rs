@@ -20,7 +20,7 @@ pub(super) fn decode(path: &Path, bytes: &[u8]) -> std::result::Result<Measured,
     let image = reader.non_parallel().from_buffered(Cursor::new(bytes)).map_err(|e| broken(&e))?;
     let channels = &image.layer_data.channel_data.list;
     let named = |name: &&str| channels.iter().find(|c| c.name.eq_case_insensitive(name));
-    let channel = CHANNELS.iter().find_map(|n| named(n)).or(channels.first());
+    let channel = CHANNELS.iter().find_map(named).or(channels.first());
     let channel = channel.ok_or_else(|| broken(&"no channel"))?;
     let size = image.layer_data.size;
     let depths: Vec<f32> = channel.sample_data.values_as_f32().collect();

@@ -215,9 +215,7 @@ pub(super) fn index(container: Arc<dyn Container>, options: &RecordingOptions) -
         return Err(RecordingError::malformed(poses, reason));
     }
     index.warn(&path, "images have no pose within 20 ms and are ignored", &no_pose);
-    if no_depth.len() < index.entries.len() {
-        index.warn(&path, "frames have no depth image within 20 ms", &no_depth);
-    }
+    index.warn_no_depth(&path, depth.map_or(0, |(_, list)| list.len()), &no_depth);
     Ok(index)
 }
 
