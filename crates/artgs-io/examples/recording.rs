@@ -14,8 +14,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let intrinsics = arguments.get(1).filter(|a| !a.is_empty()).map(|a| parse_intrinsics(a)).transpose()?;
     let poses = arguments.get(2).map(PathBuf::from);
     let begin = std::time::Instant::now();
-    let recording =
-        load_recording(path.as_ref(), &RecordingOptions { intrinsics, poses, ..RecordingOptions::default() })?;
+    let recording = load_recording(
+        path.as_ref(),
+        &RecordingOptions {
+            intrinsics,
+            poses,
+            longest_side: std::env::var("SIDE").map_or(720, |s| s.parse().unwrap_or(720)),
+            ..RecordingOptions::default()
+        },
+    )?;
     println!(
         "{}: {} of {} frames in {:.1} s, up {:?}, metric {}",
         recording.format,

@@ -1,5 +1,5 @@
-//! Files: reads captures, and reads and writes images, meshes, splats, replicas, run folders and exports. One source file
-//! per format.
+//! Files: reads captures, and reads and writes recordings, images, meshes, splats, replicas, run folders and exports. One
+//! source file per format.
 //!
 //! Axis flips and unit conversions of foreign formats happen here and nowhere else; see `CONVENTIONS.md`.
 

@@ -1,4 +1,5 @@
 //! Recordings: every format is written and read back, and damaged ones are refused with a helpful message.
+#![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
 use artgs_core::{Camera, DepthMap, Intrinsics, RecordedFrame, Recording, View};
 use artgs_io::recording::{RecordingFormat, RecordingOptions, load_recording, write_recording};
@@ -212,4 +213,216 @@ fn other_folders_are_no_recordings() {
     for format in RecordingFormat::ALL {
         assert_eq!(RecordingFormat::from_name(format.name()), Some(format));
     }
+}
+
+#[test]
+fn nerfstudio() {
+    let dir = round_trip(RecordingFormat::Nerfstudio, &Loss { color: 0, depth: 5.1e-4, time: false });
+    let path = |name: &str| dir.path().join(name);
+    let json = std::fs::read_to_string(path("transforms.json")).unwrap();
+    for (from, to, part) in [
+        ("\"transform_matrix\"", "\"matrix\"", "frame 0: key `transform_matrix`"),
+        ("\"fl_x\"", "\"f\"", "key `fl_x`"),
+        ("\"OPENCV\"", "\"EQUIRECTANGULAR\"", "key `camera_model`"),
+        ("\"w\": 64", "\"w\": 90", "its intrinsics are for 90x48"),
+    ] {
+        std::fs::write(path("transforms.json"), json.replacen(from, to, 1)).unwrap();
+        let text = message(dir.path());
+        assert!(text.contains(part), "{text}");
+    }
+    std::fs::write(path("transforms.json"), &json).unwrap();
+    std::fs::remove_file(path("images/000002.png")).unwrap();
+    let fewer = read(dir.path());
+    assert!(fewer.frames.len() == 5 && fewer.warnings[0].contains("images/000002.png"), "{:?}", fewer.warnings);
+    assert_eq!(read(&path("transforms.json")).frames.len(), 5);
+    std::fs::write(path("images/000003.png"), b"\x89PNG\r\n").unwrap();
+    assert!(message(dir.path()).contains("000003.png"));
+}
+
+#[test]
+fn nerfstudio_with_masks_and_distortion() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut recording = sample(2);
+    for pixel in &mut recording.frames[0].view.rgba[..640] {
+        pixel[3] = 0;
+    }
+    write_recording(dir.path(), &recording, RecordingFormat::Nerfstudio).unwrap();
+    let back = read(dir.path());
+    assert!(back.has_masks());
+    assert!(back.frames[0].view.depth.as_ref().unwrap().iter().take(640).all(|d| d == 0.0));
+
+    let path = dir.path().join("transforms.json");
+    let json = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, json.replacen('{', "{ \"k1\": -0.1,", 1)).unwrap();
+    let flat = read(dir.path());
+    let (k, was) = (flat.frames[1].view.camera.intrinsics, back.frames[1].view.camera.intrinsics);
+    // Barrel distortion: the largest rectangle is narrower than the image, seen at the corners.
+    assert!(k != was && (k.width, k.height) == (64, 48), "{k:?}");
+    assert_ne!(flat.frames[1].view.rgba, back.frames[1].view.rgba);
+}
+
+#[test]
+fn polycam() {
+    let dir = round_trip(RecordingFormat::Polycam, &Loss { color: 8, depth: 5.1e-4, time: false });
+    assert_eq!(read(dir.path()).up, Some(DVec3::Y));
+    let path = |name: &str| dir.path().join("keyframes").join(name);
+    std::fs::remove_file(path("depth/1000001.png")).unwrap();
+    std::fs::remove_file(path("images/1000003.jpg")).unwrap();
+    let fewer = read(dir.path());
+    assert_eq!((fewer.frames.len(), fewer.warnings.len()), (4, 2), "{:?}", fewer.warnings);
+    let json = std::fs::read_to_string(path("cameras/1000002.json")).unwrap();
+    std::fs::write(path("cameras/1000002.json"), json.replace("\"t_12\"", "\"t\"")).unwrap();
+    let text = message(dir.path());
+    assert!(text.contains("1000002.json") && text.contains("key `t_12`"), "{text}");
+}
+
+#[test]
+fn record3d() {
+    let dir = round_trip(RecordingFormat::Record3d, &Loss { color: 8, depth: 2.1e-3, time: true });
+    let path = |name: &str| dir.path().join(name);
+    let json = std::fs::read_to_string(path("metadata.json")).unwrap();
+    // Without intrinsics per frame those of the recording count; they are stored column by column.
+    std::fs::write(path("metadata.json"), json.replace("perFrameIntrinsicCoeffs", "other")).unwrap();
+    assert_eq!(read(dir.path()).frames[0].view.camera.intrinsics, K);
+    std::fs::write(path("metadata.json"), json.replacen("\"poses\": [", "\"poses\": [[1],", 1)).unwrap();
+    assert!(message(dir.path()).contains("pose 0: key `poses`"));
+    std::fs::write(path("metadata.json"), json).unwrap();
+    let depth = std::fs::read(path("depth/3.exr")).unwrap();
+    std::fs::write(path("depth/3.exr"), &depth[..depth.len() / 2]).unwrap();
+    let text = message(dir.path());
+    assert!(text.contains("3.exr") && text.contains("not a complete"), "{text}");
+}
+
+/// The archive of the app: LZFSE instead of EXR, with confidence.
+#[test]
+fn record3d_archive() {
+    let dir = tempfile::tempdir().unwrap();
+    write_recording(dir.path(), &sample(3), RecordingFormat::Record3d).unwrap();
+    let file = dir.path().join("scan.r3d");
+    let mut archive = zip::ZipWriter::new(std::fs::File::create(&file).unwrap());
+    let mut add = |name: &str, bytes: &[u8]| {
+        archive.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
+        std::io::Write::write_all(&mut archive, bytes).unwrap();
+    };
+    let packed = |bytes: &[u8]| {
+        let mut packed = Vec::new();
+        lzfse_rust::encode_bytes(bytes, &mut packed).unwrap();
+        packed
+    };
+    add("metadata", &std::fs::read(dir.path().join("metadata.json")).unwrap());
+    for i in 0..3 {
+        add(&format!("rgbd/{i}.jpg"), &std::fs::read(dir.path().join(format!("rgb/{i}.jpg"))).unwrap());
+        let depth: Vec<u8> = (0..64 * 48).flat_map(|p| (0.5 + p as f32 * 1e-4).to_le_bytes()).collect();
+        add(&format!("rgbd/{i}.depth"), &packed(&depth));
+        add(&format!("rgbd/{i}.conf"), &packed(&(0..64 * 48).map(|p| (p % 3) as u8).collect::<Vec<_>>()));
+    }
+    archive.finish().unwrap();
+    assert_eq!(RecordingFormat::detect(&file), Some(RecordingFormat::Record3d));
+    let back = read(&file);
+    assert_eq!(back.frames.len(), 3);
+    let depth = back.frames[2].view.depth.as_ref().unwrap();
+    for p in 0..64 * 48 {
+        let expected = if p % 3 == 0 { 0.0 } else { 0.5 + p as f32 * 1e-4 };
+        assert!((depth.at(p) - expected).abs() < 1e-4);
+    }
+    let bytes = std::fs::read(&file).unwrap();
+    std::fs::write(&file, &bytes[..bytes.len() / 2]).unwrap();
+    let options = RecordingOptions { format: Some(RecordingFormat::Record3d), ..RecordingOptions::default() };
+    let text = load_recording(&file, &options).unwrap_err().to_string();
+    assert!(text.contains("scan.r3d") && text.contains("zip"), "{text}");
+}
+
+#[test]
+fn stray() {
+    let dir = round_trip(RecordingFormat::Stray, &Loss { color: 8, depth: 5.1e-4, time: true });
+    let path = |name: &str| dir.path().join(name);
+    let table = std::fs::read_to_string(path("odometry.csv")).unwrap();
+    std::fs::write(path("odometry.csv"), table.replacen(", qx", ", q", 1)).unwrap();
+    assert!(message(dir.path()).contains("no column `qx`"));
+    let short: Vec<&str> = table.lines().enumerate().map(|(i, l)| if i == 3 { &l[..20] } else { l }).collect();
+    std::fs::write(path("odometry.csv"), short.join("\n")).unwrap();
+    let text = message(dir.path());
+    assert!(text.contains("odometry.csv") && text.contains("line 4"), "{text}");
+    // Columns of intrinsics may be absent or empty.
+    let without: Vec<String> = table.lines().map(|l| l.split(", ").take(9).collect::<Vec<_>>().join(", ")).collect();
+    std::fs::write(path("odometry.csv"), without.join("\n")).unwrap();
+    assert_eq!(read(dir.path()).frames[3].view.camera.intrinsics, K);
+    // A video is needed where there are no images, and this one is none.
+    std::fs::remove_dir_all(path("rgb")).unwrap();
+    std::fs::write(path("rgb.mp4"), b"no video").unwrap();
+    let text = message(dir.path());
+    assert!(text.contains("rgb.mp4") && text.contains("ffmpeg"), "{text}");
+}
+
+#[test]
+fn seven_scenes() {
+    let dir = round_trip(RecordingFormat::SevenScenes, &Loss { color: 0, depth: 5.1e-4, time: false });
+    let path = |name: &str| dir.path().join(name);
+    let counts = vec![65535_u16; 64 * 48];
+    artgs_io::image_io::write_depth(&path("frame-000001.depth.png"), 64, 48, &DepthMap::new(counts, 1.0)).unwrap();
+    let back = read(dir.path());
+    assert!(back.frames[1].view.depth.as_ref().unwrap().iter().all(|d| d == 0.0));
+    assert!(back.warnings[0].contains("frame-000001"), "{:?}", back.warnings);
+    std::fs::write(path("frame-000002.pose.txt"), "1 0 0 0\n0 1 0\n0 0 1 0\n0 0 0 1\n").unwrap();
+    let text = message(dir.path());
+    assert!(text.contains("frame-000002.pose.txt") && text.contains("line 2"), "{text}");
+}
+
+#[test]
+fn colmap() {
+    let dir = tempfile::tempdir().unwrap();
+    let written = sample(4);
+    write_recording(dir.path(), &written, RecordingFormat::Colmap).unwrap();
+    assert_eq!(RecordingFormat::detect(dir.path()), Some(RecordingFormat::Colmap));
+    let back = read(dir.path());
+    assert!(back.metric && back.up.is_none());
+    for (a, b) in written.frames.iter().zip(&back.frames) {
+        assert_eq!(a.view.camera.intrinsics, b.view.camera.intrinsics);
+        let off = a.view.camera.world_to_camera.inverse() * b.view.camera.world_to_camera;
+        assert!(off.translation.length() < 1e-9 && off.angle() < 1e-6);
+        assert_eq!(a.view.rgba, b.view.rgba);
+    }
+    let path = |name: &str| dir.path().join("sparse/0").join(name);
+    let images = std::fs::read_to_string(path("images.txt")).unwrap();
+    std::fs::write(path("images.txt"), images.replace(" 1 000002.png", " 5 000002.png")).unwrap();
+    let text = message(dir.path());
+    assert!(text.contains("images.txt") && text.contains("no camera 5"), "{text}");
+    std::fs::write(path("images.txt"), &images).unwrap();
+    std::fs::remove_dir_all(dir.path().join("depth")).unwrap();
+    let back = read(dir.path());
+    assert!(!back.metric && back.frames[0].view.depth.is_none());
+}
+
+/// A model of half the size, with points that have depth: poses become metric.
+#[test]
+fn colmap_is_scaled_to_depth() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut recording = sample(4);
+    for frame in &mut recording.frames {
+        frame.view.camera.world_to_camera.translation *= 0.5;
+    }
+    write_recording(dir.path(), &recording, RecordingFormat::Colmap).unwrap();
+    let (mut points, mut id) = (String::new(), 0);
+    let images = std::fs::read_to_string(dir.path().join("sparse/0/images.txt")).unwrap();
+    let mut lines: Vec<String> = images.lines().map(String::from).collect();
+    for (i, frame) in recording.frames.iter().enumerate() {
+        for p in (0..64 * 48).step_by(97) {
+            let depth = f64::from(frame.view.depth.as_ref().unwrap().at(p));
+            if depth > 0.0 {
+                let pixel = DVec2::new((p % 64) as f64 + 0.5, (p / 64) as f64 + 0.5);
+                let point = frame.view.camera.unproject(pixel, 0.5 * depth);
+                points += &format!("{id} {} {} {} 0 0 0 0.5\n", point.x, point.y, point.z);
+                lines[2 + 2 * i] += &format!("{} {} {id} ", pixel.x, pixel.y);
+                id += 1;
+            }
+        }
+    }
+    std::fs::write(dir.path().join("sparse/0/points3D.txt"), points).unwrap();
+    std::fs::write(dir.path().join("sparse/0/images.txt"), lines.join("\n")).unwrap();
+    let back = read(dir.path());
+    for (a, b) in recording.frames.iter().zip(&back.frames) {
+        let (a, b) = (a.view.camera.position() * 2.0, b.view.camera.position());
+        assert!(a.distance(b) < 2e-3 * a.length(), "{a} {b}");
+    }
+    assert!(back.warnings.iter().any(|w| w.contains("scaled by")), "{:?}", back.warnings);
 }

@@ -12,7 +12,12 @@ pub(crate) type Object = Map<String, Value>;
 /// `null`, so that the error can name the frame.
 pub(crate) fn read_object(path: &Path, shown: &Path) -> Result<Object, CaptureError> {
     let bytes = std::fs::read(path).map_err(|source| CaptureError::Unreadable { file: shown.into(), source })?;
-    let text = null_for_not_finite(&bytes);
+    object_of_bytes(&bytes, shown)
+}
+
+/// Parses the bytes of a camera file, as [`read_object`] does.
+pub(crate) fn object_of_bytes(bytes: &[u8], shown: &Path) -> Result<Object, CaptureError> {
+    let text = null_for_not_finite(bytes);
     let value: Value = serde_json::from_slice(&text).map_err(|e| CaptureError::Json {
         file: shown.into(),
         line: e.line(),

@@ -2,7 +2,9 @@
 
 use super::RecordingError;
 use super::lens::same_shape;
-use crate::image_io::{DepthImage, read_depth};
+use super::npy::read_npy;
+use super::warp::DepthCamera;
+use crate::image_io::{DepthImage, read_depth, read_rgba};
 use artgs_core::{DepthMap, Intrinsics};
 use std::path::Path;
 
@@ -15,6 +17,8 @@ pub(super) struct Measured {
     pub(super) height: u32,
     /// Row-major.
     pub(super) map: DepthMap,
+    /// The camera that measured it; none: that of the colour image.
+    pub(super) camera: Option<DepthCamera>,
 }
 
 /// Depth of every pixel of a colour image.
@@ -31,7 +35,25 @@ impl Measured {
         if full_is_hole {
             counts.iter_mut().filter(|c| **c == u16::MAX).for_each(|c| *c = 0);
         }
-        Ok(Self { place: path.display().to_string(), width, height, map: DepthMap::new(counts, per_unit) })
+        Ok(Self {
+            place: path.display().to_string(),
+            width,
+            height,
+            map: DepthMap::new(counts, per_unit),
+            camera: None,
+        })
+    }
+
+    /// A PNG or NumPy array in millimetres, without the depth that a second PNG gives the lowest confidence.
+    pub(super) fn read_phone(depth: &Path, confidence: Option<&Path>) -> Result<Self, RecordingError> {
+        let measured = match depth.extension() {
+            Some(e) if e == "npy" => read_npy(depth, 1000.0)?,
+            _ => Self::read_png(depth, 1000.0, false)?,
+        };
+        let Some(path) = confidence else { return Ok(measured) };
+        let levels = read_rgba(path)?;
+        let place = path.display().to_string();
+        measured.without_untrusted(levels.width, levels.height, levels.pixels.iter().map(|p| p[0]), &place)
     }
 
     /// Removes depth of the lowest confidence.
@@ -58,6 +80,9 @@ impl Measured {
     /// Depth for the pixels of the same camera's image with intrinsics `k`. Depth of a smaller image is interpolated within
     /// surfaces and removed across depth edges; of a larger or equal one the nearest pixel is taken.
     pub(super) fn onto(&self, k: &Intrinsics) -> Result<Registered, RecordingError> {
+        if let Some(camera) = &self.camera {
+            return Ok(self.warped(camera, k));
+        }
         if !same_shape((self.width, self.height), (k.width, k.height)) {
             let reason = format!(
                 "the depth image is {}x{}, its colour image has the aspect ratio {}:{}; depth must show the same field of \
@@ -92,7 +117,7 @@ const BLURRED_SLOPE: f32 = 2.0;
 const BLUR: usize = 2;
 
 /// Pixels at depth edges, and holes. `focal` in pixels of the depth image.
-fn edges(map: &DepthMap, width: usize, height: usize, focal: f32) -> Vec<bool> {
+pub(super) fn edges(map: &DepthMap, width: usize, height: usize, focal: f32) -> Vec<bool> {
     // Rounding of counts is no edge.
     let floor = 2.5 / map.per_unit();
     let exceeds = |a: f32, b: f32, slope: f32| a == 0.0 || b == 0.0 || (a - b).abs() > floor + a.min(b) * slope / focal;
@@ -150,7 +175,7 @@ mod tests {
         let (w, h) = (width as usize, height as usize);
         let counts = (0..h).flat_map(|y| (0..w).map(move |x| (x, y)));
         let counts = counts.map(|(x, y)| (1000.0 * depth(x, y)).round() as u16).collect();
-        Measured { place: "d.png".into(), width, height, map: DepthMap::new(counts, 1000.0) }
+        Measured { place: "d.png".into(), width, height, map: DepthMap::new(counts, 1000.0), camera: None }
     }
 
     const K: Intrinsics = Intrinsics { fx: 64.0, fy: 64.0, cx: 32.0, cy: 24.0, width: 64, height: 48 };

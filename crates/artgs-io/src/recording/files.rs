@@ -71,3 +71,33 @@ pub(super) fn between<'a>(name: &'a str, prefix: &str, suffix: &str) -> Option<&
 pub(super) fn first_file(dir: &Path, names: &[&str]) -> Option<std::path::PathBuf> {
     names.iter().map(|n| dir.join(n)).find(|p| p.is_file())
 }
+
+/// Key that sorts names with numbers by their values: 9 before 10.
+pub(super) fn natural(name: &str) -> String {
+    let mut key = String::with_capacity(name.len() + 16);
+    let mut digits = String::new();
+    for c in name.chars().chain(['\0']) {
+        if c.is_ascii_digit() {
+            digits.push(c);
+            continue;
+        }
+        if !digits.is_empty() {
+            key += &format!("{:0>20}", digits.trim_start_matches('0'));
+            digits.clear();
+        }
+        key.push(c);
+    }
+    key
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_in_names_sort_by_value() {
+        let mut names = ["a10.jpg", "a9.jpg", "a010b.jpg", "b1"];
+        names.sort_by_cached_key(|n| natural(n));
+        assert_eq!(names, ["a9.jpg", "a10.jpg", "a010b.jpg", "b1"]);
+    }
+}

@@ -1,6 +1,6 @@
 //! The formats, their names, and recognition by content.
 
-use super::{files, scanner_app, tum};
+use super::{colmap, files, mcap, nerfstudio, polycam, record3d, rosbag, scanner_app, seven_scenes, stray, tum};
 use std::path::Path;
 
 /// A format of recordings.
@@ -74,14 +74,14 @@ impl RecordingFormat {
         match self {
             Self::ScannerApp => scanner_app::matches(path),
             Self::Tum => tum::matches(path),
-            Self::Nerfstudio => false,
-            Self::Record3d => false,
-            Self::Polycam => false,
-            Self::Stray => false,
-            Self::Colmap => false,
-            Self::SevenScenes => false,
-            Self::RealsenseBag => false,
-            Self::Mcap => false,
+            Self::Nerfstudio => nerfstudio::matches(path),
+            Self::Record3d => record3d::matches(path),
+            Self::Polycam => polycam::matches(path),
+            Self::Stray => stray::matches(path),
+            Self::Colmap => colmap::matches(path),
+            Self::SevenScenes => seven_scenes::matches(path),
+            Self::RealsenseBag => rosbag::matches(path),
+            Self::Mcap => mcap::matches(path),
         }
     }
 

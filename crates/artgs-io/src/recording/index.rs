@@ -38,6 +38,13 @@ pub(super) struct Index {
 }
 
 impl Index {
+    /// Adds the warning that frames have no depth image although the recording has `recorded` of them.
+    pub(super) fn warn_no_depth(&mut self, path: &Path, recorded: usize, names: &[String]) {
+        if recorded > 0 {
+            self.warn(path, "frames have no depth image within 20 ms", names);
+        }
+    }
+
     /// Adds the warning "N WHAT: a, b, ...", if there is any name.
     pub(super) fn warn(&mut self, path: &Path, what: &str, names: &[String]) {
         if !names.is_empty() {

@@ -4,20 +4,39 @@
 //! those are decoded ([`decode`]), in parallel. The result has pinhole cameras with OpenCV axes, images without lens
 //! distortion, and depth for their pixels.
 
+mod binary;
+mod colmap;
+mod colmap_model;
+mod colmap_scale;
+mod container;
 mod decode;
 mod depth;
 mod error;
+mod exr_depth;
 mod files;
 mod format;
 mod index;
 mod lens;
+mod mcap;
+mod nerfstudio;
+mod npy;
 mod options;
 mod pixels;
+mod polycam;
 mod pose;
+mod record3d;
+mod ros;
+mod rosbag;
 mod scanner_app;
 mod select;
+mod seven_scenes;
+mod store;
+mod stray;
 mod trajectory;
 mod tum;
+mod values;
+mod video;
+mod warp;
 mod write;
 
 pub use error::RecordingError;
@@ -42,7 +61,14 @@ pub fn load_recording(path: &Path, options: &RecordingOptions) -> Result<Recordi
     let index = match format {
         RecordingFormat::ScannerApp => scanner_app::index(path)?,
         RecordingFormat::Tum => tum::index(path, options)?,
-        _ => return Err(RecordingError::incomplete(path, "this format is not supported")),
+        RecordingFormat::Nerfstudio => nerfstudio::index(path)?,
+        RecordingFormat::Record3d => record3d::index(path)?,
+        RecordingFormat::Polycam => polycam::index(path)?,
+        RecordingFormat::Stray => stray::index(path, options)?,
+        RecordingFormat::Colmap => colmap::index(path)?,
+        RecordingFormat::SevenScenes => seven_scenes::index(path, options)?,
+        RecordingFormat::RealsenseBag => rosbag::index(path, options)?,
+        RecordingFormat::Mcap => mcap::index(path, options)?,
     };
     load(path, format, index, options)
 }
@@ -53,7 +79,16 @@ pub fn write_recording(dir: &Path, recording: &Recording, format: RecordingForma
     match format {
         RecordingFormat::ScannerApp => scanner_app::write(dir, recording),
         RecordingFormat::Tum => tum::write(dir, recording),
-        _ => Err(RecordingError::incomplete(dir, format!("{} recordings cannot be written", format.name()))),
+        RecordingFormat::Nerfstudio => nerfstudio::write(dir, recording),
+        RecordingFormat::Record3d => record3d::write(dir, recording),
+        RecordingFormat::Polycam => polycam::write(dir, recording),
+        RecordingFormat::Stray => stray::write(dir, recording),
+        RecordingFormat::Colmap => colmap::write(dir, recording),
+        RecordingFormat::SevenScenes => seven_scenes::write(dir, recording),
+        RecordingFormat::RealsenseBag | RecordingFormat::Mcap => {
+            let reason = format!("{} recordings cannot be written; choose another format", format.name());
+            Err(RecordingError::incomplete(dir, reason))
+        }
     }
 }
 

@@ -93,6 +93,13 @@ pub(super) fn read_color(path: &Path) -> Result<Color, RecordingError> {
     decode_color(path, &read_bytes(path)?)
 }
 
+/// Width and height in the header of a JPEG or PNG.
+pub(super) fn dimensions(path: &Path) -> Result<(u32, u32), RecordingError> {
+    let unreadable = |e: &dyn std::fmt::Display| RecordingError::malformed(path, format!("not a readable image ({e})"));
+    let reader = image::ImageReader::open(path).and_then(|r| r.with_guessed_format()).map_err(|e| unreadable(&e))?;
+    reader.into_dimensions().map_err(|e| unreadable(&e))
+}
+
 /// Decodes a JPEG or PNG; `path` names it in messages.
 pub(super) fn decode_color(path: &Path, bytes: &[u8]) -> Result<Color, RecordingError> {
     if bytes.starts_with(b"\x89PNG") {

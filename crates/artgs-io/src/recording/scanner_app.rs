@@ -8,9 +8,10 @@ use super::index::{Entry, Index, Load};
 use super::lens::{Distortion, Lens};
 use super::pixels::read_color;
 use super::pose::{Axes, upright};
+use super::values::numbers;
 use super::write::{size, write_depth_png, write_jpeg, write_json};
 use crate::capture::json::{Object, key_error, number, read_object};
-use crate::image_io::{read_rgba, write_gray};
+use crate::image_io::write_gray;
 use artgs_core::{RecordedFrame, Recording};
 use glam::{DQuat, DVec2, DVec3};
 use serde_json::{Value, json};
@@ -103,25 +104,9 @@ fn lens(root: &Object, place: &str) -> Result<Lens, RecordingError> {
     Ok(Lens { focal, center: Some(center), size, distortion: Distortion::None })
 }
 
-/// A list of N finite numbers.
-fn numbers<const N: usize>(root: &Object, place: &str, key: &str) -> Result<[f64; N], RecordingError> {
-    let list = root.get(key).and_then(Value::as_array);
-    let list: Option<Vec<f64>> = list.and_then(|l| l.iter().map(Value::as_f64).collect());
-    let fail =
-        || key_error(place, key, format!("expected a list of {N} finite numbers; remove the frame or export again"));
-    Ok(list.and_then(|l| <[f64; N]>::try_from(l).ok()).ok_or_else(fail)?)
-}
-
 fn depth_of(dir: &Path, depth: &str, confidence: Option<String>) -> Load<Measured> {
-    let depth = dir.join(depth);
-    let confidence = confidence.map(|c| dir.join(c));
-    Box::new(move || {
-        let measured = Measured::read_png(&depth, 1000.0, false)?;
-        let Some(path) = &confidence else { return Ok(measured) };
-        let levels = read_rgba(path)?;
-        let place = path.display().to_string();
-        measured.without_untrusted(levels.width, levels.height, levels.pixels.iter().map(|p| p[0]), &place)
-    })
+    let (depth, confidence) = (dir.join(depth), confidence.map(|c| dir.join(c)));
+    Box::new(move || Measured::read_phone(&depth, confidence.as_deref()))
 }
 
 pub(super) fn write(dir: &Path, recording: &Recording) -> Result<(), RecordingError> {

@@ -108,9 +108,7 @@ pub(super) fn index(dir: &Path, options: &RecordingOptions) -> Result<Index, Rec
     }
     index.warn(dir, "images have no pose within 20 ms and are ignored", &no_pose);
     index.warn(dir, "images are missing, their frames are ignored", &no_image);
-    if no_depth.len() < index.entries.len() {
-        index.warn(dir, "frames have no depth image within 20 ms", &no_depth);
-    }
+    index.warn_no_depth(dir, depths.len(), &no_depth);
     Ok(index)
 }
 

@@ -1,0 +1,69 @@
+//! Depth images in OpenEXR: one channel, half or single floats, scene units.
+
+use super::RecordingError;
+use super::depth::Measured;
+use crate::write_atomic;
+use artgs_core::DepthMap;
+use exr::prelude::*;
+use std::io::Cursor;
+use std::path::Path;
+
+/// Names of a channel with depth, the usual one first; else the first channel is read.
+const CHANNELS: [&str; 4] = ["R", "Z", "Y", "depth"];
+
+/// Decodes an image; `path` names it in messages.
+pub(super) fn decode(path: &Path, bytes: &[u8]) -> std::result::Result<Measured, RecordingError> {
+    let broken = |e: &dyn std::fmt::Display| {
+        RecordingError::malformed(path, format!("not a complete, readable EXR image ({e}); export the recording again"))
+    };
+    let reader = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
+    let image = reader.non_parallel().from_buffered(Cursor::new(bytes)).map_err(|e| broken(&e))?;
+    let channels = &image.layer_data.channel_data.list;
+    let named = |name: &&str| channels.iter().find(|c| c.name.eq_case_insensitive(name));
+    let channel = CHANNELS.iter().find_map(named).or(channels.first());
+    let channel = channel.ok_or_else(|| broken(&"no channel"))?;
+    let size = image.layer_data.size;
+    let depths: Vec<f32> = channel.sample_data.values_as_f32().collect();
+    if depths.len() != size.area() || depths.is_empty() {
+        return Err(broken(&"the channel has another size than the image"));
+    }
+    Ok(Measured {
+        place: path.display().to_string(),
+        width: size.x() as u32,
+        height: size.y() as u32,
+        map: DepthMap::nearest(&depths),
+        camera: None,
+    })
+}
+
+/// Writes half floats in one channel "R", as Record3D does.
+pub(super) fn write(path: &Path, width: u32, height: u32, depths: &[f32]) -> std::result::Result<(), RecordingError> {
+    let failed = |e: &dyn std::fmt::Display| RecordingError::malformed(path, format!("cannot be encoded: {e}"));
+    let samples = FlatSamples::F16(depths.iter().map(|d| f16::from_f32(*d)).collect());
+    let channels = AnyChannels::sort(SmallVec::from_iter([AnyChannel::new("R", samples)]));
+    let encoding = Encoding { compression: Compression::ZIP16, ..Encoding::default() };
+    let layer = Layer::new((width as usize, height as usize), LayerAttributes::named("depth"), encoding, channels);
+    let mut bytes = Cursor::new(Vec::new());
+    let image = Image::from_layer(layer);
+    image.write().non_parallel().to_buffered(&mut bytes).map_err(|e| failed(&e))?;
+    Ok(write_atomic(path, bytes.get_ref())?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_floats_come_back_and_incomplete_files_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("d.exr");
+        let depths: Vec<f32> = (0..40 * 30).map(|i| if i % 7 == 0 { 0.0 } else { 0.5 + i as f32 * 1e-3 }).collect();
+        super::write(&path, 40, 30, &depths).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let back = decode(&path, &bytes).unwrap();
+        assert_eq!((back.width, back.height), (40, 30));
+        assert!(depths.iter().zip(back.map.iter()).all(|(a, b)| (a - b).abs() <= a * 6e-4));
+        let message = decode(&path, &bytes[..bytes.len() / 2]).unwrap_err().to_string();
+        assert!(message.contains("d.exr") && message.contains("not a complete"), "{message}");
+    }
+}
