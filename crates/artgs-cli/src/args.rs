@@ -83,8 +83,11 @@ pub(crate) struct DeviceList {
 
 #[derive(Debug, Args)]
 pub(crate) struct Inspect {
-    /// Folder with the images and cameras of both states
-    pub(crate) capture: PathBuf,
+    /// Folder with the images and cameras of both states, or one or two recordings
+    #[arg(num_args = 1..=2, required = true, value_name = "CAPTURE")]
+    pub(crate) capture: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) recording: RecordingArgs,
     /// Write JSON
     #[arg(long)]
     json: bool,
@@ -92,8 +95,12 @@ pub(crate) struct Inspect {
 
 #[derive(Debug, Args)]
 pub(crate) struct Reconstruct {
-    /// Folder with the images and cameras of both states
-    pub(crate) capture: PathBuf,
+    /// Folder with the images and cameras of both states; or two recordings, the object closed in one and open in the
+    /// other, as a phone or depth camera wrote them
+    #[arg(num_args = 1..=2, required = true, value_name = "CAPTURE")]
+    pub(crate) capture: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) recording: RecordingArgs,
     /// Folder for the replica; made if missing
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
@@ -111,6 +118,30 @@ pub(crate) struct Reconstruct {
     /// Write events as JSON, one per line
     #[arg(long)]
     json: bool,
+}
+
+/// How recordings are read.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Recordings")]
+pub(crate) struct RecordingArgs {
+    /// Format of the recordings; recognised by content if absent; an unknown name lists them
+    #[arg(long, value_name = "NAME")]
+    pub(crate) format: Option<String>,
+    /// Largest number of frames of a recording that are used
+    #[arg(long, value_name = "N")]
+    pub(crate) frames: Option<usize>,
+    /// Intrinsics for formats without: FX,FY,CX,CY in pixels of the recorded images
+    #[arg(long, value_name = "FX,FY,CX,CY")]
+    pub(crate) intrinsics: Option<String>,
+    /// Camera poses for formats without, as TUM files; one for both recordings, or one for each
+    #[arg(long, value_name = "FILE", num_args = 1..=2)]
+    pub(crate) poses: Vec<PathBuf>,
+    /// Use every N-th frame only
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) every: usize,
+    /// Number of the first frame that --every uses, of each recording: one recording can serve as two states
+    #[arg(long, value_name = "START,END", value_delimiter = ',')]
+    pub(crate) offset: Vec<usize>,
 }
 
 /// Where to stop.

@@ -1,11 +1,14 @@
 //! Which code each command runs.
 
-use crate::args::{Cli, Command};
+use crate::args::{Cli, Command, Inspect};
 use crate::failure::Failure;
 use crate::folder::load_capture;
-use crate::output::Report;
+use crate::output::{Report, say};
+use crate::recordings::{self, RecordingSummary, Source};
 use crate::{demo, device, evaluate, export, reconstruct, synth, view};
 use anyhow::Context;
+use artgs_core::State;
+use serde_json::json;
 use std::num::NonZeroUsize;
 
 /// How results are shown.
@@ -20,7 +23,7 @@ pub(crate) struct Style {
 pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
     let style = Style { json: cli.wants_json(), quiet: cli.quiet };
     match &cli.command {
-        Command::Inspect(args) => Report::new(&artgs_io::summarize(&load_capture(&args.capture)?))?.show(style.json),
+        Command::Inspect(args) => inspect(args, style),
         Command::Reconstruct(args) => reconstruct::run(args, style),
         Command::Evaluate(args) => evaluate::run(args, style),
         Command::Demo(args) => demo::run(args, style),
@@ -33,6 +36,23 @@ pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
         Command::View(args) => view::run(args, style),
         Command::Devices(_) => device::list(style),
     }
+}
+
+/// Describes a capture, or each of one or two recordings.
+fn inspect(args: &Inspect, style: Style) -> Result<(), Failure> {
+    if let Ok(Source::Capture(folder)) = Source::new(&args.capture) {
+        return Report::new(&artgs_io::summarize(&load_capture(&folder)?))?.show(style.json);
+    }
+    let mut reports = Vec::new();
+    for (path, state) in args.capture.iter().zip(State::ALL) {
+        let summary = RecordingSummary::new(&recordings::load_state(path, state, &args.recording)?);
+        let report = Report::new(&summary)?;
+        reports.push(report.json);
+        if !style.json {
+            say(format!("{}\n{}", path.display(), report.text))?;
+        }
+    }
+    if style.json { say(format!("{:#}", json!(reports))) } else { Ok(()) }
 }
 
 /// Sizes the thread pool that everything shares.

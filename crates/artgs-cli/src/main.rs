@@ -19,6 +19,7 @@ mod live;
 mod output;
 mod progress;
 mod reconstruct;
+mod recordings;
 mod rerun;
 mod settings;
 #[cfg(feature = "bench")]

@@ -6,6 +6,7 @@ use crate::device::{self, Chosen};
 use crate::failure::Failure;
 use crate::folder::{self, load_capture};
 use crate::output::{Report, say};
+use crate::recordings::{self, Source};
 use crate::settings::configure;
 use crate::{doubts, live, progress, rerun};
 use anyhow::Context;
@@ -16,6 +17,7 @@ use artgs::{Config, Reconstruction};
 use artgs_core::{Capture, JointEstimate};
 use artgs_io::RunFolder;
 use serde_json::{Value, json};
+use std::path::Path;
 
 /// What a command computes, and where.
 pub(crate) struct Job<'a> {
@@ -36,13 +38,28 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
         return Err(Failure::bad(format!("--stop-after: {}", artgs::Error::PartsLearnt)));
     }
     let device = device::choose(args.method.device, &config)?;
-    let capture = load_capture(&args.capture)?;
-    folder::prepare(&run, args.earlier)?;
-    run.save_capture_folder(&args.capture).map_err(Failure::failed)?;
+    let (capture, photos) = match Source::new(&args.capture)? {
+        Source::Capture(folder) => {
+            let capture = load_capture(&folder)?;
+            folder::prepare(&run, args.earlier)?;
+            (capture, folder)
+        }
+        Source::Recordings(paths) => {
+            let found = recordings::load(&paths, &args.recording)?;
+            let (capture, report) = recordings::aligned(&found, &config.align, config.seed, style)?;
+            drop(found);
+            folder::prepare(&run, args.earlier)?;
+            let folder = recordings::save(&run, &capture, &report)?;
+            // Depth in files is rounded: a later run on the same files must see the same numbers.
+            drop(capture);
+            (load_capture(&folder)?, folder)
+        }
+    };
+    run.save_capture_folder(&photos).map_err(Failure::failed)?;
     let resume = args.earlier.resume;
     let job = Job { capture: &capture, run: &run, config: &config, resume, device: &device, style };
     if args.stop_after.is_some() {
-        return find_parts_only(args, &job);
+        return find_parts_only(args, &photos, &job);
     }
     let summary = if args.view { live::reconstruct(&job)? } else { job.reconstruct(&mut NullObserver)? };
     if style.json {
@@ -57,9 +74,9 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
 }
 
 /// The stages before training; with `--view` the page stays, takes corrections and continues the run.
-fn find_parts_only(args: &Reconstruct, job: &Job<'_>) -> Result<(), Failure> {
+fn find_parts_only(args: &Reconstruct, photos: &Path, job: &Job<'_>) -> Result<(), Failure> {
     if args.view {
-        return rerun::find_parts(job, &args.capture, args.method.device);
+        return rerun::find_parts(job, photos, args.method.device);
     }
     let found = job.find_parts(&mut NullObserver)?;
     if job.style.json {

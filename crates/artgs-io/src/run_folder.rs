@@ -121,6 +121,11 @@ impl RunFolder {
         self.root.join(STAGES).join(name)
     }
 
+    /// Capture that was made of two recordings, ArtGS layout.
+    pub fn aligned(&self) -> PathBuf {
+        self.stage("aligned")
+    }
+
     /// Parts and joints as found before training.
     pub fn found_parts(&self) -> PathBuf {
         self.stage("parts.json")

@@ -1,5 +1,6 @@
 //! All settings of a reconstruction in one place; reads and writes TOML.
 
+use crate::align::AlignConfig;
 use crate::articulation::{ArticulateConfig, TypeConfig};
 use crate::canonical::init::CanonicalConfig;
 use crate::discover::DiscoverConfig;
@@ -33,6 +34,8 @@ pub struct Config {
     pub seed: u64,
     /// How parts and joints are found.
     pub method: Method,
+    /// Alignment of recordings and selection of the object; not used where a capture folder is given.
+    pub align: AlignConfig,
     /// Gaussians of each state alone. `discover` needs them only where a capture has no depth.
     pub single: SingleConfig,
     /// Part discovery of `discover`; its distance between points also serves `registration`.

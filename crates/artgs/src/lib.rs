@@ -40,6 +40,7 @@
 //! joint value, and the Gaussians of one part.
 
 pub mod ablation;
+pub mod align;
 mod articulation;
 mod canonical;
 pub mod config;

@@ -69,7 +69,8 @@ fn write_view(dir: &Path, folder: &str, index: usize, view: &View, scale: f64) -
     let (width, height) = (view.camera.intrinsics.width, view.camera.intrinsics.height);
     write_rgba(&dir.join(format!("{folder}/rgba/{index:04}.png")), width, height, &view.rgba)?;
     let Some(depth) = &view.depth else { return Ok(()) };
-    let count = |z: f32| if z > 0.0 { (f64::from(z) * scale).round().clamp(1.0, f64::from(u16::MAX)) as u16 } else { 0 };
+    let count =
+        |z: f32| if z > 0.0 { (f64::from(z) * scale).round().clamp(1.0, f64::from(u16::MAX)) as u16 } else { 0 };
     let counts = DepthMap::new(depth.iter().map(count).collect(), scale as f32);
     write_depth(&dir.join(format!("{folder}/depth/{index:04}.png")), width, height, &counts)
 }
@@ -99,8 +100,7 @@ mod tests {
     use glam::DVec3;
 
     fn view(i: usize) -> View {
-        let intrinsics =
-            Intrinsics { fx: 20.0 + i as f64, fy: 21.0, cx: 4.0 - i as f64, cy: 3.5, width: 8, height: 6 };
+        let intrinsics = Intrinsics { fx: 20.0 + i as f64, fy: 21.0, cx: 4.0 - i as f64, cy: 3.5, width: 8, height: 6 };
         let eye = DVec3::new(1.0 + i as f64, 0.5, 2.0);
         let depth: Vec<f32> = (0..48).map(|p| if p == 5 { 0.0 } else { 1.0 + 0.01 * p as f32 }).collect();
         View {

@@ -371,11 +371,7 @@ fn brightness_term(a: &DepthFrame, b: &DepthFrame, sample: usize, cell: usize, p
     let (x, y) = ((cell % b.columns()) as f64 + 0.5, (cell / b.columns()) as f64 + 0.5);
     let (gx, gy) = (f64::from(gx), f64::from(gy));
     let there = f64::from(b.brightness[cell]) + gx * (u - x) + gy * (v - y);
-    let slope = DVec3::new(
-        gx * k.fx / p.z,
-        gy * k.fy / p.z,
-        -(gx * k.fx * p.x + gy * k.fy * p.y) / (p.z * p.z),
-    );
+    let slope = DVec3::new(gx * k.fx / p.z, gy * k.fy / p.z, -(gx * k.fx * p.x + gy * k.fy * p.y) / (p.z * p.z));
     Some((slope, there - f64::from(a.brightness[sample])))
 }
 

@@ -97,12 +97,7 @@ enum Label {
 
 impl<'a> Labelled<'a> {
     /// None if the object fills less than the least share of the image.
-    fn new(
-        state: &StateFrames<'a>,
-        index: usize,
-        selection: &Selection,
-        config: &ExtractConfig,
-    ) -> Option<Self> {
+    fn new(state: &StateFrames<'a>, index: usize, selection: &Selection, config: &ExtractConfig) -> Option<Self> {
         let (recorded, frame, factors) = (&state.recorded[index], &state.frames[index], &state.factors[index]);
         let width = recorded.view.size().0;
         let depth = corrected(recorded.view.depth.as_ref()?, width, frame, factors);
@@ -136,13 +131,8 @@ impl<'a> Labelled<'a> {
         };
         let counts = pixels().map(|i| if object(i) { self.depth.counts()[i] } else { 0 }).collect();
         let k = self.camera.intrinsics;
-        let intrinsics = Intrinsics {
-            cx: k.cx - x0 as f64,
-            cy: k.cy - y0 as f64,
-            width: width as u32,
-            height: height as u32,
-            ..k
-        };
+        let intrinsics =
+            Intrinsics { cx: k.cx - x0 as f64, cy: k.cy - y0 as f64, width: width as u32, height: height as u32, ..k };
         View {
             name: format!("{}/{}", state.name(), source.name),
             camera: Camera { intrinsics, ..self.camera },

@@ -183,7 +183,15 @@ fn spread_samples(points: &[Vec3], normals: &[Vec3], count: usize) -> Vec<u32> {
     let mut bins: Vec<Vec<u32>> = vec![Vec::new(); 27];
     for (i, n) in normals.iter().enumerate() {
         if *n != Vec3::ZERO && points[i].z > 0.0 {
-            let third = |v: f32| if v < -0.4 { 0 } else if v > 0.4 { 2 } else { 1 };
+            let third = |v: f32| {
+                if v < -0.4 {
+                    0
+                } else if v > 0.4 {
+                    2
+                } else {
+                    1
+                }
+            };
             bins[third(n.x) * 9 + third(n.y) * 3 + third(n.z)].push(i as u32);
         }
     }

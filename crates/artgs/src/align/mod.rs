@@ -107,7 +107,9 @@ pub enum AlignError {
         length: f64,
     },
     /// The cameras look at nothing but planes.
-    #[error("no object was found: the cameras look at floor and walls only; walk around the object and keep it in the centre")]
+    #[error(
+        "no object was found: the cameras look at floor and walls only; walk around the object and keep it in the centre"
+    )]
     NoObject,
     /// The object is in no view of a state.
     #[error("no frame of state {0} shows the object unhidden; walk around the object with nothing in front of it")]

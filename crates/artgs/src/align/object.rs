@@ -31,7 +31,15 @@ pub struct ObjectConfig {
 
 impl Default for ObjectConfig {
     fn default() -> Self {
-        Self { cube: 0.012, attention: 0.15, plane_spreads: 2.0, bump_spreads: 4.0, gap: 2, carrying_share: 0.25, planes: PlaneConfig::default() }
+        Self {
+            cube: 0.012,
+            attention: 0.15,
+            plane_spreads: 2.0,
+            bump_spreads: 4.0,
+            gap: 2,
+            carrying_share: 0.25,
+            planes: PlaneConfig::default(),
+        }
     }
 }
 
@@ -74,7 +82,8 @@ impl Selection {
         let all = FusedCloud::new(frames.iter().copied(), edge as f32);
         let planes = bounding_planes(&all, unit, &config.planes, seed);
         let off_planes = |p: Vec3| {
-            let far = |plane: &Plane| plane.distance(p.as_dvec3()) > (config.bump_spreads * plane.spread).max(0.5 * edge);
+            let far =
+                |plane: &Plane| plane.distance(p.as_dvec3()) > (config.bump_spreads * plane.spread).max(0.5 * edge);
             planes.iter().all(far)
         };
         let kept: Vec<usize> = (0..all.len()).filter(|&i| off_planes(all.points[i])).collect();

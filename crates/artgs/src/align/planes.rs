@@ -79,13 +79,7 @@ fn belongs(cloud: &FusedCloud, i: usize, point: Vec3, normal: Vec3, tolerance: f
 }
 
 /// Point and normal of the trial plane with the most points of `left`.
-fn most_points(
-    cloud: &FusedCloud,
-    left: &[usize],
-    tolerance: f32,
-    trials: usize,
-    seed: u64,
-) -> Option<(Vec3, Vec3)> {
+fn most_points(cloud: &FusedCloud, left: &[usize], tolerance: f32, trials: usize, seed: u64) -> Option<(Vec3, Vec3)> {
     if left.is_empty() {
         return None;
     }

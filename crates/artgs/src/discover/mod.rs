@@ -156,7 +156,12 @@ const LEAST_MOVED: usize = 24;
 
 impl Evidence {
     fn new(scene: &Scene) -> Result<Self, DiscoverError> {
-        let occupancy = PerState::from_fn(|s| scene.occupancy_elsewhere(s));
+        let mut occupancy = PerState::from_fn(|s| scene.occupancy_elsewhere(s));
+        if scene.noisy {
+            for (state, at) in State::ALL.into_iter().zip(occupancy.iter_mut()) {
+                scene.without_speckles(state, at);
+            }
+        }
         let [moved, unseen] = [Occupancy::Empty, Occupancy::Unseen]
             .map(|what| occupancy.as_ref().map(|at| (0..at.len()).filter(|&i| at[i] == what).collect::<Vec<usize>>()));
         let evidence = Self { occupancy, moved, unseen };

@@ -149,6 +149,21 @@ impl Observation {
     /// Typical disagreement between views about the depth of the same point: the median over surfaces that face the
     /// view of the distance along the normal between a point and the surface that another view shows at its pixel.
     fn depth_noise(&self) -> f32 {
+        self.disagreement(&self.views, 0.5)
+    }
+
+    /// The same against views of the other state. Most of what moved is far from what the other state shows, the rest
+    /// would raise the median: it is estimated from the smaller differences.
+    fn noise_against(&self, other: &Self) -> f32 {
+        /// Share of the differences that is surely not motion.
+        const STILL: f32 = 0.3;
+        /// Median of absolute values of a normal distribution, relative to their 30th percentile.
+        const TO_MEDIAN: f32 = 0.6745 / 0.3853;
+        TO_MEDIAN * self.disagreement(&other.views, STILL)
+    }
+
+    /// The share `at` of the differences is smaller.
+    fn disagreement(&self, views: &[DepthLookup], at: f32) -> f32 {
         /// Number of points measured.
         const SAMPLES: usize = 2000;
         /// Least cosine between normal and line of sight.
@@ -160,7 +175,7 @@ impl Observation {
             .step_by(stride)
             .flat_map(|i| {
                 let (p, n) = (self.cloud.points[i], self.cloud.normals[i]);
-                self.views.iter().filter_map(move |v| {
+                views.iter().filter_map(move |v| {
                     let (pixel, z) = v.locate(p)?;
                     let d = v.depth.at(pixel);
                     let towards = (v.camera.position().as_vec3() - p).normalize();
@@ -172,7 +187,7 @@ impl Observation {
             })
             .collect();
         errors.sort_unstable_by(f32::total_cmp);
-        errors.get(errors.len() / 2).copied().unwrap_or(0.0)
+        errors.get((at * errors.len() as f32) as usize).copied().unwrap_or(0.0)
     }
 }
 
@@ -182,6 +197,8 @@ pub struct Scene {
     pub(crate) lengths: Lengths,
     /// Depth tolerance, scene units.
     pub(crate) tolerance: f32,
+    /// True if the tolerance follows from depth noise, false if it follows from the size of a pixel.
+    pub(crate) noisy: bool,
     pub(super) lower: Vec3,
     pub(super) upper: Vec3,
 }
@@ -212,14 +229,44 @@ impl Scene {
         let pixel = largest(&|state| Observation::pixel_size(&state.views));
         let noise = largest(&Observation::depth_noise);
         let spacing = (config.spacing as f32 * diagonal).max(pixel);
+        let noisy = TOLERANCE_PER_NOISE * noise > TOLERANCE_PER_PIXEL * pixel;
+        let across = PerState::from_fn(|s| states[s].noise_against(&states[s.other()]));
+        // Exact depth has no errors that the states do not share.
+        let noise = if noisy { across.iter().fold(noise, |a, b| a.max(*b)) } else { noise };
         let tolerance = (TOLERANCE_PER_NOISE * noise).max(TOLERANCE_PER_PIXEL * pixel);
-        Ok(Self { states, lengths: Lengths { spacing, diagonal }, tolerance, lower, upper })
+        Ok(Self { states, lengths: Lengths { spacing, diagonal }, tolerance, noisy, lower, upper })
     }
 
     /// What the other state shows at the place of each point of a state.
     pub(crate) fn occupancy_elsewhere(&self, state: State) -> Vec<Occupancy> {
         let (own, other) = (&self.states[state].cloud, &self.states[state.other()].views);
         ViewVotes::of_all(other, &own.points, self.tolerance).into_iter().map(ViewVotes::occupancy).collect()
+    }
+
+    /// Points that seem to have moved among points that did not are depth errors: a part that moved leaves whole surfaces
+    /// empty. They count as surface.
+    pub(crate) fn without_speckles(&self, state: State, occupancy: &mut [Occupancy]) {
+        /// Neighbours asked.
+        const NEIGHBOURS: usize = 24;
+        /// Distance of neighbours, spacings.
+        const REACH: f32 = 3.5;
+        /// Share of the neighbours that must have moved, too.
+        const LEAST: f32 = 0.5;
+        let cloud = IndexedCloud::new(&self.states[state].cloud);
+        let limit = (REACH * self.lengths.spacing).powi(2);
+        let before = occupancy.to_vec();
+        occupancy.par_iter_mut().enumerate().filter(|(_, at)| **at == Occupancy::Empty).for_each(|(i, at)| {
+            let (mut moved, mut total) = (0, 0);
+            cloud.nearest_n(cloud.cloud.points[i], NEIGHBOURS, limit, |j, _| {
+                if j != i && before[j] != Occupancy::Unseen {
+                    total += 1;
+                    moved += usize::from(before[j] == Occupancy::Empty);
+                }
+            });
+            if (moved as f32) < LEAST * total as f32 {
+                *at = Occupancy::Surface;
+            }
+        });
     }
 
     /// The points of every state with search trees.

@@ -1,0 +1,199 @@
+//! Recordings of phones and depth cameras, one per state, as input of `reconstruct` and `inspect`.
+
+use crate::args::RecordingArgs;
+use crate::commands::Style;
+use crate::failure::Failure;
+use crate::progress;
+use artgs::align::{AlignConfig, AlignReport, align};
+use artgs::observer::{Event, Observer};
+use artgs_core::{Capture, PerState, Recording, State};
+use artgs_io::RunFolder;
+use artgs_io::capture::write_capture;
+use artgs_io::recording::{RecordingFormat, RecordingOptions, load_recording, parse_intrinsics};
+use artgs_io::run_folder::save_json;
+use serde::Serialize;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// What the user named: one capture folder with both states, or one recording of each state.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Source {
+    Capture(PathBuf),
+    Recordings(PerState<PathBuf>),
+}
+
+impl Source {
+    /// One path is a capture, two are recordings.
+    pub(crate) fn new(paths: &[PathBuf]) -> Result<Self, Failure> {
+        match paths {
+            [capture] => match RecordingFormat::detect(capture) {
+                Some(format) if !is_capture(capture) => Err(Failure::bad(format!(
+                    "{}: a recording of one state ({}); give the recordings of both states: artgs reconstruct CLOSED OPEN \
+                     -o OUT",
+                    capture.display(),
+                    format.name()
+                ))),
+                _ => Ok(Self::Capture(capture.clone())),
+            },
+            [start, end] => Ok(Self::Recordings(PerState::new(start.clone(), end.clone()))),
+            _ => Err(Failure::bad("give one capture, or the recordings of two states")),
+        }
+    }
+}
+
+/// True for a folder with the camera files of two states.
+fn is_capture(folder: &Path) -> bool {
+    ["transforms_train_start.json", "start/camera_train.json"].iter().any(|file| folder.join(file).is_file())
+}
+
+/// Reads the recording of each state.
+pub(crate) fn load(paths: &PerState<PathBuf>, args: &RecordingArgs) -> Result<PerState<Recording>, Failure> {
+    PerState::from_fn(|state| load_state(&paths[state], state, args)).transpose()
+}
+
+/// Reads the recording of one state.
+pub(crate) fn load_state(path: &Path, state: State, args: &RecordingArgs) -> Result<Recording, Failure> {
+    load_recording(path, &options(state, args)?).map_err(Failure::bad_input)
+}
+
+fn options(state: State, args: &RecordingArgs) -> Result<RecordingOptions, Failure> {
+    let default = RecordingOptions::default();
+    let format = match args.format.as_deref() {
+        None => None,
+        Some(name) => Some(RecordingFormat::from_name(name).ok_or_else(|| {
+            let known = RecordingFormat::ALL.map(RecordingFormat::name).join(", ");
+            Failure::bad(format!("--format {name}: there is no such format; there are {known}"))
+        })?),
+    };
+    let intrinsics = args.intrinsics.as_deref().map(parse_intrinsics).transpose();
+    Ok(RecordingOptions {
+        format,
+        frames: args.frames.unwrap_or(default.frames),
+        intrinsics: intrinsics.map_err(|reason| Failure::bad(format!("--intrinsics: {reason}")))?,
+        poses: args.poses.get(state.index()).or(args.poses.first()).cloned(),
+        every: args.every,
+        offset: args.offset.get(state.index()).copied().unwrap_or(0),
+        ..default
+    })
+}
+
+/// Aligns recordings; shows progress and what was found.
+pub(crate) fn aligned(
+    recordings: &PerState<Recording>,
+    config: &AlignConfig,
+    seed: u64,
+    style: Style,
+) -> Result<(Capture, AlignReport), Failure> {
+    let mut shown = progress::renderer(style);
+    let begun = Instant::now();
+    shown.event(Event::started("align"));
+    let (capture, report) = align(recordings, config, seed).map_err(Failure::bad_input)?;
+    shown.event(Event::finished("align", begun.elapsed().as_secs_f64(), false));
+    shown.event(Event::note(described(&report)));
+    Ok((capture, report))
+}
+
+/// Writes an aligned capture into the folder of a run, where exports and the page find its photos.
+pub(crate) fn save(run: &RunFolder, capture: &Capture, report: &AlignReport) -> Result<PathBuf, Failure> {
+    let folder = run.aligned();
+    write_capture(&folder, capture).map_err(Failure::failed)?;
+    save_json(&folder.join("report.json"), report).map_err(Failure::failed)?;
+    Ok(folder)
+}
+
+/// One sentence for people.
+fn described(report: &AlignReport) -> String {
+    let size = report.object[1] - report.object[0];
+    let views = &report.views;
+    let other = report.runner_up.map_or("no other is possible".into(), |s| format!("the next has {s:.2}"));
+    let disagreement = report.disagreement.as_ref().map(|d| format!("{:.4} to {:.4}", d[0], d[1]));
+    format!(
+        "the states are aligned with score {:.2} ({other}); surfaces of different frames disagreed by {} at the start and {} \
+         at the end; the object is {:.2} x {:.2} x {:.2} units, shown by {} and {} frames",
+        report.score,
+        disagreement[State::START],
+        disagreement[State::END],
+        size.x,
+        size.y,
+        size.z,
+        views[State::START],
+        views[State::END]
+    )
+}
+
+/// What `inspect` says about a recording.
+#[derive(Debug, Serialize)]
+pub(crate) struct RecordingSummary {
+    format: &'static str,
+    recorded: usize,
+    kept: usize,
+    image_size: [usize; 2],
+    focal_length: [f64; 2],
+    depth_frames: usize,
+    depth_step: f64,
+    /// Share of pixels with depth, 0 to 1.
+    depth_share: f64,
+    masks: bool,
+    metric: bool,
+    up: Option<[f64; 3]>,
+    /// Length of the camera's path, scene units.
+    path: f64,
+    warnings: Vec<String>,
+}
+
+impl RecordingSummary {
+    pub(crate) fn new(recording: &Recording) -> Self {
+        let first = recording.frames.first().map(|f| &f.view);
+        let depths = || recording.frames.iter().filter_map(|f| f.view.depth.as_ref());
+        let pixels: usize = depths().map(|d| d.len()).sum();
+        let valid: usize = depths().map(|d| d.counts().iter().filter(|c| **c > 0).count()).sum();
+        let eyes = recording.frames.iter().map(|f| f.view.camera.position());
+        let path = eyes.clone().zip(eyes.skip(1)).map(|(a, b)| a.distance(b)).sum();
+        Self {
+            format: recording.format,
+            recorded: recording.recorded,
+            kept: recording.frames.len(),
+            image_size: first.map_or([0, 0], |v| v.size().into()),
+            focal_length: first.map_or([0.0; 2], |v| [v.camera.intrinsics.fx, v.camera.intrinsics.fy]),
+            depth_frames: depths().count(),
+            depth_step: recording.frames.first().map_or(1.0, |f| f.depth_step),
+            depth_share: valid as f64 / pixels.max(1) as f64,
+            masks: recording.has_masks(),
+            metric: recording.metric,
+            up: recording.up.map(|u| u.to_array()),
+            path,
+            warnings: recording.warnings.clone(),
+        }
+    }
+}
+
+impl fmt::Display for RecordingSummary {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let ([w, h], [fx, fy]) = (self.image_size, self.focal_length);
+        writeln!(f, "format        {}", self.format)?;
+        writeln!(f, "frames        {} of {} recorded", self.kept, self.recorded)?;
+        writeln!(f, "images        {w}x{h}, focal length {fx:.1} x {fy:.1} pixels")?;
+        match self.depth_frames {
+            0 => writeln!(f, "depth         none; the recordings of two states cannot be aligned without depth")?,
+            n => writeln!(
+                f,
+                "depth         in {n} frames, on {:.1} % of the pixels, one measurement per {:.1} pixels",
+                100.0 * self.depth_share,
+                self.depth_step
+            )?,
+        }
+        writeln!(
+            f,
+            "masks         {}",
+            if self.masks { "yes" } else { "no; the object is selected by what the cameras look at" }
+        )?;
+        writeln!(f, "unit          {}", if self.metric { "metres" } else { "unknown" })?;
+        match self.up {
+            Some([x, y, z]) => writeln!(f, "up            ({x:.2}, {y:.2}, {z:.2})")?,
+            None => writeln!(f, "up            not stated")?,
+        }
+        writeln!(f, "camera path   {:.2} long", self.path)?;
+        self.warnings.iter().try_for_each(|w| writeln!(f, "warning: {w}"))
+    }
+}
