@@ -1,4 +1,5 @@
-//! Prints what a recording contains: `cargo run --example recording -- PATH [fx,fy,cx,cy] [POSES]`.
+//! Prints what a recording contains: `cargo run --example recording -- PATH [fx,fy,cx,cy] [POSES]`. The environment variable
+//! `SIDE` sets the longest side of images.
 #![allow(clippy::print_stdout)]
 
 use artgs_core::{RecordedFrame, Recording};

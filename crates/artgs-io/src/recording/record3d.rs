@@ -60,15 +60,17 @@ fn find(path: &Path) -> Result<Option<Found>, RecordingError> {
     Ok(None)
 }
 
-/// A frame's files of a kind: number and name.
+/// A frame's files of a kind: the number at the end of the name, and the path. One file per number.
 fn numbered<'a>(names: &'a [String], suffixes: &[&str]) -> Vec<(usize, &'a str)> {
     let parse = |name: &'a String| {
-        let file = name.rsplit('/').next()?;
-        let (stem, suffix) = file.rsplit_once('.')?;
-        Some((stem.parse().ok().filter(|_| suffixes.contains(&suffix.to_ascii_lowercase().as_str()))?, name.as_str()))
+        let (stem, suffix) = name.rsplit('/').next()?.rsplit_once('.')?;
+        let digits = &stem[stem.trim_end_matches(|c: char| c.is_ascii_digit()).len()..];
+        let wanted = suffixes.contains(&suffix.to_ascii_lowercase().as_str());
+        Some((digits.parse().ok().filter(|_| wanted)?, name.as_str()))
     };
     let mut found: Vec<(usize, &str)> = names.iter().filter_map(parse).collect();
     found.sort_by_cached_key(|(number, name)| (*number, natural(name)));
+    found.dedup_by_key(|(number, _)| *number);
     found
 }
 
@@ -228,4 +230,16 @@ pub(super) fn write(dir: &Path, recording: &Recording) -> Result<(), RecordingEr
         "perFrameIntrinsicCoeffs": coefficients,
     });
     write_json(&dir.join("metadata.json"), &metadata)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_addressed_by_their_last_number() {
+        let names = ["rgb/10.jpg", "rgb/2.jpg", "x/2.jpg", "frame_7.JPG", "depth/2.exr", "cover.jpg"].map(String::from);
+        assert_eq!(numbered(&names, &["jpg"]), [(2, "rgb/2.jpg"), (7, "frame_7.JPG"), (10, "rgb/10.jpg")]);
+        assert_eq!(numbered(&names, &["exr"]), [(2, "depth/2.exr")]);
+    }
 }
