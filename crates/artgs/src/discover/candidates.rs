@@ -201,12 +201,12 @@ impl Search<'_> {
         self.registered(ranked, pool, &faces)
     }
 
-    fn clouds(&self) -> PerState<&IndexedCloud<'_>> {
+    pub(super) fn clouds(&self) -> PerState<&IndexedCloud<'_>> {
         self.states.as_ref().map(|s| s.points)
     }
 
     /// Alternates between those that explain most and those that explain most by small motions.
-    fn order(&self, rest: &[Candidate], count: usize) -> Vec<usize> {
+    pub(super) fn order(&self, rest: &[Candidate], count: usize) -> Vec<usize> {
         let (by_gain, by_small_motion) = rayon::join(
             || self.ranking.diverse_order(rest, self.clouds(), count, |c| f64::from(1.0 - c.implausibility)),
             || {
@@ -243,7 +243,7 @@ impl Search<'_> {
     }
 
     /// Value of landing on each point of each state while `open` of its moved points are unexplained.
-    fn landing_values(&self, open: &PerState<Vec<usize>>) -> PerState<Vec<f32>> {
+    pub(super) fn landing_values(&self, open: &PerState<Vec<usize>>) -> PerState<Vec<f32>> {
         PerState::from_fn(|s| {
             let state = &self.states[s];
             let mut out = vec![self.settings.on_static; state.points.cloud.len()];
@@ -255,7 +255,15 @@ impl Search<'_> {
 
     /// Value of one point of another state at pose `pose` in `target`: near 1 on a surface that faces the same way,
     /// negative in empty space and slightly negative where nothing was seen. `landing` are values of the target's points.
-    fn value(&self, pose: &Pose, p: Vec3, n: Vec3, target: &SearchState<'_>, landing: &[f32], radius: f32) -> f32 {
+    pub(super) fn value(
+        &self,
+        pose: &Pose,
+        p: Vec3,
+        n: Vec3,
+        target: &SearchState<'_>,
+        landing: &[f32],
+        radius: f32,
+    ) -> f32 {
         let q = pose.apply(p);
         let (nearest, empty) = target.grid.lookup(q);
         if nearest != NO_POINT {
@@ -269,7 +277,19 @@ impl Search<'_> {
         if empty { self.settings.in_empty } else { self.settings.in_unseen }
     }
 
-    fn mean_value(
+    /// The same where landing on every point counts alike.
+    pub(super) fn value_anywhere(&self, pose: &Pose, p: Vec3, n: Vec3, target: &SearchState<'_>, radius: f32) -> f32 {
+        let q = pose.apply(p);
+        let (nearest, _) = target.grid.lookup(q);
+        if nearest == NO_POINT {
+            return 0.0;
+        }
+        let cloud = target.points.cloud;
+        let d = cloud.points[nearest as usize].distance(q) / radius;
+        (1.0 - d * d).max(0.0) * (pose.rotation * n).dot(cloud.normals[nearest as usize]).max(0.0)
+    }
+
+    pub(super) fn mean_value(
         &self,
         pose: &Pose,
         sample: &[(Vec3, Vec3)],
@@ -429,7 +449,7 @@ impl Search<'_> {
     }
 
     /// The first distinct motions ranked by the first number, then by the second until there are `in_all`.
-    fn best_by_both(
+    pub(super) fn best_by_both(
         &self,
         judged: Vec<(f32, f32, Rigid)>,
         [by_value, in_all]: [usize; 2],
@@ -463,7 +483,7 @@ impl Search<'_> {
     }
 
     /// What a motion explains of the open points of both states.
-    fn weigh(&self, open: &PerState<Vec<usize>>, landing: &PerState<Vec<f32>>, motion: Rigid) -> Candidate {
+    pub(super) fn weigh(&self, open: &PerState<Vec<usize>>, landing: &PerState<Vec<f32>>, motion: Rigid) -> Candidate {
         /// Points that judge the plausibility.
         const SAMPLES: usize = 300;
         let mut gain = 0.0f64;

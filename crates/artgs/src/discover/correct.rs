@@ -7,7 +7,7 @@ use super::candidates::Candidate;
 use super::config::StepSettings;
 use super::joints::JointFit;
 use super::parents::Numbering;
-use super::refinement::{points_of_part, refine_parts};
+use super::refinement::{Parts, points_of_part, refine_parts};
 use super::{DiscoverConfig, DiscoverError, Discovery, Evidence, Scene};
 use artgs_core::{JointAlternative, JointEstimate, JointKind, Rigid, State};
 use artgs_io::{CentreEdit, Corrections};
@@ -144,7 +144,7 @@ pub fn correct(
     let motions: Vec<Rigid> = kept.iter().map(|k| k.motion).collect();
     // Corrections and the page name parts by their numbers.
     let order = Numbering::Kept;
-    let (parts, labels) = refine_parts(scene, &clouds, &evidence, &motions, &kinds, order, config, &settings);
+    let (parts, labels) = refine_parts(scene, &clouds, &evidence, &motions, &[], &kinds, order, config, &settings);
     let numbers: Vec<usize> = kept.iter().map(|k| k.number).collect();
     let pieces = split.apply(&clouds, &numbers, &parts, labels)?;
     if pieces.numbers.is_empty() {
@@ -164,7 +164,7 @@ pub fn correct(
     let alternatives = pieces.numbers.iter().map(|part| untouched(found, corrections, *part)).collect();
     Ok(Discovery {
         alternatives,
-        ..evidence.result(scene, &clouds, parts, pieces.labels, Vec::new(), &pool, &settings)
+        ..evidence.result(scene, &clouds, Parts { parts, labels: pieces.labels }, Vec::new(), &pool, &settings)
     })
 }
 

@@ -23,12 +23,15 @@
 //! # }
 //! ```
 
+mod bodies;
 mod candidates;
 pub(crate) mod cloud;
 mod confidence;
 mod config;
 mod correct;
 pub(crate) mod diagnosis;
+mod face_motions;
+mod facets;
 mod front;
 mod graph_cut;
 mod instances;
@@ -58,7 +61,7 @@ pub use correct::{CorrectError, correct};
 use front::Front;
 use glam::{DVec3, Vec3};
 pub use moved_points::{MovedPoints, moved_points};
-use refinement::Refinement;
+use refinement::{Parts, Refinement};
 pub use scene::{DepthPicture, Scene, pixel_step};
 use selection::Selection;
 use space_grid::SpaceGrid;
@@ -96,6 +99,14 @@ impl Discovery {
         let own = points.filter(|(_, label)| usize::from(**label) == part).map(|(p, _)| p.as_dvec3());
         let (sum, count) = own.fold((DVec3::ZERO, 0usize), |(sum, count), p| (sum + p, count + 1));
         sum / count.max(1) as f64
+    }
+
+    /// Share of `moved` points, those that moved for certain, that the joints of the parts explain, each weighted by its
+    /// confidence.
+    fn quality(&self, moved: usize) -> f64 {
+        let parts = self.parts.iter().zip(&self.support);
+        let explained = parts.map(|(part, s)| part.confidence.unwrap_or(0.0) * s.explained * s.moved).sum::<f64>();
+        explained / moved.max(1) as f64
     }
 }
 
@@ -139,7 +150,21 @@ pub fn discover(
         let (count, movable) = (found.parts.len(), movable.start());
         warnings.push(format!("{movable} movable parts were asked for but only {count} distinct motions were found"));
     }
-    Ok(evidence.result(scene, &clouds, found.parts, found.labels, warnings, &pool, &settings))
+    let found = evidence.result(scene, &clouds, found, warnings, &pool, &settings);
+    let quality = found.quality(evidence.total());
+    if quality > settings.bodies.doubtful || !config.decide_joints {
+        return Ok(found);
+    }
+    let hypotheses = evidence.search(scene, &clouds, &movable, config, &settings, |search| {
+        search.hypotheses_of_faces(&settings.facets, settings.bodies.hypotheses)
+    });
+    let bodies = settings.bodies.choose(scene, &clouds, &evidence.moved, &hypotheses, &settings.selection);
+    if bodies.is_empty() {
+        return Ok(found);
+    }
+    let others = evidence.result(scene, &clouds, work.of_bodies(bodies), Vec::new(), &pool, &settings);
+    let better = others.quality(evidence.total()) > quality + settings.bodies.better;
+    Ok(if better && movable.contains(&others.parts.len()) { others } else { found })
 }
 
 /// What the depth maps of the other state show at the points of each state.
@@ -191,6 +216,21 @@ impl Evidence {
         const POOL: usize = 120;
         /// Rounds of the search beyond one per part, for parts whose first motion is wrong.
         const EXTRA_ROUNDS: usize = 2;
+        self.search(scene, clouds, movable, config, settings, |search| {
+            search.candidates(movable.end() + EXTRA_ROUNDS, POOL)
+        })
+    }
+
+    /// Runs a search for motions.
+    fn search<T>(
+        &self,
+        scene: &Scene,
+        clouds: &PerState<IndexedCloud<'_>>,
+        movable: &RangeInclusive<usize>,
+        config: &DiscoverConfig,
+        settings: &StepSettings,
+        run: impl FnOnce(&Search<'_>) -> T,
+    ) -> T {
         /// Least share of the moved points that a round explains, where the number of parts is not given.
         const LEAST_ROUND: f64 = 0.01;
         let least_round = if movable.start() == movable.end() { config.least_share } else { LEAST_ROUND };
@@ -217,7 +257,7 @@ impl Evidence {
             least_gain: (config.least_share * self.total() as f64).max(LEAST_MOVED as f64),
             least_round: (least_round * self.total() as f64).max(LEAST_MOVED as f64),
         };
-        search.candidates(movable.end() + EXTRA_ROUNDS, POOL)
+        run(&search)
     }
 
     /// The result with its confidence, alternatives among the candidates `pool`, and warnings.
@@ -225,8 +265,7 @@ impl Evidence {
         &self,
         scene: &Scene,
         clouds: &PerState<IndexedCloud<'_>>,
-        mut parts: Vec<JointEstimate>,
-        labels: PerState<Vec<u16>>,
+        Parts { mut parts, labels }: Parts,
         mut warnings: Vec<String>,
         pool: &[Candidate],
         settings: &StepSettings,

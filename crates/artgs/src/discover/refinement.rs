@@ -1,6 +1,7 @@
 //! From motions to parts: points are labelled and parts registered in turn, parts that explain next to nothing are
 //! removed, and bodies that move alike are separated.
 
+use super::bodies::Body;
 use super::cloud::{Cloud, IndexedCloud};
 use super::config::StepSettings;
 use super::joints::JointFit;
@@ -82,8 +83,37 @@ impl Refinement<'_> {
         let kinds = vec![None; motions.len()];
         let Self { scene, clouds, evidence, config, settings } = *self;
         let order = Numbering::ParentsFirst;
-        let (parts, labels) = refine_parts(scene, clouds, evidence, motions, &kinds, order, config, settings);
+        let (parts, labels) = refine_parts(scene, clouds, evidence, motions, &[], &kinds, order, config, settings);
         Parts { parts, labels }
+    }
+
+    /// Parts of bodies, each of which only explains what is in its regions. Those without enough support are removed.
+    pub(super) fn of_bodies(&self, mut bodies: Vec<Body>) -> Parts {
+        /// Rounds of removing bodies.
+        const ROUNDS: usize = 3;
+        let Self { scene, clouds, evidence, config, settings } = *self;
+        let mut found = Parts { parts: Vec::new(), labels: PerState::default() };
+        for _ in 0..ROUNDS {
+            let motions: Vec<Rigid> = bodies.iter().map(|b| b.motion).collect();
+            let (kinds, order) = (vec![None; motions.len()], Numbering::Kept);
+            let (parts, labels) =
+                refine_parts(scene, clouds, evidence, &motions, &bodies, &kinds, order, config, settings);
+            let supports = settings.support.of_parts(scene, clouds, &evidence.occupancy, &labels, &parts);
+            found = Parts { parts, labels };
+            let least_moved = self.least_moved();
+            let mut supported = supports.iter().map(|s| {
+                s.moved >= least_moved
+                    && s.explained >= settings.support.least_explained
+                    && s.stiffness >= settings.support.least_stiffness
+            });
+            let before = bodies.len();
+            bodies.retain(|_| supported.next().unwrap_or(false));
+            if bodies.len() == before {
+                break;
+            }
+        }
+        parents_first(&mut found.parts, &mut found.labels);
+        found
     }
 
     /// The part with the least support, if that is too little: few points moved for certain, or other motions explain all
@@ -153,6 +183,7 @@ pub(super) fn refine_parts(
     clouds: &PerState<IndexedCloud<'_>>,
     evidence: &Evidence,
     motions: &[Rigid],
+    bodies: &[Body],
     kinds: &[Option<JointKind>],
     numbering: Numbering,
     config: &DiscoverConfig,
@@ -165,6 +196,7 @@ pub(super) fn refine_parts(
         clouds,
         graphs: &graphs,
         occupancy: &evidence.occupancy,
+        bodies,
         costs: settings.label_costs,
         settings: settings.segmentation,
     };

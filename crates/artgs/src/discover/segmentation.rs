@@ -1,6 +1,7 @@
 //! Which part each surface point belongs to: what the other state shows under every motion and, where that leaves several
 //! answers, which part the point is connected with.
 
+use super::bodies::Body;
 use super::cloud::{Cloud, IndexedCloud, components};
 use super::graph_cut::{self, first_steps};
 use super::landing::Landing;
@@ -163,18 +164,34 @@ pub(super) struct Labelling<'a> {
     pub(super) graphs: &'a PerState<Graph>,
     /// What the other state shows at each point.
     pub(super) occupancy: &'a PerState<Vec<Occupancy>>,
+    /// Where each part may be; everywhere if there are none.
+    pub(super) bodies: &'a [Body],
     pub(super) costs: LabelCosts,
     pub(super) settings: SegmentationSettings,
 }
 
 impl Labelling<'_> {
+    /// A part explains nothing outside of its body.
+    fn confine(&self, state: State, motions: &[Rigid], landings: &mut [Landing]) {
+        let points = &self.clouds[state].cloud.points;
+        landings.par_chunks_mut(motions.len() + 1).zip(points).with_min_len(512).for_each(|(row, point)| {
+            for ((body, motion), landing) in self.bodies.iter().zip(motions).zip(&mut row[1..]) {
+                if !body.contains(state, *point, motion) {
+                    *landing = Landing::Empty(1.0);
+                }
+            }
+        });
+    }
+
     /// Part of every point of every state under motions from start to end.
     pub(super) fn labels(&self, motions: &[Rigid]) -> PerState<Vec<u16>> {
         let parts = motions.len() + 1;
         let landings = PerState::from_fn(|s| {
             let moving = motions.iter().map(|m| m.away_from(s));
             let to_other: Vec<Rigid> = std::iter::once(Rigid::IDENTITY).chain(moving).collect();
-            self.scene.pair(self.clouds, s).landings(&to_other, &self.costs)
+            let mut landings = self.scene.pair(self.clouds, s).landings(&to_other, &self.costs);
+            self.confine(s, motions, &mut landings);
+            landings
         });
         let label = |s: State| {
             let own = part_costs(&landings[s], &landings[s.other()], &self.occupancy[s.other()], parts, &self.costs);

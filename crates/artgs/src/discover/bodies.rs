@@ -1,0 +1,188 @@
+//! Parts as bodies: hypotheses that each hold for a region of space (`face_motions`) are chosen together, so that the
+//! motion of one drawer cannot explain a piece of another one. Tried where shared motions leave joints doubtful.
+
+use super::cloud::IndexedCloud;
+use super::face_motions::{Hypothesis, Region};
+use super::landing::StatePair;
+use super::scene::Scene;
+use super::selection::{SelectionSettings, Table};
+use artgs_core::{PerState, Rigid, State};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Settings of bodies.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BodySettings {
+    /// Hypotheses that are compared.
+    pub(crate) hypotheses: usize,
+    /// A body must explain at least this share of the moved points that no other one does.
+    pub(crate) least_share: f64,
+    /// Weight of the implausibility of a motion. An exchange of the places of two equal doors explains all that is seen of
+    /// them, so only its implausibility speaks against it.
+    pub(crate) implausible: f32,
+    /// Motions that take the points of a region to places this close are the same, spacings.
+    pub(crate) same: f32,
+    /// Bodies are tried if the quality is below this; see `Discovery::quality`.
+    pub(crate) doubtful: f64,
+    /// Bodies are taken if they raise the quality by this.
+    pub(crate) better: f64,
+}
+
+impl Default for BodySettings {
+    fn default() -> Self {
+        Self { hypotheses: 240, least_share: 0.01, implausible: 2.0, same: 1.0, doubtful: 0.82, better: 0.03 }
+    }
+}
+
+/// A motion from start to end and the space in which it may explain points.
+#[derive(Clone, Debug)]
+pub(super) struct Body {
+    pub(super) motion: Rigid,
+    pub(super) regions: Vec<Region>,
+}
+
+impl Body {
+    /// True if a point of a state is in one of its regions under `motion`.
+    pub(super) fn contains(&self, state: State, point: Vec3, motion: &Rigid) -> bool {
+        self.regions.iter().any(|r| r.contains(state, point, motion))
+    }
+}
+
+impl BodySettings {
+    /// The bodies that explain both states best, of as many as each explain enough.
+    pub(super) fn choose(
+        &self,
+        scene: &Scene,
+        clouds: &PerState<IndexedCloud<'_>>,
+        moved: &PerState<Vec<usize>>,
+        hypotheses: &[Hypothesis],
+        selection: &SelectionSettings,
+    ) -> Vec<Body> {
+        let reach = f64::from(self.same * scene.lengths.spacing);
+        // The face of a body is seen in parts, in one state more of it than in the other.
+        let all: Vec<Body> = hypotheses.par_iter().map(|h| united(clouds, h, hypotheses, reach)).collect();
+        let implausibility: Vec<f32> =
+            hypotheses.iter().map(|h| self.implausible * h.candidate.implausibility).collect();
+        let table = tabulate(scene, clouds, moved, &all, &implausibility, selection);
+        let total: f64 = moved.iter().map(|points| points.len() as f64).sum();
+        let mut chosen = table.worth(self.least_share * total, selection);
+        let mut bodies = Vec::new();
+        while let Some(first) = chosen.first().copied() {
+            let (own, rest): (Vec<usize>, Vec<usize>) = chosen
+                .iter()
+                .partition(|c| **c == first || continues(clouds, &hypotheses[first], &hypotheses[**c], reach));
+            let regions = own.iter().flat_map(|c| all[*c].regions.iter().copied()).collect();
+            bodies.push(Body { motion: all[first].motion, regions });
+            chosen = rest;
+        }
+        bodies
+    }
+}
+
+/// The body of a hypothesis: its region and those of all hypotheses that continue it.
+fn united(clouds: &PerState<IndexedCloud<'_>>, hypothesis: &Hypothesis, others: &[Hypothesis], reach: f64) -> Body {
+    let others = others.iter().filter(|other| continues(clouds, hypothesis, other, reach));
+    let regions = std::iter::once(hypothesis.region).chain(others.map(|other| other.region)).collect();
+    Body { motion: hypothesis.candidate.motion, regions }
+}
+
+/// True if two hypotheses take the points that they explain to the same places, up to `reach` (scene units), and their
+/// regions overlap.
+fn continues(clouds: &PerState<IndexedCloud<'_>>, a: &Hypothesis, b: &Hypothesis, reach: f64) -> bool {
+    /// Every so many points are compared.
+    const STRIDE: usize = 17;
+    /// Least share of the points that one explains in the region of the other.
+    const SHARED: f64 = 0.25;
+    let (m, n) = (a.candidate.motion, b.candidate.motion);
+    let explained = |h: &Hypothesis| -> Vec<(State, Vec3)> {
+        let of_state = |s: State| {
+            let points = h.candidate.explained[s].iter().step_by(STRIDE);
+            points.map(move |&i| (s, clouds[s].cloud.points[i])).collect::<Vec<_>>()
+        };
+        State::ALL.into_iter().flat_map(of_state).collect()
+    };
+    let (of_a, of_b) = (explained(a), explained(b));
+    let same = |(s, p): &(State, Vec3)| {
+        let p = p.as_dvec3();
+        m.away_from(*s).apply(p).distance(n.away_from(*s).apply(p)) < reach
+    };
+    let shared = of_b.iter().filter(|(s, p)| a.region.contains(*s, *p, &m)).count();
+    shared as f64 > SHARED * of_b.len() as f64 && of_a.iter().chain(&of_b).all(same)
+}
+
+/// Costs of moved points under rest and every body; outside of its regions a body explains nothing.
+fn tabulate(
+    scene: &Scene,
+    clouds: &PerState<IndexedCloud<'_>>,
+    moved: &PerState<Vec<usize>>,
+    bodies: &[Body],
+    implausibility: &[f32],
+    settings: &SelectionSettings,
+) -> Table {
+    /// Cost of what a body does not explain.
+    const OUTSIDE: f32 = 2.0;
+    let mut table = Table { rest: Vec::new(), costs: vec![Vec::new(); bodies.len()], weights: Vec::new() };
+    for s in State::ALL {
+        let stride = moved[s].len().div_ceil(settings.sample).max(1);
+        let picked: Vec<usize> = moved[s].iter().copied().step_by(stride).collect();
+        let own = clouds[s].cloud.select(&picked);
+        let rest = StatePair { own: &IndexedCloud::new(&own), ..scene.pair(clouds, s) };
+        table.rest.extend(rest.plain_costs(&[Rigid::IDENTITY], &settings.costs));
+        for ((costs, body), implausibility) in table.costs.iter_mut().zip(bodies).zip(implausibility) {
+            let motion = body.motion;
+            let inside: Vec<usize> = (0..own.len()).filter(|&i| body.contains(s, own.points[i], &motion)).collect();
+            let part = own.select(&inside);
+            let pair = StatePair { own: &IndexedCloud::new(&part), ..scene.pair(clouds, s) };
+            // The first motion is rest.
+            let rows = pair.plain_costs(&[Rigid::IDENTITY, motion.away_from(s)], &settings.costs);
+            let first = costs.len();
+            costs.resize(first + own.len(), OUTSIDE);
+            for (i, row) in inside.iter().zip(rows.chunks_exact(2)) {
+                costs[first + i] = row[1] + implausibility;
+            }
+        }
+        table.weights.extend(vec![stride as f32; picked.len()]);
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Cloud;
+    use super::super::candidates::Candidate;
+    use super::super::face_motions::tests::face;
+    use super::super::facets::Facet;
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn only_hypotheses_with_one_motion_and_overlapping_regions_continue_each_other() {
+        let (mut cloud, left) = face(0.0);
+        let (beside, _) = face(31.0);
+        cloud.append(&beside);
+        let right = |first: usize, last: usize| {
+            let members: Vec<usize> = (600 + first..600 + last).collect();
+            let centre = cloud.select(&members).middle();
+            Facet { members, centre, normal: Vec3::NEG_Y }
+        };
+        let hypothesis = |facet: &Facet, shift: f64| Hypothesis {
+            candidate: Candidate {
+                motion: Rigid::shift(DVec3::NEG_Y * shift),
+                explained: PerState::new(facet.members.clone(), Vec::new()),
+                gain: 1.0,
+                implausibility: 0.0,
+            },
+            region: Region::around(&cloud, facet, State::START, 1.0, 40.0),
+        };
+        let empty = Cloud::default();
+        let clouds = PerState::new(IndexedCloud::new(&cloud), IndexedCloud::new(&empty));
+        let continues = |a: &Hypothesis, b: &Hypothesis| continues(&clouds, a, b, 1.0);
+        let whole = hypothesis(&right(0, 600), 9.0);
+        assert!(continues(&whole, &hypothesis(&right(0, 300), 9.4)));
+        assert!(!continues(&whole, &hypothesis(&right(0, 300), 11.0)));
+        assert!(!continues(&whole, &hypothesis(&left, 9.0)));
+        let body = united(&clouds, &whole, &[hypothesis(&left, 9.0), hypothesis(&right(0, 300), 9.4)], 1.0);
+        assert_eq!(body.regions.len(), 2);
+        assert!(!body.contains(State::START, Vec3::new(12.0, 0.0, 6.0), &body.motion));
+    }
+}
