@@ -4,6 +4,7 @@ use crate::device::DeviceChoice;
 use artgs::{PartCount, PartCountError};
 use artgs_io::asset::Format;
 use artgs_physical::export::ExportOptions;
+use artgs_synth::recording::Drift;
 use clap::builder::PossibleValue;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::num::NonZeroUsize;
@@ -469,27 +470,48 @@ pub(crate) struct Synth {
     /// List objects and suites
     #[arg(long)]
     pub(crate) list: bool,
-    /// Training views per state
-    #[arg(long, value_name = "N", default_value_t = 64)]
-    pub(crate) views: usize,
-    /// Held-out views per state
-    #[arg(long, value_name = "N", default_value_t = 16)]
-    pub(crate) test_views: usize,
-    /// Width and height of the images, pixels
-    #[arg(long, value_name = "PX", default_value_t = 400)]
-    pub(crate) size: u32,
+    /// What is around the object: studio (nothing; cameras on a sphere, masks) or room (floor, walls and clutter; a
+    /// recording by a simulated device, no masks, metres)
+    #[arg(long, value_enum, default_value_t = SynthScene::Studio)]
+    pub(crate) scene: SynthScene,
+    /// Training views per state; 64, in a room 90 frames
+    #[arg(long, value_name = "N")]
+    pub(crate) views: Option<usize>,
+    /// Held-out views per state; 16, in a room none
+    #[arg(long, value_name = "N")]
+    pub(crate) test_views: Option<usize>,
+    /// Width of the images, pixels; 400, in a room 640 or, with lidar, 720. The height is the same, in a room three quarters
+    /// of it
+    #[arg(long, value_name = "PX")]
+    pub(crate) size: Option<u32>,
     /// How the capture is degraded; may be repeated. One of depth=SIGMA (noise at distance 1, grows with its
     /// square), edges=on|DEG (no depth where surfaces are grazed), gloss=FRACTION (no depth on glossy patches),
     /// pose=DEG,LENGTH (jitter of the stated cameras), misalign=DEG,LENGTH (of the end state against the start),
     /// front=on (cameras only in front), light=camera, no-depth
     #[arg(long, value_name = "NAME=VALUE")]
     pub(crate) noise: Vec<String>,
+    /// The device in a room; its noise was measured on recordings; lidar if absent
+    #[arg(long, value_enum)]
+    pub(crate) sensor: Option<SynthSensor>,
+    /// How the device moves in a room; handheld (around the front at two heights) if absent
+    #[arg(long, value_enum)]
+    pub(crate) path: Option<SynthPath>,
+    /// Drift of the poses that the device states in a room, such as 0.01,0.4
+    #[arg(long, value_name = "METRES,DEGREES", value_parser = Drift::parse)]
+    pub(crate) drift: Option<Drift>,
+    /// In a room, the end state has a world frame of its own
+    #[arg(long)]
+    pub(crate) own_frames: bool,
+    /// In a room, a box beside the object moves between the states
+    #[arg(long)]
+    pub(crate) bystander: bool,
     /// Seed of placement, textures and degradations
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
-    /// How the files are laid out
-    #[arg(long, value_enum, default_value_t = SynthLayout::Artgs)]
-    pub(crate) layout: SynthLayout,
+    /// How the files are laid out: artgs or paris; in a room a format of recordings. If absent, artgs or, in a room,
+    /// scanner-app
+    #[arg(long, value_enum)]
+    pub(crate) layout: Option<SynthLayout>,
     /// Write into a folder that holds other files, too
     #[arg(long)]
     pub(crate) force: bool,
@@ -502,11 +524,49 @@ pub(crate) struct Synth {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SynthScene {
+    /// Nothing around the object
+    Studio,
+    /// A furnished room
+    Room,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SynthSensor {
+    /// Structured light, first Kinect
+    Kinect,
+    /// Structured light, Asus Xtion
+    Xtion,
+    /// Active stereo, RealSense D435
+    D435,
+    /// LiDAR of a phone
+    Lidar,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SynthPath {
+    /// A walk around the front at two heights
+    Handheld,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum SynthLayout {
     /// transforms_{train,test}_{start,end}.json
     Artgs,
     /// {start,end}/camera_{train,test}.json
     Paris,
+    /// Room: 3D Scanner App, "All Data"
+    ScannerApp,
+    /// Room: Record3D
+    Record3d,
+    /// Room: Polycam raw data
+    Polycam,
+    /// Room: nerfstudio
+    Nerfstudio,
+    /// Room: TUM RGB-D
+    Tum,
+    /// Room: COLMAP
+    Colmap,
 }
 
 fn parts(text: &str) -> Result<PartCount, String> {

@@ -3,8 +3,10 @@
 use artgs::{Config, ablation};
 use artgs_bench::paper::{self, PaperObject};
 use artgs_bench::{Item, Source, Variant};
+use artgs_io::recording::RecordingFormat;
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
-use artgs_synth::{CaptureOptions, ObjectInfo, objects, suite as synth_suite, write_object};
+use artgs_synth::recording::write_recorded_object;
+use artgs_synth::{CaptureOptions, ObjectInfo, RecordingCaptureOptions, objects, suite as synth_suite, write_object};
 
 /// Names of the suites, beside which any object of theirs may be named.
 pub(crate) fn known() -> String {
@@ -69,10 +71,12 @@ pub(crate) fn suite(name: &str, photos: &Photos) -> Option<Result<Vec<Item>, Str
     if name == "cabinet" {
         return Some(photos.ways().iter().map(|way| cabinet(way, photos.seed)).collect());
     }
+    let real_like = name == "real-like";
     let names = synth_suite(name).or_else(|| objects().iter().find(|o| o.name == name).map(|o| vec![o.name]))?;
     let infos = objects().iter().filter(move |o| names.contains(&o.name));
     let ways = photos.ways();
-    Some(ways.iter().flat_map(|way| infos.clone().map(|info| item(info, way, photos.seed))).collect())
+    let make = if real_like { recorded_item } else { item };
+    Some(ways.iter().flat_map(|way| infos.clone().map(|info| make(info, way, photos.seed))).collect())
 }
 
 fn item(info: &'static ObjectInfo, way: &Way, seed: u64) -> Result<Item, String> {
@@ -98,6 +102,32 @@ fn item(info: &'static ObjectInfo, way: &Way, seed: u64) -> Result<Item, String>
         stands_for: row(info).filter(|_| way.suffix.is_empty()),
         same_object: false,
         noise: way.noise.as_deref().map(noise_label),
+    })
+}
+
+/// An object recorded in a room with a phone.
+fn recorded_item(info: &'static ObjectInfo, way: &Way, seed: u64) -> Result<Item, String> {
+    if way.noise.is_some() {
+        return Err("recordings of the suite real-like have the noise of their sensor; leave --noise out".into());
+    }
+    let default = RecordingCaptureOptions::default();
+    let (views, width) = (way.views.unwrap_or(default.views), way.size.unwrap_or(default.width));
+    let options = RecordingCaptureOptions { views, width, seed, ..default };
+    options.check().map_err(|e| e.to_string())?;
+    let json = serde_json::to_string(&options).map_err(|e| e.to_string())?;
+    let format = RecordingFormat::ScannerApp;
+    Ok(Item {
+        name: format!("{}.room{}", info.name, way.suffix),
+        source: Source::Procedural {
+            settings: format!("{} in a room {json}", info.name),
+            write: Box::new(move |folder| {
+                write_recorded_object(info.name, &options, format, folder).map(drop).map_err(|e| e.to_string())
+            }),
+        },
+        parts: Some(info.parts()),
+        stands_for: None,
+        same_object: false,
+        noise: None,
     })
 }
 

@@ -1,49 +1,148 @@
 //! `artgs synth`: captures of procedural objects.
 
-use crate::args::{Synth, SynthLayout};
+use crate::args::{Synth, SynthLayout, SynthScene, SynthSensor};
 use crate::commands::{Style, use_threads};
 use crate::failure::Failure;
 use crate::output::say;
 use artgs_core::JointKind;
-use artgs_synth::{CaptureOptions, Layout, ObjectInfo, SUITES, SynthError, capture_info, objects, suite, write_object};
-use serde_json::json;
+use artgs_io::recording::RecordingFormat;
+use artgs_synth::recording::{Sensor, recording_info, write_recorded_object};
+use artgs_synth::{
+    CaptureOptions, Layout, ObjectInfo, RecordingCaptureOptions, SUITES, SynthError, capture_info, objects, suite,
+    write_object,
+};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+
+/// What is made of every object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Job {
+    Capture(CaptureOptions),
+    Recording(RecordingCaptureOptions, RecordingFormat),
+}
+
+impl Job {
+    /// Writes an object into a folder. Returns its number of parts and a description as JSON.
+    fn write(&self, name: &str, folder: &Path) -> Result<(usize, Value), SynthError> {
+        match self {
+            Self::Capture(options) => write_object(name, options, folder).map(|made| (made.parts, json!(made))),
+            Self::Recording(options, format) => {
+                write_recorded_object(name, options, *format, folder).map(|made| (made.parts, json!(made)))
+            }
+        }
+    }
+
+    /// True if a job of this kind wrote the folder, so that it may replace the files.
+    fn wrote(&self, folder: &Path) -> bool {
+        match self {
+            Self::Capture(_) => capture_info(folder).is_some(),
+            Self::Recording(..) => recording_info(folder).is_some(),
+        }
+    }
+}
 
 pub(crate) fn run(args: &Synth, style: Style) -> Result<(), Failure> {
     use_threads(args.threads)?;
     let (Some(what), Some(out), false) = (&args.what, &args.out, args.list) else { return list(style) };
-    let options = options(args)?;
+    let job = job(args)?;
     let targets = targets(what, out)?;
     for (_, folder) in &targets {
-        check(folder, args.force)?;
+        check(&job, folder, args.force)?;
     }
     for (name, folder) in &targets {
-        let written = write_object(name, &options, folder).map_err(|error| match error {
-            SynthError::File(_) => Failure::from(anyhow::Error::from(error)),
+        let (k, written) = job.write(name, folder).map_err(|error| match error {
+            SynthError::File(_) | SynthError::Recording(_) => Failure::from(anyhow::Error::from(error)),
             _ => Failure::bad(error),
         })?;
         if style.json {
             say(json!({ "event": "result", "capture": folder, "made": written }))?;
         } else if !style.quiet {
-            let (shown, k) = (folder.display(), written.parts);
+            let shown = folder.display();
             say(format!("{name}, K = {k}, in {shown}; artgs reconstruct {shown} -o ..."))?;
         }
     }
     Ok(())
 }
 
-fn options(args: &Synth) -> Result<CaptureOptions, Failure> {
+fn job(args: &Synth) -> Result<Job, Failure> {
+    match args.scene {
+        SynthScene::Studio => studio(args),
+        SynthScene::Room => room(args),
+    }
+}
+
+fn studio(args: &Synth) -> Result<Job, Failure> {
+    let of_a_room = [
+        ("--sensor", args.sensor.is_some()),
+        ("--path", args.path.is_some()),
+        ("--drift", args.drift.is_some()),
+        ("--own-frames", args.own_frames),
+        ("--bystander", args.bystander),
+    ];
+    if let Some((option, _)) = of_a_room.iter().find(|(_, given)| *given) {
+        return Err(Failure::bad(format!("{option} needs a room; add --scene room")));
+    }
     let layout = match args.layout {
-        SynthLayout::Artgs => Layout::ArtGs,
-        SynthLayout::Paris => Layout::Paris,
+        None | Some(SynthLayout::Artgs) => Layout::ArtGs,
+        Some(SynthLayout::Paris) => Layout::Paris,
+        Some(_) => {
+            return Err(Failure::bad("this layout is one of recordings; add --scene room, or give artgs or paris"));
+        }
     };
-    let Synth { views, test_views, size, seed, .. } = *args;
-    let mut options = CaptureOptions { views, test_views, size, seed, layout, ..CaptureOptions::default() };
+    let default = CaptureOptions::default();
+    let mut options = CaptureOptions {
+        views: args.views.unwrap_or(default.views),
+        test_views: args.test_views.unwrap_or(default.test_views),
+        size: args.size.unwrap_or(default.size),
+        seed: args.seed,
+        layout,
+        ..default
+    };
     for setting in &args.noise {
         options.degradation.set(setting).map_err(Failure::bad)?;
     }
     options.check().map_err(Failure::bad)?;
-    Ok(options)
+    Ok(Job::Capture(options))
+}
+
+fn room(args: &Synth) -> Result<Job, Failure> {
+    let of_a_studio = [("--noise", !args.noise.is_empty()), ("--test-views", args.test_views.is_some_and(|n| n > 0))];
+    if let Some((option, _)) = of_a_studio.iter().find(|(_, given)| *given) {
+        return Err(Failure::bad(format!(
+            "{option} cannot be used with --scene room; --sensor and --drift set its errors"
+        )));
+    }
+    let format = match args.layout {
+        None | Some(SynthLayout::ScannerApp) => RecordingFormat::ScannerApp,
+        Some(SynthLayout::Record3d) => RecordingFormat::Record3d,
+        Some(SynthLayout::Polycam) => RecordingFormat::Polycam,
+        Some(SynthLayout::Nerfstudio) => RecordingFormat::Nerfstudio,
+        Some(SynthLayout::Tum) => RecordingFormat::Tum,
+        Some(SynthLayout::Colmap) => RecordingFormat::Colmap,
+        Some(SynthLayout::Artgs | SynthLayout::Paris) => {
+            return Err(Failure::bad("artgs and paris need masks, which a room has not; give another --layout"));
+        }
+    };
+    let sensor = match args.sensor {
+        None | Some(SynthSensor::Lidar) => Sensor::Lidar,
+        Some(SynthSensor::Kinect) => Sensor::Kinect,
+        Some(SynthSensor::Xtion) => Sensor::Xtion,
+        Some(SynthSensor::D435) => Sensor::D435,
+    };
+    let default = RecordingCaptureOptions::default();
+    let options = RecordingCaptureOptions {
+        views: args.views.unwrap_or(default.views),
+        width: args.size.unwrap_or(sensor.default_width()),
+        sensor,
+        drift: args.drift.unwrap_or_default(),
+        own_frames: args.own_frames,
+        bystander: args.bystander,
+        seed: args.seed,
+        // The writer chooses what follows from the format.
+        ..default
+    };
+    options.check().map_err(Failure::bad)?;
+    Ok(Job::Recording(options, format))
 }
 
 /// Objects to make and their folders.
@@ -63,13 +162,13 @@ fn targets(what: &str, out: &Path) -> Result<Vec<(&'static str, PathBuf)>, Failu
 }
 
 /// Refuses a folder with files that `artgs synth` did not write.
-fn check(folder: &Path, force: bool) -> Result<(), Failure> {
+fn check(job: &Job, folder: &Path, force: bool) -> Result<(), Failure> {
     let shown = folder.display();
     if folder.exists() && !folder.is_dir() {
         return Err(Failure::bad(format!("{shown} is a file; give a folder to -o")));
     }
     let empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.next().is_none());
-    if empty || capture_info(folder).is_some() {
+    if empty || job.wrote(folder) {
         return Ok(());
     }
     // A capture of ours replaces these folders whole.
@@ -110,29 +209,64 @@ fn list(style: Style) -> Result<(), Failure> {
         format!("{:<17} {:<6} {:>2}  {paper:<14} {} ({kinds})", info.name, info.suite, info.parts(), info.description)
     }));
     lines.push("K counts the static part; r turns, p slides, s screws.".into());
-    lines.push(format!("suites: {} (paper = paris + dta + multi)", SUITES.join(", ")));
+    lines.push(format!(
+        "suites: {} (paper = paris + dta + multi; real-like = paper and furniture of hard)",
+        SUITES.join(", ")
+    ));
     say(lines.join("\n"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use clap::Parser;
+
+    fn job_of(line: &str) -> Result<Job, Failure> {
+        let cli =
+            crate::args::Cli::try_parse_from(format!("artgs synth blade -o x {line}").split_whitespace()).unwrap();
+        let crate::args::Command::Synth(args) = cli.command else { panic!("another command") };
+        job(&args)
+    }
 
     #[test]
     fn foreign_folders_are_refused_and_own_ones_are_not() {
         let dir = tempfile::tempdir().unwrap();
-        check(dir.path(), false).unwrap();
-        check(&dir.path().join("missing"), false).unwrap();
+        let options = CaptureOptions { views: 2, test_views: 0, size: 16, ..CaptureOptions::default() };
+        let job = Job::Capture(options);
+        check(&job, dir.path(), false).unwrap();
+        check(&job, &dir.path().join("missing"), false).unwrap();
         let file = dir.path().join("thesis.tex");
         std::fs::write(&file, "x").unwrap();
-        let failure = check(dir.path(), false).unwrap_err();
+        let failure = check(&job, dir.path(), false).unwrap_err();
         assert!(failure.exit_code() == 2 && failure.to_string().contains("--force"), "{failure}");
-        assert!(check(&file, true).is_err());
-        check(dir.path(), true).unwrap();
+        assert!(check(&job, &file, true).is_err());
+        check(&job, dir.path(), true).unwrap();
         let own = dir.path().join("own");
-        let options = CaptureOptions { views: 2, test_views: 0, size: 16, ..CaptureOptions::default() };
         write_object("blade", &options, &own).unwrap();
-        check(&own, false).unwrap();
+        check(&job, &own, false).unwrap();
+        let recording = Job::Recording(RecordingCaptureOptions::default(), RecordingFormat::Tum);
+        assert!(check(&recording, &own, true).is_err(), "a capture of another kind is not replaced");
+    }
+
+    #[test]
+    fn options_of_a_scene_are_refused_in_the_other() {
+        let line = "--scene room --sensor xtion --path handheld --drift 0.02,0.5 --own-frames --layout tum --views 5";
+        let Job::Recording(options, RecordingFormat::Tum) = job_of(line).unwrap() else { panic!("no recording") };
+        assert_eq!((options.sensor, options.width, options.views), (Sensor::Xtion, 640, 5));
+        assert!(options.own_frames && options.drift.metres == 0.02);
+        let Job::Capture(options) = job_of("").unwrap() else { panic!("no capture") };
+        assert_eq!(options, CaptureOptions::default());
+        for (line, words) in [
+            ("--drift 0.01,0.4", "--drift needs a room"),
+            ("--bystander", "--scene room"),
+            ("--layout tum", "--scene room"),
+            ("--scene room --noise depth=0.1", "--noise"),
+            ("--scene room --layout paris", "masks"),
+            ("--scene room --size 65", "multiple of 4"),
+        ] {
+            let failure = job_of(line).unwrap_err();
+            assert!(failure.exit_code() == 2 && failure.to_string().contains(words), "{line}: {failure}");
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! the program without a camera.
 //!
 //! [`objects`] lists them, [`write_object`] writes a capture folder of one, [`render_capture`] keeps it in memory.
+//! [`recording`] simulates what people record: the object in a room, with the errors of a device.
 //! [`cabinet`] is the small fixture of the tests and of `artgs demo`.
 
 pub mod cabinet;
@@ -11,6 +12,7 @@ mod degrade;
 mod light;
 mod material;
 mod object;
+pub mod recording;
 mod render;
 mod shape;
 #[cfg(test)]
@@ -21,6 +23,7 @@ mod write;
 pub use catalog::{ObjectInfo, SUITES, object, objects, suite};
 pub use degrade::Degradation;
 pub use object::Object;
+pub use recording::{RecordingCaptureOptions, RecordingTruth, render_recording};
 pub use render::{CaptureOptions, render_capture};
 pub use write::{CaptureInfo, Layout, capture_info, write_object};
 
@@ -46,4 +49,7 @@ pub enum SynthError {
     /// A file could not be written.
     #[error(transparent)]
     File(#[from] artgs_io::FileError),
+    /// A recording could not be written.
+    #[error(transparent)]
+    Recording(#[from] artgs_io::recording::RecordingError),
 }

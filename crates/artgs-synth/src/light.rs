@@ -43,6 +43,11 @@ pub(crate) struct LightMap(Vec<Fan>);
 impl LightMap {
     /// Computes the light on every triangle; `sun` is the direction to the sun.
     pub(crate) fn measure(surface: &Surface, sun: DVec3) -> Self {
+        Self::with_spacing(surface, sun, SPACING)
+    }
+
+    /// As [`LightMap::measure`], with this distance between lattice points, scene units.
+    pub(crate) fn with_spacing(surface: &Surface, sun: DVec3, spacing: f64) -> Self {
         let sky = sky_directions();
         let disc = sun_directions(sun);
         let fan = |triangle: usize| {
@@ -50,7 +55,7 @@ impl LightMap {
             let opposite = |k: usize| corners[(k + 1) % 3].distance(corners[(k + 2) % 3]);
             let apex = (0..3).fold(0, |best, k| if opposite(k) < opposite(best) { k } else { best });
             let [a, b, c] = [0, 1, 2].map(|k| corners[(apex + k) % 3]);
-            let steps = |length: f64| ((length / SPACING).ceil() as usize).clamp(1, 48);
+            let steps = |length: f64| ((length / spacing).ceil() as usize).clamp(1, 48);
             let (along, across) = (steps(a.distance(b).max(a.distance(c))), steps(b.distance(c)));
             let (normal, middle) = (surface.normal(triangle), (a + b + c) / 3.0);
             let points = (0..=along).flat_map(|i| (0..=across).map(move |j| (i, j)));

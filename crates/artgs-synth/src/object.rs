@@ -88,7 +88,7 @@ impl Part {
         self.pieces.push(Piece { solid, material });
     }
 
-    fn points(&self) -> impl Iterator<Item = DVec3> {
+    pub(crate) fn points(&self) -> impl Iterator<Item = DVec3> {
         self.pieces.iter().flat_map(|p| p.solid.0.iter().flatten().copied())
     }
 }
@@ -96,9 +96,17 @@ impl Part {
 impl Object {
     /// An object at a random placement: turned about z, tilted by up to 5 degrees and shifted. With `unit_diagonal` it is
     /// scaled so that its bounding box, all parts closed, has a diagonal of 1.
-    pub(crate) fn new(name: &'static str, mut parts: Vec<Part>, unit_diagonal: bool, seed: u64) -> Self {
+    pub(crate) fn new(name: &'static str, parts: Vec<Part>, unit_diagonal: bool, seed: u64) -> Self {
+        let diagonal = if unit_diagonal { [1.0; 2] } else { [0.0, f64::INFINITY] };
+        Self::with_diagonal(name, parts, diagonal, seed)
+    }
+
+    /// An object at a random placement as [`Object::new`] makes it. It is scaled where the diagonal of its bounding box, all
+    /// parts closed, is outside the range `diagonal`, scene units.
+    pub(crate) fn with_diagonal(name: &'static str, mut parts: Vec<Part>, diagonal: [f64; 2], seed: u64) -> Self {
         let (low, high) = bounds(parts.iter().flat_map(Part::points));
-        let scale = if unit_diagonal { 1.0 / (high - low).length() } else { 1.0 };
+        let is = (high - low).length();
+        let scale = is.clamp(diagonal[0], diagonal[1]) / is;
         let middle = (low + high) / 2.0;
         for part in &mut parts {
             let solids = part.pieces.iter_mut().flat_map(|p| p.solid.0.iter_mut());
@@ -151,15 +159,29 @@ impl Object {
         Mesh { vertices, colors: Vec::new(), triangles }
     }
 
+    /// Points of all parts in both states, object frame.
+    fn points_of_both_states(&self) -> Vec<DVec3> {
+        let poses = State::ALL.into_iter().flat_map(|s| (0..self.parts.len()).map(move |p| (p, s)));
+        let points = poses.flat_map(|(part, state)| {
+            let opened = self.opened(part, state);
+            self.parts[part].points().map(move |p| opened.apply(p))
+        });
+        points.collect()
+    }
+
+    /// Corners of the box, parallel to the axes of the object frame, that holds the object in both states.
+    pub(crate) fn bounds_of_both_states(&self) -> (DVec3, DVec3) {
+        bounds(self.points_of_both_states().into_iter())
+    }
+
+    /// Corners of the box around the object with all parts closed, object frame.
+    pub(crate) fn closed_bounds(&self) -> (DVec3, DVec3) {
+        bounds(self.parts.iter().flat_map(Part::points))
+    }
+
     /// Middle (world frame) and radius of a ball that holds the object in both states.
     pub fn ball(&self) -> (DVec3, f64) {
-        let poses = State::ALL.into_iter().flat_map(|s| (0..self.parts.len()).map(move |p| (p, s)));
-        let points: Vec<DVec3> = poses
-            .flat_map(|(part, state)| {
-                let opened = self.opened(part, state);
-                self.parts[part].points().map(move |p| opened.apply(p))
-            })
-            .collect();
+        let points = self.points_of_both_states();
         let (low, high) = bounds(points.iter().copied());
         let middle = (low + high) / 2.0;
         let radius = points.iter().map(|p| p.distance(middle)).fold(0.0, f64::max);
@@ -168,7 +190,7 @@ impl Object {
 }
 
 /// Corners of the box around some points.
-fn bounds(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
+pub(crate) fn bounds(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
     points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
 }
 

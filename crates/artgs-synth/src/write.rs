@@ -16,9 +16,9 @@ pub(crate) const DEPTH_SCALE: f64 = 1000.0;
 /// Names of the splits, as files spell them.
 pub(crate) const SPLIT_NAMES: [&str; 2] = ["train", "test"];
 /// File that marks folders written by this module, and whether they are complete.
-const MARKER: &str = "synth.json";
+pub(crate) const MARKER: &str = "synth.json";
 /// Value of `input.generator` in the `gt/trans.json` of an object.
-const GENERATOR: &str = "artgs synth";
+pub(crate) const GENERATOR: &str = "artgs synth";
 
 /// How the files of a capture are laid out. Both can hold the same capture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -99,13 +99,14 @@ pub fn write_object(name: &str, options: &CaptureOptions, folder: &Path) -> Resu
         let meshes: Vec<Mesh> = (0..object.parts.len()).map(|part| object.mesh(part, state)).collect();
         write_meshes(folder, &meshes, state)?;
     }
-    write_json(&folder.join("gt/trans.json"), &ground_truth(&object, options))?;
+    let input = json!({ "generator": GENERATOR, "object": object.name, "options": options });
+    write_json(&folder.join("gt/trans.json"), &ground_truth(&object, input))?;
     write_marker(folder, &marker(true))?;
     Ok(marker(true))
 }
 
 /// Removes an earlier capture, by name; anything else in the folder stays.
-fn discard(folder: &Path) -> Result<(), FileError> {
+pub(crate) fn discard(folder: &Path) -> Result<(), FileError> {
     let folders = ["start", "end", "gt"].map(|name| folder.join(name));
     let cameras =
         State::ALL.into_iter().flat_map(|s| SPLIT_NAMES.map(|split| Layout::ArtGs.camera_file(s.name(), split)));
@@ -207,7 +208,8 @@ pub(crate) fn joint_entry(joint: &Joint, name: &str, part_id: usize) -> Value {
     })
 }
 
-fn ground_truth(object: &Object, options: &CaptureOptions) -> Value {
+/// `gt/trans.json`; `input` says what was rendered.
+pub(crate) fn ground_truth(object: &Object, input: Value) -> Value {
     let mut joints = Vec::new();
     for (index, part) in object.parts.iter().enumerate() {
         let Some(joint) = object.world_joint(index) else { continue };
@@ -217,7 +219,6 @@ fn ground_truth(object: &Object, options: &CaptureOptions) -> Value {
         }
         joints.push(entry);
     }
-    let input = json!({ "generator": GENERATOR, "object": object.name, "options": options });
     json!({ "input": input, "trans_info": joints })
 }
 

@@ -35,8 +35,11 @@ impl ObjectInfo {
     }
 }
 
-/// Names of the suites; `paper` is `paris`, `dta` and `multi` together, `all` is every object.
-pub const SUITES: [&str; 6] = ["paris", "dta", "multi", "paper", "hard", "all"];
+/// Names of the suites; `paper` is `paris`, `dta` and `multi` together, `real-like` is `paper` and the hard cases that are
+/// furniture of ordinary size, `all` is every object.
+pub const SUITES: [&str; 7] = ["paris", "dta", "multi", "paper", "hard", "real-like", "all"];
+/// Hard cases of the suite `real-like`.
+const REAL_LIKE: [&str; 5] = ["twin_drawers", "five_drawers", "near_drawers", "door_with_drawer", "counter_7"];
 
 const fn stand_in(
     suite: &'static str,
@@ -107,17 +110,27 @@ pub fn suite(name: &str) -> Option<Vec<&'static str>> {
     let belongs = |info: &&ObjectInfo| match name {
         "all" => true,
         "paper" => info.paper.is_some(),
+        "real-like" => info.paper.is_some() || REAL_LIKE.contains(&info.name),
         _ => info.suite == name,
     };
     SUITES.contains(&name).then(|| OBJECTS.iter().filter(belongs).map(|info| info.name).collect())
 }
 
+fn find(name: &str) -> Result<&'static ObjectInfo, SynthError> {
+    let found = OBJECTS.iter().find(|info| info.name == name);
+    found
+        .ok_or_else(|| SynthError::Unknown { name: name.into(), known: OBJECTS.iter().map(|info| info.name).collect() })
+}
+
 /// Builds the object of this name; `seed` varies its textures and its placement.
 pub fn object(name: &str, seed: u64) -> Result<Object, SynthError> {
-    let found = OBJECTS.iter().find(|info| info.name == name);
-    let info = found.ok_or_else(|| SynthError::Unknown {
-        name: name.into(),
-        known: OBJECTS.iter().map(|info| info.name).collect(),
-    })?;
+    let info = find(name)?;
     Ok(Object::new(info.name, (info.build)(), info.scaled, seed))
+}
+
+/// Builds the object of this name in metres. The diagonal of its bounding box, all parts closed, is that of the model, but
+/// at least 0.6 and at most 1.5, so that a sensor for rooms can record it.
+pub(crate) fn object_in_metres(name: &str, seed: u64) -> Result<Object, SynthError> {
+    let info = find(name)?;
+    Ok(Object::with_diagonal(info.name, (info.build)(), [0.6, 1.5], seed))
 }
