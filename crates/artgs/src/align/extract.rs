@@ -43,8 +43,9 @@ pub(crate) struct StateFrames<'a> {
     pub(crate) recorded: &'a [RecordedFrame],
     pub(crate) frames: &'a [DepthFrame],
     pub(crate) factors: &'a [Vec<f32>],
-    /// Surface of the object in this state, one point per cube of edge `spacing`.
-    pub(crate) surface: FusedCloud,
+    /// Surface of the object in both states, one point per cube of edge `spacing`. A pixel without depth that may show what
+    /// the other state shows must not count as empty.
+    pub(crate) surface: &'a FusedCloud,
     pub(crate) spacing: f32,
 }
 
@@ -103,7 +104,7 @@ impl<'a> Labelled<'a> {
         let depth = corrected(recorded.view.depth.as_ref()?, width, frame, factors);
         let camera = Camera { world_to_camera: frame.camera.world_to_camera, ..recorded.view.camera };
         let mut labels = labels(&camera, &depth, width, selection);
-        cover(&mut labels, &camera, &state.surface, state.spacing);
+        cover(&mut labels, &camera, state.surface, state.spacing);
         fill(&mut labels, width, (config.fill * recorded.depth_step).ceil() as usize);
         let (mut count, mut columns, mut rows) = (0, [width, 0], [usize::MAX, 0]);
         for i in (0..labels.len()).filter(|&i| labels[i] == Label::Object) {

@@ -204,11 +204,12 @@ pub(crate) fn cut_out(
     let all: Vec<&DepthFrame> = frames.iter().flatten().collect();
     let selection = Selection::find(&all, unit, up, &moved, &config.object, seed).ok_or(AlignError::NoObject)?;
     let spacing = (0.5 * config.object.cube * unit) as f32;
+    let surface = selection.surface(&all, spacing);
     let sources = PerState::from_fn(|state| StateFrames {
         recorded: &recordings[state].frames,
         frames: &frames[state],
         factors: &factors[state],
-        surface: selection.surface(&frames[state], spacing),
+        surface: &surface,
         spacing,
     });
     let views = extract::views(&sources, &selection, &config.extract);

@@ -116,8 +116,8 @@ impl Selection {
     }
 
     /// Surface of the object as some frames see it, one point per cube of edge `spacing`.
-    pub(crate) fn surface(&self, frames: &[DepthFrame], spacing: f32) -> FusedCloud {
-        let cloud = FusedCloud::new(frames.iter(), spacing);
+    pub(crate) fn surface(&self, frames: &[&DepthFrame], spacing: f32) -> FusedCloud {
+        let cloud = FusedCloud::new(frames.iter().copied(), spacing);
         let own: Vec<usize> = (0..cloud.len()).filter(|&i| self.contains(cloud.points[i].as_dvec3())).collect();
         cloud.select(&own)
     }
