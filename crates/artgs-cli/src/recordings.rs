@@ -5,7 +5,7 @@ use crate::commands::Style;
 use crate::failure::Failure;
 use crate::progress;
 use artgs::align::{AlignConfig, AlignReport, align};
-use artgs::observer::{Event, Observer};
+use artgs::observer::Event;
 use artgs_core::{Capture, PerState, Recording, State};
 use artgs_io::RunFolder;
 use artgs_io::capture::write_capture;

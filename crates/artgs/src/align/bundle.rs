@@ -34,7 +34,7 @@ impl Default for BundleConfig {
         Self {
             overlap: 0.5,
             gate: 0.08,
-            steps: 10,
+            steps: 14,
             brightness: 2.0,
             stated_deg: 2.0,
             stated_shift: 0.03,
@@ -181,6 +181,9 @@ pub(crate) fn register_frames(
         pairs_per_frame: pairs.len() as f64 / frames.len().max(1) as f64,
         step: (config.step_deg.to_radians(), config.step_shift * median_depth),
     };
+    /// Steps in which samples count as independent.
+    const FREE_STEPS: usize = 5;
+    let mut common = (0.0, 0.0);
     let mut report = BundleReport { pairs: pairs.len(), ..BundleReport::default() };
     for step in 0..config.steps {
         let terms: Vec<PairTerms> =
@@ -190,21 +193,30 @@ pub(crate) fn register_frames(
             report.before = plain;
         }
         report.after = plain;
-        scales.depth = Spread::measure(
+        let depth = Spread::measure(
             terms.iter().flat_map(|t| t.depth.iter().copied()).collect(),
             terms.iter().map(|t| &t.depth_blocks),
         );
-        scales.brightness = Spread::measure(
+        let brightness = Spread::measure(
             terms.iter().flat_map(|t| t.brightness.iter().copied()).collect(),
             terms.iter().map(|t| &t.brightness_blocks),
         );
+        // Wrong poses give common errors, too: what remains when poses follow the residuals freely is that of the sensor.
+        if step <= FREE_STEPS {
+            common = (depth.common, brightness.common);
+        }
+        let used = if step < FREE_STEPS { (0.0, 0.0) } else { common };
+        scales.depth = Spread { common: used.0, ..depth };
+        scales.brightness = Spread { common: used.1, ..brightness };
         scales.gate = (0.6 * scales.gate).max(12.0 * plain);
         if step == 0 {
             continue;
         }
         let moved = solve_step(frames, &pairs, &terms, &stated, order, config, &scales);
-        scales.step = step_spread(frames, &stated, order, &scales);
-        if moved < SETTLED * median_depth {
+        if step >= FREE_STEPS {
+            scales.step = step_spread(frames, &stated, order, &scales);
+        }
+        if step > FREE_STEPS && moved < SETTLED * median_depth {
             break;
         }
     }

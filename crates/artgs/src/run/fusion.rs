@@ -3,6 +3,7 @@
 use super::points::label_pixels;
 use crate::discover::{self, DepthPicture, Discovery};
 use crate::surface::{FusionView, PartMeshes, SurfaceConfig, SurfaceError, part_meshes};
+use artgs_core::capture::OBJECT_ALPHA;
 use artgs_core::{Camera, PerState, Rigid, State};
 use rayon::prelude::*;
 
@@ -19,9 +20,22 @@ pub(super) fn fuse_labelled(
         let depths: Vec<&[f32]> = views[state].iter().map(|v| &v.depth[..]).collect();
         let cameras: Vec<Camera> = views[state].iter().map(|v| v.camera).collect();
         let labels = label_pixels(&cameras, &depths, &found.clouds[state], &found.labels[state]);
-        views[state].iter_mut().zip(labels).for_each(|(view, labels)| view.labels = Some(labels.into()));
+        for (view, mut labels) in views[state].iter_mut().zip(labels) {
+            keep_unmeasured(view, &mut labels);
+            view.labels = Some(labels.into());
+        }
     }
     Ok(part_meshes(views.as_ref().map(|views| &views[..]), half_motions, config)?.meshes)
+}
+
+/// Pixels of the object without depth say nothing: any part as their label keeps their rays from being carved.
+fn keep_unmeasured(view: &FusionView<'_>, labels: &mut [u16]) {
+    let Some(rgba) = &view.rgba else { return };
+    for ((label, depth), pixel) in labels.iter_mut().zip(view.depth.iter()).zip(rgba.iter()) {
+        if *depth <= 0.0 && pixel[3] >= OBJECT_ALPHA {
+            *label = 0;
+        }
+    }
 }
 
 /// Views at the size that voxels ask for.
@@ -36,4 +50,23 @@ fn thinned<'p>(pictures: &PerState<Vec<DepthPicture<'p>>>, config: &SurfaceConfi
         FusionView { rgba: Some(picture.thinned_colors(step)), ..FusionView::new(camera, depth) }
     };
     pictures.as_ref().map(|pictures| pictures.par_iter().map(fusion_view).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::surface::BACKGROUND;
+    use artgs_core::Intrinsics;
+    use glam::DVec3;
+
+    #[test]
+    fn pixels_of_the_object_without_depth_are_not_background() {
+        let intrinsics = Intrinsics { fx: 2.0, fy: 2.0, cx: 1.0, cy: 1.0, width: 2, height: 2 };
+        let camera = Camera::look_at(intrinsics, DVec3::Z, DVec3::ZERO, DVec3::Y);
+        let rgba = vec![[9, 9, 9, 255], [9, 9, 9, 0], [9, 9, 9, 255], [9, 9, 9, 0]];
+        let view = FusionView { rgba: Some(rgba.into()), ..FusionView::new(camera, vec![0.0, 0.0, 1.0, 0.0]) };
+        let mut labels = [BACKGROUND, BACKGROUND, 3, BACKGROUND];
+        keep_unmeasured(&view, &mut labels);
+        assert_eq!(labels, [0, BACKGROUND, 3, BACKGROUND]);
+    }
 }
