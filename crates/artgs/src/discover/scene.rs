@@ -243,30 +243,36 @@ impl Scene {
         ViewVotes::of_all(other, &own.points, self.tolerance).into_iter().map(ViewVotes::occupancy).collect()
     }
 
-    /// Points that seem to have moved among points that did not are depth errors: a part that moved leaves whole surfaces
-    /// empty. They count as surface.
+    /// Points that seem to have moved in thin strips among points that did not are depth errors, mostly along edges: a part
+    /// that moved leaves whole surfaces empty. They count as surface. Points next to a whole surface stay moved.
     pub(crate) fn without_speckles(&self, state: State, occupancy: &mut [Occupancy]) {
-        /// Neighbours asked.
-        const NEIGHBOURS: usize = 24;
+        /// Neighbours asked at most.
+        const NEIGHBOURS: usize = 200;
         /// Distance of neighbours, spacings.
-        const REACH: f32 = 3.5;
-        /// Share of the neighbours that must have moved, too.
+        const REACH: f32 = 5.0;
+        /// Share of the neighbours of a point of a whole surface that have moved, too.
         const LEAST: f32 = 0.5;
         let cloud = IndexedCloud::new(&self.states[state].cloud);
         let limit = (REACH * self.lengths.spacing).powi(2);
-        let before = occupancy.to_vec();
-        occupancy.par_iter_mut().enumerate().filter(|(_, at)| **at == Occupancy::Empty).for_each(|(i, at)| {
-            let (mut moved, mut total) = (0, 0);
+        let moved: Vec<usize> = (0..occupancy.len()).filter(|&i| occupancy[i] == Occupancy::Empty).collect();
+        let whole = |&&i: &&usize| {
+            let (mut empty, mut total) = (0, 0);
             cloud.nearest_n(cloud.cloud.points[i], NEIGHBOURS, limit, |j, _| {
-                if j != i && before[j] != Occupancy::Unseen {
+                if occupancy[j] != Occupancy::Unseen {
                     total += 1;
-                    moved += usize::from(before[j] == Occupancy::Empty);
+                    empty += usize::from(occupancy[j] == Occupancy::Empty);
                 }
             });
-            if (moved as f32) < LEAST * total as f32 {
-                *at = Occupancy::Surface;
+            empty as f32 >= LEAST * total as f32
+        };
+        let cores: Vec<usize> = moved.par_iter().filter(whole).copied().collect();
+        let cores = self.states[state].cloud.select(&cores);
+        let cores = IndexedCloud::new(&cores);
+        for i in moved {
+            if cores.nearest_within(cloud.cloud.points[i], limit).is_none() {
+                occupancy[i] = Occupancy::Surface;
             }
-        });
+        }
     }
 
     /// The points of every state with search trees.
