@@ -179,6 +179,9 @@ struct Evidence {
 /// Fewer moved points are noise.
 const LEAST_MOVED: usize = 24;
 
+/// Where depth is noisy, a smaller share of the points is noise.
+const LEAST_NOISY_SHARE: f64 = 0.003;
+
 impl Evidence {
     fn new(scene: &Scene) -> Result<Self, DiscoverError> {
         let mut occupancy = PerState::from_fn(|s| scene.occupancy_elsewhere(s));
@@ -190,7 +193,10 @@ impl Evidence {
         let [moved, unseen] = [Occupancy::Empty, Occupancy::Unseen]
             .map(|what| occupancy.as_ref().map(|at| (0..at.len()).filter(|&i| at[i] == what).collect::<Vec<usize>>()));
         let evidence = Self { occupancy, moved, unseen };
-        if evidence.total() < LEAST_MOVED { Err(DiscoverError::NothingMoved) } else { Ok(evidence) }
+        let points: usize = evidence.occupancy.iter().map(Vec::len).sum();
+        let least =
+            if scene.noisy { LEAST_MOVED.max((LEAST_NOISY_SHARE * points as f64) as usize) } else { LEAST_MOVED };
+        if evidence.total() < least { Err(DiscoverError::NothingMoved) } else { Ok(evidence) }
     }
 
     /// Number of moved points.
