@@ -15,6 +15,9 @@ pub(crate) struct FusedCloud {
     pub(crate) colors: Vec<Vec3>,
 }
 
+/// Cube, main direction of the normal, point, normal and colour of a cell, world frame.
+type WorldCell = ([i32; 3], u8, Vec3, Vec3, [u8; 3]);
+
 /// Cubes with fewer cells are noise.
 const LEAST_CELLS: usize = 3;
 
@@ -22,7 +25,7 @@ impl FusedCloud {
     /// Averages the cells of all frames over cubes of edge `voxel` and the six main directions of normals, so that both
     /// sides of a thin plate stay apart. Sorted by cube.
     pub(crate) fn new<'a>(frames: impl Iterator<Item = &'a DepthFrame>, voxel: f32) -> Self {
-        let mut cells: Vec<([i32; 3], u8, Vec3, Vec3, [u8; 3])> =
+        let mut cells: Vec<WorldCell> =
             frames.collect::<Vec<_>>().into_par_iter().flat_map_iter(|f| world_cells(f, voxel)).collect();
         cells.par_sort_by_key(|c| (c.0, c.1));
         let mut cloud = Self::default();
@@ -30,9 +33,7 @@ impl FusedCloud {
             if run.len() < LEAST_CELLS {
                 continue;
             }
-            let mean = |f: &dyn Fn(&([i32; 3], u8, Vec3, Vec3, [u8; 3])) -> Vec3| {
-                run.iter().map(f).sum::<Vec3>() / run.len() as f32
-            };
+            let mean = |f: &dyn Fn(&WorldCell) -> Vec3| run.iter().map(f).sum::<Vec3>() / run.len() as f32;
             cloud.points.push(mean(&|c| c.2));
             cloud.normals.push(mean(&|c| c.3).normalize_or(run[0].3));
             cloud.colors.push(mean(&|c| Vec3::from(c.4.map(f32::from)) / 255.0));
@@ -60,7 +61,7 @@ pub(crate) fn cube(point: Vec3, voxel: f32) -> IVec3 {
     (point / voxel).floor().as_ivec3()
 }
 
-fn world_cells(f: &DepthFrame, voxel: f32) -> impl Iterator<Item = ([i32; 3], u8, Vec3, Vec3, [u8; 3])> + '_ {
+fn world_cells(f: &DepthFrame, voxel: f32) -> impl Iterator<Item = WorldCell> + '_ {
     let pose = f.pose();
     let valid = (0..f.points.len()).filter(|&i| f.normals[i] != Vec3::ZERO);
     valid.map(move |i| {
