@@ -14,6 +14,12 @@ pub(crate) fn trimmed_range<T: Copy>(
     Some([*values.get(cut)?, *values.get(values.len() - 1 - cut)?])
 }
 
+/// Value below which the share `at`, 0 to 1, of some numbers lies; none without numbers.
+pub(crate) fn quantile(mut values: Vec<f32>, at: f32) -> Option<f32> {
+    let index = (at * values.len().checked_sub(1)? as f32) as usize;
+    Some(*values.select_nth_unstable_by(index, f32::total_cmp).1)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -24,5 +30,12 @@ mod tests {
         assert_eq!(trimmed_range(&mut values, 100, f32::total_cmp), Some([1.0, 98.0]));
         assert_eq!(trimmed_range(&mut values, 1000, f32::total_cmp), Some([0.0, 99.0]));
         assert_eq!(trimmed_range(&mut [], 100, f32::total_cmp), None);
+    }
+
+    #[test]
+    fn quantiles_are_values_of_the_list() {
+        assert_eq!(quantile(vec![5.0, 1.0, 3.0], 0.5), Some(3.0));
+        assert_eq!(quantile(vec![5.0, 1.0, 3.0], 1.0), Some(5.0));
+        assert_eq!(quantile(Vec::new(), 0.5), None);
     }
 }

@@ -1,7 +1,7 @@
 //! Recordings: frames that a phone or a depth camera took of one state. One source file per format.
 //!
-//! A format's reader lists the frames with poses and intrinsics ([`index`]); then frames are selected ([`select`]), and only
-//! those are decoded ([`decode`]), in parallel. The result has pinhole cameras with OpenCV axes, images without lens
+//! A format's reader lists the frames with poses and intrinsics (`index`); then frames are selected (`select`), and only
+//! those are decoded (`decode`), in parallel. The result has pinhole cameras with OpenCV axes, images without lens
 //! distortion, and depth for their pixels.
 
 mod binary;

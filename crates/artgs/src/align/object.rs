@@ -3,6 +3,7 @@
 use super::cloud::{FusedCloud, cube};
 use super::frames::DepthFrame;
 use super::planes::{Plane, PlaneConfig, bounding_planes};
+use crate::trimmed::quantile;
 use glam::{DVec3, IVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
@@ -336,10 +337,4 @@ fn attention(frames: &[&DepthFrame], components: &Components, sigma: f64) -> Vec
         }
     }
     out
-}
-
-/// Value below which the share `at` of some numbers lies; none without numbers.
-fn quantile(mut values: Vec<f32>, at: f32) -> Option<f32> {
-    let index = (at * values.len().checked_sub(1)? as f32) as usize;
-    Some(*values.select_nth_unstable_by(index, f32::total_cmp).1)
 }
