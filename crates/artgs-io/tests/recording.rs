@@ -136,6 +136,31 @@ fn scanner_app_with_small_depth() {
     assert!((0..48).all(|y| depth.at(y * 64 + 10) == 0.0 && (0.89..0.92).contains(&depth.at(y * 64 + 40))));
 }
 
+/// Depth of a smaller sensor is written at the size of the sensor; the reader interpolates between its pixels.
+#[test]
+fn phone_formats_keep_the_size_of_the_depth_sensor() {
+    let mut written = sample(2);
+    for frame in &mut written.frames {
+        frame.depth_step = 4.0;
+        let full = frame.view.depth.as_ref().unwrap();
+        let blocks = (0..48 * 64).map(|i| full.counts()[(i / 64 / 4 * 4 + 2) * 64 + i % 64 / 4 * 4 + 2]).collect();
+        frame.view.depth = Some(DepthMap::new(blocks, full.per_unit()));
+    }
+    use RecordingFormat::{Polycam, Record3d, ScannerApp, Stray};
+    for format in [ScannerApp, Polycam, Record3d, Stray] {
+        let dir = tempfile::tempdir().unwrap();
+        write_recording(dir.path(), &written, format).unwrap();
+        for (a, b) in written.frames.iter().zip(&read(dir.path()).frames) {
+            assert_eq!(b.depth_step, 4.0, "{format:?}");
+            let (da, db) = (a.view.depth.as_ref().unwrap(), b.view.depth.as_ref().unwrap());
+            let centers = (0..12 * 16).map(|i| (i / 16 * 4 + 2) * 64 + i % 16 * 4 + 2);
+            let both = centers.map(|i| (da.at(i), db.at(i))).filter(|(p, q)| *p > 0.0 && *q > 0.0);
+            let near: Vec<bool> = both.map(|(p, q)| (p - q).abs() <= 0.1 * p).collect();
+            assert!(near.len() > 60 && near.iter().all(|n| *n), "{format:?}: {near:?}");
+        }
+    }
+}
+
 #[test]
 fn tum() {
     let dir = round_trip(RecordingFormat::Tum, &Loss { color: 0, depth: 1e-6, time: true });

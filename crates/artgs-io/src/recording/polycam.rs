@@ -9,9 +9,8 @@ use super::lens::{Distortion, Lens};
 use super::pixels::read_color;
 use super::pose::{Axes, upright};
 use super::values::{needed, size};
-use super::write::{self, write_depth_png, write_jpeg, write_json};
+use super::write::{SensorDepth, write_jpeg, write_json};
 use crate::capture::json::{key_error, read_object};
-use crate::image_io::write_gray;
 use artgs_core::Recording;
 use glam::{DVec2, DVec3};
 use serde_json::json;
@@ -113,11 +112,9 @@ pub(super) fn write(dir: &Path, recording: &Recording) -> Result<(), RecordingEr
         }
         write_json(&dir.join(format!("cameras/{stem}.json")), &object)?;
         write_jpeg(&dir.join(format!("images/{stem}.jpg")), &frame.view)?;
-        let Some(depth) = &frame.view.depth else { continue };
-        write_depth_png(&dir.join(format!("depth/{stem}.png")), &frame.view, depth, 1000.0)?;
-        let levels: Vec<u8> = depth.counts().iter().map(|c| if *c > 0 { 255 } else { 0 }).collect();
-        let (width, height) = write::size(&frame.view);
-        write_gray(&dir.join(format!("confidence/{stem}.png")), width, height, &levels)?;
+        let Some(depth) = SensorDepth::new(frame) else { continue };
+        depth.write_png(&dir.join(format!("depth/{stem}.png")))?;
+        depth.write_confidence(&dir.join(format!("confidence/{stem}.png")), 255)?;
     }
     Ok(())
 }

@@ -13,7 +13,7 @@ use super::pixels::decode_color;
 use super::pose::{Axes, upright};
 use super::store::Store;
 use super::values::{list, numbers, size};
-use super::write::{self, write_jpeg, write_json};
+use super::write::{self, SensorDepth, write_jpeg, write_json};
 use crate::capture::json::{Object, key_error, object_of_bytes};
 use artgs_core::{DepthMap, Recording};
 use glam::{DQuat, DVec2, DVec3};
@@ -206,7 +206,7 @@ pub(super) fn write(dir: &Path, recording: &Recording) -> Result<(), RecordingEr
         return Err(RecordingError::incomplete(dir, "Record3D recordings have images of one size; use another format"));
     }
     let turn = upright(recording.up);
-    let (mut poses, mut coefficients) = (Vec::new(), Vec::new());
+    let (mut poses, mut coefficients, mut depth_size) = (Vec::new(), Vec::new(), (width, height));
     for (i, frame) in recording.frames.iter().enumerate() {
         let (r, t) = Axes::OpenGl.camera_to_world(&frame.view.camera, turn);
         let q = DQuat::from_mat3(&r);
@@ -214,15 +214,15 @@ pub(super) fn write(dir: &Path, recording: &Recording) -> Result<(), RecordingEr
         let k = &frame.view.camera.intrinsics;
         coefficients.push([k.fx, k.fy, k.cx, k.cy]);
         write_jpeg(&dir.join(format!("rgb/{i}.jpg")), &frame.view)?;
-        if let Some(depth) = &frame.view.depth {
-            let depths: Vec<f32> = depth.iter().collect();
-            exr_depth::write(&dir.join(format!("depth/{i}.exr")), width, height, &depths)?;
+        if let Some(depth) = SensorDepth::new(frame) {
+            exr_depth::write(&dir.join(format!("depth/{i}.exr")), depth.width, depth.height, &depth.depths())?;
+            depth_size = (depth.width, depth.height);
         }
     }
     let [fx, fy, cx, cy] = coefficients[0];
     let times: Vec<f64> = (0..).zip(&recording.frames).map(|(i, f)| f.time.unwrap_or(f64::from(i) / 60.0)).collect();
     let metadata = json!({
-        "w": width, "h": height, "dw": width, "dh": height, "fps": 60, "cameraType": 1,
+        "w": width, "h": height, "dw": depth_size.0, "dh": depth_size.1, "fps": 60, "cameraType": 1,
         "K": [fx, 0.0, 0.0, 0.0, fy, 0.0, cx, cy, 1.0],
         "poses": poses,
         "initPose": poses[0],

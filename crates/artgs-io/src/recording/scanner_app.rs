@@ -9,9 +9,8 @@ use super::lens::{Distortion, Lens};
 use super::pixels::read_color;
 use super::pose::{Axes, upright};
 use super::values::numbers;
-use super::write::{size, write_depth_png, write_jpeg, write_json};
+use super::write::{SensorDepth, write_jpeg, write_json};
 use crate::capture::json::{Object, key_error, number, read_object};
-use crate::image_io::write_gray;
 use artgs_core::{RecordedFrame, Recording};
 use glam::{DQuat, DVec2, DVec3};
 use serde_json::{Value, json};
@@ -114,11 +113,9 @@ pub(super) fn write(dir: &Path, recording: &Recording) -> Result<(), RecordingEr
     for (i, frame) in recording.frames.iter().enumerate() {
         write_json(&dir.join(format!("frame_{i:05}.json")), &frame_json(frame, i, turn))?;
         write_jpeg(&dir.join(format!("frame_{i:05}.jpg")), &frame.view)?;
-        let Some(depth) = &frame.view.depth else { continue };
-        write_depth_png(&dir.join(format!("depth_{i:05}.png")), &frame.view, depth, 1000.0)?;
-        let levels: Vec<u8> = depth.counts().iter().map(|c| if *c > 0 { 2 } else { 0 }).collect();
-        let (width, height) = size(&frame.view);
-        write_gray(&dir.join(format!("conf_{i:05}.png")), width, height, &levels)?;
+        let Some(depth) = SensorDepth::new(frame) else { continue };
+        depth.write_png(&dir.join(format!("depth_{i:05}.png")))?;
+        depth.write_confidence(&dir.join(format!("conf_{i:05}.png")), 2)?;
     }
     write_json(&dir.join("info.json"), &json!({ "numImages": recording.frames.len(), "title": "recording" }))
 }

@@ -8,9 +8,8 @@ use super::lens::{Distortion, Lens};
 use super::pixels::{Color, read_color};
 use super::pose::{Axes, upright};
 use super::video::VideoFrames;
-use super::write::{self, write_depth_png, write_jpeg};
+use super::write::{SensorDepth, write_jpeg};
 use super::{RecordingError, RecordingOptions};
-use crate::image_io::write_gray;
 use crate::write_atomic;
 use artgs_core::Recording;
 use glam::{DQuat, DVec2, DVec3};
@@ -163,11 +162,9 @@ pub(super) fn write(dir: &Path, recording: &Recording) -> Result<(), RecordingEr
             t.x, t.y, t.z, q.x, q.y, q.z, q.w, k.fx, k.fy, k.cx, k.cy
         );
         write_jpeg(&dir.join(format!("rgb/{i:06}.jpg")), &frame.view)?;
-        let Some(depth) = &frame.view.depth else { continue };
-        write_depth_png(&dir.join(format!("depth/{i:06}.png")), &frame.view, depth, 1000.0)?;
-        let levels: Vec<u8> = depth.counts().iter().map(|c| if *c > 0 { 2 } else { 0 }).collect();
-        let (width, height) = write::size(&frame.view);
-        write_gray(&dir.join(format!("confidence/{i:06}.png")), width, height, &levels)?;
+        let Some(depth) = SensorDepth::new(frame) else { continue };
+        depth.write_png(&dir.join(format!("depth/{i:06}.png")))?;
+        depth.write_confidence(&dir.join(format!("confidence/{i:06}.png")), 2)?;
     }
     if let Some(k) = recording.frames.first().map(|f| f.view.camera.intrinsics) {
         let matrix = format!("{}, 0.0, {}\n0.0, {}, {}\n0.0, 0.0, 1.0\n", k.fx, k.cx, k.fy, k.cy);

@@ -1,6 +1,7 @@
 //! Registration of many depth frames with each other: all poses together, by points against planes and by brightness.
 
 use super::frames::DepthFrame;
+use crate::trimmed::quantile;
 use artgs_core::Rigid;
 use glam::{DQuat, DVec3};
 use nalgebra::{DMatrix, DVector};
@@ -134,13 +135,10 @@ impl Spread {
     }
 }
 
+/// Median of absolute values; 0 without values.
 fn median(mut values: Vec<f32>) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
     values.iter_mut().for_each(|v| *v = v.abs());
-    f64::from(*values.select_nth_unstable_by(middle, f32::total_cmp).1)
+    quantile(values, 0.5).map_or(0.0, f64::from)
 }
 
 /// Lengths and robust scales that all pairs share.
@@ -253,12 +251,8 @@ fn overlapping_pairs(frames: &[DepthFrame], least: f64) -> Vec<(usize, usize)> {
 
 /// Median depth of the samples of some frames, scene units; 1 without samples.
 pub(crate) fn median_depth<'a>(frames: impl Iterator<Item = &'a DepthFrame>) -> f64 {
-    let mut depths: Vec<f32> = frames.flat_map(|f| f.samples.iter().map(|&s| f.points[s as usize].z)).collect();
-    if depths.is_empty() {
-        return 1.0;
-    }
-    let middle = depths.len() / 2;
-    f64::from(*depths.select_nth_unstable_by(middle, f32::total_cmp).1)
+    let depths = frames.flat_map(|f| f.samples.iter().map(|&s| f.points[s as usize].z)).collect();
+    quantile(depths, 0.5).map_or(1.0, f64::from)
 }
 
 /// Mean of all samples, world frame.
@@ -435,8 +429,7 @@ fn solve_step(
             matrix[(6 * i + r, 6 * i + r)] += fixed * stated_weight[r];
             vector[6 * i + r] += fixed * stated_weight[r] * deviations[i][r];
         }
-        let next = order.iter().position(|o| *o == (order[i].0, order[i].1 + 1));
-        if let Some(j) = next {
+        if let Some(j) = following(order, i) {
             for r in 0..6 {
                 let w = step_weight[r];
                 matrix[(6 * i + r, 6 * i + r)] += w;
@@ -470,7 +463,7 @@ fn step_spread(frames: &[DepthFrame], stated: &[Rigid], order: &[(usize, usize)]
     let deviation = |i: usize| twist(&(frames[i].pose() * stated[i].inverse()), scales.center);
     let (mut turns, mut shifts) = (Vec::new(), Vec::new());
     for i in 0..frames.len() {
-        if let Some(j) = order.iter().position(|o| *o == (order[i].0, order[i].1 + 1)) {
+        if let Some(j) = following(order, i) {
             let (a, b) = (deviation(i), deviation(j));
             (0..3).for_each(|r| turns.push((b[r] - a[r]) as f32));
             (3..6).for_each(|r| shifts.push((b[r] - a[r]) as f32));
@@ -479,6 +472,11 @@ fn step_spread(frames: &[DepthFrame], stated: &[Rigid], order: &[(usize, usize)]
     let floor = (1e-4, 1e-4 * scales.median_depth);
     let sigma = |values: Vec<f32>| 1.4826 * median(values);
     (sigma(turns).max(floor.0), sigma(shifts).max(floor.1))
+}
+
+/// Frame taken next after frame `i` in the same recording. `order` is sorted.
+fn following(order: &[(usize, usize)], i: usize) -> Option<usize> {
+    (order.get(i + 1)? == &(order[i].0, order[i].1 + 1)).then_some(i + 1)
 }
 
 /// Inverse variances of a twist with these standard deviations.

@@ -71,6 +71,8 @@ pub(crate) struct Scenes<'a> {
     /// Upward directions, where stated.
     up: PerState<Option<DVec3>>,
     clouds: PerState<FusedCloud>,
+    /// Points of the start cloud.
+    start: PointTree,
     unit: f64,
 }
 
@@ -83,7 +85,8 @@ impl<'a> Scenes<'a> {
         config: &GlobalConfig,
     ) -> Self {
         let clouds = frames.map(|f| FusedCloud::new(f.iter(), (config.voxel * unit) as f32));
-        Self { frames, up, clouds, unit }
+        let start = PointTree::new(&clouds[State::START].points.iter().map(Vec3::to_array).collect::<Vec<_>>());
+        Self { frames, up, clouds, start, unit }
     }
 
     /// Distinct alignments, best first. Empty if nothing matches.
@@ -182,14 +185,13 @@ impl<'a> Scenes<'a> {
     fn register(&self, mut motion: Rigid, config: &GlobalConfig) -> Rigid {
         let voxel = config.voxel * self.unit;
         let (start, end) = (&self.clouds[State::START], &self.clouds[State::END]);
-        let tree = PointTree::new(&start.points.iter().map(Vec3::to_array).collect::<Vec<_>>());
         let stride = end.len().div_ceil(3000).max(1);
         for step in 0..20 {
             let gate = voxel * (4.0 - 0.15 * f64::from(step));
             let (mut matrix, mut vector) = (Matrix6::<f64>::zeros(), Vector6::<f64>::zeros());
             for i in (0..end.len()).step_by(stride) {
                 let p = motion.apply(end.points[i].as_dvec3());
-                let found = tree.nearest_within(&p.as_vec3().to_array(), (gate * gate) as f32);
+                let found = self.start.nearest_within(&p.as_vec3().to_array(), (gate * gate) as f32);
                 let Some((j, _)) = found else { continue };
                 let n = start.normals[j].as_dvec3();
                 if motion.turn(end.normals[i].as_dvec3()).dot(n) < 0.7 {

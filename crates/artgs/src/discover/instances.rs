@@ -5,6 +5,7 @@ use super::cloud::{Cloud, IndexedCloud, components};
 use super::front::Front;
 use super::scene::Scene;
 use super::visibility::ViewVotes;
+use crate::trimmed::quantile;
 use artgs_core::{PerState, Rigid, State};
 use glam::Vec3;
 
@@ -184,8 +185,8 @@ impl InstanceSettings {
         let turn = 0.5 * (2.0 * uv).atan2(uu - vv);
         let axes = [u * turn.cos() + v * turn.sin(), v * turn.cos() - u * turn.sin()];
         axes.iter().all(|axis| {
-            let along = || flat.iter().map(|p| p.dot(*axis));
-            let extent = percentile(along(), 0.98).zip(percentile(along(), 0.02)).map_or(0.0, |(hi, lo)| hi - lo);
+            let along: Vec<f32> = flat.iter().map(|p| p.dot(*axis)).collect();
+            let extent = quantile(along.clone(), 0.98).zip(quantile(along, 0.02)).map_or(0.0, |(hi, lo)| hi - lo);
             extent > self.least_extent * body.scene.lengths.spacing
         })
     }
@@ -241,10 +242,4 @@ fn front_plate(cloud: &Cloud, opening: Vec3, spacing: f32) -> Option<f32> {
     steps.sort_unstable();
     let fullest = steps.chunk_by(|a, b| a == b).max_by_key(|run| run.len())?;
     Some(fullest[0] as f32 * spacing)
-}
-
-fn percentile(values: impl Iterator<Item = f32>, at: f32) -> Option<f32> {
-    let mut values: Vec<f32> = values.collect();
-    let index = (at * values.len().checked_sub(1)? as f32) as usize;
-    Some(*values.select_nth_unstable_by(index, f32::total_cmp).1)
 }
