@@ -126,13 +126,15 @@ fn tabulate(
         let stride = moved[s].len().div_ceil(settings.sample).max(1);
         let picked: Vec<usize> = moved[s].iter().copied().step_by(stride).collect();
         let own = clouds[s].cloud.select(&picked);
-        let rest = StatePair { own: &IndexedCloud::new(&own), ..scene.pair(clouds, s) };
+        let own_points = IndexedCloud::new(&own);
+        let rest = StatePair { own: &own_points, ..scene.pair(clouds, s) }.with_few_views();
         table.rest.extend(rest.plain_costs(&[Rigid::IDENTITY], &settings.costs));
         for ((costs, body), implausibility) in table.costs.iter_mut().zip(bodies).zip(implausibility) {
             let motion = body.motion;
             let inside: Vec<usize> = (0..own.len()).filter(|&i| body.contains(s, own.points[i], &motion)).collect();
             let part = own.select(&inside);
-            let pair = StatePair { own: &IndexedCloud::new(&part), ..scene.pair(clouds, s) };
+            let part = IndexedCloud::new(&part);
+            let pair = StatePair { own: &part, ..scene.pair(clouds, s) }.with_few_views();
             // The first motion is rest.
             let rows = pair.plain_costs(&[Rigid::IDENTITY, motion.away_from(s)], &settings.costs);
             let first = costs.len();

@@ -1,9 +1,10 @@
 //! Oriented surface points and searches among them.
 
+use super::morton::morton;
+use super::plane_fit::fit_plane;
 use super::visibility::{DepthLookup, STEEPEST};
 use crate::neighbours::PointTree;
-use glam::{DVec2, Vec3};
-use nalgebra::{Matrix3, SymmetricEigen};
+use glam::{DVec3, IVec3, Vec3};
 use rayon::prelude::*;
 
 /// Oriented, coloured surface points.
@@ -60,12 +61,14 @@ impl Cloud {
     }
 
     /// Keeps, of every occupied cube of edge `voxel` and main direction, the point with the smoothest neighbourhood.
-    /// Two sides of a thin plate are kept apart by the main axis of their normals. Sorted by cube.
+    /// Two sides of a thin plate are kept apart by the main axis of their normals. Sorted by cube, along a Morton curve.
     pub(crate) fn thinned(&self, voxel: f32) -> Self {
+        let cube = |i: usize| (self.points[i] / voxel).floor().as_ivec3();
+        let least = (0..self.len()).map(cube).fold(IVec3::MAX, IVec3::min);
         let key = |i: usize| {
-            let (c, n) = ((self.points[i] / voxel).floor().as_ivec3(), self.normals[i]);
+            let n = self.normals[i];
             let axis = n.abs().max_position();
-            (c.to_array(), 2 * axis as u8 + u8::from(n[axis] < 0.0))
+            (morton(cube(i) - least), 2 * axis as u8 + u8::from(n[axis] < 0.0))
         };
         let mut order: Vec<_> = (0..self.len()).map(|i| (key(i), i)).collect();
         order.par_sort_unstable();
@@ -113,34 +116,36 @@ const LEAST_OF_PATCH: usize = 12;
 pub(super) fn surface_points(view: &DepthLookup, rgba: &[[u8; 4]], stride: usize) -> Cloud {
     let k = view.camera.intrinsics;
     let (w, h) = (k.width as usize, k.height as usize);
+    let to_world = view.camera.world_to_camera.inverse();
+    let rotation = to_world.matrix();
     let eye = view.camera.position().as_vec3();
-    let world =
-        |x: usize, y: usize, d: f32| view.camera.unproject(DVec2::new(x as f64 + 0.5, y as f64 + 0.5), d.into());
-    let depth: Vec<f32> = view.depth.iter().collect();
+    // Points in the frame of the camera: one transformation for the point and one for its normal are enough.
+    let point = |(i, d): (usize, f32)| {
+        let (x, y) = ((i % w) as f64 + 0.5, (i / w) as f64 + 0.5);
+        DVec3::new((x - k.cx) / k.fx, (y - k.cy) / k.fy, 1.0) * f64::from(d)
+    };
+    let points: Vec<DVec3> = view.depth.iter().enumerate().map(point).collect();
     let mut cloud = Cloud::default();
     let mut patch = Vec::with_capacity(25);
     for y in (PATCH..h.saturating_sub(PATCH)).step_by(stride) {
         for x in (PATCH..w.saturating_sub(PATCH)).step_by(stride) {
-            let d = depth[y * w + x];
-            if d <= 0.0 {
+            let centre = points[y * w + x];
+            if centre.z <= 0.0 {
                 continue;
             }
-            let reach = 2.0 * STEEPEST * d / k.fx as f32;
-            let centre = world(x, y, d);
+            let reach = 2.0 * f64::from(STEEPEST) * centre.z / k.fx;
             patch.clear();
-            for yy in y - PATCH..=y + PATCH {
-                for xx in x - PATCH..=x + PATCH {
-                    let dd = depth[yy * w + xx];
-                    if dd > 0.0 && (dd - d).abs() < reach {
-                        patch.push((world(xx, yy, dd) - centre).as_vec3());
-                    }
-                }
+            for row in y - PATCH..=y + PATCH {
+                let neighbours = &points[row * w + x - PATCH..=row * w + x + PATCH];
+                let near = neighbours.iter().filter(|p| p.z > 0.0 && (p.z - centre.z).abs() < reach);
+                patch.extend(near.map(|p| (*p - centre).as_vec3()));
             }
             if patch.len() < LEAST_OF_PATCH {
                 continue;
             }
             let (normal, roughness) = fit_plane(&patch);
-            let p = centre.as_vec3();
+            let p = to_world.apply(centre).as_vec3();
+            let normal = (rotation * normal.as_dvec3()).as_vec3();
             let normal = if normal.dot(eye - p) < 0.0 { -normal } else { normal };
             let c = rgba[y * w + x];
             let color = Vec3::new(c[0].into(), c[1].into(), c[2].into()) / 255.0;
@@ -148,21 +153,6 @@ pub(super) fn surface_points(view: &DepthLookup, rgba: &[[u8; 4]], stride: usize
         }
     }
     cloud
-}
-
-/// Unit normal of the least-squares plane and the root mean square distance from it.
-pub(super) fn fit_plane(points: &[Vec3]) -> (Vec3, f32) {
-    let mean = points.iter().sum::<Vec3>() / points.len() as f32;
-    let mut c = Matrix3::<f64>::zeros();
-    for p in points {
-        let d = (*p - mean).as_dvec3();
-        let v = nalgebra::Vector3::new(d.x, d.y, d.z);
-        c += v * v.transpose();
-    }
-    let eigen = SymmetricEigen::new(c / points.len() as f64);
-    let i = eigen.eigenvalues.imin();
-    let v = eigen.eigenvectors.column(i);
-    (Vec3::new(v[0] as f32, v[1] as f32, v[2] as f32), eigen.eigenvalues[i].max(0.0).sqrt() as f32)
 }
 
 /// Principal directions of a group of points, longest first.

@@ -1,7 +1,8 @@
 //! Flat faces of the surface, and the motions that bring a face of one state onto a face of the other one. Neighbouring
 //! doors and drawers form one cluster of moved points; their faces are separate.
 
-use super::cloud::{Cloud, IndexedCloud, fit_plane};
+use super::cloud::{Cloud, IndexedCloud};
+use super::plane_fit::fit_plane;
 use super::poses::Pose;
 use glam::{Mat3, Quat, Vec3};
 

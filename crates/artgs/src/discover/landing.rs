@@ -1,6 +1,7 @@
 //! Where points of one state are under a motion in the other state, and the cost of that position.
 
 use super::cloud::IndexedCloud;
+use super::cube_votes::{Cube, CubeVotes};
 use super::segmentation::LabelCosts;
 use super::visibility::{CHUNK, DepthLookup, ViewVotes};
 use artgs_core::Rigid;
@@ -15,6 +16,10 @@ pub(super) struct StatePair<'a> {
     pub(super) other: &'a IndexedCloud<'a>,
     /// Depth maps of the other state.
     pub(super) other_views: &'a [DepthLookup],
+    /// Every so many of these are asked about a place.
+    pub(super) view_step: usize,
+    /// Cubes about which these agree.
+    pub(super) other_cubes: &'a CubeVotes,
     /// Depth tolerance, scene units.
     pub(super) tolerance: f32,
     /// Distance between neighbouring points, scene units.
@@ -43,6 +48,13 @@ impl Landing {
 }
 
 impl StatePair<'_> {
+    /// The same pair asking fewer views about a place, which is enough to compare motions.
+    pub(super) fn with_few_views(self) -> Self {
+        /// Views that are asked at most.
+        const VIEWS: usize = 24;
+        Self { view_step: self.other_views.len().div_ceil(VIEWS).max(1), ..self }
+    }
+
     /// Where point `i` is that moves to `q`, for which the other state's views cast `votes`.
     fn landing(&self, i: usize, q: Vec3, rotation: &Mat3, votes: ViewVotes, costs: &LabelCosts) -> Landing {
         if votes.through + votes.surface == 0 {
@@ -108,13 +120,30 @@ impl StatePair<'_> {
         let mut out = vec![T::default(); self.own.cloud.len() * poses.len()];
         out.par_chunks_mut(CHUNK * poses.len()).zip(self.own.cloud.points.par_chunks(CHUNK)).enumerate().for_each(
             |(chunk, (out, points))| {
-                let (mut moved, mut votes) = (vec![Vec3::ZERO; points.len()], vec![ViewVotes::default(); points.len()]);
+                let (mut unclear, mut moved) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
+                let mut votes = vec![ViewVotes::default(); CHUNK];
                 for (k, (rotation, translation)) in poses.iter().enumerate() {
-                    moved.iter_mut().zip(points).for_each(|(q, p)| *q = *rotation * *p + *translation);
-                    ViewVotes::of_each(self.other_views, &moved, self.tolerance, &mut votes);
-                    for (n, row) in out.chunks_mut(poses.len()).enumerate() {
-                        let i = chunk * CHUNK + n;
-                        row[k] = f(k, self.landing(i, moved[n], rotation, votes[n], costs));
+                    unclear.clear();
+                    moved.clear();
+                    for (n, p) in points.iter().enumerate() {
+                        let q = *rotation * *p + *translation;
+                        let landing = match self.other_cubes.at(q) {
+                            Cube::Empty => Landing::Empty(1.0),
+                            Cube::Hidden => Landing::Hidden,
+                            Cube::Mixed => {
+                                unclear.push(n);
+                                moved.push(q);
+                                continue;
+                            }
+                        };
+                        out[n * poses.len() + k] = f(k, landing);
+                    }
+                    let votes = &mut votes[..moved.len()];
+                    let views = self.other_views.iter().step_by(self.view_step);
+                    ViewVotes::of_each(views, &moved, self.tolerance, votes);
+                    for ((n, q), votes) in unclear.iter().zip(&moved).zip(votes) {
+                        let landing = self.landing(chunk * CHUNK + n, *q, rotation, *votes, costs);
+                        out[n * poses.len() + k] = f(k, landing);
                     }
                 }
             },

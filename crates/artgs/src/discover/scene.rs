@@ -1,6 +1,7 @@
 //! Both states as discovery sees them: depth maps at a useful size, surface points, lengths.
 
 use super::cloud::{Cloud, IndexedCloud, surface_points};
+use super::cube_votes::CubeVotes;
 use super::landing::StatePair;
 use super::visibility::{DepthLookup, Occupancy, ViewVotes};
 use super::{DiscoverConfig, DiscoverError};
@@ -201,6 +202,8 @@ pub struct Scene {
     pub(crate) noisy: bool,
     pub(super) lower: Vec3,
     pub(super) upper: Vec3,
+    /// Cubes about which all views of a state agree.
+    pub(super) cubes: PerState<CubeVotes>,
 }
 
 impl Scene {
@@ -212,6 +215,10 @@ impl Scene {
         const TOLERANCE_PER_NOISE: f32 = 4.0;
         /// The same in pixels on the object: depth is not known better where a surface is oblique.
         const TOLERANCE_PER_PIXEL: f32 = 0.5;
+        /// The cubes reach past the object by this fraction of its diagonal.
+        const MARGIN: f32 = 0.1;
+        /// Edge of a cube, spacings.
+        const CUBE: f32 = 1.5;
         let step = pixel_step(pictures, 0.5 * config.spacing);
         let prepared = pictures.map(|p| prepare(p, step));
         for (state, (_, rough)) in prepared.enumerate() {
@@ -234,7 +241,11 @@ impl Scene {
         // Exact depth has no errors that the states do not share.
         let noise = if noisy { across.iter().fold(noise, |a, b| a.max(*b)) } else { noise };
         let tolerance = (TOLERANCE_PER_NOISE * noise).max(TOLERANCE_PER_PIXEL * pixel);
-        Ok(Self { states, lengths: Lengths { spacing, diagonal }, tolerance, noisy, lower, upper })
+        let pad = Vec3::splat(MARGIN * diagonal);
+        let cubes = states
+            .as_ref()
+            .map(|state| CubeVotes::new(&state.views, lower - pad, upper + pad, CUBE * spacing, tolerance));
+        Ok(Self { states, lengths: Lengths { spacing, diagonal }, tolerance, noisy, lower, upper, cubes })
     }
 
     /// What the other state shows at the place of each point of a state.
@@ -286,6 +297,8 @@ impl Scene {
             own: &clouds[state],
             other: &clouds[state.other()],
             other_views: &self.states[state.other()].views,
+            view_step: 1,
+            other_cubes: &self.cubes[state.other()],
             tolerance: self.tolerance,
             spacing: self.lengths.spacing,
         }
@@ -317,5 +330,61 @@ mod tests {
         assert_eq!(coarse.0, 1);
         assert!(fine.0 >= 2 && fine.1 == (288 / fine.0).pow(2), "{fine:?}");
         assert!((fine.2 as f64 / coarse.2 as f64 - 1.0).abs() < 0.15, "{coarse:?} {fine:?}");
+    }
+
+    fn small_scene() -> Scene {
+        let options = CabinetOptions { views: 12, size: 96, ..CabinetOptions::default() };
+        let (capture, _) = cabinet_capture(&options).unwrap();
+        let pictures = PerState::from_fn(|s| {
+            let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
+            capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
+        });
+        Scene::new(pictures.as_ref().map(Vec::as_slice), &DiscoverConfig::default()).unwrap()
+    }
+
+    #[test]
+    fn cubes_agree_with_the_views() {
+        use crate::discover::cube_votes::Cube;
+        let scene = small_scene();
+        let size = scene.upper - scene.lower;
+        let place = |i: usize| {
+            let t = i as f32;
+            scene.lower + size * Vec3::new((0.618 * t).fract(), (0.755 * t).fract(), (0.57 * t).fract())
+        };
+        let places: Vec<Vec3> = (0..4000).map(place).collect();
+        let votes = ViewVotes::of_all(&scene.states[State::START].views, &places, scene.tolerance);
+        let (mut empty, mut hidden, mut wrong) = (0, 0, 0);
+        for (p, votes) in places.iter().zip(votes) {
+            match scene.cubes[State::START].at(*p) {
+                Cube::Empty => (empty, wrong) = (empty + 1, wrong + usize::from(!votes.is_empty_space())),
+                Cube::Hidden => (hidden, wrong) = (hidden + 1, wrong + usize::from(votes.through + votes.surface > 0)),
+                Cube::Mixed => {}
+            }
+        }
+        assert!(empty > 400 && hidden > 100 && wrong * 100 < empty + hidden, "{empty} {hidden} {wrong}");
+        assert_eq!(scene.cubes[State::START].at(scene.upper + 10.0 * size), Cube::Mixed);
+    }
+
+    #[test]
+    fn strips_of_moved_points_are_speckles_and_whole_surfaces_are_not() {
+        let scene = small_scene();
+        let cloud = &scene.states[State::START].cloud;
+        // Left of the middle all points have moved; right of it those of a strip of one spacing.
+        let middle = 0.5 * (scene.lower.x + scene.upper.x);
+        let strip = 0.5 * (scene.lower.z + scene.upper.z);
+        let near_strip = |p: &Vec3| (p.z - strip).abs() < 0.5 * scene.lengths.spacing;
+        let far_right = middle + 0.2 * (scene.upper.x - scene.lower.x);
+        let moved = |p: &Vec3| p.x < middle || near_strip(p);
+        let given: Vec<Occupancy> =
+            cloud.points.iter().map(|p| if moved(p) { Occupancy::Empty } else { Occupancy::Surface }).collect();
+        let mut found = given.clone();
+        scene.without_speckles(State::START, &mut found);
+        let kept = |which: &dyn Fn(&Vec3) -> bool| {
+            let chosen = || (0..cloud.len()).filter(|&i| which(&cloud.points[i]) && given[i] == Occupancy::Empty);
+            chosen().filter(|&i| found[i] == Occupancy::Empty).count() as f64 / chosen().count().max(1) as f64
+        };
+        let left = kept(&|p| p.x < middle - scene.lengths.spacing);
+        let right = kept(&|p| p.x > far_right && near_strip(p));
+        assert!(left > 0.99 && right < 0.05, "{left} {right}");
     }
 }

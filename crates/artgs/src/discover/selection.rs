@@ -305,7 +305,7 @@ fn tabulate(
             let picked: Vec<usize> = members.iter().copied().step_by(stride).collect();
             let own = cloud.select(&picked);
             let own = IndexedCloud::new(&own);
-            let pair = StatePair { own: &own, ..scene.pair(clouds, s) };
+            let pair = StatePair { own: &own, ..scene.pair(clouds, s) }.with_few_views();
             let rows = pair.plain_costs(&to_other, &settings.costs);
             table.rest.extend(rows.iter().step_by(to_other.len()));
             for (c, (costs, candidate)) in table.costs.iter_mut().zip(pool).enumerate() {

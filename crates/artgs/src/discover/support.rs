@@ -137,7 +137,7 @@ impl SupportSettings {
             let picked: Vec<usize> = members.iter().copied().step_by(stride).collect();
             let cloud = clouds[s].cloud.select(&picked);
             let points = IndexedCloud::new(&cloud);
-            let pair = StatePair { own: &points, ..scene.pair(clouds, s) };
+            let pair = StatePair { own: &points, ..scene.pair(clouds, s) }.with_few_views();
             let to_other: Vec<Rigid> =
                 std::iter::once(Rigid::IDENTITY).chain(motions.iter().map(|m| m.away_from(s))).collect();
             let rows = pair.plain_costs(&to_other, &self.costs);

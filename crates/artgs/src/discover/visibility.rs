@@ -43,11 +43,18 @@ impl DepthLookup {
         let mut neighbourhoods = Vec::with_capacity(w * h + 1);
         for y in 0..h {
             for x in 0..w {
-                let rows = y.saturating_sub(1)..(y + 2).min(h);
                 let columns = x.saturating_sub(1)..(x + 2).min(w);
-                let pixels = rows.flat_map(|yy| columns.clone().map(move |xx| yy * w + xx));
-                let pixels = pixels.map(|i| (counts[i], mask[i]));
-                neighbourhoods.push(Neighbourhood::of(pixels, camera.intrinsics.fx as f32));
+                let (mut depths, mut count, mut without_depth) = ([0; 9], 0, false);
+                for row in y.saturating_sub(1)..(y + 2).min(h) {
+                    let pixels = row * w + columns.start..row * w + columns.end;
+                    for (&depth, &object) in counts[pixels.clone()].iter().zip(&mask[pixels]) {
+                        depths[count] = depth.min(INFINITE - 1);
+                        count += usize::from(depth > 0);
+                        without_depth |= object && depth == 0;
+                    }
+                }
+                // `count` is at most 9: the slot after the last is written only if another pixel follows.
+                neighbourhoods.push(Neighbourhood::of(&depths[..count], without_depth, camera.intrinsics.fx as f32));
             }
         }
         neighbourhoods.push(Neighbourhood::OUTSIDE);
@@ -98,16 +105,20 @@ impl Neighbourhood {
         (through, !through & (within(self.front_min, self.front_max) | within(self.back_min, self.back_max)))
     }
 
-    fn of(pixels: impl Iterator<Item = (u16, bool)> + Clone, focal: f32) -> Self {
-        let depths = pixels.clone().map(|p| p.0.min(INFINITE - 1)).filter(|d| *d > 0);
-        let (lo, hi) = depths.clone().fold((INFINITE, 0), |(lo, hi), d| (lo.min(d), hi.max(d)));
+    /// From the depths of pixels, those of 0 left out, and whether a pixel of the object has none.
+    fn of(depths: &[u16], without_depth: bool, focal: f32) -> Self {
+        let clear = |lo: u16| if without_depth { 0 } else { lo };
+        let (lo, hi) = depths.iter().fold((INFINITE, 0), |(lo, hi), d| (lo.min(*d), hi.max(*d)));
+        if lo >= hi {
+            // Nothing, or one depth.
+            return Self { clear: clear(lo), front_min: lo, front_max: hi, back_min: lo, back_max: hi };
+        }
         // Across two diagonal steps a surface seen at 80 degrees changes by this much.
         let reach = 2.0 * std::f32::consts::SQRT_2 * STEEPEST * f32::from(lo) / focal;
         let near = |a: u16, b: u16| f32::from(a.abs_diff(b)) <= reach;
-        let front_max = depths.clone().filter(|d| near(*d, lo)).max().unwrap_or(0);
-        let back_min = depths.filter(|d| near(*d, hi)).min().unwrap_or(INFINITE);
-        let without_depth = pixels.clone().any(|(d, object)| object && d == 0);
-        Self { clear: if without_depth { 0 } else { lo }, front_min: lo, front_max, back_min, back_max: hi }
+        let front_max = depths.iter().copied().filter(|d| near(*d, lo)).max().unwrap_or(0);
+        let back_min = depths.iter().copied().filter(|d| near(*d, hi)).min().unwrap_or(INFINITE);
+        Self { clear: clear(lo), front_min: lo, front_max, back_min, back_max: hi }
     }
 }
 
@@ -126,7 +137,12 @@ pub(crate) struct ViewVotes {
 impl ViewVotes {
     /// Collects the votes of all views for each of a few points. Those next to each other in the list should be so in
     /// space: view after view, their pixels are then in the cache.
-    pub(super) fn of_each(views: &[DepthLookup], points: &[Vec3], tolerance: f32, out: &mut [Self]) {
+    pub(super) fn of_each<'v>(
+        views: impl IntoIterator<Item = &'v DepthLookup>,
+        points: &[Vec3],
+        tolerance: f32,
+        out: &mut [Self],
+    ) {
         out.fill(Self::default());
         let mut pixels = [(0, 0.0); CHUNK];
         for view in views {
