@@ -10,14 +10,16 @@ use crate::recordings::{self, Source};
 use crate::settings::configure;
 use crate::{doubts, live, progress, rerun};
 use anyhow::Context;
+use artgs::align::correct;
 use artgs::fit::FitError;
 use artgs::observer::{JsonLines, NullObserver, Observer, Tee};
 use artgs::run::finds_parts;
 use artgs::{Config, Reconstruction};
 use artgs_core::{Capture, JointEstimate};
 use artgs_io::RunFolder;
+use serde::Serialize;
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What a command computes, and where.
 pub(crate) struct Job<'a> {
@@ -40,19 +42,17 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     let device = device::choose(args.method.device, &config)?;
     let (capture, photos) = match Source::new(&args.capture)? {
         Source::Capture(folder) => {
-            let capture = load_capture(&folder)?;
+            let mut capture = load_capture(&folder)?;
+            let correction = correct(&mut capture, &config.align);
             folder::prepare(&run, args.earlier)?;
-            (capture, folder)
+            if correction.is_none() { (capture, folder) } else { saved(&run, capture, &correction)? }
         }
         Source::Recordings(paths) => {
             let found = recordings::load(&paths, &args.recording)?;
             let (capture, report) = recordings::aligned(&found, &config.align, config.seed, style)?;
             drop(found);
             folder::prepare(&run, args.earlier)?;
-            let folder = recordings::save(&run, &capture, &report)?;
-            // Depth in files is rounded: a later run on the same files must see the same numbers.
-            drop(capture);
-            (load_capture(&folder)?, folder)
+            saved(&run, capture, &report)?
         }
     };
     run.save_capture_folder(&photos).map_err(Failure::failed)?;
@@ -71,6 +71,17 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
         say(format!("replica in {shown}; artgs export {shown} writes it as files for simulators and browsers"))?;
     }
     Ok(())
+}
+
+/// Saves a capture with new cameras in the folder of a run, and reads it again: depth in files is rounded, and a later run
+/// on the same files must see the same numbers.
+fn saved(run: &RunFolder, capture: Capture, report: &impl Serialize) -> Result<(Capture, PathBuf), Failure> {
+    let folder = recordings::save(run, &capture, report)?;
+    let warnings = capture.warnings;
+    let mut capture = load_capture(&folder)?;
+    // What the files themselves give reason to warn of was said before.
+    capture.warnings = warnings;
+    Ok((capture, folder))
 }
 
 /// The stages before training; with `--view` the page stays, takes corrections and continues the run.

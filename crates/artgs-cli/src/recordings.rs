@@ -94,8 +94,8 @@ pub(crate) fn aligned(
     Ok((capture, report))
 }
 
-/// Writes an aligned capture into the folder of a run, where exports and the page find its photos.
-pub(crate) fn save(run: &RunFolder, capture: &Capture, report: &AlignReport) -> Result<PathBuf, Failure> {
+/// Writes an aligned or corrected capture, and the report of what was done, into the folder of a run, where exports and the page find its photos.
+pub(crate) fn save(run: &RunFolder, capture: &Capture, report: &impl Serialize) -> Result<PathBuf, Failure> {
     let folder = run.aligned();
     write_capture(&folder, capture).map_err(Failure::failed)?;
     save_json(&folder.join("report.json"), report).map_err(Failure::failed)?;

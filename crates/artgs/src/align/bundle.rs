@@ -2,9 +2,9 @@
 
 use super::frames::DepthFrame;
 use crate::trimmed::quantile;
-use artgs_core::Rigid;
+use artgs_core::{PerState, Rigid, State};
 use glam::{DQuat, DVec3};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -185,7 +185,7 @@ pub(crate) fn register_frames(
     let mut report = BundleReport { pairs: pairs.len(), ..BundleReport::default() };
     for step in 0..config.steps {
         let terms: Vec<PairTerms> =
-            pairs.par_iter().map(|&(i, j)| pair_terms(&frames[i], &frames[j], &scales)).collect();
+            pairs.par_iter().map(|&(i, j)| pair_terms(&frames[i], &frames[i].pose(), &frames[j], &scales)).collect();
         let plain = median(terms.iter().flat_map(|t| t.plain.iter().copied()).collect());
         if step == 0 {
             report.before = plain;
@@ -219,6 +219,65 @@ pub(crate) fn register_frames(
         }
     }
     report
+}
+
+/// Motion that brings frames of the end state onto the surfaces of frames of the start state: `pairs` of an end frame and a
+/// start frame that are compared. The standard deviation of residuals falls from `width` to `noise`, scene units, so that
+/// surfaces that moved between the states have no weight in the end.
+pub(super) fn register_states(
+    frames: &PerState<Vec<DepthFrame>>,
+    pairs: &[(usize, usize)],
+    width: f64,
+    noise: f64,
+) -> Rigid {
+    const STEPS: i32 = 24;
+    /// Factor of the standard deviation from step to step.
+    const SHRINK: f64 = 0.8;
+    let (start, end) = (&frames[State::START], &frames[State::END]);
+    let median_depth = median_depth(frames.iter().flatten());
+    let mut scales = Scales {
+        median_depth,
+        center: center(start),
+        gate: 0.0,
+        depth: Spread::UNKNOWN,
+        brightness: Spread::UNKNOWN,
+        brightness_weight: 0.0,
+        pairs_per_frame: 1.0,
+        step: (0.0, 0.0),
+    };
+    let mut motion = Rigid::IDENTITY;
+    for step in 0..STEPS {
+        let sigma = (width * SHRINK.powi(step)).max(noise);
+        scales.gate = 5.0 * sigma;
+        // Residuals are divided by the noise of two depths, which is about the root of two.
+        scales.depth = Spread { sigma: sigma * std::f64::consts::FRAC_1_SQRT_2, common: 0.0 };
+        let terms: Vec<PairTerms> = pairs
+            .par_iter()
+            .map(|&(i, j)| pair_terms(&end[i], &(motion * end[i].pose()), &start[j], &scales))
+            .collect();
+        let (mut matrix, mut vector) = (Matrix6::<f64>::zeros(), Vector6::<f64>::zeros());
+        for t in &terms {
+            for r in 0..6 {
+                vector[r] += t.vector[r];
+                for c in 0..6 {
+                    matrix[(r, c)] += t.matrix[r.min(c)][r.max(c)];
+                }
+            }
+        }
+        for k in 0..6 {
+            matrix[(k, k)] += 1e-9 * (1.0 + matrix[(k, k)]);
+        }
+        let Some(factor) = matrix.cholesky() else { break };
+        let x = -factor.solve(&vector);
+        motion = small_motion(DVec3::new(x[0], x[1], x[2]), DVec3::new(x[3], x[4], x[5]), scales.center) * motion;
+    }
+    motion
+}
+
+/// Rotation vector about `center`, then a translation.
+fn small_motion(turn: DVec3, shift: DVec3, center: DVec3) -> Rigid {
+    let rotation = DQuat::from_scaled_axis(turn);
+    Rigid { rotation, translation: center + shift - rotation * center }
 }
 
 /// Pairs of frames, ordered both ways, in which the first shows points that the second sees.
@@ -285,9 +344,10 @@ struct Match {
     noise: f64,
 }
 
-fn pair_terms(a: &DepthFrame, b: &DepthFrame, scales: &Scales) -> PairTerms {
-    let (pose_a, pose_b) = (a.pose(), b.pose());
-    let relative = b.camera.world_to_camera * pose_a;
+/// Terms of frame `a` at `pose_a` (camera to world) against frame `b`.
+fn pair_terms(a: &DepthFrame, pose_a: &Rigid, b: &DepthFrame, scales: &Scales) -> PairTerms {
+    let pose_b = b.pose();
+    let relative = b.camera.world_to_camera * *pose_a;
     let mut terms = PairTerms::default();
     let (mut depths, mut colors) = (Vec::new(), Vec::new());
     for &s in &a.samples {
@@ -449,11 +509,7 @@ fn solve_step(
         let x: Vec<f64> = (0..6).map(|r| -solution[6 * i + r]).collect();
         let (turn, shift) = (DVec3::new(x[0], x[1], x[2]), DVec3::new(x[3], x[4], x[5]));
         largest = largest.max(turn.length() * m + shift.length());
-        let motion = Rigid {
-            rotation: DQuat::from_scaled_axis(turn),
-            translation: scales.center + shift - DQuat::from_scaled_axis(turn) * scales.center,
-        };
-        frame.set_pose(motion * frame.pose());
+        frame.set_pose(small_motion(turn, shift, scales.center) * frame.pose());
     }
     largest
 }

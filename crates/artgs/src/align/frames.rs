@@ -1,7 +1,7 @@
 //! Depth frames prepared for registration: points, normals and brightness on a coarse grid of pixels.
 
 use artgs_core::capture::OBJECT_ALPHA;
-use artgs_core::{Camera, RecordedFrame, Rigid};
+use artgs_core::{Camera, RecordedFrame, Rigid, View};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -42,11 +42,13 @@ pub(crate) struct DepthFrame {
 
 impl DepthFrame {
     /// Averages a frame with depth over cells; pixels outside its mask are ignored. Without depth the grid is empty.
-    pub(crate) fn new(frame: &RecordedFrame, config: &GridConfig) -> Self {
-        let (width, height) = frame.view.size();
-        let step = (frame.depth_step.round() as usize).max(width.div_ceil(config.columns.max(1))).max(1);
+    ///
+    /// `depth_step` is the width in image pixels of one measured depth pixel.
+    pub(crate) fn new(view: &View, depth_step: f64, config: &GridConfig) -> Self {
+        let (width, height) = view.size();
+        let step = (depth_step.round() as usize).max(width.div_ceil(config.columns.max(1))).max(1);
         let (columns, rows) = (width / step, height / step);
-        let k = frame.view.camera.intrinsics;
+        let k = view.camera.intrinsics;
         let s = step as f64;
         let intrinsics = artgs_core::Intrinsics {
             fx: k.fx / s,
@@ -56,9 +58,9 @@ impl DepthFrame {
             width: columns as u32,
             height: rows as u32,
         };
-        let camera = Camera { intrinsics, ..frame.view.camera };
+        let camera = Camera { intrinsics, ..view.camera };
         let cells: Vec<(f32, [u8; 3])> =
-            (0..columns * rows).map(|i| cell(frame, step, i % columns, i / columns, config.edge)).collect();
+            (0..columns * rows).map(|i| cell(view, step, i % columns, i / columns, config.edge)).collect();
         let points: Vec<Vec3> = cells.iter().enumerate().map(|(i, (z, _))| ray(&camera, i) * *z).collect();
         let normals = normals(&points, columns, config.edge);
         let colors: Vec<[u8; 3]> = cells.into_iter().map(|(_, color)| color).collect();
@@ -69,7 +71,12 @@ impl DepthFrame {
 
     /// Prepares all frames.
     pub(crate) fn all(frames: &[RecordedFrame], config: &GridConfig) -> Vec<Self> {
-        frames.par_iter().map(|f| Self::new(f, config)).collect()
+        frames.par_iter().map(|f| Self::new(&f.view, f.depth_step, config)).collect()
+    }
+
+    /// Prepares views whose depth has the size of their images.
+    pub(crate) fn of_views(views: &[View], config: &GridConfig) -> Vec<Self> {
+        views.par_iter().map(|v| Self::new(v, 1.0, config)).collect()
     }
 
     /// Grid columns.
@@ -131,8 +138,8 @@ fn ray(camera: &Camera, index: usize) -> Vec3 {
 }
 
 /// Mean depth of the pixels of a cell that belong to one surface, 0 if there is none, and their mean colour.
-fn cell(frame: &RecordedFrame, step: usize, column: usize, row: usize, edge: f32) -> (f32, [u8; 3]) {
-    let (width, view) = (frame.view.size().0, &frame.view);
+fn cell(view: &View, step: usize, column: usize, row: usize, edge: f32) -> (f32, [u8; 3]) {
+    let width = view.size().0;
     let pixels = (0..step * step).map(|i| (row * step + i / step) * width + column * step + i % step);
     let (mut sum, mut count, mut low, mut high) = (0.0, 0, f32::MAX, 0.0_f32);
     let (mut color, mut colored) = ([0_u32; 3], 0);

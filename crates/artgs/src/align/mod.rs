@@ -6,6 +6,7 @@
 mod bundle;
 mod cloud;
 mod consistent;
+mod correct;
 mod extract;
 mod features;
 pub(crate) mod frames;
@@ -15,6 +16,7 @@ mod planes;
 
 pub use bundle::BundleConfig;
 pub use consistent::ConsistentConfig;
+pub use correct::{CorrectConfig, Correction, EndCorrection, correct};
 pub use extract::ExtractConfig;
 pub use frames::GridConfig;
 pub use global::GlobalConfig;
@@ -42,6 +44,8 @@ pub struct AlignConfig {
     pub global: GlobalConfig,
     /// Correction of depth by other frames.
     pub consistent: ConsistentConfig,
+    /// Correction of captures whose states share a frame.
+    pub correct: CorrectConfig,
     /// Selection of the object.
     pub object: ObjectConfig,
     /// Views of the object.
@@ -59,6 +63,7 @@ impl Default for AlignConfig {
             bundle: BundleConfig::default(),
             global: GlobalConfig::default(),
             consistent: ConsistentConfig::default(),
+            correct: CorrectConfig::default(),
             object: ObjectConfig::default(),
             extract: ExtractConfig::default(),
             least_score: 0.3,
@@ -288,10 +293,14 @@ fn register_jointly(
 /// Mean motion from the stated poses of the end recording to the refined ones.
 fn end_motion(recordings: &PerState<Recording>, frames: &PerState<Vec<DepthFrame>>, near: &Rigid) -> Rigid {
     let stated = recordings[State::END].frames.iter().map(|f| f.view.camera.world_to_camera.inverse());
-    let motions: Vec<Rigid> =
-        stated.zip(&frames[State::END]).map(|(stated, refined)| refined.pose() * stated.inverse()).collect();
+    mean_motion(&stated.collect::<Vec<_>>(), &frames[State::END], near)
+}
+
+/// Mean motion from stated poses (camera to world) to those of frames, which is close to `near`.
+fn mean_motion(stated: &[Rigid], frames: &[DepthFrame], near: &Rigid) -> Rigid {
+    let motions: Vec<Rigid> = stated.iter().zip(frames).map(|(s, frame)| frame.pose() * s.inverse()).collect();
     let count = motions.len().max(1) as f64;
-    let center = frames[State::END].iter().map(|f| f.pose().translation).sum::<DVec3>() / count;
+    let center = frames.iter().map(|f| f.pose().translation).sum::<DVec3>() / count;
     // Differences from `near` are small, so that rotation vectors can be averaged.
     let (mut turn, mut shift) = (DVec3::ZERO, DVec3::ZERO);
     for m in &motions {
