@@ -40,10 +40,10 @@ impl PartCount {
         }
     }
 
-    /// Bounds of the number of movable parts: those of the number of parts, less the static one.
+    /// Bounds of the number of movable parts: those of the number of parts, less the static one. An automatic count may be 0.
     pub fn movable(self) -> RangeInclusive<usize> {
         match self {
-            Self::Auto => 1..=Self::MOST - 1,
+            Self::Auto => 0..=Self::MOST - 1,
             Self::Given(parts) => parts.saturating_sub(1)..=parts.saturating_sub(1),
             Self::Range { least, most } => least.saturating_sub(1)..=most.saturating_sub(1),
         }
@@ -161,7 +161,7 @@ mod tests {
         assert!(rule("1..3").contains("static part") && rule("8..3").contains("least"));
         assert!(rule("65").contains("64") && rule("3..65").contains("64"));
         let movable = |text: &str| text.parse::<PartCount>().unwrap().movable();
-        assert_eq!((movable("4"), movable("3..8"), movable("auto")), (3..=3, 2..=7, 1..=63));
+        assert_eq!((movable("4"), movable("3..8"), movable("auto")), (3..=3, 2..=7, 0..=63));
         assert_eq!((PartCount::from(3).given(), PartCount::Auto.given()), (Some(3), None));
     }
 }

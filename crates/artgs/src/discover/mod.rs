@@ -30,6 +30,7 @@ mod confidence;
 mod config;
 mod correct;
 mod cube_votes;
+mod denoise;
 pub(crate) mod diagnosis;
 mod face_motions;
 mod facets;
@@ -125,8 +126,22 @@ pub enum DiscoverError {
     NothingMoved,
 }
 
-/// Finds the movable parts, as many as `movable` allows, and labels every surface point.
+/// Finds the movable parts, as many as `movable` allows, and labels every surface point. If it allows none, and what was
+/// found is almost certainly wrong, there are none: what differs between the states is noise.
 pub fn discover(
+    scene: &Scene,
+    movable: RangeInclusive<usize>,
+    config: &DiscoverConfig,
+) -> Result<Discovery, DiscoverError> {
+    /// Confidence of the best part below which there is no part.
+    const NO_PART: f64 = 0.05;
+    let found = best_parts(scene, (*movable.start()).max(1)..=*movable.end(), config)?;
+    let without_confidence = found.parts.iter().all(|p| p.confidence.is_some_and(|c| c < NO_PART));
+    Ok(if *movable.start() == 0 && without_confidence { without_parts(scene) } else { found })
+}
+
+/// At least one part.
+fn best_parts(
     scene: &Scene,
     movable: RangeInclusive<usize>,
     config: &DiscoverConfig,
@@ -155,7 +170,7 @@ pub fn discover(
     }
     let found = evidence.result(scene, &clouds, found, warnings, &pool, &settings);
     let quality = found.quality(evidence.total());
-    if quality > settings.bodies.doubtful || !config.decide_joints {
+    if quality > settings.bodies.doubtful || !config.decide_joints || evidence.is_scarce() {
         return Ok(found);
     }
     let hypotheses = evidence.search(scene, &clouds, &movable, config, &settings, |search| {
@@ -200,6 +215,14 @@ impl Evidence {
         let least =
             if scene.noisy { LEAST_MOVED.max((LEAST_NOISY_SHARE * points as f64) as usize) } else { LEAST_MOVED };
         if evidence.total() < least { Err(DiscoverError::NothingMoved) } else { Ok(evidence) }
+    }
+
+    /// True if so little moved that there are not several bodies that could be confused.
+    fn is_scarce(&self) -> bool {
+        /// Share of all points.
+        const SCARCE: f64 = 0.01;
+        let points: usize = self.occupancy.iter().map(Vec::len).sum();
+        (self.total() as f64) < SCARCE * points as f64
     }
 
     /// Number of moved points.

@@ -6,8 +6,8 @@ use glam::IVec3;
 pub(super) fn morton(cube: IVec3) -> u64 {
     let spread = |v: i32| {
         let mut v = v as u64 & 0x1f_ffff;
-        v = (v | v << 32) & 0x1f00_0000_00ff_ff;
-        v = (v | v << 16) & 0x1f_0000_ff00_00ff;
+        v = (v | v << 32) & 0x001f_0000_0000_ffff;
+        v = (v | v << 16) & 0x001f_0000_ff00_00ff;
         v = (v | v << 8) & 0x100f_00f0_0f00_f00f;
         v = (v | v << 4) & 0x10c3_0c30_c30c_30c3;
         (v | v << 2) & 0x1249_2492_4924_9249

@@ -89,17 +89,14 @@ impl Refinement<'_> {
 
     /// Parts of bodies, each of which only explains what is in its regions. Those without enough support are removed.
     pub(super) fn of_bodies(&self, mut bodies: Vec<Body>) -> Parts {
-        /// Rounds of removing bodies.
-        const ROUNDS: usize = 3;
         let Self { scene, clouds, evidence, config, settings } = *self;
-        let mut found = Parts { parts: Vec::new(), labels: PerState::default() };
-        for _ in 0..ROUNDS {
+        loop {
             let motions: Vec<Rigid> = bodies.iter().map(|b| b.motion).collect();
             let (kinds, order) = (vec![None; motions.len()], Numbering::Kept);
             let (parts, labels) =
                 refine_parts(scene, clouds, evidence, &motions, &bodies, &kinds, order, config, settings);
             let supports = settings.support.of_parts(scene, clouds, &evidence.occupancy, &labels, &parts);
-            found = Parts { parts, labels };
+            let mut found = Parts { parts, labels };
             let least_moved = self.least_moved();
             let mut supported = supports.iter().map(|s| {
                 s.moved >= least_moved
@@ -108,12 +105,12 @@ impl Refinement<'_> {
             });
             let before = bodies.len();
             bodies.retain(|_| supported.next().unwrap_or(false));
+            // Each round but the last removes a body.
             if bodies.len() == before {
-                break;
+                parents_first(&mut found.parts, &mut found.labels);
+                return found;
             }
         }
-        parents_first(&mut found.parts, &mut found.labels);
-        found
     }
 
     /// The part with the least support, if that is too little: few points moved for certain, or other motions explain all

@@ -2,6 +2,7 @@
 
 use super::cloud::{Cloud, IndexedCloud, surface_points};
 use super::cube_votes::CubeVotes;
+use super::denoise::smoothed;
 use super::landing::StatePair;
 use super::visibility::{DepthLookup, Occupancy, ViewVotes};
 use super::{DiscoverConfig, DiscoverError};
@@ -68,7 +69,8 @@ impl<'a> DepthPicture<'a> {
         const STRIDE: usize = 5;
         let ((camera, depth), rgba) = (self.thinned_depth(step), self.thinned_colors(step));
         let mask: Vec<bool> = rgba.iter().map(|p| p[3] >= OBJECT_ALPHA).collect();
-        let view = DepthLookup::new(camera, depth, &mask);
+        let smooth = smoothed(&depth, camera.intrinsics.width as usize, camera.intrinsics.fx as f32);
+        let view = DepthLookup::new(camera, smooth.unwrap_or(depth), &mask);
         let rough = surface_points(&view, &rgba, STRIDE);
         (view, rough)
     }

@@ -76,7 +76,9 @@ impl Default for StartConfig {
 /// Canonical Gaussians on the labelled points of both states, each point moved to the canonical frame with its part;
 /// what both states show appears once. Also returns the part of each.
 pub(super) fn canonical_start(found: &Discovery, config: &StartConfig) -> (Splats, Vec<u16>) {
-    let spacing = (found.spacing * config.spacing) as f32;
+    // Noise spreads points across the surface: their number must follow the surface.
+    let spacing =
+        (found.spacing * config.spacing).max(found.tolerance.min(2.0 * found.spacing * config.spacing)) as f32;
     let mut splats = Splats::empty(config.sh_degree);
     let mut labels = Vec::new();
     for part in 0..=found.parts.len() {

@@ -202,13 +202,18 @@ impl<'a> Run<'a> {
     /// Canonical Gaussians trained on both states with the found parts, or with parts that training learns; these then
     /// label the points.
     pub(super) fn articulate(&mut self, found: Discovery) -> Result<(FittedParts, Discovery), Error> {
+        /// Steps where nothing moved: there is no joint to fit, only colours.
+        const STILL_STEPS: usize = 250;
         let learnt = self.config.start.parts == PartSource::Learnt;
         let (trained, parts) = self.stage("articulate", checkpoint::load_trained, |run| {
-            let (config, devices) = (&run.config.articulate, run.what.devices);
+            let (mut config, devices) = (run.config.articulate.clone(), run.what.devices);
+            if !learnt && found.parts.is_empty() {
+                config.steps = config.steps.min(STILL_STEPS);
+            }
             let (start, targets) = run.start(&found)?;
             let mut follow = Following::new(run.observer, devices, &mut run.summary.warnings, "articulate");
             let views = views_of(run.what);
-            let trained = articulate(views, start, targets.as_ref(), config, run.config.seed, devices, &mut follow)?;
+            let trained = articulate(views, start, targets.as_ref(), &config, run.config.seed, devices, &mut follow)?;
             run.summary.device = Some(devices.name());
             let parts = run.joints_after_training(&found, &trained);
             run.save(|folder| checkpoint::save_trained(folder, &trained, &parts))?;
