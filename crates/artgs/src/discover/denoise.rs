@@ -23,7 +23,7 @@ pub(super) fn smoothed(depth: &DepthMap, width: usize, focal: f32) -> Option<Dep
     }
     let side = (12.0_f32.sqrt() / SLOPE * ratio).sqrt();
     let radius = (0.5 * (side - 1.0)).ceil().clamp(RADII.0, RADII.1) as usize;
-    let window = Window { inverse: &inverse, width, noise, radius, steep: super::visibility::STEEPEST / focal };
+    let window = Window { inverse: &inverse, width, noise, radius, oblique: 1.0 / focal };
     let values: Vec<f32> =
         (0..inverse.len()).map(|i| if inverse[i] > 0.0 { 1.0 / window.fitted(i) } else { 0.0 }).collect();
     Some(DepthMap::nearest(&values))
@@ -56,8 +56,9 @@ struct Window<'a> {
     noise: f32,
     /// Pixels to each side.
     radius: usize,
-    /// Change of inverse depth from pixel to pixel on a steep surface, relative to the inverse depth.
-    steep: f32,
+    /// Change of inverse depth from pixel to pixel on a surface seen at 45 degrees, relative to the inverse depth. On steeper
+    /// ones the first plane is fitted to the nearest pixels only; more would join surfaces across steps.
+    oblique: f32,
 }
 
 impl Window<'_> {
@@ -69,8 +70,7 @@ impl Window<'_> {
         const LEAST: f32 = 9.0;
         let mut plane = [self.inverse[i], 0.0, 0.0];
         for (round, gate) in GATES.into_iter().enumerate() {
-            // Before there is a plane, steep surfaces must pass.
-            let slack = if round == 0 { self.steep * plane[0] } else { 0.0 };
+            let slack = if round == 0 { self.oblique * plane[0] } else { 0.0 };
             match self.fit(i, plane, gate * self.noise, slack) {
                 Some((count, found)) if count >= LEAST => plane = found,
                 _ => break,
