@@ -77,8 +77,10 @@ impl Window<'_> {
             }
         }
         // A plane that leaves the measurement was extrapolated.
-        let limit = GATES[0] * self.noise;
-        plane[0].clamp(self.inverse[i] - limit, self.inverse[i] + limit).max(f32::MIN_POSITIVE)
+        let (measured, limit) = (self.inverse[i], GATES[0] * self.noise);
+        let found = plane[0].clamp(measured - limit, measured + limit);
+        // Near 0 the depth would be immense, and with it the unit of the whole depth map.
+        if found > 0.5 * measured { found } else { measured }
     }
 
     /// Least-squares plane (value at the pixel, slopes along columns and rows) through the pixels within `gate` of the plane
@@ -158,6 +160,15 @@ mod tests {
             let (left, right) = (found.at(y * WIDTH + 39), found.at(y * WIDTH + 40));
             assert!(right - left > 0.35, "{left} {right}");
         }
+    }
+
+    /// A depth map has one unit for all pixels: one immense depth would leave nothing of the others.
+    #[test]
+    fn pixels_at_a_great_distance_do_not_become_infinite() {
+        let given = noisy(0.02);
+        let far: Vec<f32> = given.iter().enumerate().map(|(i, z)| if i % 97 < 3 { 60.0 + z } else { z }).collect();
+        let found = smoothed(&DepthMap::nearest(&far), WIDTH, FOCAL).expect("noise is large");
+        assert!(found.iter().all(|z| (0.5..130.0).contains(&z)));
     }
 
     #[test]

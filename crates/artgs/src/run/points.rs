@@ -77,8 +77,8 @@ impl Default for StartConfig {
 /// what both states show appears once. Also returns the part of each.
 pub(super) fn canonical_start(found: &Discovery, config: &StartConfig) -> (Splats, Vec<u16>) {
     // Noise spreads points across the surface: their number must follow the surface.
-    let spacing =
-        (found.spacing * config.spacing).max(found.tolerance.min(2.0 * found.spacing * config.spacing)) as f32;
+    let planned = found.spacing * config.spacing;
+    let spacing = planned.max(found.tolerance.min(2.0 * planned)) as f32;
     let mut splats = Splats::empty(config.sh_degree);
     let mut labels = Vec::new();
     for part in 0..=found.parts.len() {
