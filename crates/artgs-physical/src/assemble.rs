@@ -74,7 +74,10 @@ fn collide(
 ) -> Result<(), String> {
     let thinnest = config.thinnest_share * diagonal;
     let tolerance = 0.5 * config.contact_share * diagonal;
-    let spacing = Spacing { gap: config.gap_share * diagonal, tolerance, thinnest };
+    let margins = config.engine_margins.min(config.most_margins_share * diagonal);
+    let spacing = Spacing { gap: config.gap_share * diagonal, margins, tolerance, thinnest };
+    let parents: Vec<Option<usize>> = asset.links.iter().map(|link| link.parent).collect();
+    let related = |a: usize, b: usize| parents[a] == Some(b) || parents[b] == Some(a);
     let options = DecomposeOptions {
         voxel: config.hull_voxel_share * diagonal,
         concavity: config.concavity,
@@ -88,7 +91,7 @@ fn collide(
         None => Ok(decompose(&link.visual.mesh, &options)),
     };
     let mut pieces: Pieces = asset.links.par_iter().map(convex).collect::<Result<_, _>>()?;
-    decisions.clearance = clear(&mut pieces, &stances(asset), &spacing);
+    decisions.clearance = clear(&mut pieces, &stances(asset), &spacing, related);
     decisions.ranges = extend(asset, &pieces, &decisions.closed_state, diagonal, config);
     for (link, range) in asset.links.iter_mut().zip(&decisions.ranges) {
         if let (Some(joint), Some(range)) = (&mut link.joint, range) {
@@ -97,7 +100,7 @@ fn collide(
     }
     // Poses in which several joints move are not cleared: contacts there are real.
     let wide = stances(asset);
-    clear(&mut pieces, &wide, &spacing);
+    clear(&mut pieces, &wide, &spacing, related);
     let left = |stance: &Vec<Rigid>| deepest(&pieces, stance, 0.0, |_, _| true).0;
     decisions.penetration = wide.par_iter().map(left).reduce(|| 0.0, f64::max);
     if config.collision == Collision::Hulls {

@@ -32,6 +32,9 @@ pub(crate) type Pieces = Vec<Vec<Hull>>;
 pub(crate) struct Spacing {
     /// Least distance of different links: engines put margins around hulls.
     pub gap: f64,
+    /// Further distance of links of which neither carries the other. PyBullet tests only such pairs, with a margin of 1 mm
+    /// around each hull, and its contacts stop a part that passes another one closer than these margins.
+    pub margins: f64,
     /// Shortfall that is ignored.
     pub tolerance: f64,
     /// Pieces thinner than this after a cut are removed.
@@ -39,8 +42,14 @@ pub(crate) struct Spacing {
 }
 
 /// Cuts `pieces` until in every one of `stances` (link poses in the object's frame, one per link) no two links are closer
-/// than the gap. Two links have the same relative pose in many stances: each relative pose is tested once.
-pub(crate) fn clear(pieces: &mut Pieces, stances: &[Vec<Rigid>], spacing: &Spacing) -> Clearance {
+/// than the gap. `related(a, b)`: one of two links carries the other. Two links have the same relative pose in many stances:
+/// each relative pose is tested once.
+pub(crate) fn clear(
+    pieces: &mut Pieces,
+    stances: &[Vec<Rigid>],
+    spacing: &Spacing,
+    related: impl Fn(usize, usize) -> bool,
+) -> Clearance {
     let volume = |pieces: &Pieces| pieces.iter().flatten().map(Hull::volume).sum::<f64>();
     let count = |pieces: &Pieces| pieces.iter().map(Vec::len).sum::<usize>();
     let (mut out, before) = (Clearance::default(), count(pieces));
@@ -49,10 +58,12 @@ pub(crate) fn clear(pieces: &mut Pieces, stances: &[Vec<Rigid>], spacing: &Spaci
         for b in a + 1..pieces.len() {
             let mut pair = [a, b].map(|link| std::mem::take(&mut pieces[link]));
             let mut seen = BTreeSet::new();
+            let margins = if related(a, b) { 0.0 } else { spacing.margins };
+            let spacing = Spacing { gap: spacing.gap + margins, ..*spacing };
             for stance in stances {
                 let b_to_a = stance[a].inverse() * stance[b];
                 if seen.insert(bits(&b_to_a)) {
-                    clear_pair(&mut pair, &b_to_a, spacing, &mut out);
+                    clear_pair(&mut pair, &b_to_a, &spacing, &mut out);
                 }
             }
             [pieces[a], pieces[b]] = pair;
@@ -193,7 +204,7 @@ mod tests {
     use super::*;
     use glam::DVec3;
 
-    const SPACING: Spacing = Spacing { gap: 2e-3, tolerance: 1e-4, thinnest: 1e-3 };
+    const SPACING: Spacing = Spacing { gap: 2e-3, margins: 3e-3, tolerance: 1e-4, thinnest: 1e-3 };
 
     fn cuboid(low: DVec3, high: DVec3) -> Hull {
         let corners: Vec<DVec3> = (0..8)
@@ -209,7 +220,7 @@ mod tests {
         let mut pieces = vec![vec![wall(-0.1), wall(1.0)], vec![drawer]];
         let stances: Vec<Vec<Rigid>> =
             (0..20).map(|i| vec![Rigid::IDENTITY, Rigid::shift(DVec3::NEG_Y * (i as f64 * 0.05))]).collect();
-        let done = clear(&mut pieces, &stances, &SPACING);
+        let done = clear(&mut pieces, &stances, &SPACING, |_, _| true);
         assert!((done.deepest - 0.01).abs() < 1e-4 && done.lost == 0, "{done:?}");
         for stance in &stances {
             assert!(deepest(&pieces, stance, SPACING.gap, |_, _| true).0 <= 1e-4);
@@ -225,7 +236,7 @@ mod tests {
         let mut pieces = vec![vec![frame], vec![door]];
         let turned = |i: usize| Rigid::about(DVec3::Z, DVec3::ZERO, 0.1 * i as f64);
         let stances: Vec<Vec<Rigid>> = (0..20).map(|i| vec![Rigid::IDENTITY, turned(i)]).collect();
-        let done = clear(&mut pieces, &stances, &SPACING);
+        let done = clear(&mut pieces, &stances, &SPACING, |_, _| true);
         assert!(done.cuts > 0);
         assert!(stances.iter().all(|s| deepest(&pieces, s, SPACING.gap, |_, _| true).0 <= 1e-4));
         assert!(done.volume[1] > 0.9 * done.volume[0], "{done:?}");
@@ -239,16 +250,30 @@ mod tests {
         let long = cuboid(DVec3::new(0.9, 0.4, 0.4), DVec3::new(2.0, 0.6, 0.6));
         let mut pieces = vec![vec![plug, long], walls];
         let stance = vec![Rigid::IDENTITY; 2];
-        let done = clear(&mut pieces, &[stance.clone(), stance.clone()], &SPACING);
+        let done = clear(&mut pieces, &[stance.clone(), stance.clone()], &SPACING, |_, _| true);
         assert_eq!(done.lost, 1);
         assert!(deepest(&pieces, &stance, SPACING.gap, |_, _| true).0 <= 1e-4, "{done:?}");
+    }
+
+    #[test]
+    fn links_that_do_not_carry_each_other_keep_the_margins_of_engines() {
+        let block = |x: f64| cuboid(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 1.0, 1.0, 1.0));
+        let distance = |pieces: &Pieces| {
+            let x = |link: usize| pieces[link][0].points().iter().map(|p| p.x).fold(f64::NAN, f64::max);
+            pieces[1][0].points().iter().map(|p| p.x).fold(f64::NAN, f64::min) - x(0)
+        };
+        for (related, expected) in [(true, 2e-3), (false, 5e-3)] {
+            let mut pieces = vec![vec![block(0.0)], vec![block(1.001)]];
+            clear(&mut pieces, &[vec![Rigid::IDENTITY; 2]], &SPACING, |_, _| related);
+            assert!((distance(&pieces) - expected).abs() < 2e-4, "{related}: {}", distance(&pieces));
+        }
     }
 
     #[test]
     fn a_piece_inside_another_is_removed() {
         let plug = cuboid(DVec3::splat(0.2), DVec3::splat(0.21));
         let mut pieces = vec![vec![cuboid(DVec3::ZERO, DVec3::ONE)], vec![plug]];
-        let done = clear(&mut pieces, &[vec![Rigid::IDENTITY; 2]], &SPACING);
+        let done = clear(&mut pieces, &[vec![Rigid::IDENTITY; 2]], &SPACING, |_, _| true);
         assert_eq!((done.lost, pieces[1].len()), (1, 0));
     }
 }

@@ -54,6 +54,10 @@ pub struct PhysicalConfig {
     pub most_hulls: u32,
     /// Least distance between convex pieces of different links: engines put margins around them.
     pub gap_share: f64,
+    /// Further distance between links of which neither carries the other: margins of both hulls in PyBullet, metres.
+    pub engine_margins: f64,
+    /// Upper bound of `engine_margins`, so that small objects keep their shape.
+    pub most_margins_share: f64,
     /// Shortfall of that distance that is ignored.
     pub contact_share: f64,
     /// Convex pieces thinner than this are removed: engines report false contacts at slivers.
@@ -104,6 +108,8 @@ impl Default for PhysicalConfig {
             concavity: 0.004,
             most_hulls: 40,
             gap_share: 2e-3,
+            engine_margins: 2e-3,
+            most_margins_share: 5e-3,
             contact_share: 2e-4,
             thinnest_share: 1e-3,
             least_mass: 0.01,
