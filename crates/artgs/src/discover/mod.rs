@@ -34,6 +34,7 @@ mod denoise;
 pub(crate) mod diagnosis;
 mod face_motions;
 mod facets;
+mod flatten;
 mod front;
 mod graph_cut;
 mod instances;
@@ -58,7 +59,7 @@ pub(crate) mod visibility;
 use artgs_core::{JointAlternative, JointEstimate, PerState, Rigid, State};
 use candidates::{Candidate, Search, SearchState};
 pub use cloud::Cloud;
-use cloud::IndexedCloud;
+use cloud::{IndexedCloud, components};
 pub use config::DiscoverConfig;
 use config::StepSettings;
 pub use correct::{CorrectError, correct};
@@ -200,6 +201,11 @@ const LEAST_MOVED: usize = 24;
 /// Where depth is noisy, a smaller share of the points is noise.
 const LEAST_NOISY_SHARE: f64 = 0.003;
 
+/// Where depth is noisy, moved points are noise if none of their connected groups has this share of the points. Of moved
+/// parts in simulated phone captures the smallest group had 2.4 %; of a cabinet that stood still before a structured-light
+/// camera the largest had 0.22 %.
+const LEAST_NOISY_GROUP: f64 = 0.006;
+
 impl Evidence {
     fn new(scene: &Scene) -> Result<Self, DiscoverError> {
         let mut occupancy = PerState::from_fn(|s| scene.occupancy_elsewhere(s));
@@ -214,7 +220,18 @@ impl Evidence {
         let points: usize = evidence.occupancy.iter().map(Vec::len).sum();
         let least =
             if scene.noisy { LEAST_MOVED.max((LEAST_NOISY_SHARE * points as f64) as usize) } else { LEAST_MOVED };
-        if evidence.total() < least { Err(DiscoverError::NothingMoved) } else { Ok(evidence) }
+        let scattered = scene.noisy && evidence.largest_group(scene) < LEAST_NOISY_GROUP;
+        if evidence.total() < least || scattered { Err(DiscoverError::NothingMoved) } else { Ok(evidence) }
+    }
+
+    /// Share of the points of a state in its largest connected group of moved points; of both states the larger one.
+    fn largest_group(&self, scene: &Scene) -> f64 {
+        let reach = candidates::CandidateSettings::default().cluster_reach * scene.lengths.spacing;
+        let share = |state: State| {
+            let groups = components(&scene.states[state].cloud, &self.moved[state], reach, 1);
+            groups.first().map_or(0, Vec::len) as f64 / self.occupancy[state].len().max(1) as f64
+        };
+        State::ALL.map(share).into_iter().fold(0.0, f64::max)
     }
 
     /// True if so little moved that there are not several bodies that could be confused.

@@ -3,6 +3,7 @@
 use super::cloud::{Cloud, IndexedCloud, surface_points};
 use super::cube_votes::CubeVotes;
 use super::denoise::smoothed;
+use super::flatten::flattened;
 use super::landing::StatePair;
 use super::visibility::{DepthLookup, Occupancy, ViewVotes};
 use super::{DiscoverConfig, DiscoverError};
@@ -134,6 +135,13 @@ impl Observation {
         Self { views, cloud: cloud.thinned(voxel) }
     }
 
+    /// The points that views of the same state do not look through.
+    fn without_strays(&self, tolerance: f32) -> Cloud {
+        let votes = ViewVotes::of_all(&self.views, &self.cloud.points, tolerance);
+        let kept: Vec<usize> = (0..votes.len()).filter(|&i| !votes[i].is_empty_space()).collect();
+        self.cloud.select(&kept)
+    }
+
     /// Median size of a pixel on the object, scene units.
     fn pixel_size(views: &[DepthLookup]) -> f32 {
         /// Every so many pixels are measured.
@@ -221,6 +229,8 @@ impl Scene {
         const MARGIN: f32 = 0.1;
         /// Edge of a cube, spacings.
         const CUBE: f32 = 1.5;
+        /// Noise whose tolerance is larger than this spreads points across surfaces, spacings.
+        const SPREADING: f32 = 0.4;
         let step = pixel_step(pictures, 0.5 * config.spacing);
         let prepared = pictures.map(|p| prepare(p, step));
         for (state, (_, rough)) in prepared.enumerate() {
@@ -230,7 +240,7 @@ impl Scene {
         }
         let (lower, upper) = bounds(prepared.iter().map(|(_, rough)| rough));
         let diagonal = lower.distance(upper);
-        let states = prepared.zip(pictures).map(|((views, _), pictures)| {
+        let mut states = prepared.zip(pictures).map(|((views, _), pictures)| {
             let voxel = (config.spacing as f32 * diagonal).max(Observation::pixel_size(&views));
             Observation::new(views, |i| pictures[i].thinned_colors(step), voxel)
         });
@@ -243,6 +253,9 @@ impl Scene {
         // Exact depth has no errors that the states do not share.
         let noise = if noisy { across.iter().fold(noise, |a, b| a.max(*b)) } else { noise };
         let tolerance = (TOLERANCE_PER_NOISE * noise).max(TOLERANCE_PER_PIXEL * pixel);
+        if noisy && tolerance > SPREADING * spacing {
+            states.iter_mut().for_each(|state| state.cloud = flattened(&state.without_strays(tolerance), spacing, tolerance));
+        }
         let pad = Vec3::splat(MARGIN * diagonal);
         let cubes = states
             .as_ref()
