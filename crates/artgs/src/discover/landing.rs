@@ -22,6 +22,8 @@ pub(super) struct StatePair<'a> {
     pub(super) other_cubes: &'a CubeVotes,
     /// Depth tolerance, scene units.
     pub(super) tolerance: f32,
+    /// Views that may look through a surface by mistake.
+    pub(super) stray_views: u32,
     /// Distance between neighbouring points, scene units.
     pub(super) spacing: f32,
 }
@@ -57,13 +59,13 @@ impl StatePair<'_> {
 
     /// Where point `i` is that moves to `q`, for which the other state's views cast `votes`.
     fn landing(&self, i: usize, q: Vec3, rotation: &Mat3, votes: ViewVotes, costs: &LabelCosts) -> Landing {
-        if votes.through + votes.surface == 0 {
+        if votes.surface == 0 && votes.through <= self.stray_views {
             return Landing::Hidden;
         }
         if !votes.is_surface() {
             let through = votes.through as f32 / (votes.through + votes.surface) as f32;
             // One or two views are weak evidence.
-            let trust = (votes.through as f32 / 3.0).min(1.0);
+            let trust = (votes.through.saturating_sub(self.stray_views) as f32 / 3.0).min(1.0);
             return Landing::Empty(trust * (0.5 + 0.5 * through));
         }
         // Of the nearest points the one whose surface fits best; nearer ones first, so that differences of texture count.

@@ -210,6 +210,8 @@ pub struct Scene {
     pub(crate) tolerance: f32,
     /// True if the tolerance follows from depth noise, false if it follows from the size of a pixel.
     pub(crate) noisy: bool,
+    /// Views that may look through a surface by mistake: where noise spreads points across surfaces, a few do.
+    stray_views: u32,
     pub(super) lower: Vec3,
     pub(super) upper: Vec3,
     /// Cubes about which all views of a state agree.
@@ -231,6 +233,8 @@ impl Scene {
         const CUBE: f32 = 1.5;
         /// Noise whose tolerance is larger than this spreads points across surfaces, spacings.
         const SPREADING: f32 = 0.4;
+        /// Views that look through a surface by mistake where there is such noise.
+        const STRAY_VIEWS: u32 = 2;
         let step = pixel_step(pictures, 0.5 * config.spacing);
         let prepared = pictures.map(|p| prepare(p, step));
         for (state, (_, rough)) in prepared.enumerate() {
@@ -253,14 +257,17 @@ impl Scene {
         // Exact depth has no errors that the states do not share.
         let noise = if noisy { across.iter().fold(noise, |a, b| a.max(*b)) } else { noise };
         let tolerance = (TOLERANCE_PER_NOISE * noise).max(TOLERANCE_PER_PIXEL * pixel);
-        if noisy && tolerance > SPREADING * spacing {
+        let spreading = noisy && tolerance > SPREADING * spacing;
+        if spreading {
             states.iter_mut().for_each(|state| state.cloud = flattened(&state.without_strays(tolerance), spacing, tolerance));
         }
         let pad = Vec3::splat(MARGIN * diagonal);
         let cubes = states
             .as_ref()
             .map(|state| CubeVotes::new(&state.views, lower - pad, upper + pad, CUBE * spacing, tolerance));
-        Ok(Self { states, lengths: Lengths { spacing, diagonal }, tolerance, noisy, lower, upper, cubes })
+        let stray_views = if spreading { STRAY_VIEWS } else { 0 };
+        let lengths = Lengths { spacing, diagonal };
+        Ok(Self { states, lengths, tolerance, noisy, stray_views, lower, upper, cubes })
     }
 
     /// What the other state shows at the place of each point of a state.
@@ -315,6 +322,7 @@ impl Scene {
             view_step: 1,
             other_cubes: &self.cubes[state.other()],
             tolerance: self.tolerance,
+            stray_views: self.stray_views,
             spacing: self.lengths.spacing,
         }
     }
