@@ -109,6 +109,9 @@ pub(crate) struct Reconstruct {
     pub(crate) method: Method,
     #[command(flatten)]
     pub(crate) earlier: Earlier,
+    /// Use a capture whose views or states do not agree with each other; `artgs inspect` shows what is wrong with it
+    #[arg(long)]
+    pub(crate) force_input: bool,
     /// Show training in the browser as it goes
     #[arg(long)]
     pub(crate) view: bool,

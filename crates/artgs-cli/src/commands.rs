@@ -5,8 +5,9 @@ use crate::failure::Failure;
 use crate::folder::load_capture;
 use crate::output::{Report, say};
 use crate::recordings::{self, RecordingSummary, Source};
-use crate::{demo, device, evaluate, export, reconstruct, synth, view};
+use crate::{agreement, demo, device, evaluate, export, reconstruct, synth, view};
 use anyhow::Context;
+use artgs::consistency::{check_capture, check_views};
 use artgs_core::State;
 use serde_json::json;
 use std::num::NonZeroUsize;
@@ -41,12 +42,20 @@ pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
 /// Describes a capture, or each of one or two recordings.
 fn inspect(args: &Inspect, style: Style) -> Result<(), Failure> {
     if let Ok(Source::Capture(folder)) = Source::new(&args.capture) {
-        return Report::new(&artgs_io::summarize(&load_capture(&folder)?))?.show(style.json);
+        let capture = load_capture(&folder)?;
+        let found = check_capture(&capture);
+        let mut report = Report::new(&artgs_io::summarize(&capture))?;
+        report.text.push_str(&agreement::described(&found));
+        report.json["consistency"] = json!(found);
+        return report.show(style.json);
     }
     let mut reports = Vec::new();
     for (path, state) in args.capture.iter().zip(State::ALL) {
-        let summary = RecordingSummary::new(&recordings::load_state(path, state, &args.recording)?);
-        let report = Report::new(&summary)?;
+        let recording = recordings::load_state(path, state, &args.recording)?;
+        let found = check_views(recording.frames.iter().map(|f| &f.view));
+        let mut report = Report::new(&RecordingSummary::new(&recording))?;
+        report.text.push_str(&agreement::described_recording(&found));
+        report.json["consistency"] = json!(found);
         reports.push(report.json);
         if !style.json {
             say(format!("{}\n{}", path.display(), report.text))?;
@@ -55,10 +64,14 @@ fn inspect(args: &Inspect, style: Style) -> Result<(), Failure> {
     if style.json { say(format!("{:#}", json!(reports))) } else { Ok(()) }
 }
 
-/// Sizes the thread pool that everything shares.
+/// Sizes the thread pool that everything shares: at most four threads per processor.
 pub(crate) fn use_threads(count: Option<NonZeroUsize>) -> Result<(), Failure> {
+    /// More threads than this many per processor only cost memory.
+    const MOST_PER_PROCESSOR: usize = 4;
     let Some(count) = count else { return Ok(()) };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(count.get()).build_global();
+    let processors = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+    let count = count.get().min(MOST_PER_PROCESSOR * processors);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build_global();
     pool.with_context(|| format!("cannot start {count} threads"))?;
     Ok(())
 }

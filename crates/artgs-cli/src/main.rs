@@ -1,12 +1,14 @@
 //! `artgs`: photos of an articulated object in two states to an interactable replica.
 //!
-//! Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 3 a check failed, 130 interrupted.
+//! Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 3 a check failed, 70 an error in the program, 130 interrupted.
 
+mod agreement;
 mod args;
 #[cfg(feature = "bench")]
 mod bench;
 mod check;
 mod commands;
+mod crash;
 mod demo;
 mod device;
 mod doubts;
@@ -31,14 +33,16 @@ use clap::Parser;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    gpu::silence_drivers();
-    let cli = args::Cli::parse();
-    let json = cli.wants_json();
-    match commands::run(&cli) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            output::error(&failure, json);
-            ExitCode::from(failure.exit_code())
+    crash::guarded(|| {
+        gpu::silence_drivers();
+        let cli = args::Cli::parse();
+        let json = cli.wants_json();
+        match commands::run(&cli) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(failure) => {
+                output::error(&failure, json);
+                ExitCode::from(failure.exit_code())
+            }
         }
-    }
+    })
 }

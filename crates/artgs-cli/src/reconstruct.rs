@@ -2,13 +2,14 @@
 
 use crate::args::Reconstruct;
 use crate::commands::{Style, use_threads};
+use crate::crash::StageNote;
 use crate::device::{self, Chosen};
 use crate::failure::Failure;
 use crate::folder::{self, load_capture};
 use crate::output::{Report, say};
 use crate::recordings::{self, Source};
 use crate::settings::configure;
-use crate::{doubts, live, progress, rerun};
+use crate::{agreement, doubts, live, progress, rerun};
 use anyhow::Context;
 use artgs::align::correct;
 use artgs::fit::FitError;
@@ -43,12 +44,14 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     let (capture, photos) = match Source::new(&args.capture)? {
         Source::Capture(folder) => {
             let mut capture = load_capture(&folder)?;
+            agreement::require(&mut capture, args.force_input)?;
             let correction = correct(&mut capture, &config.align);
             folder::prepare(&run, args.earlier)?;
             if correction.is_none() { (capture, folder) } else { saved(&run, capture, &correction)? }
         }
         Source::Recordings(paths) => {
-            let found = recordings::load(&paths, &args.recording)?;
+            let mut found = recordings::load(&paths, &args.recording)?;
+            agreement::require_recordings(&mut found, args.force_input)?;
             let (capture, report) = recordings::aligned(&found, &config.align, config.seed, style)?;
             drop(found);
             folder::prepare(&run, args.earlier)?;
@@ -135,7 +138,9 @@ impl Job<'_> {
         let mut log = JsonLines::append(&path).with_context(|| format!("cannot write {}", path.display()))?;
         let mut shown = progress::renderer(self.style);
         let mut log_and_shown = Tee(&mut log, shown.as_mut());
-        let mut observer = Tee(&mut log_and_shown, also);
+        let mut noted = StageNote;
+        let mut also_noted = Tee(&mut noted, also);
+        let mut observer = Tee(&mut log_and_shown, &mut also_noted);
         self.device.announce(&mut observer);
         let (config, devices) = (self.config.clone(), self.device.devices.as_ref());
         let reconstruction = Reconstruction { capture: self.capture, config, devices, resume: self.resume };

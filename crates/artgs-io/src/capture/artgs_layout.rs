@@ -20,6 +20,7 @@ pub(super) fn entries(
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Entry>, CaptureError> {
     let shown = file.display().to_string();
+    require_pinhole(root, &shown)?;
     let lens = lens(root, &shown)?;
     warn_of_stale_angle(root, &lens, &shown, warnings)?;
     let depth_scale = positive(root, &shown, "depth_scale")?.unwrap_or(DEFAULT_DEPTH_SCALE);
@@ -40,6 +41,7 @@ pub(super) fn entries(
         let Value::Object(frame) = frame else { return Err(key_error(&place, "frames", "a frame must be an object")) };
         let listed = text(frame, &place, "file_path")?.ok_or_else(|| missing(&place, "file_path", "the image"))?;
         let place = format!("{place} ({listed})");
+        require_pinhole(frame, &place)?;
         let pose = frame.get("transform_matrix").ok_or_else(|| missing(&place, "transform_matrix", "the pose"))?;
         let image = find_image(dir, listed).ok_or_else(|| CaptureError::Image {
             place: place.clone(),
@@ -76,6 +78,20 @@ fn own_lens(root: &Object, frame: &Object, place: &str, of_file: Lens) -> Result
     let mut merged: Object = KEYS.iter().filter_map(|key| Some((key.to_string(), root.get(*key)?.clone()))).collect();
     merged.extend(KEYS.iter().filter_map(|key| Some((key.to_string(), frame.get(*key)?.clone()))));
     lens(&merged, place)
+}
+
+/// Refuses images of lenses that are no pinhole, such as fisheyes.
+fn require_pinhole(object: &Object, place: &str) -> Result<(), CaptureError> {
+    const PINHOLE: [&str; 8] =
+        ["PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE", "OPENCV", "FULL_OPENCV", "RADIAL", "SIMPLE_RADIAL", "BLENDER"];
+    match text(object, place, "camera_model")? {
+        Some(model) if !PINHOLE.contains(&model.to_ascii_uppercase().as_str()) => {
+            let reason =
+                format!("is {model}; undistort the images, then state PINHOLE: this layout has pinhole cameras only");
+            Err(key_error(place, "camera_model", reason))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn missing(place: &str, key: &str, what: &str) -> CaptureError {

@@ -259,7 +259,9 @@ impl Scene {
         let tolerance = (TOLERANCE_PER_NOISE * noise).max(TOLERANCE_PER_PIXEL * pixel);
         let spreading = noisy && tolerance > SPREADING * spacing;
         if spreading {
-            states.iter_mut().for_each(|state| state.cloud = flattened(&state.without_strays(tolerance), spacing, tolerance));
+            states
+                .iter_mut()
+                .for_each(|state| state.cloud = flattened(&state.without_strays(tolerance), spacing, tolerance));
         }
         let pad = Vec3::splat(MARGIN * diagonal);
         let cubes = states

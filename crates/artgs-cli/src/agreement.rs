@@ -1,0 +1,75 @@
+//! What the consistency check of `artgs` found, as errors, warnings and lines of `inspect`.
+
+use crate::failure::Failure;
+use artgs::consistency::{Consistency, Finding, StateConsistency, check_capture, check_views};
+use artgs_core::{Capture, PerState, Recording, State};
+
+/// Refuses a capture whose views or states contradict each other, unless `forced`; warnings go to the capture.
+pub(crate) fn require(capture: &mut Capture, forced: bool) -> Result<(), Failure> {
+    let findings = check_capture(capture).findings();
+    capture.warnings.extend(accepted(findings, forced)?);
+    Ok(())
+}
+
+/// Refuses recordings whose frames contradict each other, unless `forced`; warnings go to the recordings.
+pub(crate) fn require_recordings(recordings: &mut PerState<Recording>, forced: bool) -> Result<(), Failure> {
+    for state in State::ALL {
+        let found = check_views(recordings[state].frames.iter().map(|f| &f.view));
+        let findings = found.findings(&format!("the recording of the {} state", state.name()));
+        let warnings = accepted(findings, forced)?;
+        recordings[state].warnings.extend(warnings);
+    }
+    Ok(())
+}
+
+/// Warnings, those of refusals included if they are `forced`.
+fn accepted(findings: Vec<Finding>, forced: bool) -> Result<Vec<String>, Failure> {
+    let refused = |f: &Finding| match f {
+        Finding::Refused(text) => Some(text.clone()),
+        Finding::Warning(_) => None,
+    };
+    let refusals: Vec<String> = findings.iter().filter_map(refused).collect();
+    if !refusals.is_empty() && !forced {
+        let what = refusals.join("\n");
+        return Err(Failure::bad(format!("{what}\n--force-input uses the capture as it is")));
+    }
+    Ok(findings
+        .into_iter()
+        .map(|f| match f {
+            Finding::Refused(text) | Finding::Warning(text) => text,
+        })
+        .collect())
+}
+
+/// Lines of `inspect` about a capture.
+pub(crate) fn described(found: &Consistency) -> String {
+    let mut text = String::new();
+    for (state, own) in found.states.enumerate() {
+        text.push_str(&line(
+            &format!("agreement {}", state.name()),
+            own.agreement,
+            "of the depth points agree between views",
+        ));
+    }
+    text.push_str(&line("agreement of both", found.across, "of the surfaces agree between the states"));
+    text.push_str(&findings(found.findings()));
+    text
+}
+
+/// Lines of `inspect` about a recording.
+pub(crate) fn described_recording(found: &StateConsistency) -> String {
+    let share = line("agreement", found.agreement, "of the depth points agree between frames");
+    share + &findings(found.findings("this recording"))
+}
+
+fn line(name: &str, share: Option<f64>, of_what: &str) -> String {
+    share.map_or(String::new(), |s| format!("{name:<18}{:.0} % {of_what}\n", 100.0 * s))
+}
+
+fn findings(found: Vec<Finding>) -> String {
+    let line = |f: Finding| match f {
+        Finding::Refused(text) => format!("error: {text}\n"),
+        Finding::Warning(text) => format!("warning: {text}\n"),
+    };
+    found.into_iter().map(line).collect()
+}

@@ -1,0 +1,82 @@
+//! Agreement of views about surfaces: points of each view are carried into the others.
+
+use super::samples::{CoarseView, Looked, Posed, Reading};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// Depths that differ by less than this share are the same: several times the noise of depth cameras.
+const TOLERANCE: f64 = 0.02;
+/// Least cosine between a normal and the line of sight of a view that must see the point.
+const FACING: f64 = 0.4;
+
+/// Numbers of carried points that face the view that they are carried into.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Agreement {
+    /// At the depth that the view shows.
+    pub(super) agree: usize,
+    /// Elsewhere: in front of what the view shows, or on its background.
+    pub(super) differ: usize,
+    /// Behind what the view shows: hidden by another surface, or elsewhere.
+    pub(super) hidden: usize,
+    /// Outside of its image or behind it.
+    pub(super) outside: usize,
+}
+
+impl Agreement {
+    /// Share of the points that a view could show that agree, 0 to 1.
+    pub(super) fn share(&self) -> f64 {
+        self.agree as f64 / (self.agree + self.differ).max(1) as f64
+    }
+
+    /// Share of all points that agree, those hidden and those outside of the images included, 0 to 1.
+    pub(super) fn share_of_all(&self) -> f64 {
+        self.agree as f64 / self.all().max(1) as f64
+    }
+
+    /// Number of points.
+    pub(super) fn all(&self) -> usize {
+        self.agree + self.differ + self.hidden + self.outside
+    }
+
+    /// Number of points that a view could show.
+    pub(super) fn shown(&self) -> usize {
+        self.agree + self.differ
+    }
+
+    fn plus(self, other: Self) -> Self {
+        let (agree, differ) = (self.agree + other.agree, self.differ + other.differ);
+        Self { agree, differ, hidden: self.hidden + other.hidden, outside: self.outside + other.outside }
+    }
+}
+
+/// Agreement of the views `of` with the views `with`; a view is not compared with itself.
+pub(super) fn agreement(of: &[CoarseView], with: &[CoarseView], readings: [Reading; 2]) -> Agreement {
+    let own: Vec<Posed<'_>> = of.iter().map(|v| Posed::new(v, readings[0])).collect();
+    let other: Vec<Posed<'_>> = with.iter().map(|v| Posed::new(v, readings[1])).collect();
+    let same = std::ptr::eq(of, with);
+    let of_view = |i: usize| {
+        let to_world = own[i].to_camera.inverse();
+        let mut counts = Agreement::default();
+        let points: Vec<(DVec3, DVec3)> = own[i].points().map(|(p, n)| (to_world.apply(p), to_world.turn(n))).collect();
+        for j in (0..other.len()).filter(|&j| !(same && j == i)) {
+            points.iter().for_each(|(p, n)| compare(&other[j], *p, *n, &mut counts));
+        }
+        counts
+    };
+    (0..own.len()).into_par_iter().map(of_view).reduce(Agreement::default, Agreement::plus)
+}
+
+fn compare(view: &Posed<'_>, p: DVec3, n: DVec3, counts: &mut Agreement) {
+    let (q, normal) = (view.to_camera.apply(p), view.to_camera.turn(n));
+    if normal.dot(-q.normalize_or_zero()) < FACING {
+        return;
+    }
+    match view.looks_at(q) {
+        None => counts.outside += 1,
+        Some(Looked::Unknown) => {}
+        Some(Looked::Background) => counts.differ += 1,
+        Some(Looked::Surface(z)) if (z - q.z).abs() < TOLERANCE * z => counts.agree += 1,
+        Some(Looked::Surface(z)) if q.z > z => counts.hidden += 1,
+        Some(Looked::Surface(_)) => counts.differ += 1,
+    }
+}

@@ -1,0 +1,169 @@
+//! Usual mistakes in captures, found by reading the same numbers differently.
+
+use super::agreement::{Agreement, agreement};
+use super::samples::{CoarseView, PoseReading, Posed, Reading};
+use super::{Explained, between};
+use artgs_core::{PerState, State};
+use glam::DVec3;
+use serde::Serialize;
+
+/// Agreement that a corrected capture must reach.
+const EXPLAINED: f64 = 0.8;
+/// How much agreement a correction must gain.
+const GAIN: f64 = 0.15;
+
+/// A usual mistake.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cause {
+    /// Camera axes: y and z point the other way.
+    Axes,
+    /// Poses lead from the world to the camera.
+    WorldToCamera,
+    /// Poses lead from the world to the camera, and y and z point the other way.
+    WorldToCameraAndAxes,
+    /// Depth must be multiplied by this.
+    DepthScale(f64),
+    /// Focal lengths must be multiplied by this.
+    FocalLength(f64),
+    /// Intrinsics of columns and rows have changed places.
+    SwappedIntrinsics,
+    /// Depth is measured along the ray.
+    DepthAlongRay,
+    /// Poses and depth of the end state must be multiplied by this.
+    EndScale(f64),
+}
+
+impl Cause {
+    /// How the capture was read for the better agreement; a number follows.
+    pub(super) fn changed(&self) -> String {
+        match self {
+            Self::Axes => "with y and z of the cameras flipped".into(),
+            Self::WorldToCamera => "with inverted poses".into(),
+            Self::WorldToCameraAndAxes => "with inverted poses and y and z of the cameras flipped".into(),
+            Self::DepthScale(s) => format!("with depth multiplied by {}", number(*s)),
+            Self::FocalLength(s) => format!("with focal lengths multiplied by {}", number(*s)),
+            Self::SwappedIntrinsics => "with fx and fy, cx and cy exchanged".into(),
+            Self::DepthAlongRay => "with depth read as the distance from the camera".into(),
+            Self::EndScale(s) => format!("with poses and depth of the end state multiplied by {}", number(*s)),
+        }
+    }
+
+    /// The question to the user, with the remedy.
+    pub(super) fn question(&self) -> String {
+        match self {
+            Self::Axes => "are these OpenCV poses (y down, looks along +z) in a format that expects OpenGL poses (y up, looks \
+                           along -z), or the reverse? Flip the second and third column of every rotation"
+                .into(),
+            Self::WorldToCamera => "are these world-to-camera poses in a format that expects camera-to-world, or the \
+                                    reverse? Invert every matrix"
+                .into(),
+            Self::WorldToCameraAndAxes => "are these world-to-camera poses with OpenCV axes in a format that expects \
+                                           camera-to-world with OpenGL axes? Invert every matrix, then flip the second and \
+                                           third column of its rotation"
+                .into(),
+            Self::DepthScale(s) => format!(
+                "is the unit of depth wrong? Divide `depth_scale` (stored numbers per scene unit) by {}",
+                number(*s)
+            ),
+            Self::FocalLength(_) => {
+                "is the focal length wrong, or were the images resized or cropped after calibration?".into()
+            }
+            Self::SwappedIntrinsics => "are the intrinsics of columns and rows swapped, or the images rotated?".into(),
+            Self::DepthAlongRay => "is depth stored as distance along the ray? Convert it to depth along the optical axis".into(),
+            Self::EndScale(_) => "do the two states have different units?".into(),
+        }
+    }
+}
+
+/// Three significant digits.
+fn number(x: f64) -> String {
+    let digits = (2 - x.abs().log10().floor() as i32).max(0) as usize;
+    let text = format!("{x:.digits$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
+}
+
+/// The mistake after whose correction the views agree best, if they then agree well and much better than as stated.
+pub(super) fn likely_cause(views: &[CoarseView], stated: Agreement) -> Option<Explained> {
+    let with = |reading: Reading| agreement(views, views, [reading; 2]);
+    let best = readings()
+        .map(|(cause, reading)| (cause, with(reading)))
+        .filter(|(_, found)| found.share() > EXPLAINED && found.share() > stated.share() + GAIN)
+        // A wrong camera can leave few points in the images, which then agree by chance.
+        .filter(|(_, found)| found.agree > stated.agree)
+        .max_by(|a, b| score(a).total_cmp(&score(b)))?;
+    Some(Explained { cause: best.0, agreement: best.1.share() })
+}
+
+fn score((cause, found): &(Cause, Agreement)) -> f64 {
+    // A factor between usual units is more likely than its neighbours.
+    const ROUND: f64 = 1.02;
+    let round = matches!(cause, Cause::DepthScale(s) if round_factors().any(|r| r == *s));
+    found.share() * found.share_of_all().sqrt() * if round { ROUND } else { 1.0 }
+}
+
+/// Readings of every usual mistake.
+fn readings() -> impl Iterator<Item = (Cause, Reading)> {
+    let stated = Reading::STATED;
+    let pose = |pose: PoseReading| Reading { pose, ..stated };
+    let single = [
+        (Cause::Axes, pose(PoseReading::OpenCv)),
+        (Cause::WorldToCamera, pose(PoseReading::WorldToCamera)),
+        (Cause::WorldToCamera, pose(PoseReading::Inverted)),
+        (Cause::WorldToCameraAndAxes, pose(PoseReading::WorldToCameraOpenCv)),
+        (Cause::SwappedIntrinsics, Reading { swapped: true, ..stated }),
+        (Cause::DepthAlongRay, Reading { along_ray: true, ..stated }),
+    ];
+    let depth =
+        round_factors().chain(factors(5.0)).map(move |s| (Cause::DepthScale(s), Reading { depth: s, ..stated }));
+    let focal = factors(2.5).map(move |s| (Cause::FocalLength(s), Reading { focal: s, ..stated }));
+    single.into_iter().chain(depth).chain(focal)
+}
+
+/// Factors between usual units, metres, millimetres, centimetres, inches and feet, and of usual depth encodings.
+fn round_factors() -> impl Iterator<Item = f64> {
+    [1000.0, 100.0, 10.0, 5.0, 4.0, 2.0, 39.37, 3.281].into_iter().flat_map(|s| [s, 1.0 / s])
+}
+
+/// Factors around 1 in steps of 2 %, up to `most` and down to its inverse, 1 left out.
+fn factors(most: f64) -> impl Iterator<Item = f64> {
+    const STEP: f64 = 0.02;
+    let steps = (most.ln() / STEP) as i32;
+    (-steps..=steps).filter(|i| i.abs() > 1).map(|i| (f64::from(i) * STEP).exp())
+}
+
+/// The factor of the end state after which the states agree much better than as stated.
+pub(super) fn likely_scale(views: &PerState<Vec<CoarseView>>, stated: f64) -> Option<Explained> {
+    /// Agreement between states that a corrected capture must reach.
+    const LEAST: f64 = 0.3;
+    /// Least factor by which agreement must grow.
+    const GROWTH: f64 = 3.0;
+    /// The size of an object changes by this factor at most when parts move.
+    const OPENING: f64 = 1.6;
+    let sizes = views.as_ref().map(|v| size(v));
+    let ratio = sizes[State::START] / sizes[State::END];
+    let scaled = |s: f64| (s, between(views, Reading { scale: s, ..Reading::STATED }).share_of_all());
+    let possible = |s: &f64| (ratio / s).ln().abs() < OPENING.ln() && s.ln().abs() > 0.1;
+    let best = |all: &mut dyn Iterator<Item = f64>| all.filter(possible).map(scaled).max_by(|a, b| a.1.total_cmp(&b.1));
+    let any = best(&mut factors(OPENING).chain([1.0]).map(|f| ratio * f))?;
+    let round = best(&mut round_factors()).filter(|r| r.1 > 0.95 * any.1);
+    let (s, agreement) = round.unwrap_or(any);
+    (agreement > LEAST && agreement > GROWTH * stated).then_some(Explained { cause: Cause::EndScale(s), agreement })
+}
+
+/// Diagonal of the box around the points of all views without the outermost 1 % along each axis.
+fn size(views: &[CoarseView]) -> f64 {
+    let mut all: Vec<DVec3> = Vec::new();
+    for view in views {
+        let posed = Posed::new(view, Reading::STATED);
+        let to_world = posed.to_camera.inverse();
+        all.extend(posed.points().map(|(p, _)| to_world.apply(p)));
+    }
+    let range = |axis: usize| {
+        let mut xs: Vec<f64> = all.iter().map(|p| p[axis]).collect();
+        xs.sort_unstable_by(f64::total_cmp);
+        let cut = xs.len() / 100;
+        if xs.is_empty() { 0.0 } else { xs[xs.len() - 1 - cut] - xs[cut] }
+    };
+    DVec3::new(range(0), range(1), range(2)).length().max(1e-12)
+}

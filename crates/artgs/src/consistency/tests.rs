@@ -1,0 +1,90 @@
+use super::*;
+use artgs_core::Rigid;
+use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
+use glam::DVec3;
+use std::f64::consts::PI;
+
+fn capture() -> Capture {
+    cabinet_capture(&CabinetOptions { views: 12, size: 120, ..CabinetOptions::default() }).unwrap().0
+}
+
+/// The capture with every training view of the `states` changed.
+fn changed(states: &[State], change: impl Fn(&mut View)) -> Capture {
+    let mut capture = capture();
+    for state in states {
+        capture.states[*state].train.iter_mut().for_each(&change);
+    }
+    capture
+}
+
+/// What the reader returns where `matrix` replaces every camera-to-world matrix with OpenGL axes.
+fn with_matrix(states: &[State], matrix: impl Fn(Rigid) -> Rigid) -> Capture {
+    let flip = Rigid::about(DVec3::X, DVec3::ZERO, PI);
+    changed(states, |view| {
+        let right = view.camera.world_to_camera.inverse() * flip;
+        view.camera.world_to_camera = flip * matrix(right).inverse();
+    })
+}
+
+fn scale_depth(view: &mut View, factor: f32) {
+    let depth = view.depth.take().unwrap();
+    let values: Vec<f32> = depth.iter().map(|z| z * factor).collect();
+    view.depth = Some(artgs_core::DepthMap::nearest(&values));
+}
+
+/// The only refusal, which must contain the key words.
+fn refusal(capture: &Capture, words: &[&str]) {
+    let findings = check_capture(capture).findings();
+    let [Finding::Refused(text)] = &findings[..] else { panic!("{findings:?}") };
+    words.iter().for_each(|word| assert!(text.contains(word), "{word}: {text}"));
+}
+
+#[test]
+fn a_right_capture_agrees() {
+    let found = check_capture(&capture());
+    assert!(found.states.iter().all(|s| s.agreement.unwrap() > 0.9), "{found:?}");
+    assert_eq!(found.findings(), []);
+}
+
+#[test]
+fn wrong_poses_are_named() {
+    let flip = Rigid::about(DVec3::X, DVec3::ZERO, PI);
+    refusal(&with_matrix(&State::ALL, |m| m * flip), &["both states", "OpenCV", "y and z"]);
+    refusal(&with_matrix(&State::ALL, |m| m.inverse()), &["both states", "world-to-camera", "Invert"]);
+    refusal(&with_matrix(&State::ALL, |m| (m * flip).inverse()), &["world-to-camera", "OpenCV"]);
+    refusal(&with_matrix(&[State::END], |m| m * flip), &["the end state", "OpenCV"]);
+    refusal(&with_matrix(&State::ALL, |_| Rigid::IDENTITY), &["both states", "all camera poses are the same"]);
+}
+
+#[test]
+fn wrong_depth_and_intrinsics_are_named() {
+    for (factor, name) in [(1000.0, "by 1000"), (1e-3, "by 0.001"), (0.2, "by 0.2"), (5.0, "by 5")] {
+        refusal(&changed(&State::ALL, |view| scale_depth(view, factor)), &["both states", "depth_scale", name]);
+    }
+    refusal(&changed(&[State::START], |view| scale_depth(view, 5.0)), &["the start state", "depth_scale"]);
+    let wider = changed(&State::ALL, |view| {
+        (view.camera.intrinsics.fx, view.camera.intrinsics.fy) =
+            (view.camera.intrinsics.fx * 1.25, view.camera.intrinsics.fy * 1.25);
+    });
+    refusal(&wider, &["both states", "focal length", "by 0.8"]);
+}
+
+#[test]
+fn states_of_different_scales_and_places_are_named() {
+    let scaled = changed(&[State::END], |view| {
+        view.camera.world_to_camera.translation *= 2.0;
+        scale_depth(view, 2.0);
+    });
+    refusal(&scaled, &["between the two states", "end state multiplied by 0.5", "units"]);
+    let apart = changed(&[State::END], |view| {
+        view.camera = view.camera.moved_with(&Rigid::about(DVec3::Z, DVec3::new(0.8, 0.0, 0.0), 1.5));
+    });
+    refusal(&apart, &["between the two states", "different objects"]);
+}
+
+#[test]
+fn captures_without_depth_are_not_judged() {
+    let without = changed(&State::ALL, |view| view.depth = None);
+    let found = check_capture(&without);
+    assert!(found.states.iter().all(|s| s.agreement.is_none()) && found.findings().is_empty());
+}
