@@ -220,7 +220,7 @@ impl Evidence {
         let points: usize = evidence.occupancy.iter().map(Vec::len).sum();
         let least =
             if scene.noisy { LEAST_MOVED.max((LEAST_NOISY_SHARE * points as f64) as usize) } else { LEAST_MOVED };
-        let scattered = scene.noisy && evidence.largest_group(scene) < LEAST_NOISY_GROUP;
+        let scattered = scene.spreading && evidence.largest_group(scene) < LEAST_NOISY_GROUP;
         if evidence.total() < least || scattered { Err(DiscoverError::NothingMoved) } else { Ok(evidence) }
     }
 
