@@ -12,7 +12,7 @@ use std::path::PathBuf;
 #[cfg(feature = "bench")]
 use std::time::Duration;
 
-const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 3 a check failed, 130 interrupted.";
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 3 a check failed, 70 an error in the program, 130 interrupted.";
 
 /// Photos of an articulated object in two states to an interactable replica: part meshes, joints, splats, URDF.
 #[derive(Debug, Parser)]
@@ -220,13 +220,13 @@ pub(crate) struct Export {
     #[arg(long, default_value = ExportOptions::NAME)]
     pub(crate) name: String,
     /// Metres per unit of the capture
-    #[arg(long, value_name = "M", default_value_t = 1.0)]
+    #[arg(long, value_name = "M", default_value_t = 1.0, value_parser = metres_per_unit)]
     pub(crate) scale: f64,
     /// Upward axis of the capture
     #[arg(long, value_enum, default_value_t = UpAxis::Z)]
     pub(crate) up: UpAxis,
     /// Kilograms per cubic metre; 650 if absent
-    #[arg(long, value_name = "KG")]
+    #[arg(long, value_name = "KG", value_parser = density)]
     pub(crate) density: Option<f64>,
     /// What parts collide with
     #[arg(long, value_enum, default_value_t = CollisionKind::Hulls)]
@@ -460,6 +460,21 @@ fn seconds(text: &str) -> Result<Duration, String> {
     let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0);
     let duration = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
     duration.ok_or_else(|| "a number of seconds above 0".into())
+}
+
+/// Scales between micrometres and kilometres.
+fn metres_per_unit(text: &str) -> Result<f64, String> {
+    number_in(text, 1e-6, 1e3)
+}
+
+/// Densities from foam to the heaviest metal.
+fn density(text: &str) -> Result<f64, String> {
+    number_in(text, 1.0, 25_000.0)
+}
+
+fn number_in(text: &str, low: f64, high: f64) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|x| (low..=high).contains(x));
+    number.ok_or_else(|| format!("a number from {low} to {high}"))
 }
 
 #[derive(Debug, Args)]

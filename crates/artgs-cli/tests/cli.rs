@@ -51,6 +51,9 @@ fn wrong_usage_exits_2_and_says_what_is_wrong() {
         (&["reconstruct", "x", "-o", "y", "--parts", "2", "--preset", "paper", "--schedule", "2"], "`schedule`"),
         (&["reconstruct", "x", "-o", "y", "--method", "registration", "--variant", "mlp"], "trains nothing"),
         (&["demo", "--threads", "0"], "--threads"),
+        (&["export", "x", "--scale", "1e30"], "a number from"),
+        (&["export", "x", "--scale", "nan"], "a number from"),
+        (&["export", "x", "--density", "1e300"], "a number from"),
         (&["demo", "--device", "cuda"], "auto, cpu, gpu, or gpu:N"),
         (&["reconstruct", "x", "-o", "y", "--parts", "2", "--device", "gpu:9999"], "graphics processor"),
         (&["bench", "fridge", "-o", "y", "--device", "gpu:9999"], "graphics processor"),
@@ -174,6 +177,61 @@ fn bad_input_exits_2_and_names_the_path() {
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("`views`"), "{}", text(&output.stderr));
     assert!(!out.exists(), "nothing is made for input that cannot be used");
+}
+
+#[test]
+fn captures_with_wrong_poses_or_depth_are_refused_and_the_mistake_is_named() {
+    use serde_json::{Value, json};
+    let folder = tempfile::tempdir().unwrap();
+    let (capture, out) = (folder.path().join("capture"), folder.path().join("out"));
+    write_cabinet(&capture, &CabinetOptions { views: 10, test_views: 0, size: 96, ..CabinetOptions::default() }).unwrap();
+    let file = |state: &str| capture.join(format!("transforms_train_{state}.json"));
+    let right = ["start", "end"].map(|state| std::fs::read_to_string(file(state)).unwrap());
+    let flip = |all: &mut Value| {
+        for frame in all["frames"].as_array_mut().unwrap() {
+            for row in frame["transform_matrix"].as_array_mut().unwrap().iter_mut().take(3) {
+                for column in [1, 2] {
+                    row[column] = json!(-row[column].as_f64().unwrap());
+                }
+            }
+        }
+    };
+    let still = |all: &mut Value| {
+        let pose = all["frames"][0]["transform_matrix"].clone();
+        all["frames"].as_array_mut().unwrap().iter_mut().for_each(|f| f["transform_matrix"] = pose.clone());
+    };
+    let depth = |all: &mut Value| all["depth_scale"] = json!(1.0);
+    let fisheye = |all: &mut Value| all["camera_model"] = json!("OPENCV_FISHEYE");
+    let mistakes: [(&dyn Fn(&mut Value), &str); 4] = [
+        (&flip, "are these OpenCV poses"),
+        (&still, "all camera poses are the same"),
+        (&depth, "with depth multiplied by 0.001"),
+        (&fisheye, "undistort the images"),
+    ];
+    for (mistake, words) in mistakes {
+        for (state, text) in ["start", "end"].iter().zip(&right) {
+            let mut all: Value = serde_json::from_str(text).unwrap();
+            mistake(&mut all);
+            std::fs::write(file(state), all.to_string()).unwrap();
+        }
+        let output = artgs(&["reconstruct", str(&capture), "-o", str(&out)]);
+        assert_eq!(output.status.code(), Some(2), "{words}");
+        assert!(text(&output.stderr).contains(words), "{words}: {}", text(&output.stderr));
+        assert!(!out.exists(), "{words}");
+        let shown = artgs(&["inspect", str(&capture)]);
+        let all = text(&shown.stdout) + &text(&shown.stderr);
+        assert!(all.contains(words), "{words}: {all}");
+    }
+    // What is wrong can be used on demand.
+    let changed: Value = serde_json::from_str(&right[0]).unwrap();
+    std::fs::write(file("start"), changed.to_string()).unwrap();
+    let mut end: Value = serde_json::from_str(&right[1]).unwrap();
+    flip(&mut end);
+    std::fs::write(file("end"), end.to_string()).unwrap();
+    let place = ["reconstruct", str(&capture), "-o", str(&out), "--stop-after", "discover", "--device", "cpu"];
+    assert!(text(&artgs(&place).stderr).contains("the end state"));
+    let forced = artgs(&[&place[..], &["--force-input"]].concat());
+    assert!(text(&forced.stderr).contains("warning: the end state"), "{}", text(&forced.stderr));
 }
 
 #[test]

@@ -17,6 +17,16 @@ pub enum Error {
     /// The output folder was made from other images.
     #[error("{0} was made from another capture; resume with that one, use --force, or use another folder")]
     OtherCapture(String),
+    /// A replica and a ground truth of different units or places.
+    #[error(
+        "the replica fills {replica}, the ground truth {truth} at the start: they do not meet, so their units or frames differ"
+    )]
+    Elsewhere {
+        /// Box of the replica.
+        replica: String,
+        /// Box of the ground truth.
+        truth: String,
+    },
     /// No parts are found before training.
     #[error("with these settings parts are learnt in training: none are found before it")]
     PartsLearnt,
@@ -54,6 +64,7 @@ impl Error {
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::PartsLearnt
+            | Self::Elsewhere { .. }
             | Self::OtherSettings(_)
             | Self::OtherCapture(_)
             | Self::Config(_)

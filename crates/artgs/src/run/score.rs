@@ -7,6 +7,7 @@ use crate::surface::PartMeshes;
 use artgs_core::{Joint, JointEstimate, Mesh, PerState, Replica, State};
 use artgs_io::FileError;
 use artgs_io::run_folder::RunFolder;
+use artgs_io::summary::Bounds;
 use glam::{DVec3, Vec3};
 use std::path::Path;
 
@@ -19,7 +20,24 @@ pub fn evaluate(folder: &RunFolder, ground_truth: &Path) -> Result<Scores, Error
     let parts = replica.parts.iter().map(|part| load(&part.meshes)).collect::<Result<_, _>>()?;
     let meshes = PartMeshes { parts, whole: load(&replica.whole)? };
     let truth = load_truth(ground_truth)?;
+    require_same_place(&meshes.whole[State::START], &truth.whole[State::START])?;
     Ok(crate::evaluate::evaluate(&replica, &meshes, &truth, &EvaluateConfig::default()))
+}
+
+/// Refuses surfaces whose boxes do not intersect or whose sizes differ by more than a factor: the comparison would take
+/// minutes and say nothing.
+fn require_same_place(replica: &Mesh, truth: &Mesh) -> Result<(), Error> {
+    /// Largest ratio of the diagonals.
+    const RATIO: f64 = 20.0;
+    let bounds = |mesh: &Mesh| Bounds::of(mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from))));
+    let (Some(own), Some(other)) = (bounds(replica), bounds(truth)) else { return Ok(()) };
+    let diagonal = |b: &Bounds| b.min.distance(b.max);
+    let ratio = diagonal(&own) / diagonal(&other).max(f64::MIN_POSITIVE);
+    if own.intersects(&other) && (1.0 / RATIO..RATIO).contains(&ratio) {
+        return Ok(());
+    }
+    let text = |b: &Bounds| format!("{:.3} to {:.3}", b.min, b.max);
+    Err(Error::Elsewhere { replica: text(&own), truth: text(&other) })
 }
 
 /// Scores the parts that a run found before training. Surfaces are small triangles at the labelled points. None if the
@@ -60,4 +78,23 @@ fn surfels(found: &Discovery, wanted: impl Fn(u16) -> bool) -> PerState<Mesh> {
         }
         mesh
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cube(side: f32, at: f32) -> Mesh {
+        let vertices = vec![[at; 3], [at + side, at, at], [at + side; 3]];
+        Mesh { vertices, triangles: vec![[0, 1, 2]], ..Mesh::default() }
+    }
+
+    #[test]
+    fn other_units_and_places_are_refused_and_missing_surfaces_are_not() {
+        let refused = |a: &Mesh, b: &Mesh| matches!(require_same_place(a, b), Err(Error::Elsewhere { .. }));
+        assert!(!refused(&cube(1.0, 0.0), &cube(0.6, 0.3)));
+        assert!(refused(&cube(1000.0, 0.0), &cube(1.0, 0.0)));
+        assert!(refused(&cube(1.0, 0.0), &cube(1.0, 2.0)));
+        assert!(!refused(&Mesh::default(), &cube(1.0, 2.0)));
+    }
 }
