@@ -18,11 +18,11 @@ const LEAST_SHOWN: usize = 200;
 /// a focal length that is wrong by a fifth 0.78 at most.
 const GOOD: f64 = 0.85;
 /// Agreement below which a capture is refused even if no usual mistake explains it.
-const HOPELESS: f64 = 0.2;
+const REFUSED: f64 = 0.2;
 /// Agreement below which the result is doubtful.
 const DOUBTFUL: f64 = 0.6;
 /// Agreement between the two states, where parts move, below which a capture is refused.
-const HOPELESS_ACROSS: f64 = 0.05;
+const REFUSED_ACROSS: f64 = 0.05;
 /// Agreement between the states below which most of the object seems to have moved.
 const LITTLE_ACROSS: f64 = 0.25;
 
@@ -131,7 +131,7 @@ impl StateConsistency {
         let stated = format!("{whose}: {} of the depth points agree between views", percent(share));
         match self.cause {
             Some(explained) => vec![Finding::Refused(format!("{stated}; {}", explained.sentence()))],
-            None if share < HOPELESS => vec![Finding::Refused(format!(
+            None if share < REFUSED => vec![Finding::Refused(format!(
                 "{stated}, and no usual mistake explains it: check that poses, depth and images belong together"
             ))],
             None if share < DOUBTFUL => {
@@ -165,7 +165,7 @@ impl Consistency {
         let stated = format!("{} of the surfaces agree between the two states", percent(across));
         if let Some(explained) = self.end_scale {
             out.push(Finding::Refused(format!("{stated}; {}", explained.sentence())));
-        } else if across < HOPELESS_ACROSS {
+        } else if across < REFUSED_ACROSS {
             out.push(Finding::Refused(format!(
                 "{stated}: they show different objects, or their poses are in different frames; recordings in frames of their \
                  own are aligned if they are given one by one: artgs reconstruct CLOSED OPEN -o OUT"
