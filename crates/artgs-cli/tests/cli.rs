@@ -184,7 +184,8 @@ fn captures_with_wrong_poses_or_depth_are_refused_and_the_mistake_is_named() {
     use serde_json::{Value, json};
     let folder = tempfile::tempdir().unwrap();
     let (capture, out) = (folder.path().join("capture"), folder.path().join("out"));
-    write_cabinet(&capture, &CabinetOptions { views: 10, test_views: 0, size: 96, ..CabinetOptions::default() }).unwrap();
+    write_cabinet(&capture, &CabinetOptions { views: 10, test_views: 0, size: 96, ..CabinetOptions::default() })
+        .unwrap();
     let file = |state: &str| capture.join(format!("transforms_train_{state}.json"));
     let right = ["start", "end"].map(|state| std::fs::read_to_string(file(state)).unwrap());
     let flip = |all: &mut Value| {

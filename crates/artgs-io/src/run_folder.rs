@@ -171,6 +171,11 @@ impl RunFolder {
         self.stage("capture.txt")
     }
 
+    /// Hashes of what each computed stage read.
+    pub fn stage_keys(&self) -> PathBuf {
+        self.stage("keys.json")
+    }
+
     /// Names the folder of the photos.
     fn capture_note(&self) -> PathBuf {
         self.stage("capture_folder.txt")

@@ -11,12 +11,6 @@ use artgs_io::FileError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The output folder was made with other settings.
-    #[error("{0} was made with other settings; resume with the same ones, use --force, or use another folder")]
-    OtherSettings(String),
-    /// The output folder was made from other images.
-    #[error("{0} was made from another capture; resume with that one, use --force, or use another folder")]
-    OtherCapture(String),
     /// A replica and a ground truth of different units or places.
     #[error(
         "the replica fills {replica}, the ground truth {truth} at the start: they do not meet, so their units or frames differ"
@@ -65,8 +59,6 @@ impl Error {
         match self {
             Self::PartsLearnt
             | Self::Elsewhere { .. }
-            | Self::OtherSettings(_)
-            | Self::OtherCapture(_)
             | Self::Config(_)
             | Self::Discover(_)
             | Self::Corrections(_)

@@ -1,9 +1,17 @@
-//! Whether a folder was made from a capture.
+//! Hashes of what stages read: the capture, the settings, the version of the program.
 
-use super::Error;
+use crate::config::Config;
 use artgs_core::{Capture, View};
-use artgs_io::run_folder::RunFolder;
-use artgs_io::write_atomic;
+use artgs_io::run_folder::{RunFolder, load_json, save_json};
+use artgs_io::{FileError, write_atomic};
+use std::collections::BTreeMap;
+use std::hash::Hasher;
+use twox_hash::XxHash3_64;
+
+/// Sections of the settings that are read before anything is trained.
+const BEFORE_TRAINING: [&str; 6] = ["parts", "seed", "method", "align", "discover", "registration"];
+/// Sections that training reads as well.
+const TRAINING: [&str; 5] = ["single", "start", "canonical", "types", "articulate"];
 
 /// True if a run's folder was made from this capture; none if it does not record its capture.
 pub fn made_from(folder: &RunFolder, capture: &Capture) -> Option<bool> {
@@ -11,28 +19,154 @@ pub fn made_from(folder: &RunFolder, capture: &Capture) -> Option<bool> {
     Some(mark == fingerprint(capture))
 }
 
-/// Records the capture in the folder; refuses to resume a run of another capture.
-pub(super) fn claim(folder: &RunFolder, capture: &Capture, resume: bool) -> Result<(), Error> {
-    if resume && made_from(folder, capture) == Some(false) {
-        return Err(Error::OtherCapture(folder.root().display().to_string()));
-    }
-    Ok(write_atomic(&folder.capture_fingerprint(), fingerprint(capture).as_bytes())?)
+/// Keys of the stages of a run. A saved result is valid if its key is still the same.
+pub(super) struct StageKeys {
+    capture: String,
+    /// Settings as text, by section.
+    settings: BTreeMap<String, String>,
+    /// Keys under which results were saved.
+    saved: BTreeMap<String, String>,
 }
 
-/// Differs between captures: names, cameras, and some of the pixels of the training views.
+impl StageKeys {
+    /// Records the capture in the folder, if there is one; `resume` takes the keys of the earlier run.
+    pub(super) fn new(
+        folder: Option<&RunFolder>,
+        capture: &Capture,
+        config: &Config,
+        resume: bool,
+    ) -> Result<Self, super::Error> {
+        let capture = fingerprint(capture);
+        let mut saved = BTreeMap::new();
+        if let Some(folder) = folder {
+            write_atomic(&folder.capture_fingerprint(), capture.as_bytes())?;
+            if resume {
+                // A file that cannot be read makes every stage run again.
+                saved = load_json(&folder.stage_keys()).ok().flatten().unwrap_or_default();
+            }
+        }
+        let table: toml::Table = config.to_toml()?.parse().map_err(crate::config::ConfigError::Toml)?;
+        let settings = table.into_iter().map(|(section, value)| (section, value.to_string())).collect();
+        Ok(Self { capture, settings, saved })
+    }
+
+    /// Hash of what a stage and those before it read.
+    fn key(&self, stage: &str) -> String {
+        let training: &[&str] = match stage {
+            "single" | "discover" | "register" => &["single", "start"],
+            _ => &TRAINING,
+        };
+        let mut hash = XxHash3_64::new();
+        hash.write(env!("CARGO_PKG_VERSION").as_bytes());
+        hash.write(self.capture.as_bytes());
+        for section in BEFORE_TRAINING.iter().chain(training) {
+            hash.write(section.as_bytes());
+            hash.write(self.settings.get(*section).map_or(&[][..], |text| text.as_bytes()));
+        }
+        format!("{:016x}", hash.finish())
+    }
+
+    /// True if the saved result of a stage was computed from the same input; none if there is none.
+    pub(super) fn is_valid(&self, stage: &str) -> Option<bool> {
+        self.saved.get(stage).map(|saved| *saved == self.key(stage))
+    }
+
+    /// Records that a stage was computed.
+    pub(super) fn computed(&mut self, stage: &str, folder: &RunFolder) -> Result<(), FileError> {
+        self.saved.insert(stage.into(), self.key(stage));
+        save_json(&folder.stage_keys(), &self.saved)
+    }
+}
+
+/// Hash of everything that the training views hold: names, cameras, pixels and depth.
 fn fingerprint(capture: &Capture) -> String {
-    const PIXELS: usize = 97;
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-    let mut add = |bytes: &[u8]| {
-        bytes.iter().for_each(|b| hash = (hash ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3));
-    };
-    let views = capture.states.iter().flat_map(|s| &s.train);
-    views.for_each(|view: &View| {
-        add(view.name.as_bytes());
-        let eye = view.camera.position();
-        [eye.x, eye.y, eye.z, view.camera.intrinsics.fx].iter().for_each(|v| add(&v.to_le_bytes()));
-        view.rgba.iter().step_by(PIXELS).for_each(|pixel| add(pixel));
-        view.depth.iter().for_each(|d| d.counts().iter().step_by(PIXELS).for_each(|c| add(&c.to_le_bytes())));
-    });
-    format!("{hash:016x}\n")
+    let mut hash = XxHash3_64::new();
+    capture.states.iter().flat_map(|s| &s.train).for_each(|view| add(view, &mut hash));
+    format!("{:016x}\n", hash.finish())
+}
+
+fn add(view: &View, hash: &mut XxHash3_64) {
+    hash.write(view.name.as_bytes());
+    let (pose, k) = (&view.camera.world_to_camera, &view.camera.intrinsics);
+    let numbers =
+        pose.rotation.to_array().into_iter().chain(pose.translation.to_array()).chain([k.fx, k.fy, k.cx, k.cy]);
+    numbers.for_each(|x| hash.write(&x.to_le_bytes()));
+    hash.write(&k.width.to_le_bytes());
+    hash.write(&k.height.to_le_bytes());
+    hash.write(view.rgba.as_flattened());
+    if let Some(depth) = &view.depth {
+        hash.write(&depth.per_unit().to_le_bytes());
+        let mut bytes = Vec::with_capacity(2 * CHUNK);
+        for counts in depth.counts().chunks(CHUNK) {
+            bytes.clear();
+            counts.iter().for_each(|count| bytes.extend_from_slice(&count.to_le_bytes()));
+            hash.write(&bytes);
+        }
+    }
+}
+
+/// Depth values that are hashed at once.
+const CHUNK: usize = 8192;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artgs_core::State;
+    use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
+
+    fn capture() -> Capture {
+        cabinet_capture(&CabinetOptions { views: 3, size: 32, ..CabinetOptions::default() }).unwrap().0
+    }
+
+    #[test]
+    fn every_number_of_a_capture_changes_its_hash() {
+        let right = fingerprint(&capture());
+        assert_eq!(right, fingerprint(&capture()));
+        let changes: [fn(&mut View); 5] = [
+            |v| v.rgba[77][1] ^= 1,
+            |v| v.camera.intrinsics.fy *= 1.0 + 1e-12,
+            |v| v.camera.intrinsics.cx += 1e-9,
+            |v| v.camera.world_to_camera.rotation = v.camera.world_to_camera.rotation.inverse(),
+            |v| {
+                v.depth = v
+                    .depth
+                    .as_ref()
+                    .map(|d| artgs_core::DepthMap::nearest(&d.iter().map(|z| 0.9 * z).collect::<Vec<_>>()))
+            },
+        ];
+        for (i, change) in changes.into_iter().enumerate() {
+            let mut other = capture();
+            change(&mut other.states[State::END].train[1]);
+            assert_ne!(right, fingerprint(&other), "change {i}");
+        }
+    }
+
+    #[test]
+    fn a_stage_depends_on_its_settings_and_on_those_before_it() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = RunFolder::new(root.path());
+        let (capture, config) = (capture(), Config::default());
+        let mut keys = StageKeys::new(Some(&folder), &capture, &config, false).unwrap();
+        for stage in ["discover", "articulate"] {
+            assert_eq!(keys.is_valid(stage), None);
+            keys.computed(stage, &folder).unwrap();
+        }
+        let valid = |capture: &Capture, config: &Config| {
+            let keys = StageKeys::new(Some(&folder), capture, config, true).unwrap();
+            ["discover", "articulate"].map(|stage| keys.is_valid(stage))
+        };
+        assert_eq!(valid(&capture, &config), [Some(true), Some(true)]);
+        let mut steps = config.clone();
+        steps.articulate.steps += 1;
+        assert_eq!(valid(&capture, &steps), [Some(true), Some(false)]);
+        let mut spacing = config.clone();
+        spacing.discover.spacing *= 2.0;
+        assert_eq!(valid(&capture, &spacing), [Some(false), Some(false)]);
+        let mut surface = config.clone();
+        surface.surface.resolution *= 2.0;
+        assert_eq!(valid(&capture, &surface), [Some(true), Some(true)]);
+        let mut other = capture.clone();
+        other.states[State::START].train.swap(0, 1);
+        assert_eq!(valid(&other, &config), [Some(false), Some(false)]);
+    }
 }

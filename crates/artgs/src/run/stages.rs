@@ -1,11 +1,12 @@
 //! The stages of a run. With a folder each saves its result there and, if the run resumes, takes a saved one.
 
 use super::checkpoint::{self, StageTimes};
+use super::fingerprint::StageKeys;
 use super::following::Following;
 use super::learnt::{joints_of, relabelled, uninformed_start};
 use super::points::{PartSource, StartSource, canonical_start, motion_parameters, scattered};
 use super::rendered::{part_meshes_from_renderings, rendered_depths};
-use super::{Error, FittedParts, Reconstruction, Summary, fingerprint, fusion};
+use super::{Error, FittedParts, Reconstruction, Summary, fusion};
 use crate::articulation::{PaperConfig, SkinStart, Start, Trained, articulate, paper_pipeline};
 use crate::config::Config;
 use crate::discover::{self, DepthPicture, DiscoverError, Discovery, Scene};
@@ -37,10 +38,12 @@ pub(super) struct Run<'a> {
     pub(super) begun: Instant,
     pub(super) summary: Summary,
     times: StageTimes,
+    keys: StageKeys,
 }
 
 impl<'a> Run<'a> {
-    /// Opens the folder and writes the complete settings into it; refuses to resume with other settings or images.
+    /// Opens the folder and writes the complete settings into it. A run that resumes takes the saved results of those stages
+    /// whose capture and settings have not changed.
     pub(super) fn open(
         what: &'a Reconstruction<'a>,
         folder: Option<&'a RunFolder>,
@@ -51,13 +54,12 @@ impl<'a> Run<'a> {
         if let Some(folder) = folder {
             if what.resume {
                 times = checkpoint::load_times(folder);
-                check_same_settings(folder, &what.config)?;
             }
-            fingerprint::claim(folder, what.capture, what.resume)?;
             folder.save_config(&what.config.to_toml()?)?;
         }
+        let keys = StageKeys::new(folder, what.capture, &what.config, resume)?;
         let (begun, summary) = (Instant::now(), Summary::default());
-        let mut run = Self { what, config: &what.config, folder, reuse: resume, observer, begun, summary, times };
+        let mut run = Self { what, config: &what.config, folder, reuse: resume, observer, begun, summary, times, keys };
         what.capture.warnings.iter().for_each(|w| run.warn(w.clone()));
         Ok(run)
     }
@@ -77,6 +79,15 @@ impl<'a> Run<'a> {
     ) -> Result<T, Error> {
         self.observer.event(Event::started(name));
         let begun = Instant::now();
+        let valid = self.keys.is_valid(name);
+        if self.reuse && valid == Some(false) {
+            self.observer.event(Event::note(format!(
+                "the capture, the settings or the program changed since {name} was computed: it and all later stages are \
+                 recomputed"
+            )));
+        }
+        // A result without a key is of an earlier version, or of a run that was interrupted while it was saved.
+        self.reuse &= valid == Some(true);
         let saved = self.folder.filter(|_| self.reuse).and_then(load);
         if let Some(result) = saved {
             let earlier = self.times.get(name).map(|seconds| (name.to_string(), *seconds));
@@ -97,6 +108,7 @@ impl<'a> Run<'a> {
         self.summary.seconds.push((name.into(), seconds));
         self.times.insert(name.into(), seconds);
         if let Some(folder) = self.folder {
+            self.keys.computed(name, folder)?;
             checkpoint::save_times(folder, &self.times)?;
         }
         self.observer.event(Event::finished(name, seconds, false));
@@ -323,13 +335,6 @@ fn refined(found: &Discovery, trained: &Trained) -> Vec<JointEstimate> {
         }
     }
     parts
-}
-
-/// Refuses to resume a run that was made with other settings.
-fn check_same_settings(folder: &RunFolder, config: &Config) -> Result<(), Error> {
-    let Some(text) = folder.load_config()? else { return Ok(()) };
-    let earlier = Config::default().overridden_by(&text)?;
-    if earlier == *config { Ok(()) } else { Err(Error::OtherSettings(folder.root().display().to_string())) }
 }
 
 fn views_of<'a>(what: &Reconstruction<'a>) -> PerState<&'a [View]> {
