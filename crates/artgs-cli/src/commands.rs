@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::folder::load_capture;
 use crate::output::{Report, say};
 use crate::recordings::{self, RecordingSummary, Source};
-use crate::{demo, device, evaluate, export, reconstruct, synth, view};
+use crate::{demo, device, evaluate, export, reconstruct, settings, synth, view};
 use anyhow::Context;
 use artgs_core::State;
 use serde_json::json;
@@ -35,6 +35,7 @@ pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Check(args) => crate::check::run(args, style),
         Command::View(args) => view::run(args, style),
         Command::Devices(_) => device::list(style),
+        Command::Settings(args) => settings::list(args.preset, style),
     }
 }
 
