@@ -45,6 +45,7 @@ impl Cli {
                 Command::Check(a) => a.json,
                 Command::View(a) => a.json,
                 Command::Devices(a) => a.json,
+                Command::Settings(a) => a.json,
             }
     }
 }
@@ -73,10 +74,22 @@ pub(crate) enum Command {
     Synth(Synth),
     /// List what training can run on
     Devices(DeviceList),
+    /// List the settings that a configuration file can hold, with their values and ranges
+    Settings(SettingList),
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct DeviceList {
+    /// Write JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SettingList {
+    /// The method whose values are shown
+    #[arg(long, visible_alias = "method", value_enum, default_value_t = Preset::Default)]
+    pub(crate) preset: Preset,
     /// Write JSON
     #[arg(long)]
     json: bool,

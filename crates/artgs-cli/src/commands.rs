@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::folder::load_capture;
 use crate::output::{Report, say};
 use crate::recordings::{self, RecordingSummary, Source};
-use crate::{agreement, demo, device, evaluate, export, reconstruct, synth, view};
+use crate::{agreement, demo, device, evaluate, export, reconstruct, settings, synth, view};
 use anyhow::Context;
 use artgs::consistency::{check_capture, check_views};
 use artgs_core::State;
@@ -36,6 +36,7 @@ pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Check(args) => crate::check::run(args, style),
         Command::View(args) => view::run(args, style),
         Command::Devices(_) => device::list(style),
+        Command::Settings(args) => settings::list(args.preset, style),
     }
 }
 

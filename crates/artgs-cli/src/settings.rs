@@ -1,7 +1,10 @@
-//! The settings of a run, from the flags of the command line and from the folder of an earlier run.
+//! The settings of a run, from the flags of the command line and from the folder of an earlier run; `artgs settings`.
 
 use crate::args::{Method, Preset};
+use crate::commands::Style;
 use crate::failure::Failure;
+use crate::output::Report;
+use artgs::settings::Listing;
 use artgs::{Config, PartCount, ablation};
 use artgs_io::RunFolder;
 
@@ -45,4 +48,14 @@ pub(crate) fn settings_of(run: &RunFolder) -> Result<Config, String> {
     let text = run.load_config().map_err(|e| e.to_string())?;
     let text = text.ok_or_else(|| format!("{}: there is no such file", file.display()))?;
     Config::default().overridden_by(&text).map_err(|e| format!("{}: {e}", file.display()))
+}
+
+/// `artgs settings`.
+pub(crate) fn list(preset: Preset, style: Style) -> Result<(), Failure> {
+    let config = match preset {
+        Preset::Default => Config::default(),
+        Preset::Paper => Config::paper(),
+        Preset::Registration => Config::registration(),
+    };
+    Report::new(&Listing::new(&config).map_err(Failure::failed)?)?.show(style.json)
 }

@@ -48,7 +48,10 @@ fn wrong_usage_exits_2_and_says_what_is_wrong() {
         (&["reconstruct", "x", "-o", "y", "--preset", "magic"], "default, paper, registration"),
         (&["reconstruct", "x", "-o", "y", "--parts", "2", "--variant", "magic"], "random-centres"),
         (&["reconstruct", "x", "-o", "y", "--parts", "2", "--schedule", "0.1"], "--preset paper"),
-        (&["reconstruct", "x", "-o", "y", "--parts", "2", "--preset", "paper", "--schedule", "2"], "`schedule`"),
+        (
+            &["reconstruct", "x", "-o", "y", "--parts", "2", "--preset", "paper", "--schedule", "2"],
+            "schedule = 2: must be",
+        ),
         (&["reconstruct", "x", "-o", "y", "--method", "registration", "--variant", "mlp"], "trains nothing"),
         (&["demo", "--threads", "0"], "--threads"),
         (&["export", "x", "--scale", "1e30"], "a number from"),
@@ -65,6 +68,30 @@ fn wrong_usage_exits_2_and_says_what_is_wrong() {
         let message = text(&output.stderr);
         assert!(message.contains(words), "{args:?}: {message}");
         assert!(!message.contains('\u{1b}'), "no colours into a pipe");
+    }
+}
+
+#[test]
+fn settings_are_listed_and_checked_before_any_work() {
+    let shown = text(&artgs(&["settings"]).stdout);
+    assert!(shown.lines().any(|l| l == "discover.rounds = 3  (0 to 100, rounds)"), "{shown}");
+    let paper: serde_json::Value =
+        serde_json::from_slice(&artgs(&["settings", "--preset", "paper", "--json"]).stdout).unwrap();
+    let steps = paper["settings"].as_array().unwrap().iter().find(|s| s["setting"] == "single.steps").unwrap();
+    assert_eq!(steps["value"], 10_000);
+
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("wrong.toml"), folder.path().join("out"));
+    for (setting, words) in [
+        ("[articulate.loss]\nssim = nan\n", "[articulate.loss] ssim = nan: must be from 0 to 1 (share)"),
+        ("[articulate]\nsteps = -3\n", "[articulate] steps = -3: must be a whole number from 0"),
+        ("[surface]\nno_such_key = 1\n", "no_such_key"),
+    ] {
+        std::fs::write(&file, setting).unwrap();
+        let output = artgs(&["demo", "-o", str(&out), "--config", str(&file)]);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(text(&output.stderr).contains(words), "{}", text(&output.stderr));
+        assert!(!out.exists());
     }
 }
 

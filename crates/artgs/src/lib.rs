@@ -57,6 +57,7 @@ mod part_count;
 mod random;
 mod registration;
 pub mod run;
+pub mod settings;
 mod shorten;
 pub mod surface;
 mod trimmed;
