@@ -63,8 +63,8 @@ impl Cause {
                                            third column of its rotation"
                 .into(),
             Self::DepthScale(s) => format!(
-                "is the unit of depth wrong? Divide `depth_scale` (stored numbers per scene unit) by {}",
-                number(*s)
+                "is the unit of depth wrong? Multiply `depth_scale` (stored numbers per scene unit) by {}",
+                number(1.0 / s)
             ),
             Self::FocalLength(_) => {
                 "is the focal length wrong, or were the images resized or cropped after calibration?".into()
