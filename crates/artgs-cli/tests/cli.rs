@@ -230,7 +230,8 @@ fn captures_with_wrong_poses_or_depth_are_refused_and_the_mistake_is_named() {
     };
     let depth = |all: &mut Value| all["depth_scale"] = json!(1.0);
     let fisheye = |all: &mut Value| all["camera_model"] = json!("OPENCV_FISHEYE");
-    let mistakes: [(&dyn Fn(&mut Value), &str); 4] = [
+    type Mistake<'a> = (&'a dyn Fn(&mut Value), &'a str);
+    let mistakes: [Mistake<'_>; 4] = [
         (&flip, "are these OpenCV poses"),
         (&still, "all camera poses are the same"),
         (&depth, "with depth multiplied by 0.001"),

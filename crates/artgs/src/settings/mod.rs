@@ -1,4 +1,4 @@
-//! The table of all settings: section, key, accepted values, unit and meaning. [`Config::check`] refuses by it, and
+//! The table of all settings: section, key, accepted values, unit and meaning. [`Config::check`](crate::Config::check) refuses by it, and
 //! `artgs settings` and the page of the book are made from it.
 
 mod document;
