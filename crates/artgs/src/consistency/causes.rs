@@ -86,13 +86,26 @@ fn number(x: f64) -> String {
 /// The mistake after whose correction the views agree best, if they then agree well and much better than as stated.
 pub(super) fn likely_cause(views: &[CoarseView], stated: Agreement) -> Option<Explained> {
     let with = |reading: Reading| agreement(views, views, [reading; 2]);
-    let best = readings()
+    let possible: Vec<(Cause, Agreement)> = readings()
         .map(|(cause, reading)| (cause, with(reading)))
         .filter(|(_, found)| found.share() > EXPLAINED && found.share() > stated.share() + GAIN)
         // A wrong camera can leave few points in the images, which then agree by chance.
         .filter(|(_, found)| found.agree > stated.agree)
-        .max_by(|a, b| score(a).total_cmp(&score(b)))?;
-    Some(Explained { cause: best.0, agreement: best.1.share() })
+        .collect();
+    let best = possible.iter().max_by(|a, b| score(a).total_cmp(&score(b)))?;
+    Some(Explained { cause: centered(best, &possible), agreement: best.1.share() })
+}
+
+/// The cause with the mean of those focal lengths that explain the views as well: several in a row do.
+fn centered(best: &(Cause, Agreement), possible: &[(Cause, Agreement)]) -> Cause {
+    const AS_WELL: f64 = 0.99;
+    let Cause::FocalLength(_) = best.0 else { return best.0 };
+    let factor = |found: &(Cause, Agreement)| match found.0 {
+        Cause::FocalLength(s) if score(found) > AS_WELL * score(best) => Some(s.ln()),
+        _ => None,
+    };
+    let (sum, count) = possible.iter().filter_map(factor).fold((0.0, 0), |(sum, n), x| (sum + x, n + 1));
+    Cause::FocalLength((sum / f64::from(count.max(1))).exp())
 }
 
 fn score((cause, found): &(Cause, Agreement)) -> f64 {

@@ -156,7 +156,8 @@ impl Consistency {
     /// What is wrong, the states first.
     pub fn findings(&self) -> Vec<Finding> {
         let [start, end] = [&self.states[State::START], &self.states[State::END]];
-        let same = start.one_pose == end.one_pose && start.cause.map(|e| e.cause) == end.cause.map(|e| e.cause);
+        let kind = |s: &StateConsistency| s.cause.map(|e| std::mem::discriminant(&e.cause));
+        let same = start.one_pose == end.one_pose && kind(start) == kind(end);
         let mut out = start.findings(if same { "both states" } else { "the start state" });
         if !same || out.is_empty() {
             out.extend(end.findings("the end state"));

@@ -66,7 +66,11 @@ fn wrong_depth_and_intrinsics_are_named() {
         (view.camera.intrinsics.fx, view.camera.intrinsics.fy) =
             (view.camera.intrinsics.fx * 1.25, view.camera.intrinsics.fy * 1.25);
     });
-    refusal(&wider, &["both states", "focal length", "by 0.8"]);
+    refusal(&wider, &["both states", "focal length"]);
+    for state in check_capture(&wider).states {
+        let Some(Explained { cause: Cause::FocalLength(factor), .. }) = state.cause else { panic!("{state:?}") };
+        assert!((factor * 1.25 - 1.0).abs() < 0.05, "{factor}");
+    }
 }
 
 #[test]
