@@ -1,6 +1,6 @@
 //! Agreement of views about surfaces: points of each view are carried into the others.
 
-use super::samples::{CoarseView, Looked, Posed, Reading};
+use super::samples::{CoarseView, Posed, Reading, Seen};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -73,10 +73,10 @@ fn compare(view: &Posed<'_>, p: DVec3, n: DVec3, counts: &mut Agreement) {
     }
     match view.looks_at(q) {
         None => counts.outside += 1,
-        Some(Looked::Unknown) => {}
-        Some(Looked::Background) => counts.differ += 1,
-        Some(Looked::Surface(z)) if (z - q.z).abs() < TOLERANCE * z => counts.agree += 1,
-        Some(Looked::Surface(z)) if q.z > z => counts.hidden += 1,
-        Some(Looked::Surface(_)) => counts.differ += 1,
+        Some(Seen::Unknown) => {}
+        Some(Seen::Background) => counts.differ += 1,
+        Some(Seen::Surface(z)) if (z - q.z).abs() < TOLERANCE * z => counts.agree += 1,
+        Some(Seen::Surface(z)) if q.z > z => counts.hidden += 1,
+        Some(Seen::Surface(_)) => counts.differ += 1,
     }
 }

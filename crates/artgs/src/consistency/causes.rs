@@ -35,6 +35,18 @@ pub enum Cause {
 }
 
 impl Cause {
+    /// True for the same mistake, by about the same factor.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        /// Factors are known this well.
+        const ACCURACY: f64 = 0.1;
+        match (self, other) {
+            (Self::DepthScale(a), Self::DepthScale(b)) | (Self::FocalLength(a), Self::FocalLength(b)) => {
+                (a / b - 1.0).abs() < ACCURACY
+            }
+            _ => self == other,
+        }
+    }
+
     /// How the capture was read for the better agreement; a number follows.
     pub(super) fn changed(&self) -> String {
         match self {

@@ -140,6 +140,15 @@ impl StateConsistency {
             None => Vec::new(),
         }
     }
+
+    /// True if the same mistake was found, where there is one.
+    fn is_wrong_like(&self, other: &Self) -> bool {
+        let alike = match (self.cause, other.cause) {
+            (Some(own), Some(other)) => own.cause.is_like(&other.cause),
+            (own, other) => own.is_none() && other.is_none(),
+        };
+        alike && self.one_pose == other.one_pose
+    }
 }
 
 impl Explained {
@@ -156,12 +165,12 @@ impl Consistency {
     /// What is wrong, the states first.
     pub fn findings(&self) -> Vec<Finding> {
         let [start, end] = [&self.states[State::START], &self.states[State::END]];
-        let kind = |s: &StateConsistency| s.cause.map(|e| std::mem::discriminant(&e.cause));
-        let same = start.one_pose == end.one_pose && kind(start) == kind(end);
-        let mut out = start.findings(if same { "both states" } else { "the start state" });
-        if !same || out.is_empty() {
-            out.extend(end.findings("the end state"));
-        }
+        let wrong = |s: &StateConsistency| !s.findings("").is_empty();
+        let mut out = if wrong(start) && wrong(end) && start.is_wrong_like(end) {
+            start.findings("both states")
+        } else {
+            [start.findings("the start state"), end.findings("the end state")].concat()
+        };
         let Some(across) = self.across else { return out };
         let stated = format!("{} of the surfaces agree between the two states", percent(across));
         if let Some(explained) = self.end_scale {

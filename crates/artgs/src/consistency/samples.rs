@@ -21,8 +21,8 @@ pub(super) enum Seen {
     Unknown,
     /// No object, by the mask.
     Background,
-    /// A surface at this depth, in the unit of the capture.
-    Surface(f32),
+    /// A surface at this depth.
+    Surface(f64),
 }
 
 /// One view.
@@ -65,7 +65,7 @@ impl CoarseView {
             let depth = view.depth.as_ref().map_or(0.0, |d| d.at(pixel));
             match (view.rgba[pixel][3] >= OBJECT_ALPHA, depth > 0.0) {
                 (false, _) => Seen::Background,
-                (true, true) => Seen::Surface(depth),
+                (true, true) => Seen::Surface(depth.into()),
                 (true, false) => Seen::Unknown,
             }
         };
@@ -78,7 +78,7 @@ impl CoarseView {
 /// Cells away from edges, about [`POINTS`] of them.
 fn points(cells: &[Seen], columns: usize, rows: usize) -> Vec<Point> {
     let depth = |x: usize, y: usize| match cells[y * columns + x] {
-        Seen::Surface(z) => Some(f64::from(z)),
+        Seen::Surface(z) => Some(z),
         _ => None,
     };
     let point = |cell: usize| {
@@ -197,7 +197,7 @@ impl<'a> Posed<'a> {
     }
 
     /// What the view shows where a point in its frame is seen; none outside of the image and behind the camera.
-    pub(super) fn looks_at(&self, p: DVec3) -> Option<Looked> {
+    pub(super) fn looks_at(&self, p: DVec3) -> Option<Seen> {
         if p.z <= 0.0 {
             return None;
         }
@@ -205,20 +205,8 @@ impl<'a> Posed<'a> {
         let k = &self.view.camera.intrinsics;
         let inside = at.x >= 0.0 && at.y >= 0.0 && at.x < f64::from(k.width) && at.y < f64::from(k.height);
         inside.then(|| match self.view.cells[at.y as usize * k.width as usize + at.x as usize] {
-            Seen::Unknown => Looked::Unknown,
-            Seen::Background => Looked::Background,
-            Seen::Surface(z) => Looked::Surface(self.planar(at, z.into())),
+            Seen::Surface(z) => Seen::Surface(self.planar(at, z)),
+            other => other,
         })
     }
-}
-
-/// [`Seen`] with the depth of a reading.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Looked {
-    /// Nothing is known.
-    Unknown,
-    /// No object.
-    Background,
-    /// A surface at this planar depth, scene units.
-    Surface(f64),
 }

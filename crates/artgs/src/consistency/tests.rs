@@ -74,6 +74,25 @@ fn wrong_depth_and_intrinsics_are_named() {
 }
 
 #[test]
+fn states_with_different_mistakes_are_named_one_by_one() {
+    let mut capture = changed(&[State::START], |view| scale_depth(view, 5.0));
+    capture.states[State::END].train.iter_mut().for_each(|view| scale_depth(view, 1000.0));
+    let findings = check_capture(&capture).findings();
+    let [Finding::Refused(start), Finding::Refused(end)] = &findings[..] else { panic!("{findings:?}") };
+    assert!(start.contains("the start state") && start.contains("by 5"), "{start}");
+    assert!(end.contains("the end state") && end.contains("by 1000"), "{end}");
+    // Poses of other views, which no single mistake explains, in one state.
+    let mut capture = self::capture();
+    let views = &mut capture.states[State::START].train;
+    let poses: Vec<Rigid> = views.iter().map(|v| v.camera.world_to_camera).collect();
+    let count = views.len();
+    views.iter_mut().enumerate().for_each(|(i, view)| view.camera.world_to_camera = poses[(5 * i + 3) % count]);
+    let findings = check_capture(&capture).findings();
+    let [Finding::Refused(text), ..] = &findings[..] else { panic!("{findings:?}") };
+    assert!(text.contains("the start state") && text.contains("no usual mistake"), "{text}");
+}
+
+#[test]
 fn states_of_different_scales_and_places_are_named() {
     let scaled = changed(&[State::END], |view| {
         view.camera.world_to_camera.translation *= 2.0;

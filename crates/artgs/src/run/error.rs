@@ -13,7 +13,8 @@ use artgs_io::FileError;
 pub enum Error {
     /// A replica and a ground truth of different units or places.
     #[error(
-        "the replica fills {replica}, the ground truth {truth} at the start: they do not meet, so their units or frames differ"
+        "the replica fills {replica}, the ground truth {truth} at the start: they do not meet or differ more than 20 times in \
+         size, so their units or frames differ"
     )]
     Elsewhere {
         /// Box of the replica.

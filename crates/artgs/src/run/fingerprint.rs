@@ -71,6 +71,13 @@ impl StageKeys {
         self.saved.get(stage).map(|saved| *saved == self.key(stage))
     }
 
+    /// Records that the result of a stage is about to be replaced: a run that is killed between the result and its key must
+    /// not leave a new result with an old key.
+    pub(super) fn forget(&mut self, stage: &str, folder: &RunFolder) -> Result<(), FileError> {
+        self.saved.remove(stage);
+        save_json(&folder.stage_keys(), &self.saved)
+    }
+
     /// Records that a stage was computed.
     pub(super) fn computed(&mut self, stage: &str, folder: &RunFolder) -> Result<(), FileError> {
         self.saved.insert(stage.into(), self.key(stage));
@@ -168,5 +175,8 @@ mod tests {
         let mut other = capture.clone();
         other.states[State::START].train.swap(0, 1);
         assert_eq!(valid(&other, &config), [Some(false), Some(false)]);
+        // Killed after the result was replaced.
+        StageKeys::new(Some(&folder), &capture, &spacing, true).unwrap().forget("discover", &folder).unwrap();
+        assert_eq!(valid(&capture, &config), [None, Some(true)]);
     }
 }

@@ -96,6 +96,9 @@ impl<'a> Run<'a> {
             return Ok(result);
         }
         self.reuse = false;
+        if let Some(folder) = self.folder {
+            self.keys.forget(name, folder)?;
+        }
         let result = compute(self)?;
         self.what.devices.notice().into_iter().for_each(|w| self.warn(w));
         self.computed(name, begun)?;
