@@ -5,6 +5,7 @@ use artgs::{PartCount, PartCountError};
 use artgs_io::asset::Format;
 use artgs_physical::export::ExportOptions;
 use artgs_synth::recording::Drift;
+use bytesize::ByteSize;
 use clap::builder::PossibleValue;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::num::NonZeroUsize;
@@ -125,6 +126,9 @@ pub(crate) struct Reconstruct {
     /// Use a capture whose views or states do not agree with each other; `artgs inspect` shows what is wrong with it
     #[arg(long)]
     pub(crate) force_input: bool,
+    /// Memory that the run may take, such as 4GiB: larger images are reduced to fit; what is free on the machine if absent
+    #[arg(long, value_name = "SIZE")]
+    pub(crate) memory: Option<ByteSize>,
     /// Show training in the browser as it goes
     #[arg(long)]
     pub(crate) view: bool,

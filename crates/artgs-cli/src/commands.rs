@@ -3,12 +3,14 @@
 use crate::args::{Cli, Command, Inspect};
 use crate::failure::Failure;
 use crate::folder::load_capture;
+use crate::memory::{self, Plan};
 use crate::output::{Report, say};
 use crate::recordings::{self, RecordingSummary, Source};
 use crate::{agreement, demo, device, evaluate, export, reconstruct, settings, synth, view};
 use anyhow::Context;
 use artgs::consistency::{check_capture, check_views};
 use artgs_core::State;
+use bytesize::ByteSize;
 use serde_json::json;
 use std::num::NonZeroUsize;
 
@@ -48,6 +50,9 @@ fn inspect(args: &Inspect, style: Style) -> Result<(), Failure> {
         let mut report = Report::new(&artgs_io::summarize(&capture))?;
         report.text.push_str(&agreement::described(&found));
         report.json["consistency"] = json!(found);
+        let needed = Plan::of_capture(&folder, Some(ByteSize::b(u64::MAX)))?.predicted;
+        report.text.push_str(&format!("memory            about {} to reconstruct\n", memory::size(needed as f64)));
+        report.json["memory_bytes"] = json!(needed);
         return report.show(style.json);
     }
     let mut reports = Vec::new();

@@ -3,8 +3,8 @@
 use crate::args::Earlier;
 use crate::failure::Failure;
 use artgs_core::Capture;
-use artgs_io::RunFolder;
 use artgs_io::run_folder::Contents;
+use artgs_io::{CaptureOptions, RunFolder};
 use std::path::{Path, PathBuf};
 
 /// Refuses a folder unless it is missing, empty, an output folder without results, or comes with `--resume` or
@@ -33,7 +33,12 @@ pub(crate) fn prepare(run: &RunFolder, earlier: Earlier) -> Result<(), Failure> 
 
 /// Reads a capture.
 pub(crate) fn load_capture(folder: &Path) -> Result<Capture, Failure> {
-    artgs_io::load_capture(folder).map_err(Failure::bad_input)
+    load_capture_with(folder, &CaptureOptions::default())
+}
+
+/// Reads a capture.
+pub(crate) fn load_capture_with(folder: &Path, options: &CaptureOptions) -> Result<Capture, Failure> {
+    artgs_io::load_capture_with(folder, options).map_err(Failure::bad_input)
 }
 
 /// The folder with the photos of a run: `named` by the user, or else as the run noted it; none if it does not exist.

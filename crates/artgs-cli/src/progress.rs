@@ -2,8 +2,11 @@
 //! No colours anywhere, so there is nothing for `NO_COLOR` to switch off.
 
 use crate::commands::Style;
+use crate::output::printable;
+use crate::pace::Pace;
 use artgs::observer::{Event, JsonLines, Observer};
 use indicatif::{ProgressBar, ProgressStyle};
+use std::collections::BTreeSet;
 use std::io::{self, IsTerminal, Write};
 use std::time::{Duration, Instant};
 
@@ -20,31 +23,25 @@ pub(crate) fn renderer(style: Style) -> Box<dyn Observer> {
     }
 }
 
-/// Speed of a stage since its first report.
-#[derive(Clone, Copy, Debug)]
-struct Pace {
-    since: Instant,
-    first_step: usize,
-}
-
-impl Pace {
-    /// Time left at the mean speed so far; none before there is a speed or an end.
-    fn left(&self, now: Instant, step: usize, total: usize) -> Option<Duration> {
-        let done = step.checked_sub(self.first_step).filter(|n| *n > 0)?;
-        let remaining = total.checked_sub(step)?;
-        Some(now.duration_since(self.since).mul_f64(remaining as f64 / done as f64))
-    }
-}
-
 /// The changing numbers of a stage, as far as it has them.
 fn numbers(loss: Option<f64>, psnr: Option<f64>, gaussians: Option<usize>, left: Option<Duration>) -> String {
     let parts = [
-        loss.map(|v| format!("loss {v:.4}")),
+        left.map(|t| format!("{} left", clock(t.as_secs_f64()))),
         psnr.map(|v| format!("PSNR {v:.1} dB")),
         gaussians.map(|n| format!("{n} Gaussians")),
-        left.map(|t| format!("{} left", clock(t.as_secs_f64()))),
+        loss.map(|v| format!("loss {v:.4}")),
     ];
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+/// The warnings of a run that were shown: stages, and the stages of a run that resumes, may repeat them.
+#[derive(Default)]
+struct Warned(BTreeSet<String>);
+
+impl Warned {
+    fn is_new(&mut self, message: &str) -> bool {
+        self.0.insert(message.to_string())
+    }
 }
 
 /// Seconds as people say them.
@@ -68,22 +65,26 @@ struct Lines<W: Write> {
     period: Option<Duration>,
     pace: Option<Pace>,
     last: Option<Instant>,
+    warned: Warned,
 }
 
 impl<W: Write> Lines<W> {
     fn new(sink: W, period: Option<Duration>) -> Self {
-        Self { sink, period, pace: None, last: None }
+        Self { sink, period, pace: None, last: None, warned: Warned::default() }
     }
 
     fn line(&mut self, text: &str) {
-        let _ = writeln!(self.sink, "{text}");
+        let _ = writeln!(self.sink, "{}", printable(text));
     }
 }
 
 impl<W: Write> Observer for Lines<W> {
     fn event(&mut self, event: Event) {
         if let Event::Warning { message } = &event {
-            return self.line(&format!("warning: {message}"));
+            if self.warned.is_new(message) {
+                self.line(&format!("warning: {message}"));
+            }
+            return;
         }
         let Some(period) = self.period else { return };
         match event {
@@ -93,12 +94,12 @@ impl<W: Write> Observer for Lines<W> {
             }
             Event::Progress { stage, step, total, loss, psnr, gaussians } => {
                 let now = Instant::now();
-                let pace = *self.pace.get_or_insert(Pace { since: now, first_step: step });
+                let left = self.pace.get_or_insert_with(|| Pace::new(now, step)).left(now, step, total);
                 if self.last.is_some_and(|last| now.duration_since(last) < period) {
                     return;
                 }
                 self.last = Some(now);
-                let numbers = numbers(loss, psnr, gaussians, pace.left(now, step, total));
+                let numbers = numbers(loss, psnr, gaussians, left);
                 let of = if total > 0 { format!(" of {total}") } else { String::new() };
                 self.line(format!("{stage}: {step}{of} {numbers}").trim_end());
             }
@@ -114,13 +115,22 @@ impl<W: Write> Observer for Lines<W> {
 struct Bar {
     bar: Option<ProgressBar>,
     pace: Option<Pace>,
+    warned: Warned,
 }
+
+/// A bar whose end is known, and one whose end is not. Name, bar, share and time take 38 columns of at least 80; what does
+/// not fit into the rest is cut off. The time shows that a stage works.
+const WITH_END: &str = "{prefix:<10} {bar:14} {percent:>3}% {elapsed:>4} {wide_msg}";
+const WITHOUT_END: &str = "{prefix:<10} {spinner} {elapsed:>4} {wide_msg}";
+
+/// Time between two drawings of a bar while nothing is reported.
+const TICK: Duration = Duration::from_secs(1);
 
 impl Bar {
     fn above(&self, text: &str) {
         match &self.bar {
-            Some(bar) => bar.suspend(|| writeln!(io::stderr(), "{text}")),
-            None => writeln!(io::stderr(), "{text}"),
+            Some(bar) => bar.suspend(|| writeln!(io::stderr(), "{}", printable(text))),
+            None => writeln!(io::stderr(), "{}", printable(text)),
         }
         // A terminal that cannot be written to is no reason to stop a run.
         .unwrap_or_default();
@@ -131,6 +141,13 @@ impl Bar {
             bar.finish_and_clear();
         }
         self.pace = None;
+    }
+}
+
+fn set_style(bar: &ProgressBar, template: &str) {
+    // Templates are constants; a test parses them.
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
     }
 }
 
@@ -146,20 +163,18 @@ impl Observer for Bar {
             Event::StageStarted { stage } => {
                 self.clear();
                 let bar = ProgressBar::no_length().with_prefix(stage.into_owned());
-                let template = "{prefix:<11} {bar:30} {pos}/{len} {wide_msg}";
-                if let Ok(style) = ProgressStyle::with_template(template) {
-                    bar.set_style(style);
-                }
-                bar.tick();
+                set_style(&bar, WITHOUT_END);
+                bar.enable_steady_tick(TICK);
                 self.bar = Some(bar);
             }
             Event::Progress { step, total, loss, psnr, gaussians, .. } => {
                 let Some(bar) = &self.bar else { return };
                 let now = Instant::now();
-                let pace = self.pace.get_or_insert(Pace { since: now, first_step: step });
-                bar.set_message(numbers(loss, psnr, gaussians, pace.left(now, step, total)));
-                if total > 0 {
+                let left = self.pace.get_or_insert_with(|| Pace::new(now, step)).left(now, step, total);
+                bar.set_message(numbers(loss, psnr, gaussians, left));
+                if total > 0 && bar.length() != Some(total as u64) {
                     bar.set_length(total as u64);
+                    set_style(bar, WITH_END);
                 }
                 bar.set_position(step as u64);
             }
@@ -167,7 +182,11 @@ impl Observer for Bar {
                 self.clear();
                 self.above(&finished(&stage, seconds, reused));
             }
-            Event::Warning { message } => self.above(&format!("warning: {message}")),
+            Event::Warning { message } => {
+                if self.warned.is_new(&message) {
+                    self.above(&format!("warning: {message}"));
+                }
+            }
             Event::Note { message } => self.above(&message),
         }
     }
@@ -191,6 +210,7 @@ mod tests {
             });
         }
         lines.event(Event::warning("odd"));
+        lines.event(Event::warning("odd"));
         lines.event(Event::finished("single", 83.4, false));
         String::from_utf8(lines.sink).unwrap()
     }
@@ -200,7 +220,7 @@ mod tests {
         let text = lines(Some(Duration::from_secs(3600)));
         assert_eq!(
             text,
-            "single: started\nsingle: 0 of 100 loss 0.1250, PSNR 20.0 dB, 42 Gaussians\nwarning: odd\n\
+            "single: started\nsingle: 0 of 100 PSNR 20.0 dB, 42 Gaussians, loss 0.1250\nwarning: odd\n\
              single: done in 1 min 23 s\n"
         );
         assert_eq!(lines(Some(Duration::ZERO)).lines().count(), 103);
@@ -212,13 +232,27 @@ mod tests {
     }
 
     #[test]
-    fn time_left_follows_the_mean_speed() {
-        let since = Instant::now();
-        let pace = Pace { since, first_step: 100 };
-        let now = since + Duration::from_secs(10);
-        assert_eq!(pace.left(now, 150, 400), Some(Duration::from_secs(50)));
-        assert_eq!(pace.left(now, 100, 400), None);
-        assert_eq!(pace.left(now, 150, 0), None);
+    fn escape_codes_in_messages_are_not_sent_to_the_terminal() {
+        let mut lines = Lines::new(Vec::new(), None);
+        lines.event(Event::warning("a\u{1b}[31m.png"));
+        assert_eq!(String::from_utf8(lines.sink).unwrap(), "warning: a\\u001b[31m.png\n");
+    }
+
+    #[test]
+    fn bars_fit_80_columns() {
+        for template in [WITH_END, WITHOUT_END] {
+            let terminal = indicatif::InMemoryTerm::new(4, 80);
+            let target = indicatif::ProgressDrawTarget::term_like(Box::new(terminal.clone()));
+            let bar = ProgressBar::with_draw_target(Some(7000), target).with_prefix("articulate");
+            bar.set_style(ProgressStyle::with_template(template).unwrap());
+            bar.set_position(6999);
+            let left = Some(Duration::from_secs(3599));
+            bar.set_message(numbers(Some(0.1234), Some(28.1), Some(123_456), left));
+            bar.force_draw();
+            let shown = terminal.contents();
+            assert_eq!(shown.lines().count(), 1, "{shown}");
+            assert!(shown.contains("59 min 59 s left, PSNR 28.1 dB"), "{shown}");
+        }
     }
 
     #[test]

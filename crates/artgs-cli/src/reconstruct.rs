@@ -5,11 +5,12 @@ use crate::commands::{Style, use_threads};
 use crate::crash::StageNote;
 use crate::device::{self, Chosen};
 use crate::failure::Failure;
-use crate::folder::{self, load_capture};
+use crate::folder::{self, load_capture, load_capture_with};
+use crate::memory::Plan;
 use crate::output::{Report, say};
 use crate::recordings::{self, Source};
 use crate::settings::configure;
-use crate::{agreement, doubts, live, progress, rerun};
+use crate::{agreement, doubts, live, parts_table, progress, rerun};
 use anyhow::Context;
 use artgs::align::correct;
 use artgs::fit::FitError;
@@ -17,7 +18,7 @@ use artgs::observer::{JsonLines, NullObserver, Observer, Tee};
 use artgs::run::finds_parts;
 use artgs::{Config, Reconstruction};
 use artgs_core::{Capture, JointEstimate};
-use artgs_io::RunFolder;
+use artgs_io::{CaptureOptions, RunFolder};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -34,23 +35,32 @@ pub(crate) struct Job<'a> {
 
 pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     use_threads(args.method.threads)?;
-    let config = configure(&args.method, None)?;
+    let mut config = configure(&args.method, None)?;
     let run = RunFolder::new(&args.out);
     folder::check(&run, args.earlier)?;
     if args.stop_after.is_some() && !finds_parts(&config) {
         return Err(Failure::bad(format!("--stop-after: {}", artgs::Error::PartsLearnt)));
     }
     let device = device::choose(args.method.device, &config)?;
-    let (capture, photos) = match Source::new(&args.capture)? {
+    let source = Source::new(&args.capture)?;
+    let plan = match &source {
+        Source::Capture(folder) => Plan::of_capture(folder, args.memory)?,
+        Source::Recordings(_) => Plan::of_recordings(recordings::most_frames(&args.recording), args.memory)?,
+    };
+    plan.announce(style);
+    if let Some(mib) = plan.volume_mib {
+        config.surface.memory_mib = config.surface.memory_mib.min(mib);
+    }
+    let (capture, photos) = match source {
         Source::Capture(folder) => {
-            let mut capture = load_capture(&folder)?;
+            let mut capture = load_capture_with(&folder, &CaptureOptions { longest_side: plan.longest_side })?;
             agreement::require(&mut capture, args.force_input)?;
             let correction = correct(&mut capture, &config.align);
             folder::prepare(&run, args.earlier)?;
             if correction.is_none() { (capture, folder) } else { saved(&run, capture, &correction)? }
         }
         Source::Recordings(paths) => {
-            let mut found = recordings::load(&paths, &args.recording)?;
+            let mut found = recordings::load(&paths, &args.recording, plan.longest_side)?;
             agreement::require_recordings(&mut found, args.force_input)?;
             let (capture, report) = recordings::aligned(&found, &config.align, config.seed, style)?;
             drop(found);
@@ -71,7 +81,10 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     if !style.quiet {
         summary.show(false)?;
         let shown = args.out.display();
-        say(format!("replica in {shown}; artgs export {shown} writes it as files for simulators and browsers"))?;
+        say(format!(
+            "replica in {shown}; open {shown}/preview.png or run artgs view {shown} to look at it; artgs export {shown} writes \
+             it as files for simulators and browsers"
+        ))?;
     }
     Ok(())
 }
@@ -109,6 +122,7 @@ impl Job<'_> {
     pub(crate) fn reconstruct(&self, also: &mut dyn Observer) -> Result<Report, Failure> {
         let made = self.observed(also, |reconstruction, observer| reconstruction.run_in(self.run, observer))?;
         let mut report = Report::new(&made.summary)?;
+        report.text.push_str(&parts_table::of_result(&made));
         report.text.push_str(&doubts::of_replica(&made.replica));
         Ok(report)
     }

@@ -4,8 +4,8 @@ use crate::args::RecordingArgs;
 use crate::commands::Style;
 use crate::failure::Failure;
 use crate::progress;
-use artgs::align::{AlignConfig, AlignReport, align};
-use artgs::observer::Event;
+use artgs::align::{AlignConfig, AlignReport, align_with_progress};
+use artgs::observer::{Event, percent};
 use artgs_core::{Capture, PerState, Recording, State};
 use artgs_io::RunFolder;
 use artgs_io::capture::write_capture;
@@ -47,9 +47,22 @@ fn is_capture(folder: &Path) -> bool {
     ["transforms_train_start.json", "start/camera_train.json"].iter().any(|file| folder.join(file).is_file())
 }
 
-/// Reads the recording of each state.
-pub(crate) fn load(paths: &PerState<PathBuf>, args: &RecordingArgs) -> Result<PerState<Recording>, Failure> {
-    PerState::from_fn(|state| load_state(&paths[state], state, args)).transpose()
+/// Largest number of frames of one recording that are used.
+pub(crate) fn most_frames(args: &RecordingArgs) -> usize {
+    args.frames.unwrap_or(RecordingOptions::default().frames)
+}
+
+/// Reads the recording of each state, with images of at most `longest_side` pixels.
+pub(crate) fn load(
+    paths: &PerState<PathBuf>,
+    args: &RecordingArgs,
+    longest_side: u32,
+) -> Result<PerState<Recording>, Failure> {
+    let read = |state: State| {
+        let options = RecordingOptions { longest_side, ..options(state, args)? };
+        load_recording(&paths[state], &options).map_err(Failure::bad_input)
+    };
+    PerState::from_fn(read).transpose()
 }
 
 /// Reads the recording of one state.
@@ -69,7 +82,7 @@ fn options(state: State, args: &RecordingArgs) -> Result<RecordingOptions, Failu
     let intrinsics = args.intrinsics.as_deref().map(parse_intrinsics).transpose();
     Ok(RecordingOptions {
         format,
-        frames: args.frames.unwrap_or(default.frames),
+        frames: most_frames(args),
         intrinsics: intrinsics.map_err(|reason| Failure::bad(format!("--intrinsics: {reason}")))?,
         poses: args.poses.get(state.index()).or(args.poses.first()).cloned(),
         every: args.every,
@@ -88,7 +101,10 @@ pub(crate) fn aligned(
     let mut shown = progress::renderer(style);
     let begun = Instant::now();
     shown.event(Event::started("align"));
-    let (capture, report) = align(recordings, config, seed).map_err(Failure::bad_input)?;
+    let (capture, report) = {
+        let mut done = percent(shown.as_mut(), "align");
+        align_with_progress(recordings, config, seed, &mut done).map_err(Failure::bad_input)?
+    };
     shown.event(Event::finished("align", begun.elapsed().as_secs_f64(), false));
     shown.event(Event::note(described(&report)));
     Ok((capture, report))

@@ -14,6 +14,7 @@ pub mod image_io;
 mod mesh_ply;
 mod ply;
 pub mod recording;
+mod reduce;
 pub mod replica;
 pub mod run_folder;
 mod splat_ply;
@@ -21,7 +22,7 @@ pub mod summary;
 mod tensors;
 
 pub use atomic::write_atomic;
-pub use capture::{CaptureError, load_capture};
+pub use capture::{CaptureError, CaptureOptions, load_capture, load_capture_with};
 pub use corrections::{CentreEdit, Corrections, CutPlane, JointMark, MarkedJoint, read_corrections, write_corrections};
 pub use error::FileError;
 pub use ground_truth::{GroundTruth, load_ground_truth};

@@ -4,7 +4,8 @@
 
 use artgs_core::{Camera, Capture, DepthMap, Intrinsics, State};
 use artgs_io::image_io::{write_depth, write_rgb, write_rgba};
-use artgs_io::{load_capture, summarize};
+use artgs_io::capture::image_sizes;
+use artgs_io::{CaptureOptions, load_capture, load_capture_with, summarize};
 use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -124,6 +125,27 @@ const FRAME_1: &str = "transforms_train_start.json, frame 1 (start/train/rgba/00
 
 fn cameras(capture: &Capture) -> Vec<(String, Camera)> {
     capture.states.iter().flat_map(|s| &s.train).map(|v| (v.name.clone(), v.camera)).collect()
+}
+
+#[test]
+fn large_images_are_reduced_with_their_cameras_and_depth() {
+    let folder = Folder::new();
+    let (whole, half) = (folder.load(), load_capture_with(folder.dir(), &CaptureOptions { longest_side: 8 }).unwrap());
+    assert!(half.warnings.iter().all(|w| w.contains("16x12 pixels are used at 8x6")) && half.warnings.len() == 2);
+    for (large, small) in whole.states.iter().flat_map(|s| &s.train).zip(half.states.iter().flat_map(|s| &s.train)) {
+        assert_eq!(small.size(), (8, 6));
+        // A point is at half its pixel.
+        let point = DVec3::new(0.1, -0.2, 0.05);
+        let (at, there) = (large.camera.project(point).0, small.camera.project(point).0);
+        assert!((at * 0.5 - there).length() < 1e-9);
+        let depth = small.depth.as_ref().unwrap();
+        assert!(depth.iter().all(|d| d == 0.0 || d == 2.0));
+        let (shown, masked) = (depth.iter().filter(|d| *d > 0.0).count(), small.rgba.iter().filter(|p| p[3] > 127).count());
+        assert!(shown > 0 && shown.abs_diff(masked) <= 12, "{shown} {masked}");
+        assert!(small.rgba.iter().all(|p| p[3] == 0 || p[..3] == [200, 90, 30]));
+    }
+    let sizes = image_sizes(folder.dir()).unwrap();
+    assert_eq!((sizes.train, sizes.test), (vec![(16, 12); 6], vec![]));
 }
 
 #[test]

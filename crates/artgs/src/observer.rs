@@ -79,6 +79,24 @@ impl Event {
     }
 }
 
+/// Takes the share of a stage's work that is done, 0 to 1.
+pub type Share<'a> = &'a mut dyn FnMut(f64);
+
+/// A part of the work behind `done`, from the share `from` to the share `to`.
+pub(crate) fn within<'a>(done: Share<'a>, from: f64, to: f64) -> impl FnMut(f64) + 'a {
+    move |share| done(from + (to - from) * share)
+}
+
+/// Reports shares of a stage as steps of 100.
+pub fn percent<'a>(observer: &'a mut dyn Observer, stage: &'static str) -> impl FnMut(f64) + 'a {
+    /// Steps of a stage that has no steps of its own.
+    const STEPS: usize = 100;
+    move |share| {
+        let step = (share.clamp(0.0, 1.0) * STEPS as f64) as usize;
+        observer.event(Event::progress(stage, step, STEPS));
+    }
+}
+
 /// The state of training between two steps.
 #[derive(Clone, Copy, Debug)]
 pub struct Snapshot<'a> {

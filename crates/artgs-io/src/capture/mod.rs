@@ -20,6 +20,7 @@ pub use write::write_capture;
 
 use artgs_core::{Capture, PerState, State, StateViews, View};
 use std::path::{Path, PathBuf};
+use views::Entry;
 
 /// Training or held-out views.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -41,6 +42,49 @@ impl Split {
 /// Loads a capture folder. Problems that do not prevent its use are in [`Capture::warnings`]; others are errors that name the
 /// file, the frame, the key and a remedy. Views are in the order of their image paths.
 pub fn load_capture(dir: &Path) -> Result<Capture, CaptureError> {
+    load_capture_with(dir, &CaptureOptions::default())
+}
+
+/// How a capture is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CaptureOptions {
+    /// Largest image width or height, pixels, at least 16: larger images are reduced when they are read.
+    pub longest_side: u32,
+}
+
+impl Default for CaptureOptions {
+    /// 1600 pixels, as 3D Gaussian Splatting reads photos: meshes have 425 voxels along an object, so that more pixels do not
+    /// improve them.
+    fn default() -> Self {
+        Self { longest_side: 1600 }
+    }
+}
+
+/// Sizes of the images of a capture, width and height in pixels, from their headers.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ImageSizes {
+    /// Training images of both states.
+    pub train: Vec<(u32, u32)>,
+    /// Held-out images of both states.
+    pub test: Vec<(u32, u32)>,
+}
+
+/// Reads the headers of the images of a capture. Images that cannot be read are absent: loading them says why.
+pub fn image_sizes(dir: &Path) -> Result<ImageSizes, CaptureError> {
+    let layout = Layout::detect(dir)?;
+    let sizes = |split| -> Result<Vec<(u32, u32)>, CaptureError> {
+        let mut sizes = Vec::new();
+        for state in State::ALL {
+            let entries = entries_of(dir, layout, state, split, &mut Vec::new())?;
+            sizes.extend(entries.iter().filter_map(|entry| image::image_dimensions(dir.join(&entry.image)).ok()));
+        }
+        Ok(sizes)
+    };
+    Ok(ImageSizes { train: sizes(Split::Train)?, test: sizes(Split::Test)? })
+}
+
+/// Loads a capture folder with images of a limited size; see [`load_capture`].
+pub fn load_capture_with(dir: &Path, options: &CaptureOptions) -> Result<Capture, CaptureError> {
     if dir.exists() && !dir.is_dir() {
         return Err(CaptureError::NotADirectory { path: dir.into() });
     }
@@ -51,7 +95,7 @@ pub fn load_capture(dir: &Path) -> Result<Capture, CaptureError> {
     let mut warnings = Vec::new();
     let mut load = |state| -> Result<StateViews, CaptureError> {
         let [train, test] =
-            [Split::Train, Split::Test].map(|split| load_split(dir, layout, state, split, &mut warnings));
+            [Split::Train, Split::Test].map(|split| load_split(dir, layout, state, split, options, &mut warnings));
         Ok(StateViews { train: train?, test: test? })
     };
     let states = PerState::new(load(State::START)?, load(State::END)?);
@@ -103,8 +147,25 @@ fn load_split(
     layout: Layout,
     state: State,
     split: Split,
+    options: &CaptureOptions,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<View>, CaptureError> {
+    let file = layout.camera_file(state, split);
+    let entries = entries_of(dir, layout, state, split, warnings)?;
+    if entries.is_empty() && split == Split::Test {
+        return Ok(Vec::new());
+    }
+    views::load(dir, &file, &entries, split == Split::Train, options.longest_side, warnings)
+}
+
+/// Listed frames in the order of their image paths; none if there is no camera file of held-out views.
+fn entries_of(
+    dir: &Path,
+    layout: Layout,
+    state: State,
+    split: Split,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Entry>, CaptureError> {
     let file = layout.camera_file(state, split);
     if split == Split::Test && !dir.join(&file).is_file() {
         return Ok(Vec::new());
@@ -115,5 +176,5 @@ fn load_split(
         Layout::Paris => paris_layout::entries(dir, &file, &root, state, split.name())?,
     };
     entries.sort_by(|a, b| a.sort_key.cmp(&b.sort_key));
-    views::load(dir, &file, &entries, split == Split::Train, warnings)
+    Ok(entries)
 }

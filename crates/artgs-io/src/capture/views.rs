@@ -3,6 +3,7 @@
 use super::CaptureError;
 use crate::FileError;
 use crate::image_io::{RgbaImage, read_depth, read_rgba};
+use crate::reduce::{nearest, reduced_rgba, reduced_size};
 use artgs_core::capture::OBJECT_ALPHA;
 use artgs_core::{Camera, DepthMap, Intrinsics, Rigid, View};
 use rayon::prelude::*;
@@ -83,24 +84,31 @@ impl Entry {
 
 struct Decoded {
     view: View,
+    /// Width and height of the file, pixels.
+    size: (u32, u32),
     has_alpha: bool,
     was_16_bit: bool,
     /// True if no pixel has any alpha.
     empty: bool,
 }
 
-/// Decodes frames in parallel, in their order. Frames with an empty mask are ignored with a warning. A training split must
+/// Decodes frames in parallel, in their order, with images of at most `longest_side` pixels. Frames with an empty mask are ignored with a warning. A training split must
 /// have two usable views. Depth of other splits is not read, because it is not used.
 pub(super) fn load(
     dir: &Path,
     file: &Path,
     entries: &[Entry],
     training: bool,
+    longest_side: u32,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<View>, CaptureError> {
-    let decoded: Vec<_> = entries.par_iter().map(|entry| decode(dir, entry, training)).collect();
+    let decoded: Vec<_> = entries.par_iter().map(|entry| decode(dir, entry, training, longest_side)).collect();
     let decoded = decoded.into_iter().collect::<Result<Vec<Decoded>, _>>()?;
     same_size(entries, &decoded)?;
+    if let Some(d) = decoded.first().filter(|d| d.view.size() != (d.size.0 as usize, d.size.1 as usize)) {
+        let ((w, h), (width, height)) = (d.view.size(), d.size);
+        warnings.push(format!("{}: images of {width}x{height} pixels are used at {w}x{h}", file.display()));
+    }
     let names = |pick: fn(&Decoded) -> bool| -> Vec<&str> {
         decoded.iter().filter(|d| pick(d)).map(|d| d.view.name.as_str()).collect()
     };
@@ -132,7 +140,7 @@ fn listing(names: &[&str]) -> String {
     if names.len() > 5 { format!("{head} and {} more", names.len() - 5) } else { head }
 }
 
-fn decode(dir: &Path, entry: &Entry, training: bool) -> Result<Decoded, CaptureError> {
+fn decode(dir: &Path, entry: &Entry, training: bool, longest_side: u32) -> Result<Decoded, CaptureError> {
     let image = read_rgba(&dir.join(&entry.image)).map_err(|e| entry.file_error(&entry.image, e))?;
     let RgbaImage { width, height, pixels, has_alpha, was_16_bit } = image;
     for (key, stated, found) in [("w", entry.lens.width, width), ("h", entry.lens.height, height)] {
@@ -143,14 +151,22 @@ fn decode(dir: &Path, entry: &Entry, training: bool) -> Result<Decoded, CaptureE
             )));
         }
     }
-    let depth = match entry.depth.as_ref().filter(|_| training) {
+    let mut depth = match entry.depth.as_ref().filter(|_| training) {
         Some(path) => Some(masked_depth(dir, entry, path, &pixels, width, height)?),
         None => None,
     };
     let empty = pixels.iter().all(|p| p[3] == 0);
-    let camera = Camera { intrinsics: entry.lens.intrinsics(width, height), world_to_camera: entry.world_to_camera };
-    let view = View { name: entry.image.display().to_string(), camera, rgba: pixels, depth };
-    Ok(Decoded { view, has_alpha, was_16_bit, empty })
+    let (size, reduced) = ((width, height), reduced_size(width, height, longest_side));
+    let mut intrinsics = entry.lens.intrinsics(width, height);
+    let mut rgba = pixels;
+    if reduced != size {
+        rgba = reduced_rgba(&rgba, size, reduced);
+        depth = depth.map(|depth| depth.select(nearest(size, reduced)));
+        intrinsics = intrinsics.resized(reduced.0, reduced.1);
+    }
+    let camera = Camera { intrinsics, world_to_camera: entry.world_to_camera };
+    let view = View { name: entry.image.display().to_string(), camera, rgba, depth };
+    Ok(Decoded { view, size, has_alpha, was_16_bit, empty })
 }
 
 fn masked_depth(
@@ -179,9 +195,9 @@ fn masked_depth(
 /// All images of a camera file share its intrinsics, so they must share one size.
 fn same_size(entries: &[Entry], decoded: &[Decoded]) -> Result<(), CaptureError> {
     let Some(first) = decoded.first() else { return Ok(()) };
-    let (w, h) = first.view.size();
+    let (w, h) = first.size;
     for (entry, d) in entries.iter().zip(decoded) {
-        let (w1, h1) = d.view.size();
+        let (w1, h1) = d.size;
         if (w1, h1) != (w, h) {
             return Err(entry.fail(format!(
                 "{} is {w1}x{h1}, but {} is {w}x{h}; all images of one camera file must have one size",

@@ -5,6 +5,7 @@ use super::depth::Registered;
 use super::index::Entry;
 use super::lens::{Distortion, Lens, Undistortion, same_shape};
 use super::pixels::Color;
+use crate::reduce::reduced_size;
 use artgs_core::capture::OBJECT_ALPHA;
 use artgs_core::{Camera, DepthMap, RecordedFrame, View};
 use std::path::Path;
@@ -44,15 +45,6 @@ fn upright(lens: &Lens, color: Color) -> Color {
         Some(size) if !same_shape(size, stored) && same_shape(size, (stored.1, stored.0)) => color.oriented(),
         _ => color,
     }
-}
-
-fn reduced_size(width: u32, height: u32, longest_side: u32) -> (u32, u32) {
-    let longest = width.max(height);
-    if longest <= longest_side {
-        return (width, height);
-    }
-    let side = |n: u32| ((f64::from(n) * f64::from(longest_side) / f64::from(longest)).round() as u32).max(1);
-    (side(width), side(height))
 }
 
 /// Replaces alpha by the brightness of the mask.

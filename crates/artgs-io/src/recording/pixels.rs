@@ -3,6 +3,7 @@
 use super::RecordingError;
 use crate::error::read_bytes;
 use crate::image_io::rgba_of_png;
+use crate::reduce::reduced_rgba;
 use image::codecs::jpeg::{JpegDecoder, JpegEncoder};
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder};
@@ -41,47 +42,8 @@ impl Color {
         if (width, height) == (self.width, self.height) {
             return self.clone();
         }
-        let (across, down) = (Cover::new(self.width, width), Cover::new(self.height, height));
-        let (wide, w) = (self.width as usize, width as usize);
-        let mut rgba = Vec::with_capacity(w * height as usize);
-        let mut row = vec![[0.0_f32; 4]; wide];
-        for spans in &down.spans {
-            row.fill([0.0; 4]);
-            for &(y, share) in spans {
-                for (sum, pixel) in row.iter_mut().zip(&self.rgba[y * wide..]) {
-                    for c in 0..4 {
-                        sum[c] += share * f32::from(pixel[c]);
-                    }
-                }
-            }
-            rgba.extend(across.spans.iter().map(|spans| {
-                let mut sum = [0.0_f32; 4];
-                for &(x, share) in spans {
-                    for c in 0..4 {
-                        sum[c] += share * row[x][c];
-                    }
-                }
-                sum.map(|v| (v + 0.5) as u8)
-            }));
-        }
+        let rgba = reduced_rgba(&self.rgba, (self.width, self.height), (width, height));
         Self { width, height, rgba, orientation: self.orientation }
-    }
-}
-
-/// For every pixel of a reduced line the pixels that it covers, with their shares.
-struct Cover {
-    spans: Vec<Vec<(usize, f32)>>,
-}
-
-impl Cover {
-    fn new(from: u32, to: u32) -> Self {
-        let step = f64::from(from) / f64::from(to);
-        let span = |i: u32| {
-            let (begin, end) = (f64::from(i) * step, (f64::from(i + 1) * step).min(f64::from(from)));
-            let pixels = begin as usize..(end.ceil() as usize).min(from as usize);
-            pixels.map(|p| (p, ((end.min(p as f64 + 1.0) - begin.max(p as f64)) / step) as f32)).collect()
-        };
-        Self { spans: (0..to).map(span).collect() }
     }
 }
 

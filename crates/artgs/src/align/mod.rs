@@ -23,6 +23,7 @@ pub use global::GlobalConfig;
 pub use object::ObjectConfig;
 pub use planes::{Plane, PlaneConfig};
 
+use crate::observer::Share;
 use artgs_core::{Capture, PerState, Recording, Rigid, State, StateViews};
 use bundle::{BundleReport, register_frames};
 use extract::StateFrames;
@@ -124,6 +125,12 @@ pub enum AlignError {
 /// Frames with depth that a recording needs.
 pub const LEAST_FRAMES: usize = 4;
 
+/// Shares of the work until the views of one state are registered, the states are in one frame, and all poses are refined:
+/// rough, to show progress.
+const REGISTERED: f64 = 0.15;
+const TOGETHER: f64 = 0.45;
+const POSES: f64 = 0.8;
+
 /// What the stage found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AlignReport {
@@ -155,13 +162,24 @@ pub fn align(
     config: &AlignConfig,
     seed: u64,
 ) -> Result<(Capture, AlignReport), AlignError> {
+    align_with_progress(recordings, config, seed, &mut |_| ())
+}
+
+/// The same; `done` takes the share of the work that is done.
+pub fn align_with_progress(
+    recordings: &PerState<Recording>,
+    config: &AlignConfig,
+    seed: u64,
+    done: Share<'_>,
+) -> Result<(Capture, AlignReport), AlignError> {
     for (state, recording) in recordings.enumerate() {
         let count = recording.frames.iter().filter(|f| f.view.depth.is_some()).count();
         if count < LEAST_FRAMES {
             return Err(AlignError::FewFrames { state: state.name(), count });
         }
     }
-    let aligned = poses(recordings, config, seed)?;
+    let aligned = poses(recordings, config, seed, done)?;
+    done(POSES);
     cut_out(recordings, aligned, config, seed)
 }
 
@@ -176,14 +194,23 @@ pub(crate) struct Aligned {
 }
 
 /// Refines the poses of each recording, aligns the recordings, and refines all poses together.
-pub(crate) fn poses(recordings: &PerState<Recording>, config: &AlignConfig, seed: u64) -> Result<Aligned, AlignError> {
+pub(crate) fn poses(
+    recordings: &PerState<Recording>,
+    config: &AlignConfig,
+    seed: u64,
+    done: Share<'_>,
+) -> Result<Aligned, AlignError> {
+    done(0.0);
     let mut frames = recordings.as_ref().map(|r| DepthFrame::all(&r.frames, &config.grid));
     let unit = bundle::median_depth(frames.iter().flatten());
     let alone = PerState::from_fn(|state| {
         let order: Vec<(usize, usize)> = (0..frames[state].len()).map(|i| (0, i)).collect();
-        register_frames(&mut frames[state], &order, &config.bundle)
+        let report = register_frames(&mut frames[state], &order, &config.bundle);
+        done((state.index() + 1) as f64 * REGISTERED);
+        report
     });
     let (best, runner_up) = best_alignment(recordings, &frames, unit, config, seed)?;
+    done(TOGETHER);
     let (frames, together) = register_jointly(frames, &best.motion, config);
     Ok(Aligned { frames, unit, best, runner_up, disagreement: alone.map(|r| [r.before, together.after]) })
 }

@@ -7,6 +7,7 @@ use super::ranking::{RankingSettings, alike, better_seen};
 use super::registration::{Matching, RegistrationOptions, register, register_along};
 use super::scene::Lengths;
 use super::space_grid::{NO_POINT, SpaceGrid};
+use crate::observer::Share;
 use artgs_core::{PerState, Rigid, State};
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
@@ -171,15 +172,17 @@ pub(super) struct Search<'a> {
 impl Search<'_> {
     /// At most `pool` distinct and registered motions, those that explain most first. Groups of moved points are
     /// searched, the points that the best motion explains are removed, and the rest is searched again, `rounds` times or
-    /// until nothing worth `least_gain` points remains.
-    pub(super) fn candidates(&self, rounds: usize, pool: usize) -> Vec<Candidate> {
+    /// until nothing worth `least_gain` points remains. `done` takes the share of the moved points that are explained.
+    pub(super) fn candidates(&self, rounds: usize, pool: usize, done: Share<'_>) -> Vec<Candidate> {
         let mut open = self.states.as_ref().map(|s| s.moved.to_vec());
         let all_open = open.clone();
         let all_values = self.landing_values(&open);
         let faces = self.settings.poses.face_directions(self.states[State::END].points.cloud);
         let mut cache = Vec::new();
         let (mut winners, mut others): (Vec<Rigid>, Vec<Rigid>) = Default::default();
+        let moved = open.iter().map(Vec::len).sum::<usize>().max(1) as f64;
         for _ in 0..rounds {
+            done(1.0 - open.iter().map(Vec::len).sum::<usize>() as f64 / moved);
             let values = self.landing_values(&open);
             let found = self.hypotheses(&open, &values, &faces, &mut cache);
             let weighed = found.iter().map(|m| self.weigh(&open, &values, *m));

@@ -56,6 +56,7 @@ mod space_grid;
 mod support;
 pub(crate) mod visibility;
 
+use crate::observer::{Share, within};
 use artgs_core::{JointAlternative, JointEstimate, PerState, Rigid, State};
 use candidates::{Candidate, Search, SearchState};
 pub use cloud::Cloud;
@@ -70,6 +71,7 @@ use refinement::{Parts, Refinement};
 pub use scene::{DepthPicture, Scene, pixel_step};
 use selection::Selection;
 use space_grid::SpaceGrid;
+use std::cell::RefCell;
 use std::ops::RangeInclusive;
 pub use support::Support;
 use visibility::Occupancy;
@@ -134,25 +136,52 @@ pub fn discover(
     movable: RangeInclusive<usize>,
     config: &DiscoverConfig,
 ) -> Result<Discovery, DiscoverError> {
+    discover_with_progress(scene, movable, config, &mut |_| ())
+}
+
+/// The same; `done` takes the share of the work that is done.
+pub fn discover_with_progress(
+    scene: &Scene,
+    movable: RangeInclusive<usize>,
+    config: &DiscoverConfig,
+    done: Share<'_>,
+) -> Result<Discovery, DiscoverError> {
     /// Confidence of the best part below which there is no part.
     const NO_PART: f64 = 0.05;
-    let found = best_parts(scene, (*movable.start()).max(1)..=*movable.end(), config)?;
+    let found = best_parts(scene, (*movable.start()).max(1)..=*movable.end(), config, done)?;
     let without_confidence = found.parts.iter().all(|p| p.confidence.is_some_and(|c| c < NO_PART));
     Ok(if *movable.start() == 0 && without_confidence { without_parts(scene) } else { found })
 }
+
+/// Shares of the work until candidate motions, and until the parts of the first explanation are known: rough, to show
+/// progress.
+const SEARCHED: f64 = 0.4;
+const REFINED: f64 = 0.85;
+
+/// Share of what remains of the refinement that one of its rounds is shown as.
+const OF_REMAINING: f64 = 0.4;
 
 /// At least one part.
 fn best_parts(
     scene: &Scene,
     movable: RangeInclusive<usize>,
     config: &DiscoverConfig,
+    done: Share<'_>,
 ) -> Result<Discovery, DiscoverError> {
     let clouds = scene.indexed_clouds();
     let evidence = Evidence::new(scene)?;
     let settings = StepSettings::default();
-    let pool = evidence.candidates(scene, &clouds, &movable, config, &settings);
+    let pool = evidence.candidates(scene, &clouds, &movable, config, &settings, &mut within(done, 0.0, SEARCHED));
+    done(SEARCHED);
     let selection = Selection::new(scene, &clouds, &evidence.moved, &pool, settings.selection);
-    let work = Refinement { scene, clouds: &clouds, evidence: &evidence, config, settings: &settings };
+    // Their number is not known before: each takes a part of what is left of the bar.
+    let remaining = RefCell::new((1.0, within(done, SEARCHED, REFINED)));
+    let begun = || {
+        let (remaining, done) = &mut *remaining.borrow_mut();
+        done(1.0 - *remaining);
+        *remaining *= 1.0 - OF_REMAINING;
+    };
+    let work = Refinement { scene, clouds: &clouds, evidence: &evidence, config, settings: &settings, begun: &begun };
     let motions = |chosen: Vec<usize>| chosen.into_iter().map(|c| pool[c].motion).collect::<Vec<Rigid>>();
     let chosen = selection.best(1..=*movable.end());
     let count = chosen.len();
@@ -169,6 +198,7 @@ fn best_parts(
         let (count, movable) = (found.parts.len(), movable.start());
         warnings.push(format!("{movable} movable parts were asked for but only {count} distinct motions were found"));
     }
+    remaining.borrow_mut().1(1.0);
     let found = evidence.result(scene, &clouds, found, warnings, &pool, &settings);
     let quality = found.quality(evidence.total());
     if quality > settings.bodies.doubtful || !config.decide_joints || evidence.is_scarce() {
@@ -260,13 +290,14 @@ impl Evidence {
         movable: &RangeInclusive<usize>,
         config: &DiscoverConfig,
         settings: &StepSettings,
+        done: Share<'_>,
     ) -> Vec<Candidate> {
         /// Largest number of candidates.
         const POOL: usize = 120;
         /// Rounds of the search beyond one per part, for parts whose first motion is wrong.
         const EXTRA_ROUNDS: usize = 2;
         self.search(scene, clouds, movable, config, settings, |search| {
-            search.candidates(movable.end() + EXTRA_ROUNDS, POOL)
+            search.candidates(movable.end() + EXTRA_ROUNDS, POOL, done)
         })
     }
 

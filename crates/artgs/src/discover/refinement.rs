@@ -26,6 +26,8 @@ pub(super) struct Refinement<'a> {
     pub(super) evidence: &'a Evidence,
     pub(super) config: &'a DiscoverConfig,
     pub(super) settings: &'a StepSettings,
+    /// Called before each round of refinement.
+    pub(super) begun: &'a dyn Fn(),
 }
 
 impl Refinement<'_> {
@@ -80,8 +82,9 @@ impl Refinement<'_> {
     }
 
     fn refined(&self, motions: &[Rigid]) -> Parts {
+        (self.begun)();
         let kinds = vec![None; motions.len()];
-        let Self { scene, clouds, evidence, config, settings } = *self;
+        let Self { scene, clouds, evidence, config, settings, .. } = *self;
         let order = Numbering::ParentsFirst;
         let (parts, labels) = refine_parts(scene, clouds, evidence, motions, &[], &kinds, order, config, settings);
         Parts { parts, labels }
@@ -89,7 +92,7 @@ impl Refinement<'_> {
 
     /// Parts of bodies, each of which only explains what is in its regions. Those without enough support are removed.
     pub(super) fn of_bodies(&self, mut bodies: Vec<Body>) -> Parts {
-        let Self { scene, clouds, evidence, config, settings } = *self;
+        let Self { scene, clouds, evidence, config, settings, .. } = *self;
         loop {
             let motions: Vec<Rigid> = bodies.iter().map(|b| b.motion).collect();
             let (kinds, order) = (vec![None; motions.len()], Numbering::Kept);

@@ -6,6 +6,7 @@ use super::{Error, FittedParts, Reconstructed, ViewMeans};
 use crate::articulation::{Trained, score_state};
 use crate::discover::Discovery;
 use crate::fit::score::mean_score;
+use crate::observer::percent;
 use crate::surface::PartMeshes;
 use artgs_core::{Alternative, Capture, Joint, JointEstimate, Mesh, Replica, State, View};
 use artgs_io::run_folder::{load_text, save_json};
@@ -23,6 +24,8 @@ impl Run<'_> {
         meshes: PartMeshes,
         points: Option<Discovery>,
     ) -> Result<Reconstructed, Error> {
+        /// Share of the work until the images are scored, the preview comes then.
+        const SCORED: f64 = 0.5;
         self.warn_of_doubtful_parts(&fitted, &meshes);
         let mut result = self.stage(
             "assemble",
@@ -31,9 +34,11 @@ impl Run<'_> {
                 let rotate = run.config.articulate.rotate_sh;
                 let capture = run.what.capture;
                 run.summary.parts = fitted.parts.len() + 1;
+                percent(run.observer, "assemble")(0.0);
                 let preview = fitted.trained.as_ref().map(|trained| {
                     run.summary.gaussians = trained.splats.len();
                     (run.summary.test, run.summary.train) = score_pictures(capture, trained, rotate);
+                    percent(run.observer, "assemble")(SCORED);
                     Preview::new(capture, trained, &fitted.parts, rotate)
                 });
                 let mut replica = replica(&fitted.parts, points.as_ref(), &meshes);

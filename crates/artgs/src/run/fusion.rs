@@ -2,7 +2,8 @@
 
 use super::points::label_pixels;
 use crate::discover::{self, DepthPicture, Discovery};
-use crate::surface::{FusionView, PartMeshes, SurfaceConfig, SurfaceError, part_meshes};
+use crate::observer::{Share, within};
+use crate::surface::{FusionView, PartMeshes, SurfaceConfig, SurfaceError, part_meshes_with_progress};
 use artgs_core::capture::OBJECT_ALPHA;
 use artgs_core::{Camera, PerState, Rigid, State};
 use rayon::prelude::*;
@@ -14,7 +15,11 @@ pub(super) fn fuse_labelled(
     found: &Discovery,
     half_motions: &[Rigid],
     config: &SurfaceConfig,
+    done: Share<'_>,
 ) -> Result<PartMeshes, SurfaceError> {
+    /// Share of the work until pixels are labelled.
+    const LABELLED: f64 = 0.2;
+    done(0.0);
     let mut views = thinned(pictures, config);
     for state in State::ALL {
         let depths: Vec<&[f32]> = views[state].iter().map(|v| &v.depth[..]).collect();
@@ -25,7 +30,8 @@ pub(super) fn fuse_labelled(
             view.labels = Some(labels.into());
         }
     }
-    Ok(part_meshes(views.as_ref().map(|views| &views[..]), half_motions, config)?.meshes)
+    let views = views.as_ref().map(|views| &views[..]);
+    Ok(part_meshes_with_progress(views, half_motions, config, &mut within(done, LABELLED, 1.0))?.meshes)
 }
 
 /// Pixels of the object without depth say nothing: any part as their label keeps their rays from being carved.

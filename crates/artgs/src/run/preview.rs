@@ -1,4 +1,4 @@
-//! `preview.png`: both states, photo beside rendering beside parts in colours with their axes.
+//! `preview.png`: both states, photo beside rendering beside parts in colours with their axes and numbers.
 
 use super::lettering::lettered;
 use crate::articulation::{Posed, Trained};
@@ -22,6 +22,7 @@ const PALETTE: [[f32; 3]; 8] = [
 const STATIC: [f32; 3] = [0.65, 0.65, 0.68];
 const AXIS: [f32; 3] = [1.0, 1.0, 0.2];
 const LETTERS: [f32; 3] = [0.85, 0.85, 0.85];
+const BEHIND_LETTERS: [f32; 3] = [0.05, 0.05, 0.05];
 const BACKGROUND: f32 = 0.12;
 
 /// Colour of a part.
@@ -88,6 +89,7 @@ impl Preview {
                 rendering(&mut canvas, at(1), view, &posed, rotate_sh, &mut rasterizer);
                 parts(&mut canvas, at(2), view, &posed, &mut rasterizer);
                 axes(&mut canvas, at(2), &view.camera, (trained, found), state);
+                numbers(&mut canvas, at(2), view, &posed);
                 for (tile, panel) in ["PHOTO", "RENDERED", "PARTS"].into_iter().enumerate() {
                     label(&mut canvas, at(tile), &format!("{} {panel}", state.name().to_uppercase()), w);
                 }
@@ -176,6 +178,43 @@ fn label(canvas: &mut Canvas, tile: (usize, usize), text: &str, width: usize) {
             canvas.put(tile.0 + (x + 2) * scale + dx, tile.1 + (y + 2) * scale + dy, LETTERS);
         }
     }
+}
+
+/// The number of every movable part on its middle, dark around the digits so that they are readable on any colour.
+fn numbers(canvas: &mut Canvas, tile: (usize, usize), view: &View, posed: &Posed<'_>) {
+    let (w, h) = view.size();
+    let scale = (w / 160).max(1);
+    let parts = posed.labels.iter().copied().max().unwrap_or(0);
+    for part in 1..=parts {
+        let Some(middle) = middle_pixel(posed, part, &view.camera) else { continue };
+        let pixels = lettered(&part.to_string());
+        let right = pixels.iter().map(|(x, _)| x + 1).max().unwrap_or(0);
+        let size = DVec2::new((right * scale) as f64, (7 * scale) as f64);
+        let corner = middle - 0.5 * size;
+        let edge = DVec2::splat(scale as f64);
+        if corner.cmplt(edge).any() || (corner + size + edge).cmpgt(DVec2::new(w as f64, h as f64)).any() {
+            continue;
+        }
+        let corner = (tile.0 + corner.x as usize, tile.1 + corner.y as usize);
+        for around in [true, false] {
+            let (low, high, color) = if around { (0, 3, BEHIND_LETTERS) } else { (1, 2, LETTERS) };
+            for (x, y) in &pixels {
+                for (dx, dy) in
+                    (low * scale..high * scale).flat_map(|dy| (low * scale..high * scale).map(move |dx| (dx, dy)))
+                {
+                    canvas.put(corner.0 + x * scale + dx - scale, corner.1 + y * scale + dy - scale, color);
+                }
+            }
+        }
+    }
+}
+
+/// Where the middle of a part is in an image, pixels; none without Gaussians or behind the camera.
+fn middle_pixel(posed: &Posed<'_>, part: u16, camera: &Camera) -> Option<DVec2> {
+    let own = posed.labels.iter().zip(&posed.splats.means).filter(|(label, _)| **label == part);
+    let (sum, count) = own.fold((DVec3::ZERO, 0usize), |(sum, n), (_, p)| (sum + DVec3::from(p.map(f64::from)), n + 1));
+    let (pixel, depth) = camera.project(sum / count.max(1) as f64);
+    (count > 0 && depth > 0.0).then_some(pixel)
 }
 
 /// Axes of the joints: through the hinge, or from the part's centre along the slide.

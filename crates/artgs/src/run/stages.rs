@@ -11,7 +11,7 @@ use crate::articulation::{PaperConfig, SkinStart, Start, Trained, articulate, pa
 use crate::config::Config;
 use crate::discover::{self, DepthPicture, DiscoverError, Discovery, Scene};
 use crate::fit::{FitError, single::fit_single};
-use crate::observer::{Event, Observer};
+use crate::observer::{Event, Observer, percent, within};
 use crate::registration::{RegistrationError, register_parts};
 use crate::surface::PartMeshes;
 use artgs_core::{DepthMap, JointEstimate, PerState, Splats, State, View};
@@ -174,12 +174,17 @@ impl<'a> Run<'a> {
 
     /// Parts, joints and labelled points; only points where training is to learn the parts.
     pub(super) fn discover(&mut self, depths: &Depths<'a>) -> Result<Discovery, Error> {
+        /// Share of the work until the scene is prepared.
+        const PREPARED: f64 = 0.25;
         self.find("discover", |run| {
-            let scene = run.scene(depths)?;
-            if run.config.start.parts == PartSource::Learnt {
+            percent(run.observer, "discover")(0.0);
+            let (scene, config) = (run.scene(depths)?, run.config);
+            if config.start.parts == PartSource::Learnt {
                 return Ok(discover::without_parts(&scene));
             }
-            match discover::discover(&scene, run.config.parts.movable(), &run.config.discover) {
+            let mut done = percent(run.observer, "discover");
+            let mut found = within(&mut done, PREPARED, 1.0);
+            match discover::discover_with_progress(&scene, config.parts.movable(), &config.discover, &mut found) {
                 Err(DiscoverError::NothingMoved) => Ok(nothing_moved(&scene)),
                 Ok(found) if found.parts.is_empty() => Ok(nothing_explained(found)),
                 found => Ok(found?),
@@ -203,7 +208,7 @@ impl<'a> Run<'a> {
     fn find(
         &mut self,
         name: &'static str,
-        find: impl FnOnce(&Self) -> Result<Discovery, Error>,
+        find: impl FnOnce(&mut Self) -> Result<Discovery, Error>,
     ) -> Result<Discovery, Error> {
         let found = self.stage(name, checkpoint::load_discovery, |run| {
             let found = find(run)?;
@@ -296,7 +301,8 @@ impl<'a> Run<'a> {
             |_| None,
             |run| {
                 let pictures = depth_pictures(run.train_views(), depths);
-                Ok(fusion::fuse_labelled(&pictures, found, &fitted.half_motions(), &run.config.surface)?)
+                let done = &mut percent(run.observer, "surface");
+                Ok(fusion::fuse_labelled(&pictures, found, &fitted.half_motions(), &run.config.surface, done)?)
             },
         )
     }

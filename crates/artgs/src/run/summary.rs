@@ -39,6 +39,7 @@ pub struct ViewMeans {
     pub views: usize,
 }
 
+/// Without the warnings, which the observer of the run received.
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let parts = if self.parts == 1 { "part" } else { "parts" };
@@ -50,9 +51,6 @@ impl fmt::Display for Summary {
                     writeln!(f, "{kind:5} {state:5} PSNR {:.2} dB  SSIM {:.4}  ({} views)", m.psnr, m.ssim, m.views)?;
                 }
             }
-        }
-        for warning in &self.warnings {
-            writeln!(f, "warning: {warning}")?;
         }
         Ok(())
     }

@@ -10,7 +10,9 @@ pub(crate) mod view;
 pub use clean::clean;
 pub use marching_cubes::marching_cubes;
 pub use paint::paint;
-pub use part_meshes::{PartMeshes, SurfaceConfig, SurfaceError, Surfaces, WholeMesh, fuse, part_meshes};
+pub use part_meshes::{
+    PartMeshes, SurfaceConfig, SurfaceError, Surfaces, WholeMesh, fuse, part_meshes, part_meshes_with_progress,
+};
 pub use tsdf::{Tsdf, TsdfParams};
 pub use view::{BACKGROUND, FusionView, Selection};
 

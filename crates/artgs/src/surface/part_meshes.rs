@@ -4,6 +4,7 @@
 //! other parts and of the background carve: space before them holds nothing of this part.
 
 use super::{BACKGROUND, FusionView, Selection, Tsdf, TsdfParams, clean, marching_cubes, paint};
+use crate::observer::Share;
 use crate::trimmed::trimmed_range;
 use artgs_core::{Mesh, PerState, Rigid, State};
 use glam::DVec3;
@@ -119,6 +120,16 @@ pub fn part_meshes(
     half_motions: &[Rigid],
     config: &SurfaceConfig,
 ) -> Result<Surfaces, SurfaceError> {
+    part_meshes_with_progress(states, half_motions, config, &mut |_| ())
+}
+
+/// The same; `done` takes the share of the parts that are fused.
+pub fn part_meshes_with_progress(
+    states: PerState<&[FusionView]>,
+    half_motions: &[Rigid],
+    config: &SurfaceConfig,
+    done: Share<'_>,
+) -> Result<Surfaces, SurfaceError> {
     check(states, config)?;
     let voxel = config.voxel.unwrap_or_else(|| object_diagonal(states) / config.resolution);
     if voxel.is_nan() || voxel <= 0.0 {
@@ -132,6 +143,7 @@ pub fn part_meshes(
     let mut canonical = Vec::new();
     let mut parts = Vec::new();
     for (part, half) in half_motions.iter().enumerate() {
+        done(part as f64 / half_motions.len() as f64);
         let poses = PerState::from_fn(|state| half.towards(state));
         let moved = |state: State| states[state].iter().map(move |view| view.moved_with(&poses[state]));
         let views: Vec<FusionView> = State::ALL.into_iter().flat_map(moved).collect();

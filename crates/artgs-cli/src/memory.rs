@@ -1,0 +1,157 @@
+//! Memory of a reconstruction: predicted from the sizes of the images before they are read, and kept within a limit.
+
+use crate::commands::Style;
+use crate::failure::Failure;
+use crate::output::note;
+use artgs_io::capture::{CaptureOptions, ImageSizes, image_sizes};
+use artgs_io::recording::RecordingOptions;
+use bytesize::ByteSize;
+use std::path::Path;
+use sysinfo::System;
+
+/// Memory without any image, bytes.
+const FIXED: f64 = 256.0 * 1024.0 * 1024.0;
+
+/// Memory of a pixel of a training image, bytes: colour, depth, and what training and fusion make of them. With
+/// [`FIXED`] no run needed more, of a cabinet with 16 to 80 images of 400 to 1600 pixels, of a storage with 128 images of 400,
+/// and of a phone's recording with 180 of 720 pixels: they needed 54 to 95 % of it.
+const PER_TRAINING_PIXEL: f64 = 21.0;
+
+/// The same of a held-out image, which has colours only.
+const PER_HELD_OUT_PIXEL: f64 = 5.0;
+
+/// The same of an image at its size in the file, while it is read.
+const PER_FILE_PIXEL: f64 = 10.0;
+
+/// Share of the available memory that a run may take where no limit is stated.
+const OF_AVAILABLE: f64 = 0.9;
+
+/// Images are not reduced further, pixels.
+const SMALLEST_SIDE: u32 = 160;
+
+/// What a run may and will take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Plan {
+    /// Largest width or height of an image, pixels.
+    pub(crate) longest_side: u32,
+    /// Predicted peak, bytes.
+    pub(crate) predicted: u64,
+    /// Largest memory of one volume of the surfaces, MiB; none: the setting.
+    pub(crate) volume_mib: Option<usize>,
+    reduced: bool,
+}
+
+impl Plan {
+    /// For the images of a capture. `stated` is the limit of the user; none: what the system, or the container that the
+    /// program runs in, has left.
+    pub(crate) fn of_capture(folder: &Path, stated: Option<ByteSize>) -> Result<Self, Failure> {
+        // A folder that is no capture is refused with the reason when it is loaded.
+        let sizes = image_sizes(folder).unwrap_or_default();
+        let threads = rayon::current_num_threads();
+        let predict = |side: u32| predicted(&sizes, side, threads);
+        Self::within(predict, CaptureOptions::default().longest_side, stated)
+    }
+
+    /// For two recordings, of which at most `frames` images each are used.
+    pub(crate) fn of_recordings(frames: usize, stated: Option<ByteSize>) -> Result<Self, Failure> {
+        /// Height of an image relative to its width: that of the cameras of phones.
+        const SHAPE: f64 = 0.75;
+        let predict = |side: u32| FIXED + PER_TRAINING_PIXEL * SHAPE * f64::from(side).powi(2) * 2.0 * frames as f64;
+        Self::within(predict, RecordingOptions::default().longest_side, stated)
+    }
+
+    fn within(predict: impl Fn(u32) -> f64, largest: u32, stated: Option<ByteSize>) -> Result<Self, Failure> {
+        let limit = stated.map(|b| b.as_u64() as f64).or_else(available).unwrap_or(f64::INFINITY);
+        let mut side = largest;
+        while predict(side) > limit {
+            // Smaller in steps of 5 %.
+            side = side * 19 / 20;
+            if side < SMALLEST_SIDE {
+                let (needed, has) = (size(predict(SMALLEST_SIDE)), size(limit));
+                let remedy = "use fewer images, or a machine with more memory";
+                return Err(Failure::bad(match stated {
+                    Some(_) => format!("--memory {has}: at least {needed} are needed; allow more, or use fewer images"),
+                    None => format!("{has} of memory are free, at least {needed} are needed; {remedy}"),
+                }));
+            }
+        }
+        let predicted = predict(side);
+        let free_mib = |_| ((limit - predicted).max(0.0) / f64::from(1 << 20)) as usize;
+        let volume_mib = stated.map(free_mib).map(|mib| mib.max(128));
+        Ok(Self { longest_side: side, predicted: predicted as u64, volume_mib, reduced: side < largest })
+    }
+
+    /// States what is needed; a warning if images are reduced for it.
+    pub(crate) fn announce(&self, style: Style) {
+        if self.reduced {
+            let (side, needed) = (self.longest_side, size(self.predicted as f64));
+            note(&format!("images are reduced to {side} pixels, so that about {needed} of memory suffice"), style);
+        }
+    }
+}
+
+/// Bytes as people read them.
+pub(crate) fn size(bytes: f64) -> String {
+    ByteSize::b(bytes.max(0.0) as u64).display().iec().to_string()
+}
+
+/// Peak memory of a run on images reduced to `side`, bytes.
+fn predicted(sizes: &ImageSizes, side: u32, threads: usize) -> f64 {
+    let pixels = |(w, h): (u32, u32)| f64::from(w) * f64::from(h);
+    let reduced = |(w, h): (u32, u32)| {
+        let shrink = (f64::from(side) / f64::from(w.max(h).max(1))).min(1.0);
+        pixels((w, h)) * shrink * shrink
+    };
+    let train: f64 = sizes.train.iter().copied().map(reduced).sum();
+    let test: f64 = sizes.test.iter().copied().map(reduced).sum();
+    let read = sizes.train.iter().chain(&sizes.test).copied().map(pixels).fold(0.0, f64::max);
+    FIXED + PER_TRAINING_PIXEL * train + PER_HELD_OUT_PIXEL * test + PER_FILE_PIXEL * read * threads as f64
+}
+
+/// Memory that a run may take on this system, bytes; none where the system does not say.
+fn available() -> Option<f64> {
+    let mut system = System::new();
+    system.refresh_memory();
+    let free = system.available_memory();
+    let container = system.cgroup_limits().map(|limits| limits.free_memory);
+    let bytes = container.map_or(free, |limit| limit.min(free));
+    (bytes > 0).then_some(OF_AVAILABLE * bytes as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn photos(count: usize) -> ImageSizes {
+        ImageSizes { train: vec![(4000, 3000); count], test: vec![] }
+    }
+
+    #[test]
+    fn large_photos_take_the_memory_of_reduced_ones() {
+        let bytes = predicted(&photos(16), 1600, 2);
+        // 16 images of 1600 x 1200 pixels, and two of the files.
+        assert!((0.9e9..1.3e9).contains(&bytes), "{bytes}");
+        assert!(predicted(&photos(200), 1600, 2) < 9e9);
+    }
+
+    #[test]
+    fn images_are_reduced_until_they_fit() {
+        let sizes = photos(200);
+        let plan = Plan::within(|side| predicted(&sizes, side, 2), 1600, Some(ByteSize::gib(2))).unwrap();
+        assert!(plan.predicted <= ByteSize::gib(2).as_u64() && plan.reduced, "{plan:?}");
+        assert!((500..1000).contains(&plan.longest_side), "{plan:?}");
+        let ample = Plan::within(|side| predicted(&sizes, side, 2), 1600, Some(ByteSize::gib(64))).unwrap();
+        assert!(ample.longest_side == 1600 && !ample.reduced);
+    }
+
+    #[test]
+    fn too_little_memory_is_refused() {
+        let sizes = photos(16);
+        let failure = Plan::within(|side| predicted(&sizes, side, 2), 1600, Some(ByteSize::mib(100))).unwrap_err();
+        let text = failure.to_string();
+        assert!(
+            failure.exit_code() == 2 && text.contains("--memory 100.0 MiB") && text.contains("fewer images"),
+            "{text}"
+        );
+    }
+}
