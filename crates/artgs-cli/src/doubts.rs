@@ -29,6 +29,13 @@ fn line(number: usize, joint: &Joint, confidence: Option<f64>, others: &[Alterna
     if low.is_none() && others.is_empty() {
         return None;
     }
+    // Joints that differ in their places only are described with these.
+    let alike = |other: &Alternative| {
+        other.joint().kind == joint.kind
+            && other.joint().axis.dot(joint.axis).abs() > ALIKE
+            && joint.kind != JointKind::Prismatic
+    };
+    let described = |j: &Joint| described(j, others.iter().any(alike));
     let mut text = format!("part {number} is uncertain: {}", described(joint));
     if let Some(confidence) = low {
         text.push_str(&format!(", confidence {confidence:.2}"));
@@ -48,16 +55,23 @@ fn line(number: usize, joint: &Joint, confidence: Option<f64>, others: &[Alterna
     Some(text + "\n")
 }
 
-/// Type and axis.
-fn described(joint: &Joint) -> String {
+/// Cosine of the angle between axes above which they look equal when they are printed: 5 degrees.
+const ALIKE: f64 = 0.996;
+
+/// Type and axis, and on request a point of the axis.
+fn described(joint: &Joint, with_place: bool) -> String {
     let (kind, by) = match joint.kind {
         JointKind::Revolute => ("revolute", "about"),
         JointKind::Prismatic => ("prismatic", "along"),
         JointKind::Screw => ("screw", "about"),
     };
     // No -0.00 in the text.
-    let [x, y, z] = joint.axis.to_array().map(|v| if v.abs() < 0.005 { 0.0 } else { v });
-    format!("{kind} {by} ({x:.2}, {y:.2}, {z:.2})")
+    let vector = |v: DVec3| {
+        let [x, y, z] = v.to_array().map(|v| if v.abs() < 0.005 { 0.0 } else { v });
+        format!("({x:.2}, {y:.2}, {z:.2})")
+    };
+    let place = if with_place { format!(" through {}", vector(joint.origin)) } else { String::new() };
+    format!("{kind} {by} {}{place}", vector(joint.axis))
 }
 
 #[cfg(test)]
@@ -96,6 +110,17 @@ mod tests {
                  (0.00, -1.00, 0.00): it slides. Open it further",
             ]
         );
+        let beside = JointAlternative {
+            kind: JointKind::Revolute,
+            motion: Rigid::about(DVec3::Z, DVec3::X, 0.3),
+            cost: 0.1,
+            what: "it turns.".into(),
+            advice: String::new(),
+        };
+        let place = Alternative::near(&beside, DVec3::ZERO);
+        let text = line(1, &found.parts[0].joint_near(&found.parts, DVec3::ZERO), None, &[place]).unwrap();
+        assert!(text.contains("(0.00, 0.00, 1.00) through (0.00, 0.00, 0.00); or revolute"), "{text}");
+        assert!(text.contains("(0.00, 0.00, 1.00) through (1.00, 0.00, 0.00): it turns"), "{text}");
         let joints: Vec<Joint> = found.parts.iter().map(|p| p.joint_near(&found.parts, DVec3::ZERO)).collect();
         let mut replica = Replica::new(&joints);
         for (part, found) in replica.parts[1..].iter_mut().zip(&found.parts) {

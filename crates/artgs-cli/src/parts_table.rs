@@ -33,7 +33,7 @@ fn row(replica: &Replica, number: usize, hidden: &dyn Fn(usize) -> bool) -> Opti
     let on = carrier.map(|parent| format!(" on part {parent}")).unwrap_or_default();
     let doubtful = part.confidence.is_some_and(|c| c < DOUBTFUL);
     let check = match (hidden(number), part.alternatives.first(), doubtful) {
-        (true, _, _) => "no view shows enough of its surface".to_string(),
+        (true, _, _) => "its surface is hardly seen".to_string(),
         (_, Some(other), _) if other.joint().kind != joint.kind => format!("may be {}", kind(other.joint().kind)),
         (_, Some(_), _) => "another motion explains it, too".to_string(),
         (_, None, true) => "its joint and its shape".to_string(),
@@ -105,7 +105,7 @@ part  type                 travel       confidence  check
 1     revolute             40.1 deg     high
 2     prismatic on part 1  0.250 units  medium
 3     revolute             40.1 deg     low         may be prismatic
-4     prismatic            0.250 units  low         no view shows enough of its surface
+4     prismatic            0.250 units  low         its surface is hardly seen
 ";
         assert_eq!(text, expected);
         assert!(text.lines().all(|line| line.len() <= 80), "{text}");

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
 use artgs_core::{Camera, Capture, DepthMap, Intrinsics, State};
-use artgs_io::image_io::{write_depth, write_rgb, write_rgba};
 use artgs_io::capture::image_sizes;
+use artgs_io::image_io::{write_depth, write_rgb, write_rgba};
 use artgs_io::{CaptureOptions, load_capture, load_capture_with, summarize};
 use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
@@ -140,7 +140,8 @@ fn large_images_are_reduced_with_their_cameras_and_depth() {
         assert!((at * 0.5 - there).length() < 1e-9);
         let depth = small.depth.as_ref().unwrap();
         assert!(depth.iter().all(|d| d == 0.0 || d == 2.0));
-        let (shown, masked) = (depth.iter().filter(|d| *d > 0.0).count(), small.rgba.iter().filter(|p| p[3] > 127).count());
+        let (shown, masked) =
+            (depth.iter().filter(|d| *d > 0.0).count(), small.rgba.iter().filter(|p| p[3] > 127).count());
         assert!(shown > 0 && shown.abs_diff(masked) <= 12, "{shown} {masked}");
         assert!(small.rgba.iter().all(|p| p[3] == 0 || p[..3] == [200, 90, 30]));
     }
