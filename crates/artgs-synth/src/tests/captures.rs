@@ -188,6 +188,12 @@ fn an_interrupted_capture_is_replaced_and_a_complete_one_kept() {
     write_object("blade", &CaptureOptions { views: 2, ..small() }, dir.path()).unwrap();
     assert!(!image.exists(), "images of an earlier capture are removed");
     assert!(dir.path().join("notes.txt").exists());
+
+    let mine = dir.path().join("start/train/rgba/mine.png");
+    std::fs::write(&mine, "mine").unwrap();
+    let error = write_object("blade", &small(), dir.path()).unwrap_err();
+    assert!(error.to_string().contains("mine.png"), "{error}");
+    assert!(mine.exists() && dir.path().join("start/train/rgba/0001.png").exists(), "nothing is removed");
 }
 
 #[test]
