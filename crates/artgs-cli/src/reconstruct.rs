@@ -85,11 +85,12 @@ const COMMAND: &str = "artgs reconstruct";
 
 /// Prepares the folder of a run. `--force` must not remove the capture that it reads.
 fn prepare(run: &RunFolder, args: &Reconstruct, photos: &Path, style: Style) -> Result<FolderLock, Failure> {
-    let inside = |folder: PathBuf| Some(folder.canonicalize().ok()?.starts_with(run.root().canonicalize().ok()?));
-    if args.earlier.force && inside(photos.into()) == Some(true) {
-        let (photos, out) = (photos.display(), run.root().display());
+    let stages = run.stage("");
+    let inside = || Some(photos.canonicalize().ok()?.starts_with(stages.canonicalize().ok()?));
+    if args.earlier.force && inside() == Some(true) {
+        let (photos, stages) = (photos.display(), stages.display());
         return Err(Failure::bad(format!(
-            "{photos} is inside {out}, which --force empties; give another folder to -o"
+            "{photos} is inside {stages}, which --force removes; give another folder to -o"
         )));
     }
     folder::prepare(run, args.earlier, COMMAND, style)
