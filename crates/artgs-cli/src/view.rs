@@ -83,8 +83,8 @@ fn replica(run: &RunFolder, photos: Option<&Path>, style: Style) -> Result<Page,
         note("the replica has no exports to show yet: exporting them", style);
         match export_shown(run, photos, style) {
             Ok(()) => exported(run)?,
-            Err(Failure::Failed(reason)) => {
-                note(&format!("{reason:#}; the exports are kept in memory"), style);
+            Err(failure @ Failure::Failed(_)) => {
+                note(&format!("{failure}; the exports are kept in memory"), style);
                 exported_in_memory(run, photos, style)?
             }
             Err(failure) => return Err(failure),
