@@ -16,7 +16,7 @@ pub fn odd_size(diagonal: f64) -> Option<String> {
         _ => return None,
     };
     Some(format!(
-        "the object has a size of {said}, and simulators fail beyond 1 mm to 1 km; --scale of artgs export is the length of a \
+        "the object has a size of {said}, and simulators compute with 1 mm to 1 km; --scale of artgs export is the length of a \
          unit of the capture in metres"
     ))
 }
