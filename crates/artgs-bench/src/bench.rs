@@ -4,7 +4,8 @@ use crate::item::{Item, ItemError, Source, check_names};
 use crate::launch::{Ended, Tools};
 use crate::record::{Facts, Outcome, Record, RunSettings};
 use crate::variant::{Variant, VariantError, check_variants};
-use artgs_io::{FileError, write_atomic};
+use artgs_io::folder_lock::LockError;
+use artgs_io::{FileError, FolderLock, write_atomic};
 use serde_json::json;
 use std::ffi::OsString;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -55,6 +56,9 @@ pub enum BenchError {
     /// The output folder contains other files.
     #[error("{0} contains files that no benchmark wrote; give an empty folder to -o")]
     ForeignFolder(String),
+    /// Another process writes into the output folder.
+    #[error(transparent)]
+    Lock(#[from] LockError),
     /// Earlier runs have other settings.
     #[error(
         "{folder} was made with another {fields} ({runs} such runs); give the same settings, another folder to -o, \
@@ -84,7 +88,7 @@ pub enum BenchError {
 impl BenchError {
     /// True if the user has to change the command.
     pub fn is_bad_input(&self) -> bool {
-        !matches!(self, Self::File(_) | Self::Folder { .. })
+        !matches!(self, Self::File(_) | Self::Folder { .. } | Self::Lock(LockError::File(_)))
     }
 }
 
@@ -184,7 +188,7 @@ pub fn run(
 ) -> Result<Finished, BenchError> {
     check_names(items)?;
     check_variants(variants)?;
-    claim(&options.out)?;
+    let _lock = claim(&options.out)?;
     let jobs = plan(items, variants, options)?;
     let mut kept = 0;
     let mut wanted: Vec<&Job<'_>> = Vec::new();
@@ -230,15 +234,17 @@ pub fn run(
     Ok(Finished { missing: total - records.len(), records })
 }
 
-/// Marks the folder as the output of a benchmark; refuses a folder with other files.
-fn claim(out: &Path) -> Result<(), BenchError> {
+/// Marks the folder as the output of a benchmark and locks it; refuses a folder with other files.
+fn claim(out: &Path) -> Result<FolderLock, BenchError> {
     let marker = out.join(MARKER);
     let empty = std::fs::read_dir(out).map(|mut entries| entries.next().is_none()).unwrap_or(!out.exists());
     if !empty && !marker.is_file() {
         return Err(BenchError::ForeignFolder(out.display().to_string()));
     }
+    FolderLock::require_free(out)?;
     let text = format!("{:#}\n", json!({ "program": "artgs bench", "version": env!("CARGO_PKG_VERSION") }));
-    Ok(write_atomic(&marker, text.as_bytes())?)
+    write_atomic(&marker, text.as_bytes())?;
+    Ok(FolderLock::take(out, "artgs bench")?)
 }
 
 fn overlay_path(out: &Path, variant: &Variant) -> PathBuf {

@@ -186,6 +186,18 @@ fn slow_runs_and_runs_without_results_fail() {
 }
 
 #[test]
+fn a_second_benchmark_in_the_same_folder_is_refused() {
+    let fake = Fake::new("");
+    let options = Options { seeds: 1, ..fake.options() };
+    fake.run(&options);
+    let lock = artgs_io::FolderLock::take(&options.out, "artgs bench").unwrap();
+    let refused = fake.run_with(&[full()], &options).unwrap_err();
+    assert!(refused.is_bad_input() && refused.to_string().contains("in use by process"), "{refused}");
+    drop(lock);
+    fake.run(&options);
+}
+
+#[test]
 fn other_settings_are_refused_unless_forced() {
     let fake = Fake::new("");
     let options = Options { seeds: 1, ..fake.options() };

@@ -22,11 +22,13 @@ mod report;
 mod table;
 
 pub use options::CheckOptions;
-pub use report::{CheckReport, FormatFinding, JointFinding, LinkFinding, StateFinding};
+pub use readers::is_reading;
+pub use report::{CheckReport, FilesFinding, FormatFinding, JointFinding, LinkFinding, StateFinding};
 
 use artgs_core::{JointKind, PerState, Replica, State};
-use artgs_io::RunFolder;
+use artgs_io::export_report::ExportReport;
 use artgs_io::replica::ReplicaFileError;
+use artgs_io::{FileError, RunFolder};
 use model::Model;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -38,6 +40,9 @@ pub enum CheckError {
     /// `replica.json` is missing, invalid or of another version, or one of its meshes is missing.
     #[error(transparent)]
     Replica(#[from] ReplicaFileError),
+    /// `export.json`, or a file of the replica, cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// There are no exports.
     #[error("{}: no exports exist; create them with `artgs export {} --to urdf,mjcf,usd`", dir.display(), out.display())]
     NoExports {
@@ -66,16 +71,48 @@ pub fn check(out: &Path, options: &CheckOptions) -> Result<CheckReport, CheckErr
     let mut report = CheckReport { options: options.clone(), ..CheckReport::default() };
     // The URDF is driven. That of the PartNet folder describes the same object with rotated frames.
     let first = opened.iter().find(|o| o.model.is_some()).filter(|o| o.finding.format == "urdf");
+    let size = reference.as_ref().filter(|model| model.faults().is_empty()).and_then(odd_size);
     match reference.filter(|_| first.is_some()) {
+        Some(_) if size.is_some() => {
+            report.notes.push("no joint was driven, because of the size of the object, see above".into());
+        }
         Some(model) if !model.faults().is_empty() => {
             report.notes.push("invalid numbers, see above: no joint was driven".into());
         }
         Some(model) => physics(&model, options, &mut report),
         None => report.notes.push("no readable URDF: no joint was driven; export one with `--to urdf`".into()),
     }
+    files(&RunFolder::new(out), &mut report)?;
+    if let Some(driven) = opened.iter_mut().find(|o| o.finding.format == "urdf") {
+        driven.finding.problems.extend(size);
+    }
     report.formats = opened.into_iter().map(|o| o.finding).collect();
     report.count();
     Ok(report)
+}
+
+/// Says what is wrong with the size of an object; none if the physics engine can compute with it.
+fn odd_size(model: &Model) -> Option<String> {
+    let shapes = |link: &model::Link| link.visuals.iter().chain(&link.hulls).cloned().collect::<Vec<_>>();
+    let boxes = model.links.iter().filter_map(|link| link.bounds(&shapes(link)));
+    let [low, high] = model::bounds(boxes.flatten())?;
+    artgs_core::odd_size((high - low).length())
+}
+
+/// Compares the exported files with what `export.json` recorded of them.
+fn files(run: &RunFolder, report: &mut CheckReport) -> Result<(), CheckError> {
+    let recorded = ExportReport::load(run)?.unwrap_or_default();
+    let Some(mut problems) = recorded.altered(run) else {
+        let note =
+            "exports/export.json has no digests: whether files were altered is not known; export again to record them";
+        report.notes.push(note.into());
+        return Ok(());
+    };
+    if recorded.replica.is_some() && recorded.replica != run.replica_digest()? {
+        problems.push("the replica has changed since it was exported; export again".into());
+    }
+    report.files = Some(FilesFinding { written: recorded.digests.len(), problems });
+    Ok(())
 }
 
 /// Drives the URDF. `model` is the URDF completed by values of other formats.

@@ -9,6 +9,8 @@ use serde::{Serialize, Serializer};
 pub struct CheckReport {
     /// Thresholds of the check.
     pub options: CheckOptions,
+    /// Files as `export.json` recorded them; none if it did not.
+    pub files: Option<FilesFinding>,
     /// Every file of `exports/` that describes the object or its Gaussians.
     pub formats: Vec<FormatFinding>,
     /// Links of the URDF.
@@ -21,6 +23,15 @@ pub struct CheckReport {
     pub notes: Vec<String>,
     /// Number of problems.
     pub failures: usize,
+}
+
+/// Exported files, compared with their digests in `export.json`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct FilesFinding {
+    /// Files that were written.
+    pub written: usize,
+    /// Files that are missing or altered, and whether the replica has changed since, one sentence each.
+    pub problems: Vec<String>,
 }
 
 /// A file of an export.
@@ -123,10 +134,11 @@ impl CheckReport {
     }
 
     pub(crate) fn count(&mut self) {
+        let files = self.files.iter().map(|f| f.problems.len());
         let formats = self.formats.iter().map(|f| f.problems.len());
         let links = self.links.iter().map(|l| l.problems.len());
         let joints = self.joints.iter().map(|j| j.problems.len());
         let states = self.states.iter().map(|s| s.problems.len());
-        self.failures = formats.chain(links).chain(joints).chain(states).sum();
+        self.failures = files.chain(formats).chain(links).chain(joints).chain(states).sum();
     }
 }

@@ -97,6 +97,12 @@ impl fmt::Display for CheckReport {
             formats.push(cells, &found.problems);
         }
         write!(f, "{formats}")?;
+        if let Some(found) = &self.files {
+            let mut files = Table::new(&["files", "", "compared with"]);
+            let cells = vec![found.written.to_string(), verdict(&found.problems).into(), "exports/export.json".into()];
+            files.push(cells, &found.problems);
+            write!(f, "\n{files}")?;
+        }
         if !self.links.is_empty() {
             let mut links = Table::new(&["link", "", "mass", "moments of inertia", "hulls"]);
             for found in &self.links {

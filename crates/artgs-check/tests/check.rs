@@ -7,7 +7,9 @@ use artgs_core::{
     Asset, AssetJoint, AssetLink, Inertial, Joint, JointKind, Mesh, PerState, Replica, Splats, State, Texture,
     TexturedMesh,
 };
-use artgs_io::asset::{export_mjcf, export_partnet, export_sdf, export_urdf, glb, splats, usd};
+use artgs_io::RunFolder;
+use artgs_io::asset::{Format, export_mjcf, export_partnet, export_sdf, export_urdf, glb, splats, usd};
+use artgs_io::export_report::ExportReport;
 use glam::DVec3;
 use std::path::Path;
 use tempfile::TempDir;
@@ -321,6 +323,101 @@ fn files_that_are_missing_or_broken_are_named() {
     let broken = replaced("sdf/meshes/part_2_collision_1.obj", "f 1 ", "f 99 ");
     only(&broken, "sdf", "meshes/part_2_collision_1.obj");
     only(&replaced("urdf/meshes/base_visual.obj", "v -0.5", "v NaN"), "urdf", "vertex 0 is not finite");
+}
+
+/// The cabinet with all lengths multiplied.
+fn scaled(factor: f64) -> Asset {
+    let mut asset = cabinet();
+    let mesh = |m: &mut Mesh| m.vertices.iter_mut().flatten().for_each(|v| *v *= factor as f32);
+    for link in &mut asset.links {
+        link.origin *= factor;
+        mesh(&mut link.visual.mesh);
+        link.collision.iter_mut().for_each(mesh);
+        link.inertial.center *= factor;
+        link.inertial.inertia.iter_mut().for_each(|i| *i *= factor * factor);
+        if let Some(joint) = link.joint.as_mut().filter(|j| j.kind == JointKind::Prismatic) {
+            joint.limits = joint.limits.map(|v| v * factor);
+            joint.observed = joint.observed.map(|v| v * factor);
+        }
+    }
+    asset
+}
+
+#[test]
+fn an_object_of_a_size_that_cannot_be_simulated_is_one_problem_and_not_driven() {
+    for (factor, words) in [(1e-7, "nanometres"), (1e-4, "micrometres"), (1e5, "kilometres")] {
+        let report = driven(&scaled(factor));
+        has_problem(&of(&report, "urdf").problems, words);
+        assert!(!report.passed() && report.joints.is_empty() && report.links.is_empty(), "{report}");
+        assert!(report.notes.iter().any(|n| n.contains("no joint was driven")), "{report}");
+        assert_eq!(report.failures, 1, "{report}");
+    }
+}
+
+#[test]
+fn a_mesh_that_is_cut_anywhere_is_a_finding() {
+    let dir = folder(&cabinet());
+    let urdf = dir.path().join("exports/urdf");
+    export_urdf(&urdf, &cabinet()).unwrap();
+    for name in ["part_1_visual.obj", "part_1_visual.mtl", "part_1_collision_0.obj"] {
+        let path = urdf.join("meshes").join(name);
+        let whole = std::fs::read(&path).unwrap();
+        let run = RunFolder::new(dir.path());
+        let mut report = ExportReport { files: vec![path.clone()], ..ExportReport::default() };
+        report.record_digests(&run, &[Format::Urdf]).unwrap();
+        report.save(&run).unwrap();
+        for cut in (0..whole.len()).step_by(whole.len() / 12 + 1) {
+            std::fs::write(&path, &whole[..cut]).unwrap();
+            let report = check(dir.path(), &quick()).unwrap();
+            let problems = &report.files.as_ref().unwrap().problems;
+            assert_eq!(problems.len(), 1, "{report}");
+            has_problem(problems, &format!("meshes/{name} was altered: {cut} bytes"));
+        }
+        std::fs::remove_file(&path).unwrap();
+        let report = check(dir.path(), &quick()).unwrap();
+        has_problem(&report.files.as_ref().unwrap().problems, &format!("meshes/{name} is missing; export again"));
+        has_problem(&of(&report, "urdf").problems, name.split('.').next().unwrap());
+        std::fs::write(&path, &whole).unwrap();
+        assert!(check(dir.path(), &quick()).unwrap().files.unwrap().problems.is_empty());
+    }
+}
+
+/// As few steps of the engine as possible.
+fn quick() -> CheckOptions {
+    CheckOptions { poses: 2, travel: 0.05, hold: 0.01, ..CheckOptions::default() }
+}
+
+#[test]
+fn altered_and_missing_files_of_every_format_are_found() {
+    let dir = all_formats(&cabinet());
+    let run = RunFolder::new(dir.path());
+    let report = check(dir.path(), &quick()).unwrap();
+    assert!(report.files.is_none() && report.notes.iter().any(|n| n.contains("no digests")), "{report}");
+    let names = ["glb/cabinet.glb", "usd/cabinet.usda", "splats/flap.ply", "urdf/meshes/base_visual.png"];
+    let path = |name: &str| run.exports().join(name);
+    let mut written = ExportReport { files: names.iter().map(|n| path(n)).collect(), ..ExportReport::default() };
+    written.record_digests(&run, &Format::ALL).unwrap();
+    written.save(&run).unwrap();
+    let report = check(dir.path(), &quick()).unwrap();
+    assert_eq!((report.files.as_ref().unwrap().written, report.failures), (4, 0), "{report}");
+    assert!(report.to_string().contains("exports/export.json"), "{report}");
+    for name in names {
+        let whole = std::fs::read(path(name)).unwrap();
+        let mut changed = whole.clone();
+        // Such a change opens in most formats.
+        *changed.last_mut().unwrap() ^= 1;
+        std::fs::write(path(name), changed).unwrap();
+        let report = check(dir.path(), &quick()).unwrap();
+        has_problem(&report.files.as_ref().unwrap().problems, &format!("{name} was altered"));
+        assert!(!report.passed());
+        std::fs::remove_file(path(name)).unwrap();
+        let report = check(dir.path(), &quick()).unwrap();
+        has_problem(&report.files.as_ref().unwrap().problems, &format!("{name} is missing"));
+        std::fs::write(path(name), whole).unwrap();
+    }
+    artgs_io::write_atomic(&dir.path().join("meshes/start/part_1.ply"), b"another").unwrap();
+    let report = check(dir.path(), &quick()).unwrap();
+    has_problem(&report.files.unwrap().problems, "the replica has changed since it was exported");
 }
 
 #[test]

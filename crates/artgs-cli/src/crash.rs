@@ -23,6 +23,11 @@ pub(crate) fn guarded(run: impl FnOnce() -> ExitCode) -> ExitCode {
 }
 
 fn report(panic: &PanicHookInfo<'_>) {
+    // A reader that fails on a damaged export is caught, and the check reports the file.
+    #[cfg(feature = "check")]
+    if artgs_check::is_reading() {
+        return;
+    }
     if REPORTED.swap(true, Ordering::SeqCst) {
         return;
     }

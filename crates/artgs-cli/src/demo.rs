@@ -31,7 +31,7 @@ pub(crate) fn run(args: &Demo, style: Style) -> Result<(), Failure> {
     let device = device::choose(args.method.device, &config)?;
     check_folder(&args.out)?;
     let found = Found::at(&capture, &options)?;
-    folder::prepare(&run, args.earlier)?;
+    let _lock = folder::prepare(&run, args.earlier, "artgs demo", style)?;
     if !(args.earlier.resume && found == Found::Same) {
         write_cabinet(&capture, &options).map_err(anyhow::Error::from)?;
     }
@@ -42,7 +42,7 @@ pub(crate) fn run(args: &Demo, style: Style) -> Result<(), Failure> {
     let scores = score(&run, Some(&capture.join("gt")), None)?;
     write_json(&args.out.join("scores.json"), &scores)?;
     let options = ExportOptions { capture: Some(capture.clone()), ..ExportOptions::default() };
-    let exported = export::export(&run, &options, style)?;
+    let exported = export::export_locked(&run, &options, style)?;
     #[cfg(feature = "check")]
     let checked = Some(crate::check::check(&run)?);
     #[cfg(not(feature = "check"))]

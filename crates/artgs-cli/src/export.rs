@@ -3,7 +3,7 @@
 use crate::args::{CollisionKind, Export, UpAxis};
 use crate::commands::{Style, use_threads};
 use crate::failure::Failure;
-use crate::folder::{load_capture, photos_of, require_replica};
+use crate::folder::{load_capture, lock, photos_of, require_replica};
 use crate::output::{Report, note};
 use artgs_core::Capture;
 use artgs_io::RunFolder;
@@ -13,7 +13,13 @@ use std::path::Path;
 
 pub(crate) fn run(args: &Export, style: Style) -> Result<(), Failure> {
     use_threads(args.threads)?;
-    let report = export(&RunFolder::new(&args.out), &options(args), style)?;
+    let run = RunFolder::new(&args.out);
+    let options = options(args);
+    options.config().map_err(failure)?;
+    require_replica(&run)?;
+    let lock = lock(&run, "artgs export", style)?;
+    let report = export_locked(&run, &options, style)?;
+    drop(lock);
     if style.json || !style.quiet {
         report.show(style.json)?;
     }
@@ -40,8 +46,8 @@ fn options(args: &Export) -> ExportOptions {
     }
 }
 
-/// Writes the formats and reports what was decided.
-pub(crate) fn export(run: &RunFolder, options: &ExportOptions, style: Style) -> Result<Report, Failure> {
+/// Writes the formats into a folder that is locked and reports what was decided.
+pub(crate) fn export_locked(run: &RunFolder, options: &ExportOptions, style: Style) -> Result<Report, Failure> {
     options.config().map_err(failure)?;
     require_replica(run)?;
     let capture = capture(run, options.capture.as_deref(), style)?;
@@ -73,9 +79,4 @@ fn capture(run: &RunFolder, named: Option<&Path>, style: Style) -> Result<Option
         Some(_) => {}
     }
     Ok(photos)
-}
-
-/// Exports a changed replica again, in the same formats and with the same options, and in those that the page shows.
-pub(crate) fn repeat(run: &RunFolder, style: Style) -> Result<Report, Failure> {
-    export(run, &ExportOptions::of_last_export(run).map_err(Failure::bad_input)?, style)
 }

@@ -1,15 +1,22 @@
 //! Output folders: a run is never mixed with files of something else or, without a flag, with an earlier run.
 
 use crate::args::Earlier;
+use crate::commands::Style;
 use crate::failure::Failure;
+use crate::output::note;
 use artgs_core::Capture;
-use artgs_io::run_folder::Contents;
-use artgs_io::{CaptureOptions, RunFolder};
+use artgs_io::folder_lock::LockError;
+use artgs_io::{CaptureOptions, Contents, FolderLock, RunFolder};
 use std::path::{Path, PathBuf};
 
-/// Refuses a folder unless it is missing, empty, an output folder without results, or comes with `--resume` or
-/// `--force`. Changes nothing.
+/// Refuses a folder that another process writes into, and any other unless it is missing, empty, an output folder without
+/// results, or comes with `--resume` or `--force`. Changes nothing.
 pub(crate) fn check(run: &RunFolder, earlier: Earlier) -> Result<(), Failure> {
+    FolderLock::require_free(run.root()).map_err(unlockable)?;
+    check_contents(run, earlier)
+}
+
+fn check_contents(run: &RunFolder, earlier: Earlier) -> Result<(), Failure> {
     let shown = run.root().display();
     let refusal = match run.contents().map_err(Failure::bad_input)? {
         Contents::File => format!("{shown} is a file; give a folder to -o"),
@@ -22,13 +29,35 @@ pub(crate) fn check(run: &RunFolder, earlier: Earlier) -> Result<(), Failure> {
     Err(Failure::bad(refusal))
 }
 
-/// Makes a folder ready for a run; `--force` removes what a later `--resume` would take for its own.
-pub(crate) fn prepare(run: &RunFolder, earlier: Earlier) -> Result<(), Failure> {
+/// Makes a folder ready for a run and locks it; `--force` removes what a later `--resume` would take for its own.
+pub(crate) fn prepare(run: &RunFolder, earlier: Earlier, command: &str, style: Style) -> Result<FolderLock, Failure> {
     check(run, earlier)?;
+    run.create().map_err(Failure::failed)?;
+    let lock = lock(run, command, style)?;
+    // Another run may have written into it before it was locked.
+    check_contents(run, earlier)?;
     if earlier.force {
         run.discard().map_err(Failure::failed)?;
     }
-    run.create().map_err(Failure::failed)
+    run.begin(earlier.resume).map_err(Failure::failed)?;
+    Ok(lock)
+}
+
+/// Locks a folder that exists: nobody else writes into it as long as the value exists. Removes what a killed process left.
+pub(crate) fn lock(run: &RunFolder, command: &str, style: Style) -> Result<FolderLock, Failure> {
+    let lock = FolderLock::take(run.root(), command).map_err(unlockable)?;
+    if let Some(notice) = lock.notice() {
+        note(&notice.to_string(), style);
+    }
+    run.remove_leftovers().map_err(Failure::failed)?;
+    Ok(lock)
+}
+
+fn unlockable(error: LockError) -> Failure {
+    match error {
+        LockError::File(error) => Failure::failed(error),
+        error => Failure::bad_input(error),
+    }
 }
 
 /// Reads a capture.
@@ -70,6 +99,11 @@ mod tests {
     const FRESH: Earlier = Earlier { resume: false, force: false };
     const RESUME: Earlier = Earlier { resume: true, force: false };
     const FORCE: Earlier = Earlier { resume: false, force: true };
+    const STYLE: Style = Style { json: false, quiet: true };
+
+    fn prepare(run: &RunFolder, earlier: Earlier) -> Result<FolderLock, Failure> {
+        super::prepare(run, earlier, "artgs reconstruct", STYLE)
+    }
 
     #[test]
     fn missing_and_empty_folders_are_taken() {
@@ -102,7 +136,7 @@ mod tests {
         let run = RunFolder::new(root.path());
         fs::write(run.events(), "").unwrap();
         prepare(&run, FRESH).unwrap();
-        fs::create_dir(run.stage("")).unwrap();
+        artgs_io::write_atomic(&run.found_parts(), b"{}").unwrap();
         let failure = prepare(&run, FRESH).unwrap_err();
         assert!(failure.to_string().contains("--resume") && failure.exit_code() == 2, "{failure}");
         prepare(&run, RESUME).unwrap();
@@ -110,5 +144,21 @@ mod tests {
         prepare(&run, FORCE).unwrap();
         assert!(!run.stage("").exists());
         prepare(&run, FRESH).unwrap();
+    }
+
+    #[test]
+    fn a_folder_in_use_is_refused_with_all_flags() {
+        let root = tempfile::tempdir().unwrap();
+        let run = RunFolder::new(root.path().join("out"));
+        let lock = prepare(&run, FRESH).unwrap();
+        artgs_io::write_atomic(&run.found_parts(), b"{}").unwrap();
+        for earlier in [FRESH, RESUME, FORCE] {
+            let failure = prepare(&run, earlier).unwrap_err();
+            let text = failure.to_string();
+            assert!(failure.exit_code() == 2 && text.contains("in use by process") && text.contains("wait"), "{text}");
+        }
+        assert!(run.has_found_parts());
+        drop(lock);
+        prepare(&run, RESUME).unwrap();
     }
 }

@@ -18,7 +18,7 @@ use artgs::observer::{JsonLines, NullObserver, Observer, Tee};
 use artgs::run::finds_parts;
 use artgs::{Config, Reconstruction};
 use artgs_core::{Capture, JointEstimate};
-use artgs_io::{CaptureOptions, RunFolder};
+use artgs_io::{CaptureOptions, FolderLock, RunFolder};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -51,30 +51,34 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     if let Some(mib) = plan.volume_mib {
         config.surface.memory_mib = config.surface.memory_mib.min(mib);
     }
-    let (capture, photos) = match source {
+    let (capture, photos, lock) = match source {
         Source::Capture(folder) => {
             let mut capture = load_capture_with(&folder, &CaptureOptions { longest_side: plan.longest_side })?;
             agreement::require(&mut capture, args.force_input)?;
             let correction = correct(&mut capture, &config.align);
-            folder::prepare(&run, args.earlier)?;
-            if correction.is_none() { (capture, folder) } else { saved(&run, capture, &correction)? }
+            let lock = prepare(&run, args, &folder, style)?;
+            let (capture, folder) =
+                if correction.is_none() { (capture, folder) } else { saved(&run, capture, &correction)? };
+            (capture, folder, lock)
         }
         Source::Recordings(paths) => {
             let mut found = recordings::load(&paths, &args.recording, plan.longest_side)?;
             agreement::require_recordings(&mut found, args.force_input)?;
             let (capture, report) = recordings::aligned(&found, &config.align, config.seed, style)?;
             drop(found);
-            folder::prepare(&run, args.earlier)?;
-            saved(&run, capture, &report)?
+            let lock = folder::prepare(&run, args.earlier, COMMAND, style)?;
+            let (capture, folder) = saved(&run, capture, &report)?;
+            (capture, folder, lock)
         }
     };
     run.save_capture_folder(&photos).map_err(Failure::failed)?;
     let resume = args.earlier.resume;
     let job = Job { capture: &capture, run: &run, config: &config, resume, device: &device, style };
     if args.stop_after.is_some() {
-        return find_parts_only(args, &photos, &job);
+        return find_parts_only(args, &photos, &job, lock);
     }
     let summary = if args.view { live::reconstruct(&job)? } else { job.reconstruct(&mut NullObserver)? };
+    drop(lock);
     if style.json {
         return say(json!({ "event": "result", "out": args.out, "summary": summary.json }));
     }
@@ -89,6 +93,22 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     Ok(())
 }
 
+/// What others read who find the folder locked.
+const COMMAND: &str = "artgs reconstruct";
+
+/// Prepares the folder of a run. `--force` must not remove the capture that it reads.
+fn prepare(run: &RunFolder, args: &Reconstruct, photos: &Path, style: Style) -> Result<FolderLock, Failure> {
+    let stages = run.stage("");
+    let inside = || Some(photos.canonicalize().ok()?.starts_with(stages.canonicalize().ok()?));
+    if args.earlier.force && inside() == Some(true) {
+        let (photos, stages) = (photos.display(), stages.display());
+        return Err(Failure::bad(format!(
+            "{photos} is inside {stages}, which --force removes; give another folder to -o"
+        )));
+    }
+    folder::prepare(run, args.earlier, COMMAND, style)
+}
+
 /// Saves a capture with new cameras in the folder of a run, and reads it again: depth in files is rounded, and a later run
 /// on the same files must see the same numbers.
 fn saved(run: &RunFolder, capture: Capture, report: &impl Serialize) -> Result<(Capture, PathBuf), Failure> {
@@ -101,11 +121,12 @@ fn saved(run: &RunFolder, capture: Capture, report: &impl Serialize) -> Result<(
 }
 
 /// The stages before training; with `--view` the page stays, takes corrections and continues the run.
-fn find_parts_only(args: &Reconstruct, photos: &Path, job: &Job<'_>) -> Result<(), Failure> {
+fn find_parts_only(args: &Reconstruct, photos: &Path, job: &Job<'_>, lock: FolderLock) -> Result<(), Failure> {
     if args.view {
-        return rerun::find_parts(job, photos, args.method.device);
+        return rerun::find_parts(job, photos, args.method.device, lock);
     }
     let found = job.find_parts(&mut NullObserver)?;
+    drop(lock);
     if job.style.json {
         return say(json!({ "event": "result", "out": args.out, "found": found.json }));
     }
@@ -160,6 +181,10 @@ impl Job<'_> {
         let reconstruction = Reconstruction { capture: self.capture, config, devices, resume: self.resume };
         let result = act(&reconstruction, &mut observer).map_err(failure);
         drop(shown);
+        if let (Err(Failure::BadInput(reason)), false) = (&result, self.resume) {
+            // The refusal itself matters more than a note of it.
+            let _ = self.run.note_refusal(&reason.to_string());
+        }
         let logged = log.finish().with_context(|| format!("cannot write {}", path.display()));
         let result = result?;
         logged?;

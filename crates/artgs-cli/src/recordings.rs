@@ -10,7 +10,7 @@ use artgs_core::{Capture, PerState, Recording, State};
 use artgs_io::RunFolder;
 use artgs_io::capture::write_capture;
 use artgs_io::recording::{RecordingFormat, RecordingOptions, load_recording, parse_intrinsics};
-use artgs_io::run_folder::save_json;
+use artgs_io::run_folder::{remove_folder, save_json};
 use serde::Serialize;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -113,6 +113,8 @@ pub(crate) fn aligned(
 /// Writes an aligned or corrected capture, and the report of what was done, into the folder of a run, where exports and the page find its photos.
 pub(crate) fn save(run: &RunFolder, capture: &Capture, report: &impl Serialize) -> Result<PathBuf, Failure> {
     let folder = run.aligned();
+    // An earlier one may have more frames.
+    remove_folder(&folder).map_err(Failure::failed)?;
     write_capture(&folder, capture).map_err(Failure::failed)?;
     save_json(&folder.join("report.json"), report).map_err(Failure::failed)?;
     Ok(folder)

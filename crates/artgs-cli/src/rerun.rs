@@ -2,13 +2,14 @@
 
 use crate::device::{self, DeviceChoice};
 use crate::failure::Failure;
-use crate::folder::{load_capture, photos_of};
+use crate::folder::{load_capture, lock, photos_of};
 use crate::live::{FINAL_STATE, PageObserver};
 use crate::reconstruct::Job;
 use crate::settings::settings_of;
 use crate::view::{announce, page_of, stopped};
 use crate::{commands::Style, export, output};
-use artgs_io::RunFolder;
+use artgs_io::{FolderLock, RunFolder};
+use artgs_physical::export::ExportOptions;
 use artgs_view::{Live, Page, Placement, Rerun, Server};
 use std::path::Path;
 use std::sync::atomic::Ordering;
@@ -23,6 +24,7 @@ pub(crate) fn rerun_of(run: &RunFolder, photos: Option<&Path>, style: Style) -> 
     if !artgs::run::finds_parts(&settings_of(run)?) {
         return Err("parts were learnt in training here, and corrections apply to parts found before it".into());
     }
+    run.require_writable().map_err(|error| format!("{error}: no run can be started here"))?;
     let Some(photos) = photos_of(run, photos) else {
         return Err("the photos are not where they were; start artgs view with --capture".into());
     };
@@ -50,7 +52,10 @@ fn rerun(
 ) -> Result<Page, Failure> {
     /// Its name among the stages of the run.
     const EXPORT: &str = "export";
+    let _lock = lock(run, "artgs view", style)?;
     let config = settings_of(run).map_err(Failure::bad)?;
+    // Before the run, which removes exports of a replica that it replaces.
+    let options = ExportOptions::of_last_export(run).map_err(Failure::bad_input)?;
     let device = device::choose(device, &config)?;
     let capture = load_capture(photos)?;
     let job = Job { capture: &capture, run, config: &config, resume: true, device: &device, style };
@@ -58,14 +63,15 @@ fn rerun(
     run.save_capture_folder(photos).map_err(Failure::failed)?;
     live.stage_started(EXPORT);
     let begun = std::time::Instant::now();
-    export::repeat(run, style)?;
+    export::export_locked(run, &options, style)?;
     live.stage_finished(EXPORT, begun.elapsed().as_secs_f64(), false);
     page_of(run, Some(photos), style)
 }
 
 /// `artgs reconstruct --stop-after discover --view`: the page follows the first stages, shows what they found, takes
-/// corrections and continues the run. `choice` is the choice that the device of the job was opened for.
-pub(crate) fn find_parts(job: &Job<'_>, photos: &Path, choice: DeviceChoice) -> Result<(), Failure> {
+/// corrections and continues the run. `choice` is the choice that the device of the job was opened for. `lock` is that of the
+/// folder; what the page starts later locks it again.
+pub(crate) fn find_parts(job: &Job<'_>, photos: &Path, choice: DeviceChoice, lock: FolderLock) -> Result<(), Failure> {
     let Job { run, style, .. } = *job;
     let mut page = Page::empty(&run.name());
     page.place(Placement::default());
@@ -73,8 +79,10 @@ pub(crate) fn find_parts(job: &Job<'_>, photos: &Path, choice: DeviceChoice) -> 
     let server = Arc::new(server.with_rerun(Ok(boxed_rerun(run, photos, choice, style))));
     let stop = stopped(&server)?;
     let failed = Mutex::new(None);
+    let lock = Mutex::new(Some(lock));
     let first = |live: &Arc<Live>| {
         let found = job.find_parts(&mut PageObserver(Arc::clone(live)));
+        lock.lock().unwrap_or_else(PoisonError::into_inner).take();
         let shown = found.and_then(|_| page_of(run, Some(photos), style));
         shown.map_err(|failure| {
             let message = failure.to_string();

@@ -167,11 +167,15 @@ fn check(job: &Job, folder: &Path, force: bool) -> Result<(), Failure> {
     if folder.exists() && !folder.is_dir() {
         return Err(Failure::bad(format!("{shown} is a file; give a folder to -o")));
     }
-    let empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.next().is_none());
+    // A run that was killed at its first writes leaves nothing else.
+    let unfinished = |entry: std::io::Result<std::fs::DirEntry>| {
+        entry.is_ok_and(|entry| entry.file_name().to_string_lossy().starts_with(".artgs-"))
+    };
+    let empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.all(unfinished));
     if empty || job.wrote(folder) {
         return Ok(());
     }
-    // A capture of ours replaces these folders whole.
+    // A capture among files of another one would be a mixture.
     let taken = ["start", "end", "gt"].into_iter().find(|name| folder.join(name).exists());
     if let Some(name) = taken {
         return Err(Failure::bad(format!("{shown} holds `{name}` of another capture; give another folder to -o")));

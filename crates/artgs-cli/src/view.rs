@@ -2,9 +2,9 @@
 
 use crate::args::View;
 use crate::commands::Style;
-use crate::export;
+use crate::export::export_locked;
 use crate::failure::Failure;
-use crate::folder::{load_capture, photos_of};
+use crate::folder::{load_capture, lock, photos_of};
 use crate::output::{note, say};
 use crate::rerun;
 use anyhow::Context;
@@ -77,17 +77,49 @@ pub(crate) fn page_of(run: &RunFolder, photos: Option<&Path>, style: Style) -> R
 /// Page of a replica, exported first if it is not; with the photos if they are where they were.
 fn replica(run: &RunFolder, photos: Option<&Path>, style: Style) -> Result<Page, Failure> {
     let lacks_splats = run.has_splats() && !run.has_export(Format::Splats);
-    if !run.has_export(Format::Urdf) || lacks_splats {
+    let mut page = if run.has_export(Format::Urdf) && !lacks_splats {
+        exported(run)?
+    } else {
         note("the replica has no exports to show yet: exporting them", style);
-        let capture = photos.map(Path::to_path_buf);
-        let options = ExportOptions { formats: ExportOptions::SHOWN.to_vec(), capture, ..ExportOptions::default() };
-        export::export(run, &options, style)?;
-    }
-    let mut page = Page::of_replica(run.root()).map_err(Failure::bad_input)?;
-    page.place(placement(run)?);
+        match export_shown(run, photos, style) {
+            Ok(()) => exported(run)?,
+            Err(failure @ Failure::Failed(_)) => {
+                note(&format!("{failure}; the exports are kept in memory"), style);
+                exported_in_memory(run, photos, style)?
+            }
+            Err(failure) => return Err(failure),
+        }
+    };
     add_photos(&mut page, run, photos, style)?;
     page.corrected = artgs::run::corrections_of(run);
     Ok(page)
+}
+
+/// Page of the exports of a replica.
+fn exported(run: &RunFolder) -> Result<Page, Failure> {
+    let mut page = Page::of_run(run).map_err(Failure::bad_input)?;
+    page.place(placement(run)?);
+    Ok(page)
+}
+
+fn export_shown(run: &RunFolder, photos: Option<&Path>, style: Style) -> Result<(), Failure> {
+    let _lock = lock(run, "artgs view", style)?;
+    export_locked(run, &shown_formats(photos), style).map(drop)
+}
+
+/// Page of a replica whose folder cannot be written: files of exports exist only while they are made.
+fn exported_in_memory(run: &RunFolder, photos: Option<&Path>, style: Style) -> Result<Page, Failure> {
+    let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+    let elsewhere = run.clone().with_exports(folder.path());
+    export_locked(&elsewhere, &shown_formats(photos), style)?;
+    let mut page = exported(&elsewhere)?;
+    page.load_files().map_err(Failure::failed)?;
+    Ok(page)
+}
+
+fn shown_formats(photos: Option<&Path>) -> ExportOptions {
+    let capture = photos.map(Path::to_path_buf);
+    ExportOptions { formats: ExportOptions::SHOWN.to_vec(), capture, ..ExportOptions::default() }
 }
 
 /// Page of parts before training: labelled points of both states on joints that move them.

@@ -5,6 +5,22 @@
 use crate::{Joint, JointKind, Mesh, PerState, Rigid, Splats, State};
 use glam::DVec3;
 
+/// Says what is wrong with the size of an object, the length of the diagonal of its box in metres; none if simulators can
+/// compute with it: from a millimetre to a kilometre.
+pub fn odd_size(diagonal: f64) -> Option<String> {
+    let said = match diagonal {
+        d if d < 1e-9 => format!("{d:.1e} m"),
+        d if d < 1e-6 => format!("{:.1} nanometres", 1e9 * d),
+        d if d < 1e-3 => format!("{:.1} micrometres", 1e6 * d),
+        d if d > 1e3 => format!("{:.1} kilometres", 1e-3 * d),
+        _ => return None,
+    };
+    Some(format!(
+        "the object has a size of {said}, and simulators compute with 1 mm to 1 km; --scale of artgs export is the length of a \
+         unit of the capture in metres"
+    ))
+}
+
 /// An articulated object for simulators.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Asset {
@@ -111,6 +127,19 @@ impl AssetJoint {
 }
 
 impl Asset {
+    /// Length of the diagonal of the box around the visual meshes at the zero pose, metres; 0 without meshes.
+    pub fn bounds_diagonal(&self) -> f64 {
+        let mut bounds = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for link in &self.links {
+            for vertex in &link.visual.mesh.vertices {
+                let point = link.origin + DVec3::from_array(vertex.map(f64::from));
+                bounds = (bounds.0.min(point), bounds.1.max(point));
+            }
+        }
+        let (low, high) = bounds;
+        if low.x > high.x { 0.0 } else { (high - low).length() }
+    }
+
     /// Link frames in the object's frame, one per link, where `values[i]` is the joint value of link `i` (that of the base
     /// is ignored).
     pub fn poses(&self, values: &[f64]) -> Vec<Rigid> {
@@ -169,5 +198,23 @@ mod tests {
         assert!((quarter[2].translation - DVec3::new(1.0, 1.25, 0.5)).length() < 1e-12);
         assert_eq!(asset.observed(State::END), [0.0, 0.5, 0.5]);
         assert_eq!(asset.movable().count(), 2);
+        assert_eq!(asset.bounds_diagonal(), 0.0);
+        let mut asset = asset;
+        asset.links[1].visual.mesh = Mesh::cuboid([0.0; 3], [0.5, 0.0, 0.0]);
+        assert_eq!(asset.bounds_diagonal(), 0.5);
+    }
+
+    #[test]
+    fn only_sizes_that_no_simulator_computes_with_are_odd() {
+        for (diagonal, words) in [
+            (3e-12, "3.0e-12 m"),
+            (3e-8, "30.0 nanometres"),
+            (5.4e-7 * 1e3, "540.0 micrometres"),
+            (2e4, "20.0 kilometres"),
+        ] {
+            let said = odd_size(diagonal).unwrap();
+            assert!(said.contains(words) && said.contains("--scale"), "{said}");
+        }
+        assert!([1e-3, 0.5, 1e3, f64::NAN].iter().all(|d| odd_size(*d).is_none()));
     }
 }

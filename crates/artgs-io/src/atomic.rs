@@ -1,8 +1,18 @@
 //! Atomic writes: every writer of this crate uses [`write_atomic`].
 
 use crate::FileError;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
+use tempfile::NamedTempFile;
+
+/// Temporary names, in the folder of the file that is written.
+const PREFIX: &str = ".artgs-";
+const SUFFIX: &str = ".tmp";
+
+/// True for the name of a file that [`write_atomic`] did not finish.
+pub(crate) fn is_unfinished(name: &str) -> bool {
+    name.starts_with(PREFIX) && name.ends_with(SUFFIX)
+}
 
 /// Writes a file under a temporary name in the same folder and renames it, so that no reader and no interrupted run sees a
 /// partial file. Creates missing parent folders and replaces an existing file.
@@ -13,15 +23,20 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
         _ => Path::new("."),
     };
     std::fs::create_dir_all(folder).map_err(fail)?;
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".artgs-").suffix(".tmp");
-    // A temporary file is private by default; the finished one gets the usual mode less the umask.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(folder).map_err(fail)?;
+    let mut file = unfinished(folder).map_err(fail)?;
     file.write_all(bytes).map_err(fail)?;
     file.persist(path).map_err(|e| fail(e.error))?;
     Ok(())
+}
+
+/// A file under a temporary name, removed unless it is renamed.
+pub(crate) fn unfinished(folder: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(PREFIX).suffix(SUFFIX);
+    // A temporary file is private by default; the finished one gets the usual mode less the umask.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder)
 }
 
 #[cfg(test)]

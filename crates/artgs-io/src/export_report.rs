@@ -1,11 +1,13 @@
 //! `exports/export.json`: what an export was asked for and what it decided.
 
-use crate::FileError;
+use crate::asset::Format;
 use crate::run_folder::{RunFolder, load_json, save_json};
+use crate::{FileDigest, FileError};
 use artgs_core::JointKind;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// What an export was asked for besides scale and upward axis, so that it can be repeated. None means the default.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -45,6 +47,13 @@ pub struct ExportReport {
     pub cut_share: f64,
     /// All files written.
     pub files: Vec<PathBuf>,
+    /// Size and hash of every file of every format in the folder of exports, by its path relative to that folder, with `/`.
+    /// Empty in reports of versions before there were digests.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub digests: BTreeMap<String, FileDigest>,
+    /// Hash of the replica that was exported; none in reports of versions before there were digests.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub replica: Option<String>,
 }
 
 /// One link of an export.
@@ -95,10 +104,54 @@ impl ExportReport {
         save_json(&path, &value)
     }
 
+    /// Records digests of the written files and of the replica. Those of formats that were exported earlier, and not written
+    /// again now, are kept.
+    pub fn record_digests(&mut self, folder: &RunFolder, formats: &[Format]) -> Result<(), FileError> {
+        let exports = folder.exports();
+        // A report that cannot be read is replaced.
+        self.digests = Self::load(folder).ok().flatten().unwrap_or_default().digests;
+        let is_kept = |format: &Format| !formats.contains(format) && folder.has_export(*format);
+        self.digests.retain(|name, _| Format::ALL.iter().filter(|f| is_kept(f)).any(|f| is_of(name, *f)));
+        for file in &self.files {
+            let Ok(inside) = file.strip_prefix(&exports) else { continue };
+            let words: Vec<_> = inside.iter().map(|word| word.to_string_lossy()).collect();
+            self.digests.insert(words.join("/"), FileDigest::of(file)?);
+        }
+        self.replica = folder.replica_digest()?;
+        Ok(())
+    }
+
+    /// What differs from what was written, one sentence per file; none if the report has no digests.
+    pub fn altered(&self, folder: &RunFolder) -> Option<Vec<String>> {
+        if self.digests.is_empty() {
+            return None;
+        }
+        let problem = |(name, written): (&String, &FileDigest)| {
+            let inside = Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
+            let path = folder.exports().join(name);
+            let what = match FileDigest::of(&path) {
+                _ if !inside => "is not a path inside the folder".into(),
+                Ok(found) if found == *written => return None,
+                Ok(found) if found.bytes != written.bytes => {
+                    format!("was altered: {} bytes, {} were written", found.bytes, written.bytes)
+                }
+                Ok(_) => "was altered after it was written".into(),
+                Err(_) if !path.exists() => "is missing".into(),
+                Err(error) => error.to_string(),
+            };
+            Some(format!("{name} {what}; export again"))
+        };
+        Some(self.digests.iter().filter_map(problem).collect())
+    }
+
     /// Reads it from a run's folder; none if nothing was exported.
     pub fn load(folder: &RunFolder) -> Result<Option<Self>, FileError> {
         load_json(&folder.export_report())
     }
+}
+
+fn is_of(name: &str, format: Format) -> bool {
+    name.strip_prefix(format.name()).is_some_and(|rest| rest.starts_with('/'))
 }
 
 impl fmt::Display for ExportReport {
@@ -151,5 +204,43 @@ mod tests {
         assert_eq!(ExportReport::load(&folder).unwrap(), Some(report));
         std::fs::write(folder.export_report(), r#"{"scale": 2.0, "later": 1}"#).unwrap();
         assert_eq!(ExportReport::load(&folder).unwrap().unwrap().scale, 2.0);
+    }
+
+    #[test]
+    fn altered_and_missing_files_are_named_wherever_the_folder_is() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = RunFolder::new(root.path().join("a"));
+        let file = |name: &str| folder.exports().join(name);
+        for name in ["urdf/replica.urdf", "urdf/meshes/base.obj", "glb/replica.glb"] {
+            crate::write_atomic(&file(name), name.as_bytes()).unwrap();
+        }
+        let write = |formats: &[Format], names: &[&str]| {
+            let mut report = ExportReport { files: names.iter().map(|n| file(n)).collect(), ..ExportReport::default() };
+            assert_eq!(report.altered(&folder), None, "a report without digests");
+            report.record_digests(&folder, formats).unwrap();
+            report.save(&folder).unwrap();
+        };
+        write(&[Format::Glb, Format::Urdf], &["urdf/replica.urdf", "urdf/meshes/base.obj", "glb/replica.glb"]);
+        // Another export of one format keeps the digests of the other.
+        std::fs::write(file("glb/replica.glb"), "another").unwrap();
+        write(&[Format::Glb], &["glb/replica.glb"]);
+        let moved = RunFolder::new(root.path().join("b"));
+        std::fs::rename(folder.root(), moved.root()).unwrap();
+        let altered = || ExportReport::load(&moved).unwrap().unwrap().altered(&moved).unwrap();
+        assert_eq!(altered(), Vec::<String>::new());
+        std::fs::write(moved.exports().join("glb/replica.glb"), "anothes").unwrap();
+        std::fs::write(moved.exports().join("urdf/replica.urdf"), "").unwrap();
+        std::fs::remove_file(moved.exports().join("urdf/meshes/base.obj")).unwrap();
+        let found = altered();
+        assert_eq!(found.len(), 3);
+        for (problem, words) in found.iter().zip(["glb/replica.glb was altered", "base.obj is missing", "0 bytes, 17"])
+        {
+            assert!(problem.contains(words), "{problem}");
+        }
+        // A format that is gone and was not written again is not expected any more.
+        std::fs::remove_dir_all(moved.exports().join("urdf")).unwrap();
+        let mut report = ExportReport::default();
+        report.record_digests(&moved, &[Format::Glb]).unwrap();
+        assert!(report.digests.is_empty());
     }
 }

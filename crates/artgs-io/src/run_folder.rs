@@ -9,6 +9,7 @@
 //! | `splats/canonical.ply`, `splats/part_K.ply` | Gaussians midway between the states, all and per part |
 //! | `metrics.json`, `preview.png` | scores and times of the run; renderings beside photos |
 //! | `stages/*` | results of stages, from which an interrupted run resumes |
+//! | `.artgs.*` | who writes into the folder, while somebody does, see [`crate::FolderLock`] |
 //! | `exports/FORMAT/*`, `exports/export.json` | exported files, and what the export decided |
 
 use crate::asset::Format;
@@ -24,41 +25,41 @@ use std::path::{Path, PathBuf};
 /// Frame named in the PLY files of canonical Gaussians.
 pub const CANONICAL_FRAME: &str = "canonical: world frame of the capture, parts midway between start and end";
 
-const STAGES: &str = "stages";
-const MESHES: &str = "meshes";
-const SPLATS: &str = "splats";
+pub(crate) const STAGES: &str = "stages";
+pub(crate) const MESHES: &str = "meshes";
+pub(crate) const SPLATS: &str = "splats";
 pub(crate) const EXPORTS: &str = "exports";
-const EVENTS: &str = "events.jsonl";
-const METRICS: &str = "metrics.json";
-const CONFIG: &str = "config.toml";
-const PREVIEW: &str = "preview.png";
+pub(crate) const EVENTS: &str = "events.jsonl";
+pub(crate) const METRICS: &str = "metrics.json";
+pub(crate) const CONFIG: &str = "config.toml";
+pub(crate) const PREVIEW: &str = "preview.png";
+const ALIGNED: &str = "aligned";
+const FINGERPRINT: &str = "capture.txt";
+const KEYS: &str = "keys.json";
+const TIMES: &str = "times.json";
+const CAPTURE_NOTE: &str = "capture_folder.txt";
+const REFUSAL: &str = "refused.txt";
+/// Files of the folder `stages` that are no results.
+pub(crate) const NOTES: [&str; 6] = [ALIGNED, FINGERPRINT, KEYS, TIMES, CAPTURE_NOTE, REFUSAL];
 
 /// The folder of a run. Creating this value touches no file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunFolder {
     root: PathBuf,
-}
-
-/// What is in a folder that a run is to write.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Contents {
-    /// There is no such folder, or it is empty.
-    Nothing,
-    /// A run was started here and saved no result.
-    Started,
-    /// Results of a run: stages or a replica.
-    Results,
-    /// Files of something else.
-    Foreign,
-    /// It is a file, not a folder.
-    File,
+    /// All exports, if they are not in the folder itself.
+    exports: Option<PathBuf>,
 }
 
 /// Paths.
 impl RunFolder {
     /// The folder `root`, which need not exist.
     pub fn new(root: impl Into<PathBuf>) -> Self {
-        Self { root: root.into() }
+        Self { root: root.into(), exports: None }
+    }
+
+    /// The same folder with its exports elsewhere, for a folder that cannot be written.
+    pub fn with_exports(self, exports: impl Into<PathBuf>) -> Self {
+        Self { exports: Some(exports.into()), ..self }
     }
 
     /// The folder itself.
@@ -123,7 +124,7 @@ impl RunFolder {
 
     /// Capture that was made of two recordings, ArtGS layout.
     pub fn aligned(&self) -> PathBuf {
-        self.stage("aligned")
+        self.stage(ALIGNED)
     }
 
     /// Parts and joints as found before training.
@@ -153,7 +154,7 @@ impl RunFolder {
 
     /// Seconds that each stage took when it was computed.
     pub fn stage_times(&self) -> PathBuf {
-        self.stage("times.json")
+        self.stage(TIMES)
     }
 
     /// Corrections that the stages after discovery were computed with.
@@ -168,22 +169,27 @@ impl RunFolder {
 
     /// Fingerprint of the capture that the run read.
     pub fn capture_fingerprint(&self) -> PathBuf {
-        self.stage("capture.txt")
+        self.stage(FINGERPRINT)
     }
 
     /// Hashes of what each computed stage read.
     pub fn stage_keys(&self) -> PathBuf {
-        self.stage("keys.json")
+        self.stage(KEYS)
+    }
+
+    /// Why the input of a run was refused after it began.
+    pub(crate) fn refusal_note(&self) -> PathBuf {
+        self.stage(REFUSAL)
     }
 
     /// Names the folder of the photos.
     fn capture_note(&self) -> PathBuf {
-        self.stage("capture_folder.txt")
+        self.stage(CAPTURE_NOTE)
     }
 
     /// All exports.
     pub fn exports(&self) -> PathBuf {
-        self.root.join(EXPORTS)
+        self.exports.clone().unwrap_or_else(|| self.root.join(EXPORTS))
     }
 
     /// Exported files of one format.
@@ -199,23 +205,6 @@ impl RunFolder {
 
 /// What the folder holds.
 impl RunFolder {
-    /// Looks at the folder and changes nothing.
-    pub fn contents(&self) -> Result<Contents, FileError> {
-        match fs::read_dir(&self.root).map(|mut entries| entries.next().is_none()) {
-            Ok(true) => return Ok(Contents::Nothing),
-            Ok(false) => {}
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Contents::Nothing),
-            Err(error) if error.kind() == ErrorKind::NotADirectory => return Ok(Contents::File),
-            Err(source) => return Err(FileError::Read { path: self.root.clone(), source }),
-        }
-        let replica = self.replica().exists();
-        Ok(match self.events().exists() || replica {
-            false => Contents::Foreign,
-            true if replica || self.root.join(STAGES).exists() => Contents::Results,
-            true => Contents::Started,
-        })
-    }
-
     /// True if it holds a replica.
     pub fn has_replica(&self) -> bool {
         self.replica().is_file()
@@ -239,17 +228,6 @@ impl RunFolder {
     /// Creates the folder and its parents.
     pub fn create(&self) -> Result<(), FileError> {
         fs::create_dir_all(&self.root).map_err(|source| FileError::Write { path: self.root.clone(), source })
-    }
-
-    /// Removes what runs and exports write, by name; anything else in the folder stays.
-    pub fn discard(&self) -> Result<(), FileError> {
-        const FOLDERS: [&str; 4] = [STAGES, MESHES, SPLATS, EXPORTS];
-        FOLDERS.iter().try_for_each(|name| remove_folder(&self.root.join(name)))?;
-        // `replica.urdf` was written by versions before there were exports.
-        let urdf = self.root.join("replica.urdf");
-        [self.replica(), self.events(), urdf, self.metrics(), self.preview(), self.config()]
-            .iter()
-            .try_for_each(|path| remove_file(path))
     }
 }
 
@@ -277,7 +255,8 @@ impl RunFolder {
         Some(PathBuf::from(text.trim_end_matches('\n')))
     }
 
-    /// Writes `replica.json` and its meshes: those of every part, and the whole object.
+    /// Writes `replica.json` and its meshes: those of every part, and the whole object. Meshes of an earlier replica with
+    /// more parts are removed.
     pub fn save_replica<'m>(
         &self,
         replica: &Replica,
@@ -290,7 +269,8 @@ impl RunFolder {
                 write_mesh_ply(&self.root.join(&paths[state]), mesh)?;
             }
         }
-        crate::write_replica(&self.root, replica)
+        crate::write_replica(&self.root, replica)?;
+        Ok(self.remove_meshes_from(replica.parts.len())?)
     }
 
     /// A mesh that `replica.json` names by its relative path.
@@ -304,7 +284,7 @@ impl RunFolder {
     }
 
     /// Writes canonical Gaussians, all together with the part of each, and once more per part. `labels[i]` is below
-    /// `parts`.
+    /// `parts`. Files of an earlier replica with more parts are removed.
     pub fn save_splats(&self, splats: &Splats, labels: &[u16], parts: usize) -> Result<(), FileError> {
         write_splat_ply(&self.canonical_splats(), splats, Some(labels), CANONICAL_FRAME)?;
         for part in 0..parts {
@@ -313,7 +293,7 @@ impl RunFolder {
             let labels = vec![part as u16; own.len()];
             write_splat_ply(&self.part_splats(part), &own, Some(&labels), CANONICAL_FRAME)?;
         }
-        Ok(())
+        self.remove_splats_from(parts)
     }
 
     /// Gaussians of every part, canonical frame; none if the replica has none.
@@ -377,26 +357,6 @@ fn absent_is_fine(path: &Path, removed: std::io::Result<()>) -> Result<(), FileE
 mod tests {
     use super::*;
     use serde_json::Value;
-
-    #[test]
-    fn own_folders_differ_from_others() {
-        let root = tempfile::tempdir().unwrap();
-        let at = |name: &str| RunFolder::new(root.path().join(name));
-        assert_eq!(at("missing").contents().unwrap(), Contents::Nothing);
-        let run = at("run");
-        run.create().unwrap();
-        assert_eq!(run.contents().unwrap(), Contents::Nothing);
-        fs::write(run.root().join("thesis.tex"), "x").unwrap();
-        assert_eq!(run.contents().unwrap(), Contents::Foreign);
-        assert_eq!(at("run/thesis.tex").contents().unwrap(), Contents::File);
-        fs::write(run.events(), "").unwrap();
-        assert_eq!(run.contents().unwrap(), Contents::Started);
-        save_json(&run.found_parts(), &Value::Null).unwrap();
-        assert_eq!(run.contents().unwrap(), Contents::Results);
-        run.discard().unwrap();
-        assert_eq!(run.contents().unwrap(), Contents::Foreign);
-        assert!(run.root().join("thesis.tex").is_file() && !run.has_found_parts());
-    }
 
     #[test]
     fn json_survives_and_its_absence_is_no_error() {

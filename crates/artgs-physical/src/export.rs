@@ -4,7 +4,7 @@ use crate::build::{BuiltAsset, Parts, build};
 use crate::coacd;
 use crate::stance::Stop;
 use crate::{Collision, PhysicalConfig, Up};
-use artgs_core::{AssetLink, Capture, JointKind, Mesh, State};
+use artgs_core::{AssetLink, Capture, JointKind, Mesh, State, odd_size};
 use artgs_io::asset::{Format, check_asset};
 use artgs_io::export_report::{ExportReport, LinkReport, RequestedOptions};
 use artgs_io::replica::ReplicaFileError;
@@ -213,13 +213,16 @@ pub fn export(
     let decomposer =
         (options.collision == CollisionSource::Coacd).then_some(&by_coacd as &crate::decompose::Decomposer);
     let built = build(&options.name, &parts, capture, &config, decomposer).map_err(ExportError::Build)?;
+    odd_size(built.asset.bounds_diagonal()).iter().for_each(|warning| warn(warning));
     built.surfaces.iter().flat_map(|surface| &surface.warnings).for_each(|warning| warn(warning));
     check_asset(&built.asset).map_err(|reason| ExportError::Asset { path: folder.replica(), reason })?;
     let mut files = Vec::new();
     for format in &options.formats {
         files.extend(format.replace(&folder.exports(), &built.asset).map_err(ExportError::Output)?);
     }
-    let report = ExportReport { options: options.requested(), files, ..report(&built, config.up, &options.formats) };
+    let decided = report(&built, config.up, &options.formats);
+    let mut report = ExportReport { options: options.requested(), files, ..decided };
+    report.record_digests(folder, &options.formats).map_err(ExportError::Output)?;
     report.save(folder).map_err(ExportError::Output)?;
     Ok(report)
 }
@@ -236,7 +239,7 @@ fn report(built: &BuiltAsset, up: Up, formats: &[Format]) -> ExportReport {
         penetration: [decisions.clearance.deepest, decisions.penetration],
         lost_pieces: decisions.clearance.lost,
         cut_share: if before > 0.0 { 1.0 - after / before } else { 0.0 },
-        files: Vec::new(),
+        ..ExportReport::default()
     }
 }
 

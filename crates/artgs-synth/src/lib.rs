@@ -14,6 +14,7 @@ mod material;
 mod object;
 pub mod recording;
 mod render;
+mod replace;
 mod shape;
 #[cfg(test)]
 mod tests;
@@ -46,6 +47,9 @@ pub enum SynthError {
         /// Names of all objects.
         known: Vec<&'static str>,
     },
+    /// A file in the folder of a capture is not one of the capture that was written there before.
+    #[error("{}: not written by artgs synth; move it away, or give another folder to -o", _0.display())]
+    InTheWay(std::path::PathBuf),
     /// A file could not be written.
     #[error(transparent)]
     File(#[from] artgs_io::FileError),

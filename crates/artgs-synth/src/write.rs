@@ -1,6 +1,7 @@
 //! Captures on disk, in the layouts of the ArtGS and PARIS benchmarks, with their ground truth.
 
 use crate::render::{PlannedView, Renderer};
+use crate::replace::replace;
 use crate::{CaptureOptions, Object, SynthError, object};
 use artgs_core::{Camera, Joint, JointKind, Mesh, State, View};
 use artgs_io::capture::opengl_pose;
@@ -9,7 +10,7 @@ use artgs_io::{FileError, write_atomic, write_mesh_ply};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Depth images count in this many steps per scene unit.
 pub(crate) const DEPTH_SCALE: f64 = 1000.0;
@@ -67,21 +68,23 @@ pub fn capture_info(folder: &Path) -> Option<CaptureInfo> {
 }
 
 /// Renders the object of this name and writes the capture into `folder`, the ground truth under `gt`. An earlier capture of
-/// this function in `folder` is kept if it is complete and has the same options, else replaced; other files do not change.
+/// this function in `folder` is kept if it is complete and has the same options, else replaced; other files do not change,
+/// and are refused where they are in the way.
 /// The marker that [`capture_info`] reads is `complete` only once all files are written.
 pub fn write_object(name: &str, options: &CaptureOptions, folder: &Path) -> Result<CaptureInfo, SynthError> {
     options.check()?;
     let object = object(name, options.seed)?;
     let marker = |complete| CaptureInfo { object: name.into(), parts: object.parts.len(), options: *options, complete };
-    let earlier = capture_info(folder);
-    if earlier.as_ref() == Some(&marker(true)) {
+    if capture_info(folder) == Some(marker(true)) {
         return Ok(marker(true));
     }
-    write_marker(folder, &marker(false))?;
-    if earlier.is_some() {
-        discard(folder)?;
-    }
-    let renderer = Renderer::new(&object, options);
+    replace(folder, |complete| json!(marker(complete)), |new| write_files(&object, options, new))?;
+    Ok(marker(true))
+}
+
+/// Writes everything but the marker.
+fn write_files(object: &Object, options: &CaptureOptions, folder: &Path) -> Result<(), SynthError> {
+    let renderer = Renderer::new(object, options);
     renderer.planned_views.par_iter().try_for_each(|planned| write_rendered(folder, &renderer, planned))?;
     for state in State::ALL {
         for (split, split_name) in SPLIT_NAMES.into_iter().enumerate() {
@@ -100,29 +103,7 @@ pub fn write_object(name: &str, options: &CaptureOptions, folder: &Path) -> Resu
         write_meshes(folder, &meshes, state)?;
     }
     let input = json!({ "generator": GENERATOR, "object": object.name, "options": options });
-    write_json(&folder.join("gt/trans.json"), &ground_truth(&object, input))?;
-    write_marker(folder, &marker(true))?;
-    Ok(marker(true))
-}
-
-/// Removes an earlier capture, by name; anything else in the folder stays.
-pub(crate) fn discard(folder: &Path) -> Result<(), FileError> {
-    let folders = ["start", "end", "gt"].map(|name| folder.join(name));
-    let cameras =
-        State::ALL.into_iter().flat_map(|s| SPLIT_NAMES.map(|split| Layout::ArtGs.camera_file(s.name(), split)));
-    let files: Vec<PathBuf> = cameras.map(|name| folder.join(name)).collect();
-    let removals = folders.iter().map(|p| (p, std::fs::remove_dir_all(p)));
-    for (path, result) in removals.chain(files.iter().map(|p| (p, std::fs::remove_file(p)))) {
-        match result {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
-            other => other.map_err(|source| FileError::Write { path: path.clone(), source })?,
-        }
-    }
-    Ok(())
-}
-
-fn write_marker(folder: &Path, made: &CaptureInfo) -> Result<(), FileError> {
-    write_json(&folder.join(MARKER), &json!(made))
+    Ok(write_json(&folder.join("gt/trans.json"), &ground_truth(object, input))?)
 }
 
 fn write_rendered(folder: &Path, renderer: &Renderer, planned: &PlannedView) -> Result<(), FileError> {

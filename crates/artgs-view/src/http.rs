@@ -6,13 +6,18 @@
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Bytes of a request without its body.
 const MOST_HEAD: usize = 16 << 10;
 const MOST_HEADERS: usize = 64;
-/// A silent peer is disconnected after this time.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// A peer that takes nothing of an answer is disconnected after this time.
+const STALLED: Duration = Duration::from_secs(20);
+/// Time for a whole answer, and bytes per second that a peer must take beyond that.
+const ANSWER: Duration = Duration::from_secs(60);
+const SLOWEST: u64 = 100 << 10;
+/// Time in which what a peer still sends is read after the answer.
+const LINGER: Duration = Duration::from_millis(500);
 
 /// A request.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -71,11 +76,41 @@ impl Answer {
     }
 }
 
-/// Reads a request; `most` bounds the bytes of its body. An inner `Err` is the answer to an invalid request.
-pub(crate) fn read(stream: &mut TcpStream, most: usize) -> io::Result<Result<Request, Answer>> {
-    stream.set_read_timeout(Some(PATIENCE))?;
-    stream.set_write_timeout(Some(PATIENCE))?;
+/// Reads from a stream until a point in time.
+struct Until<'a> {
+    stream: &'a mut TcpStream,
+    end: Instant,
+}
+
+impl Read for Until<'_> {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let left = self.end.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(io::ErrorKind::TimedOut.into());
+        }
+        self.stream.set_read_timeout(Some(left))?;
+        self.stream.read(into)
+    }
+}
+
+/// True if a peer was too slow; systems differ in the kind of this error.
+fn is_late(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock)
+}
+
+/// Reads a request; `most` bounds the bytes of its body, `patience` the time of all of it. An inner `Err` is the answer to
+/// an invalid request.
+pub(crate) fn read(stream: &mut TcpStream, most: usize, patience: Duration) -> io::Result<Result<Request, Answer>> {
+    let mut stream = Until { stream, end: Instant::now() + patience };
     let mut bytes = Vec::new();
+    match read_until(&mut stream, most, &mut bytes) {
+        // A peer that sent nothing expects no answer.
+        Err(error) if is_late(&error) && !bytes.is_empty() => Ok(Err(Answer::text(408, "the request is too slow"))),
+        read => read,
+    }
+}
+
+fn read_until(stream: &mut Until<'_>, most: usize, bytes: &mut Vec<u8>) -> io::Result<Result<Request, Answer>> {
     let mut piece = [0u8; 4096];
     loop {
         let count = stream.read(&mut piece)?;
@@ -83,12 +118,12 @@ pub(crate) fn read(stream: &mut TcpStream, most: usize) -> io::Result<Result<Req
             return Err(io::ErrorKind::UnexpectedEof.into());
         }
         bytes.extend(&piece[..count]);
-        match head(&bytes) {
+        match head(bytes) {
             Err(reason) => return Ok(Err(Answer::text(400, &reason))),
             Ok(None) if bytes.len() > MOST_HEAD => return Ok(Err(Answer::text(431, "the headers are too long"))),
             Ok(None) => {}
             Ok(Some((length, mut request))) => {
-                let rest = bytes.split_off(length);
+                let rest = bytes[length..].to_vec();
                 return Ok(body(stream, &request, rest, most)?.map(|body| {
                     request.body = body;
                     request
@@ -119,7 +154,7 @@ fn head(bytes: &[u8]) -> Result<Option<(usize, Request)>, String> {
 }
 
 fn body(
-    stream: &mut TcpStream,
+    stream: &mut Until<'_>,
     request: &Request,
     mut bytes: Vec<u8>,
     most: usize,
@@ -141,8 +176,15 @@ fn body(
     Ok(Ok(bytes))
 }
 
-/// Writes an answer with additional headers and closes the connection.
-pub(crate) fn write(stream: &mut TcpStream, answer: Answer, headers: &[(&str, &str)]) -> io::Result<()> {
+/// Writes an answer with additional headers; `sent` is called after every piece that the peer takes.
+pub(crate) fn write(
+    stream: &mut TcpStream,
+    answer: Answer,
+    headers: &[(&str, &str)],
+    sent: &dyn Fn(),
+) -> io::Result<()> {
+    /// Bytes per piece.
+    const PIECE: usize = 64 << 10;
     let length = match &answer.body {
         Body::Bytes(bytes) => bytes.len() as u64,
         Body::File(_, length) => *length,
@@ -154,18 +196,35 @@ pub(crate) fn write(stream: &mut TcpStream, answer: Answer, headers: &[(&str, &s
         answer.kind
     );
     headers.iter().for_each(|(name, value)| head += &format!("{name}: {value}\r\n"));
-    stream.write_all((head + "\r\n").as_bytes())?;
-    match answer.body {
-        Body::Bytes(bytes) => stream.write_all(&bytes)?,
-        Body::File(file, length) => {
-            io::copy(&mut file.take(length), stream)?;
-        }
+    let (mut bytes, mut file) = (&b""[..], None);
+    match &answer.body {
+        Body::Bytes(all) => bytes = all,
+        Body::File(opened, length) => file = Some(opened.take(*length)),
     }
-    stream.flush()?;
+    let end = Instant::now() + ANSWER + Duration::from_secs(length / SLOWEST);
+    stream.set_write_timeout(Some(STALLED))?;
+    let mut content = (head + "\r\n").into_bytes();
+    while !content.is_empty() {
+        stream.write_all(&content)?;
+        sent();
+        if Instant::now() > end {
+            return Err(io::ErrorKind::TimedOut.into());
+        }
+        content.resize(PIECE, 0);
+        let count = match &mut file {
+            Some(file) => file.read(&mut content)?,
+            None => bytes.read(&mut content)?,
+        };
+        content.truncate(count);
+    }
+    stream.flush()
+}
+
+/// Closes a connection after its answer. Unread bytes of the peer would reset it before the answer arrives.
+pub(crate) fn close(stream: &mut TcpStream) -> io::Result<()> {
     stream.shutdown(std::net::Shutdown::Write)?;
-    // Unread bytes of the peer would reset the connection before the answer arrives.
-    stream.set_read_timeout(Some(Duration::from_millis(500)))?;
-    io::copy(&mut stream.take(1 << 20), &mut io::sink()).map(|_| ())
+    let rest = Until { stream, end: Instant::now() + LINGER };
+    io::copy(&mut rest.take(1 << 20), &mut io::sink()).map(|_| ())
 }
 
 fn reason(status: u16) -> &'static str {
@@ -175,6 +234,7 @@ fn reason(status: u16) -> &'static str {
         403 => "Forbidden",
         404 => "Not Found",
         405 => "Method Not Allowed",
+        408 => "Request Timeout",
         409 => "Conflict",
         411 => "Length Required",
         413 => "Content Too Large",
@@ -203,5 +263,57 @@ mod tests {
         assert_eq!((request.header("host"), request.header("origin")), (Some("x:1"), Some("")));
         assert_eq!(request.header("Content-Length"), None);
         assert!(head(b"\x16\x03\x01\x02\x00").unwrap_err().contains("not HTTP"));
+    }
+
+    /// Both ends of a connection, that of the peer first.
+    fn connection() -> (TcpStream, TcpStream) {
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let peer = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        (peer, listener.accept().unwrap().0)
+    }
+
+    #[test]
+    fn a_peer_that_sends_byte_by_byte_has_no_more_time_than_others() {
+        for start in ["", "POST / HTTP/1.1\r\nContent-Length: 9999\r\n\r\n"] {
+            let (mut peer, mut stream) = connection();
+            peer.write_all(start.as_bytes()).unwrap();
+            let slow = std::thread::spawn(move || {
+                while peer.write_all(b"G").is_ok() {
+                    std::thread::sleep(Duration::from_millis(20));
+                }
+            });
+            let begun = Instant::now();
+            let answer = read(&mut stream, 1 << 16, Duration::from_millis(200)).unwrap().unwrap_err();
+            assert!(answer.status == 408 && begun.elapsed() < Duration::from_secs(2), "{:?}", begun.elapsed());
+            // The same after an answer: the connection is closed although bytes keep coming.
+            assert!(close(&mut stream).is_err_and(|e| is_late(&e)) && begun.elapsed() < Duration::from_secs(4));
+            drop(stream);
+            slow.join().unwrap();
+        }
+        let (peer, mut stream) = connection();
+        assert!(read(&mut stream, 0, Duration::from_millis(50)).is_err_and(|e| is_late(&e)), "a silent peer");
+        drop(peer);
+    }
+
+    #[test]
+    fn long_answers_arrive_whole() {
+        let bytes: Vec<u8> = (0..300_000_u32).map(|i| i as u8).collect();
+        let mut file = tempfile::tempfile().unwrap();
+        file.write_all(&bytes).unwrap();
+        std::io::Seek::rewind(&mut file).unwrap();
+        for body in [Body::Bytes(bytes.clone()), Body::File(file, bytes.len() as u64)] {
+            let (mut peer, mut stream) = connection();
+            let reader = std::thread::spawn(move || {
+                let mut all = Vec::new();
+                peer.read_to_end(&mut all).map(|_| all)
+            });
+            let pieces = std::cell::Cell::new(0);
+            let answer = Answer { status: 200, kind: "x/y", body };
+            write(&mut stream, answer, &[], &|| pieces.set(pieces.get() + 1)).unwrap();
+            close(&mut stream).unwrap();
+            drop(stream);
+            let all = reader.join().unwrap().unwrap();
+            assert!(all.ends_with(&bytes) && pieces.get() == 6, "{} bytes, {} pieces", all.len(), pieces.get());
+        }
     }
 }

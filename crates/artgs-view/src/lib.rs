@@ -5,10 +5,12 @@
 mod bundle;
 mod camera;
 mod cloud;
+mod connections;
 mod error;
 mod guard;
 mod http;
 mod live;
+mod obj;
 mod page;
 mod pending;
 mod scene;

@@ -1,6 +1,7 @@
 //! A page: a scene and the files it names. Only these files are served or written into an exported page.
 
 use crate::camera::{CameraView, Placement};
+use crate::obj;
 use crate::scene::{self, Scene, SceneAlternative, SceneCloud, SceneJoint, SceneLink, SceneMesh};
 use crate::urdf::{self, Link};
 use crate::{Cloud, ViewError};
@@ -86,16 +87,21 @@ impl Page {
     /// The page of a replica folder: `exports/urdf/*.urdf` with its meshes, `exports/splats/` and `metrics.json`. Refuses a
     /// folder without a valid `replica.json` or without these exports.
     pub fn of_replica(out: &Path) -> Result<Self, ViewError> {
+        Self::of_run(&RunFolder::new(out))
+    }
+
+    /// The same of a folder whose exports may be elsewhere.
+    pub fn of_run(run: &RunFolder) -> Result<Self, ViewError> {
+        let out = run.root();
         let replica = artgs_io::read_replica(out)?;
-        let run = RunFolder::new(out);
         let folder = run.export(Format::Urdf);
         let missing = |missing| ViewError::NotExported { out: out.into(), missing };
         let path = first_urdf(&folder).ok_or_else(|| missing("exports/urdf/*.urdf"))?;
         let (name, links) = urdf::read(&path)?;
         let mut page = Self::empty(&name);
-        let closed = closed_links(&run)?;
+        let closed = closed_links(run)?;
         for (i, link) in links.into_iter().enumerate() {
-            let mut link = page.link(&run, &folder, i, link)?;
+            let mut link = page.link(run, &folder, i, link)?;
             if let Some(mesh) = &mut link.mesh {
                 mesh.closed = closed.contains(&link.name);
             }
@@ -149,6 +155,14 @@ impl Page {
         page
     }
 
+    /// Reads every file into memory, so that the page needs none of them any more.
+    pub fn load_files(&mut self) -> Result<(), ViewError> {
+        for source in self.files.values_mut() {
+            *source = Source::Bytes(source.read()?);
+        }
+        Ok(())
+    }
+
     /// Sets the transform from the capture's frame to the object's; without it corrections cannot contain positions.
     pub fn place(&mut self, placement: Placement) {
         self.scene.placement = Some(placement);
@@ -187,13 +201,13 @@ impl Page {
             Some(file) => {
                 let texture = texture_of(&folder.join(file))?;
                 let texture = texture.map(|t| self.add(&t, &format!("mesh/{}.png", link.name)));
-                let file = self.add(&folder.join(file), &format!("mesh/{}.obj", link.name))?;
+                let file = self.add_mesh(&folder.join(file), &format!("mesh/{}.obj", link.name))?;
                 Some(SceneMesh { file, texture: texture.transpose()?, closed: false })
             }
         };
         let mut collision = Vec::new();
         for (k, file) in link.collision.iter().enumerate() {
-            collision.push(self.add(&folder.join(file), &format!("hull/{}_{k}.obj", link.name))?);
+            collision.push(self.add_mesh(&folder.join(file), &format!("hull/{}_{k}.obj", link.name))?);
         }
         let splats = ["spz", "ply"]
             .iter()
@@ -221,6 +235,11 @@ impl Page {
         }
         self.files.insert(name.into(), Source::Path(path.into()));
         Ok(name.into())
+    }
+
+    fn add_mesh(&mut self, path: &Path, name: &str) -> Result<String, ViewError> {
+        obj::check(path)?;
+        self.add(path, name)
     }
 
     fn add_picture(&mut self, name: &str, path: Option<&Path>) -> Result<Option<String>, ViewError> {

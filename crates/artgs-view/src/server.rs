@@ -5,25 +5,27 @@
 //! are looked up among those names, so no request path reaches the file system.
 
 use crate::bundle::{HTML, POLICY, SCRIPT, STYLE};
+use crate::connections::{Admitted, Connections};
 use crate::guard::{Asked, refusal};
 use crate::http::{self, Answer, Body, Request};
 use crate::live::{Live, Tint};
 use crate::pending::pending;
 use crate::{Page, SceneRerun, Source, ViewError};
-use artgs_io::{Corrections, read_corrections, write_corrections};
+use artgs_io::folder_lock::LockError;
+use artgs_io::{Corrections, FolderLock, read_corrections, write_corrections};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Default port.
 pub(crate) const DEFAULT_PORT: u16 = 8765;
-/// Largest number of simultaneous connections; a page needs six.
-const MOST_CONNECTIONS: usize = 64;
 /// Largest size of a request body, bytes; 256 corrections of each kind fit.
 const MOST_BYTES: usize = 1 << 16;
+/// Time from the start of a connection to the end of its request.
+const PATIENCE: Duration = Duration::from_secs(10);
 /// Interval at which the server polls for new connections and for its end.
 const BEAT: Duration = Duration::from_millis(10);
 
@@ -134,7 +136,7 @@ impl Server {
 
     /// Answers requests until `stop` is set, then finishes open answers.
     pub fn run(&self, stop: &AtomicBool) {
-        let open = AtomicUsize::new(0);
+        let open = Connections::default();
         std::thread::scope(|scope| {
             while !stop.load(Ordering::Relaxed) {
                 // Other errors concern only one connection.
@@ -142,25 +144,28 @@ impl Server {
                     std::thread::sleep(BEAT);
                     continue;
                 };
-                let busy = open.fetch_add(1, Ordering::Relaxed) >= MOST_CONNECTIONS;
-                let open = &open;
+                let Ok(admitted) = open.admit(&stream) else { continue };
                 scope.spawn(move || {
                     // A peer may disconnect at any time.
-                    let _ = self.serve(stream, busy);
-                    open.fetch_sub(1, Ordering::Relaxed);
+                    let _ = self.serve(stream, admitted);
                 });
             }
+            open.close_waiting();
         });
     }
 
-    fn serve(&self, mut stream: TcpStream, busy: bool) -> std::io::Result<()> {
+    /// Answers one request. A connection that was not admitted is answered without being read.
+    fn serve(&self, mut stream: TcpStream, admitted: Option<Admitted<'_>>) -> std::io::Result<()> {
         stream.set_nonblocking(false)?;
         stream.set_nodelay(true)?;
         let mut started = None;
-        let answer = match busy {
-            true => Answer::text(503, "too many connections"),
-            false => http::read(&mut stream, MOST_BYTES)?
-                .map_or_else(|refused| refused, |request| self.respond(&request, &mut started)),
+        let answer = match &admitted {
+            None => Answer::text(503, "too many connections"),
+            Some(own) => {
+                let request = http::read(&mut stream, MOST_BYTES, PATIENCE)?;
+                own.is_answered();
+                request.map_or_else(|refused| refused, |request| self.respond(&request, &mut started))
+            }
         };
         let headers = [
             ("Content-Security-Policy", POLICY),
@@ -169,8 +174,14 @@ impl Server {
             ("Referrer-Policy", "no-referrer"),
             ("Cache-Control", "no-store"),
         ];
-        let written = http::write(&mut stream, answer, &headers);
-        drop(stream);
+        let sent = || admitted.iter().for_each(Admitted::is_answered);
+        sent();
+        let written = http::write(&mut stream, answer, &headers, &sent).and_then(|()| {
+            admitted.iter().for_each(Admitted::is_done);
+            http::close(&mut stream)
+        });
+        // A run that was started is no connection any more.
+        drop((stream, admitted));
         // The run uses the thread of the request that started it.
         if let (Some(live), Some(Ok(job))) = (started, &self.rerun) {
             // Pages read the outcome from `live`.
@@ -258,6 +269,11 @@ impl Server {
         if self.is_busy() {
             return Answer::text(409, "a run is active; corrections can be saved after it");
         }
+        let _lock = match FolderLock::take(folder, "artgs view") {
+            Ok(lock) => lock,
+            Err(error @ LockError::File(_)) => return Answer::text(500, &error.to_string()),
+            Err(error) => return Answer::text(409, &error.to_string()),
+        };
         let earlier = self.shown().page.corrected.clone();
         let written = Corrections::parse(&request.body)
             .map(|c| earlier.map_or(c.clone(), |(earlier, found)| c.after(&earlier, found)))

@@ -365,6 +365,24 @@ fn corrections_are_checked_and_written_whole() {
 }
 
 #[test]
+fn corrections_that_cannot_be_saved_are_refused_with_the_reason() {
+    let body = r#"{"format":"artgs-corrections","version":1,"joints":[{"part":2,"type":"prismatic"}]}"#;
+    let post = post("/corrections", "Content-Type: application/json\r\n", body);
+    with_server(true, |dir, send| {
+        // A file cannot replace a folder, not even if root writes it.
+        std::fs::create_dir(dir.join("corrections.json")).unwrap();
+        let answer = send(&post);
+        assert!(status(&answer) == "500" && answer.contains("corrections.json: cannot be written"), "{answer}");
+        std::fs::remove_dir(dir.join("corrections.json")).unwrap();
+        let lock = artgs_io::FolderLock::take(dir, "artgs reconstruct").unwrap();
+        let answer = send(&post);
+        assert!(status(&answer) == "409" && answer.contains("in use by process"), "{answer}");
+        drop(lock);
+        assert_eq!(status(&send(&post)), "200");
+    });
+}
+
+#[test]
 fn a_folder_that_was_not_exported_says_how() {
     let dir = tempfile::tempdir().unwrap();
     assert!(Page::of_replica(dir.path()).unwrap_err().to_string().contains("replica.json"));
@@ -402,4 +420,58 @@ fn a_taken_port_is_named() {
     let port = taken.local_addr().unwrap().port();
     let error = Server::bind(common::page(dir.path()), Some(port), None).err().unwrap().to_string();
     assert!(error.contains(&port.to_string()) && error.contains("--port"), "{error}");
+}
+
+#[test]
+fn slow_connections_do_not_keep_the_page_from_loading() {
+    const PATHS: [&str; 6] = ["/", "/viewer.js", "/viewer.css", "/scene.json", "/corrections", "/files/mesh/door.obj"];
+    let dir = tempfile::tempdir().unwrap();
+    common::write_replica_folder(dir.path());
+    let server = Server::bind(common::page(dir.path()), Some(0), Some(dir.path().into())).unwrap();
+    let address = server.url().trim_start_matches("http://").trim_end_matches('/').to_string();
+    let starts = [
+        "",
+        "G",
+        "GET / HTTP/1.1\r\nHost: x\r\nX-",
+        "POST /corrections HTTP/1.1\r\nHost: x\r\nContent-Length: 60000\r\n\r\n{",
+    ];
+    let mut slow: Vec<TcpStream> = (0..64).map(|_| TcpStream::connect(&address).unwrap()).collect();
+    let done = AtomicBool::new(false);
+    asking(&server, |send| {
+        for (i, stream) in slow.iter_mut().enumerate() {
+            stream.write_all(starts[i % starts.len()].as_bytes()).unwrap();
+        }
+        // All are accepted before the page is loaded.
+        std::thread::sleep(Duration::from_millis(300));
+        std::thread::scope(|scope| {
+            let streams = &mut slow;
+            let done = &done;
+            scope.spawn(move || {
+                while !done.load(Ordering::Relaxed) {
+                    // Those that were closed for the page refuse.
+                    streams.iter_mut().skip(1).for_each(|stream| drop(stream.write_all(b"a")));
+                    std::thread::sleep(Duration::from_millis(100));
+                }
+            });
+            let begun = std::time::Instant::now();
+            let address = &address;
+            let load = move |path: &str| {
+                let mut stream = TcpStream::connect(address).unwrap();
+                write!(stream, "GET {path} HTTP/1.1\r\nHost: {address}\r\n\r\n").unwrap();
+                let mut answer = Vec::new();
+                stream.read_to_end(&mut answer).unwrap();
+                String::from_utf8_lossy(&answer[..12]).into_owned()
+            };
+            let mut answers = Vec::new();
+            for _ in 0..3 {
+                let loads: Vec<_> = PATHS.iter().map(|path| scope.spawn(move || load(path))).collect();
+                answers.extend(loads.into_iter().map(|load| load.join()));
+            }
+            let seconds = begun.elapsed().as_secs_f64();
+            done.store(true, Ordering::Relaxed);
+            assert!(answers.iter().all(|a| a.as_ref().is_ok_and(|a| a == "HTTP/1.1 200")), "{answers:?}");
+            assert!(seconds < 2.0, "{seconds} s");
+        });
+        assert_eq!(status(&send(&get("/"))), "200");
+    });
 }

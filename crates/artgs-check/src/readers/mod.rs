@@ -9,6 +9,7 @@ mod usd;
 
 use crate::model::Model;
 use crate::report::FormatFinding;
+use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
@@ -17,6 +18,16 @@ pub(crate) struct Opened {
     pub(crate) finding: FormatFinding,
     /// None if it does not open or contains no model.
     pub(crate) model: Option<Model>,
+}
+
+thread_local! {
+    /// True while a reader is called on this thread.
+    static READING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// True on a thread that reads an export: a panic there is a finding, and no error of the program.
+pub fn is_reading() -> bool {
+    READING.get()
 }
 
 type Reader = fn(&Path, &mut FormatFinding) -> Result<Option<Model>, String>;
@@ -62,7 +73,9 @@ fn finding(folder: &str, name: &str, format: &str, library: &str) -> FormatFindi
 
 fn open(path: &Path, mut finding: FormatFinding, reader: Reader) -> Opened {
     // `openusd` indexes out of bounds on some broken crate files; a damaged export must not end the check.
+    READING.set(true);
     let read = catch_unwind(AssertUnwindSafe(|| reader(path, &mut finding)));
+    READING.set(false);
     let model = match read.unwrap_or_else(|_| Err("the reader crashed; the file is damaged".into())) {
         Ok(model) => model,
         Err(reason) => {

@@ -98,11 +98,16 @@ impl Format {
         }
     }
 
+    /// Name of its folder in `exports` while that is written.
+    pub(crate) fn unfinished_name(self) -> String {
+        format!(".{}.new", self.name())
+    }
+
     /// Replaces the folder of the format in `exports`. Files are written beside it first: if that fails, the earlier
     /// export stays as it is; else none of its files are left. A format that can hold nothing of the asset leaves no
     /// folder, because an empty one would look like an export that failed.
     pub fn replace(self, exports: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> {
-        let (folder, new) = (exports.join(self.name()), exports.join(format!(".{}.new", self.name())));
+        let (folder, new) = (exports.join(self.name()), exports.join(self.unfinished_name()));
         if !self.can_hold(asset) {
             remove_folder(&folder)?;
             return Ok(Vec::new());

@@ -1,8 +1,9 @@
 //! Recordings on disk: `start`, `end`, and their truth under `gt`.
 
 use super::{RecordingCaptureOptions, RecordingTruth, WorldAxes, render_recording};
-use crate::write::{GENERATOR, MARKER, discard, ground_truth, write_json, write_meshes};
-use crate::{SynthError, capture_info, objects};
+use crate::replace::replace;
+use crate::write::{GENERATOR, MARKER, ground_truth, write_json, write_meshes};
+use crate::{SynthError, objects};
 use artgs_core::{Camera, Mesh, PerState, Recording, Rigid, State};
 use artgs_io::capture::opengl_pose;
 use artgs_io::image_io::write_gray;
@@ -54,21 +55,21 @@ pub fn write_recorded_object(
         recording: options,
         complete,
     };
-    let earlier = recording_info(folder);
-    if earlier.as_ref() == Some(&marker(true)) {
+    if recording_info(folder) == Some(marker(true)) {
         return Ok(marker(true));
     }
     // Before any file, so that an unknown object leaves no trace.
     let (recordings, truth) = render_recording(name, &options)?;
-    if earlier.is_some() || capture_info(folder).is_some() {
-        discard(folder)?;
-    }
-    write_json(&folder.join(MARKER), &json!(marker(false)))?;
-    for (state, recording) in recordings.enumerate() {
-        write_recording(&folder.join(state.name()), recording, format)?;
-    }
-    write_truth(folder, &recordings, &truth, &options)?;
-    write_json(&folder.join(MARKER), &json!(marker(true)))?;
+    replace(
+        folder,
+        |complete| json!(marker(complete)),
+        |new| {
+            for (state, recording) in recordings.enumerate() {
+                write_recording(&new.join(state.name()), recording, format)?;
+            }
+            write_truth(new, &recordings, &truth, &options)
+        },
+    )?;
     Ok(marker(true))
 }
 

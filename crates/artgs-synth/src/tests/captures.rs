@@ -106,7 +106,8 @@ fn same_seed_same_bytes_on_any_number_of_threads() {
         files(dir.path())
     };
     let once = write(1, options);
-    assert_eq!(once.len(), 2 * (3 * 4 + 2 + 3) + 2);
+    // Images, masks, cameras and meshes of each state; ground truth, marker and the list of all files.
+    assert_eq!(once.len(), 2 * (3 * 4 + 2 + 3) + 3);
     assert!(once == write(3, options));
     assert!(once != write(1, CaptureOptions { seed: 1, ..options }));
 }
@@ -188,6 +189,12 @@ fn an_interrupted_capture_is_replaced_and_a_complete_one_kept() {
     write_object("blade", &CaptureOptions { views: 2, ..small() }, dir.path()).unwrap();
     assert!(!image.exists(), "images of an earlier capture are removed");
     assert!(dir.path().join("notes.txt").exists());
+
+    let mine = dir.path().join("start/train/rgba/mine.png");
+    std::fs::write(&mine, "mine").unwrap();
+    let error = write_object("blade", &small(), dir.path()).unwrap_err();
+    assert!(error.to_string().contains("mine.png"), "{error}");
+    assert!(mine.exists() && dir.path().join("start/train/rgba/0001.png").exists(), "nothing is removed");
 }
 
 #[test]

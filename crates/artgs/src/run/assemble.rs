@@ -6,7 +6,7 @@ use super::{Error, FittedParts, Reconstructed, ViewMeans};
 use crate::articulation::{Trained, score_state};
 use crate::discover::Discovery;
 use crate::fit::score::mean_score;
-use crate::observer::percent;
+use crate::observer::{Event, percent};
 use crate::surface::PartMeshes;
 use artgs_core::{Alternative, Capture, Joint, JointEstimate, Mesh, Replica, State, View};
 use artgs_io::run_folder::{load_text, save_json};
@@ -53,6 +53,10 @@ impl Run<'_> {
                     config: run.config.clone(),
                 };
                 run.save(|folder| result.save_results(folder))?;
+                if run.folder.map_or(Ok(false), |folder| folder.remove_stale_exports())? {
+                    let note = "the replica has changed: exports of the earlier one were removed";
+                    run.observer.event(Event::note(note));
+                }
                 Ok(result)
             },
         )?;

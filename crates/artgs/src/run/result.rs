@@ -41,6 +41,8 @@ impl Reconstructed {
         folder.save_replica(&self.replica, &self.meshes.parts, &self.meshes.whole)?;
         if let Some(trained) = &self.trained {
             folder.save_splats(&trained.splats, &trained.labels, trained.joints.len() + 1)?;
+        } else {
+            folder.remove_splats()?;
         }
         if let Some(preview) = &self.preview {
             preview.save(&folder.preview())?;
