@@ -19,6 +19,7 @@ pub mod run_folder;
 mod splat_ply;
 pub mod summary;
 mod tensors;
+mod text;
 
 pub use atomic::write_atomic;
 pub use capture::{CaptureError, load_capture};
@@ -32,3 +33,4 @@ pub use run_folder::RunFolder;
 pub use splat_ply::{read_splat_ply, write_splat_ply};
 pub use summary::{CaptureSummary, summarize};
 pub use tensors::{Tensor, read_safetensors};
+pub use text::without_mark;
