@@ -43,6 +43,18 @@ impl Failure {
     }
 }
 
+/// Text for a terminal: control characters and marks of direction, which names of files may contain, become visible.
+/// Lines stay lines.
+pub(crate) fn harmless(text: &str) -> String {
+    let shown = |c: char| match c {
+        '\n' | '\t' => c.to_string(),
+        '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => c.escape_unicode().to_string(),
+        c if c.is_control() => c.escape_default().to_string(),
+        c => c.to_string(),
+    };
+    text.chars().map(shown).collect()
+}
+
 impl From<anyhow::Error> for Failure {
     fn from(error: anyhow::Error) -> Self {
         Self::Failed(error)
@@ -52,7 +64,7 @@ impl From<anyhow::Error> for Failure {
 impl Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let error = match self {
-            Self::ChecksFailed(what) => return f.write_str(what),
+            Self::ChecksFailed(what) => return f.write_str(&harmless(what)),
             Self::BadInput(error) | Self::Failed(error) | Self::Interrupted(error) => error,
         };
         // Most errors name their cause themselves; only causes that they do not name follow.
@@ -63,7 +75,7 @@ impl Display for Failure {
                 said += &cause;
             }
         }
-        f.write_str(&said)
+        f.write_str(&harmless(&said))
     }
 }
 
@@ -71,6 +83,12 @@ impl Display for Failure {
 mod tests {
     use super::*;
     use anyhow::Context;
+
+    #[test]
+    fn names_do_not_command_the_terminal() {
+        let failure = Failure::bad("a\u{1b}[2J\u{7}\u{9b}b\u{202e}c: no such file\nsecond line");
+        assert_eq!(failure.to_string(), "a\\u{1b}[2J\\u{7}\\u{9b}b\\u{202e}c: no such file\nsecond line");
+    }
 
     #[test]
     fn causes_are_named_once() {

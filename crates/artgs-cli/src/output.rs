@@ -20,7 +20,7 @@ impl Report {
     /// Both forms of a result.
     pub(crate) fn new(result: &(impl Display + Serialize)) -> Result<Self, Failure> {
         let json = serde_json::to_value(result).context("the result has no JSON form")?;
-        Ok(Self { text: result.to_string(), json })
+        Ok(Self { text: crate::failure::harmless(&result.to_string()), json })
     }
 
     /// Puts one of the forms on standard output.

@@ -2,6 +2,7 @@
 //! No colours anywhere, so there is nothing for `NO_COLOR` to switch off.
 
 use crate::commands::Style;
+use crate::failure::harmless;
 use artgs::observer::{Event, JsonLines, Observer};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::{self, IsTerminal, Write};
@@ -83,7 +84,7 @@ impl<W: Write> Lines<W> {
 impl<W: Write> Observer for Lines<W> {
     fn event(&mut self, event: Event) {
         if let Event::Warning { message } = &event {
-            return self.line(&format!("warning: {message}"));
+            return self.line(&harmless(&format!("warning: {message}")));
         }
         let Some(period) = self.period else { return };
         match event {
@@ -167,7 +168,7 @@ impl Observer for Bar {
                 self.clear();
                 self.above(&finished(&stage, seconds, reused));
             }
-            Event::Warning { message } => self.above(&format!("warning: {message}")),
+            Event::Warning { message } => self.above(&harmless(&format!("warning: {message}"))),
             Event::Note { message } => self.above(&message),
         }
     }
