@@ -14,10 +14,10 @@ use anyhow::Context;
 use artgs::align::correct;
 use artgs::fit::FitError;
 use artgs::observer::{JsonLines, NullObserver, Observer, Tee};
-use artgs::run::finds_parts;
+use artgs::run::{finds_parts, found_parts};
 use artgs::{Config, Reconstruction};
 use artgs_core::{Capture, JointEstimate};
-use artgs_io::RunFolder;
+use artgs_io::{RunFolder, read_corrections};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -40,9 +40,13 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     if args.stop_after.is_some() && !finds_parts(&config) {
         return Err(Failure::bad(format!("--stop-after: {}", artgs::Error::PartsLearnt)));
     }
+    if args.earlier.resume {
+        require_corrections(&run)?;
+    }
     let device = device::choose(args.method.device, &config)?;
     let (capture, photos) = match Source::new(&args.capture)? {
         Source::Capture(folder) => {
+            recordings::require_none(&args.recording, &folder)?;
             let mut capture = load_capture(&folder)?;
             agreement::require(&mut capture, args.force_input)?;
             let correction = correct(&mut capture, &config.align);
@@ -74,6 +78,15 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
         say(format!("replica in {shown}; artgs export {shown} writes it as files for simulators and browsers"))?;
     }
     Ok(())
+}
+
+/// Refuses corrections that cannot be applied before anything is read or computed.
+fn require_corrections(run: &RunFolder) -> Result<(), Failure> {
+    let refused = |reason: String| Failure::bad(format!("{reason}; correct the file or remove it"));
+    let Some(corrections) = read_corrections(run.root()).map_err(|e| refused(e.to_string()))? else { return Ok(()) };
+    let Some(found) = found_parts(run) else { return Ok(()) };
+    let wrong = |reason: String| refused(format!("{}: {reason}", run.corrections().display()));
+    corrections.check_parts(found.parts.len()).map_err(wrong)
 }
 
 /// Saves a capture with new cameras in the folder of a run, and reads it again: depth in files is rounded, and a later run
