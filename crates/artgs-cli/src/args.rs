@@ -234,7 +234,7 @@ pub(crate) struct Export {
     #[arg(long, value_name = "DIR")]
     pub(crate) capture: Option<PathBuf>,
     /// Name of the object in the files
-    #[arg(long, default_value = ExportOptions::NAME)]
+    #[arg(long, default_value = ExportOptions::NAME, value_parser = object_name)]
     pub(crate) name: String,
     /// Metres per unit of the capture
     #[arg(long, value_name = "M", default_value_t = 1.0, value_parser = metres_per_unit)]
@@ -252,7 +252,7 @@ pub(crate) struct Export {
     #[arg(long)]
     pub(crate) observed_limits: bool,
     /// Triangles per link, about, for drawing; 20000 if absent
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = triangles)]
     pub(crate) triangles: Option<usize>,
     /// Number of threads; all cores if absent
     #[arg(long, value_name = "N")]
@@ -487,6 +487,19 @@ fn metres_per_unit(text: &str) -> Result<f64, String> {
 /// Densities from foam to the heaviest metal.
 fn density(text: &str) -> Result<f64, String> {
     number_in(text, 1.0, 25_000.0)
+}
+
+/// Names that a file can have.
+fn object_name(text: &str) -> Result<String, String> {
+    let usable =
+        text.chars().count() <= 100 && text.chars().any(char::is_alphanumeric) && !text.chars().any(char::is_control);
+    if usable { Ok(text.into()) } else { Err("1 to 100 characters, one of them a letter or digit".into()) }
+}
+
+/// Numbers of triangles that can show something.
+fn triangles(text: &str) -> Result<usize, String> {
+    let number = text.parse().ok().filter(|n| (4..=100_000_000).contains(n));
+    number.ok_or_else(|| "a whole number from 4 to 100000000".into())
 }
 
 fn number_in(text: &str, low: f64, high: f64) -> Result<f64, String> {

@@ -45,6 +45,7 @@ pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
 /// Describes a capture, or each of one or two recordings.
 fn inspect(args: &Inspect, style: Style) -> Result<(), Failure> {
     if let Ok(Source::Capture(folder)) = Source::new(&args.capture) {
+        recordings::require_none(&args.recording, &folder)?;
         let capture = load_capture(&folder)?;
         let found = check_capture(&capture);
         let mut report = Report::new(&artgs_io::summarize(&capture))?;

@@ -18,6 +18,15 @@ pub(crate) fn run(args: &Evaluate, style: Style) -> Result<(), Failure> {
             return Err(Failure::bad(format!("{}: {what}", folder.display())));
         }
     }
+    if let Some(capture) =
+        args.gt.as_ref().filter(|gt| !gt.join("trans.json").exists() && gt.join("gt/trans.json").exists())
+    {
+        let shown = capture.display();
+        return Err(Failure::bad(format!("{shown}: a capture; give the folder of its ground truth: --gt {shown}/gt")));
+    }
+    if let Some(file) = args.json.as_ref().filter(|file| file.as_os_str() != "-") {
+        require_place(file)?;
+    }
     let run = RunFolder::new(&args.out);
     require_replica(&run)?;
     let ground_truth = args.gt.as_deref();
@@ -36,6 +45,20 @@ pub(crate) fn run(args: &Evaluate, style: Style) -> Result<(), Failure> {
         write_json(file, &scores)?;
     }
     scores.show(style.json)
+}
+
+/// Refuses a place where no file can be, before minutes of work.
+fn require_place(file: &Path) -> Result<(), Failure> {
+    let above = file.ancestors().skip(1).find(|folder| folder.exists());
+    match above {
+        _ if file.is_dir() => Err(Failure::bad(format!("{}: is a folder; give a file to --json", file.display()))),
+        Some(above) if !above.is_dir() => Err(Failure::bad(format!(
+            "{}: {} is a file; give another place to --json",
+            file.display(),
+            above.display()
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// Why a replica cannot be compared with the held-out views of a capture.

@@ -1,5 +1,6 @@
 //! What a command failed with, and its exit code.
 
+use crate::output::printable;
 use std::fmt::{self, Display};
 
 /// Why a command did not finish.
@@ -52,7 +53,7 @@ impl From<anyhow::Error> for Failure {
 impl Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let error = match self {
-            Self::ChecksFailed(what) => return f.write_str(what),
+            Self::ChecksFailed(what) => return f.write_str(&printable(what)),
             Self::BadInput(error) | Self::Failed(error) | Self::Interrupted(error) => error,
         };
         // Most errors name their cause themselves; only causes that they do not name follow.
@@ -63,7 +64,7 @@ impl Display for Failure {
                 said += &cause;
             }
         }
-        f.write_str(&said)
+        f.write_str(&printable(&said))
     }
 }
 
@@ -71,6 +72,12 @@ impl Display for Failure {
 mod tests {
     use super::*;
     use anyhow::Context;
+
+    #[test]
+    fn names_do_not_command_the_terminal() {
+        let failure = Failure::bad("a\u{1b}[2J\u{7}\u{9b}b\u{202e}c: no such file\nsecond line");
+        assert_eq!(failure.to_string(), "a\\u001b[2J\\u0007\\u009bb\\u202ec: no such file\nsecond line");
+    }
 
     #[test]
     fn causes_are_named_once() {

@@ -15,10 +15,10 @@ use anyhow::Context;
 use artgs::align::correct;
 use artgs::fit::FitError;
 use artgs::observer::{JsonLines, NullObserver, Observer, Tee};
-use artgs::run::finds_parts;
+use artgs::run::{finds_parts, found_parts};
 use artgs::{Config, Reconstruction};
 use artgs_core::{Capture, JointEstimate};
-use artgs_io::{CaptureOptions, FolderLock, RunFolder};
+use artgs_io::{CaptureOptions, FolderLock, RunFolder, read_corrections};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -41,6 +41,9 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     if args.stop_after.is_some() && !finds_parts(&config) {
         return Err(Failure::bad(format!("--stop-after: {}", artgs::Error::PartsLearnt)));
     }
+    if args.earlier.resume {
+        require_corrections(&run)?;
+    }
     let device = device::choose(args.method.device, &config)?;
     let source = Source::new(&args.capture)?;
     let plan = match &source {
@@ -53,6 +56,7 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     }
     let (capture, photos, lock) = match source {
         Source::Capture(folder) => {
+            recordings::require_none(&args.recording, &folder)?;
             let mut capture = load_capture_with(&folder, &CaptureOptions { longest_side: plan.longest_side })?;
             agreement::require(&mut capture, args.force_input)?;
             let correction = correct(&mut capture, &config.align);
@@ -107,6 +111,15 @@ fn prepare(run: &RunFolder, args: &Reconstruct, photos: &Path, style: Style) -> 
         )));
     }
     folder::prepare(run, args.earlier, COMMAND, style)
+}
+
+/// Refuses corrections that cannot be applied before anything is read or computed.
+fn require_corrections(run: &RunFolder) -> Result<(), Failure> {
+    let refused = |reason: String| Failure::bad(format!("{reason}; correct the file or remove it"));
+    let Some(corrections) = read_corrections(run.root()).map_err(|e| refused(e.to_string()))? else { return Ok(()) };
+    let Some(found) = found_parts(run) else { return Ok(()) };
+    let wrong = |reason: String| refused(format!("{}: {reason}", run.corrections().display()));
+    corrections.check_parts(found.parts.len()).map_err(wrong)
 }
 
 /// Saves a capture with new cameras in the folder of a run, and reads it again: depth in files is rounded, and a later run

@@ -27,7 +27,7 @@ impl Source {
     /// One path is a capture, two are recordings.
     pub(crate) fn new(paths: &[PathBuf]) -> Result<Self, Failure> {
         match paths {
-            [capture] => match RecordingFormat::detect(capture) {
+            [capture] => match RecordingFormat::detect(capture).or_else(|| RecordingFormat::by_name(capture)) {
                 Some(format) if !is_capture(capture) => Err(Failure::bad(format!(
                     "{}: a recording of one state ({}); give the recordings of both states: artgs reconstruct CLOSED OPEN \
                      -o OUT",
@@ -47,6 +47,24 @@ fn is_capture(folder: &Path) -> bool {
     ["transforms_train_start.json", "start/camera_train.json"].iter().any(|file| folder.join(file).is_file())
 }
 
+/// Refuses options of recordings where there is a capture.
+pub(crate) fn require_none(args: &RecordingArgs, capture: &Path) -> Result<(), Failure> {
+    let given = [
+        ("--format", args.format.is_some()),
+        ("--frames", args.frames.is_some()),
+        ("--intrinsics", args.intrinsics.is_some()),
+        ("--poses", !args.poses.is_empty()),
+        ("--every", args.every != 1),
+        ("--offset", !args.offset.is_empty()),
+    ];
+    match given.iter().find(|(_, given)| *given && is_capture(capture)) {
+        Some((option, _)) => {
+            Err(Failure::bad(format!("{option} is for the recordings of two states, and this is a capture")))
+        }
+        None => Ok(()),
+    }
+}
+
 /// Largest number of frames of one recording that are used.
 pub(crate) fn most_frames(args: &RecordingArgs) -> usize {
     args.frames.unwrap_or(RecordingOptions::default().frames)
@@ -58,6 +76,16 @@ pub(crate) fn load(
     args: &RecordingArgs,
     longest_side: u32,
 ) -> Result<PerState<Recording>, Failure> {
+    if let Some(capture) = paths.iter().find(|path| is_capture(path)) {
+        return Err(Failure::bad(format!(
+            "{}: not a recording, but a capture of both states; give it alone",
+            capture.display()
+        )));
+    }
+    if paths[State::START] == paths[State::END] && args.offset.is_empty() {
+        let shown = paths[State::START].display();
+        return Err(Failure::bad(format!("{shown}: the same recording twice; give the recordings of two states")));
+    }
     let read = |state: State| {
         let options = RecordingOptions { longest_side, ..options(state, args)? };
         load_recording(&paths[state], &options).map_err(Failure::bad_input)

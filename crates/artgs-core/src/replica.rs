@@ -204,6 +204,12 @@ impl Replica {
             if part.id != index {
                 return fail("field `id` is not its position in `parts`");
             }
+            if !is_name(&part.name) {
+                return fail("field `name` must be 1 to 100 characters without `/`, `\\` and control characters");
+            }
+            if self.parts[..index].iter().any(|other| other.name == part.name) {
+                return fail("field `name` is that of another part");
+            }
             if part.parent.is_some_and(|p| p >= index) {
                 return fail("field `parent` must name an earlier part");
             }
@@ -227,13 +233,24 @@ impl Replica {
     }
 }
 
+/// Names become parts of the names of files.
+fn is_name(name: &str) -> bool {
+    let usable = |c: char| !c.is_control() && c != '/' && c != '\\';
+    (1..=100).contains(&name.chars().count()) && !name.trim_matches(['.', ' ']).is_empty() && name.chars().all(usable)
+}
+
+/// Largest coordinate and value of a joint.
+const LARGEST: f64 = 1e9;
+
 /// What is wrong with the numbers of a joint.
 fn fault(joint: &Joint) -> Option<&'static str> {
-    let values = joint.state_values.iter().chain(&joint.limits);
+    let values = || joint.state_values.iter().chain(&joint.limits);
     if !joint.axis.is_finite() || !joint.origin.is_finite() || !joint.pitch.is_finite() {
         Some("field `joint` has a number that is not finite")
-    } else if values.copied().any(|v: f64| !v.is_finite()) {
+    } else if values().copied().any(|v: f64| !v.is_finite()) {
         Some("fields `state_values` and `limits` must be finite")
+    } else if joint.origin.abs().max_element() > LARGEST || values().copied().any(|v| v.abs() > LARGEST) {
+        Some("field `joint` has a number above 1e9: `origin`, `state_values` or `limits`")
     } else if (joint.axis.length() - 1.0).abs() > 1e-3 {
         Some("field `axis` is not a unit vector")
     } else if joint.limits[0] > joint.limits[1] {

@@ -13,7 +13,7 @@
 //! they are added.
 
 use crate::error::read_bytes;
-use crate::{FileError, write_atomic};
+use crate::{FileError, without_mark, write_atomic};
 use artgs_core::JointKind;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -195,7 +195,8 @@ struct Document {
 impl Corrections {
     /// From the text of the file; the error says which field is wrong.
     pub fn parse(text: &[u8]) -> Result<Self, String> {
-        let Document { format, version, centres, joints } = serde_json::from_slice(text).map_err(|e| e.to_string())?;
+        let Document { format, version, centres, joints } =
+            serde_json::from_slice(without_mark(text)?).map_err(|e| e.to_string())?;
         if format != FORMAT || version != VERSION {
             return Err(format!(
                 "field `format` is {format:?} version {version}; expected {FORMAT:?} version {VERSION}"
@@ -239,6 +240,24 @@ impl Corrections {
         let kept = |m: &&JointMark| !removed(&centres, m.part) && marks.iter().all(|new| new.part != m.part);
         let joints = earlier.joints.iter().filter(kept).copied().chain(marks.iter().copied()).collect();
         Self { centres, joints }
+    }
+
+    /// Refuses parts that do not exist where `found` movable parts were found: numbers above those of found and added parts.
+    pub fn check_parts(&self, found: usize) -> Result<(), String> {
+        let mut known = found;
+        let absent = |field: String, part: usize, known: usize| {
+            Err(format!("field `{field}`: there is no part {part}, the largest number is {known}"))
+        };
+        for (i, edit) in self.centres.iter().enumerate() {
+            if let Some(part) = edit.clone().part_numbers().into_iter().map(|part| *part).find(|part| *part > known) {
+                return absent(format!("centres[{i}]"), part, known);
+            }
+            known += usize::from(edit.adds_part());
+        }
+        match self.joints.iter().enumerate().find(|(_, mark)| mark.part > known) {
+            Some((i, mark)) => absent(format!("joints[{i}]"), mark.part, known),
+            None => Ok(()),
+        }
     }
 
     /// Part numbers above 0, finite positions, no part changed after it was removed, one type per joint, axes with a
@@ -324,6 +343,19 @@ mod tests {
         };
         write_corrections(dir.path(), &corrections).unwrap();
         assert_eq!(read_corrections(dir.path()).unwrap(), Some(corrections));
+    }
+
+    #[test]
+    fn parts_that_do_not_exist_are_named() {
+        let add = CentreEdit::Add { position: [0.0; 3] };
+        let corrections = |centres| Corrections { centres, joints: vec![] };
+        let check = |centres| corrections(centres).check_parts(2);
+        assert!(check(vec![CentreEdit::Delete { part: 2 }, add.clone(), CentreEdit::Delete { part: 3 }]).is_ok());
+        let text = check(vec![CentreEdit::Delete { part: 3 }, add]).unwrap_err();
+        assert!(text.contains("centres[0]") && text.contains("part 3"), "{text}");
+        let joints = vec![JointMark { part: 4, kind: JointKind::Screw, joint: None }];
+        let text = Corrections { centres: vec![], joints }.check_parts(2).unwrap_err();
+        assert!(text.contains("joints[0]") && text.contains("part 4"), "{text}");
     }
 
     #[test]

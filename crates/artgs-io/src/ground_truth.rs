@@ -7,7 +7,7 @@
 //! Only for scores: the reconstruction must not use this.
 
 use crate::error::read_bytes;
-use crate::{FileError, read_mesh_ply};
+use crate::{FileError, read_mesh_ply, without_mark};
 use artgs_core::{Joint, JointKind, Mesh, PerState, Rigid, State};
 use glam::DVec3;
 use serde_json::Value;
@@ -39,7 +39,7 @@ impl GroundTruth {
 /// Reads a `gt` folder. Degrees become radians, axis directions are normalised; a zero axis is an error.
 pub fn load_ground_truth(gt_dir: &Path) -> Result<GroundTruth, FileError> {
     let (joints, parents): (Vec<_>, Vec<_>) = read_joints(&gt_dir.join("trans.json"))?.into_iter().unzip();
-    let both = |name: &str| PerState::from_fn(|state| read_mesh_ply(&mesh_path(gt_dir, state, name))).transpose();
+    let both = |name: &str| PerState::from_fn(|state| surface(&mesh_path(gt_dir, state, name))).transpose();
     let movable = (0..joints.len()).map(|i| {
         let numbered = format!("_dynamic_{i}");
         let single = joints.len() == 1 && !mesh_path(gt_dir, State::START, &numbered).is_file();
@@ -47,6 +47,15 @@ pub fn load_ground_truth(gt_dir: &Path) -> Result<GroundTruth, FileError> {
     });
     let movable = movable.collect::<Result<_, _>>()?;
     Ok(GroundTruth { movable, whole: both("")?, fixed: both("_static")?, joints, parents })
+}
+
+/// A mesh, which must have a surface: distances to nothing would be scores.
+fn surface(path: &Path) -> Result<Mesh, FileError> {
+    let mesh = read_mesh_ply(path)?;
+    if mesh.triangles.is_empty() {
+        return Err(FileError::malformed(path, "has no triangles; export the true mesh again"));
+    }
+    Ok(mesh)
 }
 
 /// `_rotate` in the names means turned to z-up.
@@ -63,7 +72,8 @@ pub fn read_true_joints(gt_dir: &Path) -> Result<Vec<Joint>, FileError> {
 /// Joints and their parents.
 fn read_joints(path: &Path) -> Result<Vec<(Joint, Option<usize>)>, FileError> {
     let bytes = read_bytes(path)?;
-    let root: Value = serde_json::from_slice(&bytes).map_err(|e| FileError::malformed(path, e.to_string()))?;
+    let text = without_mark(&bytes).map_err(|reason| FileError::malformed(path, reason))?;
+    let root: Value = serde_json::from_slice(text).map_err(|e| FileError::malformed(path, e.to_string()))?;
     let joints = match root.get("trans_info") {
         Some(Value::Array(list)) => {
             let entry = |(i, v)| Ok((joint(v)?, parent(v, i, list.len())?));

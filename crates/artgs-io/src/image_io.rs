@@ -35,6 +35,12 @@ pub struct DepthImage {
 }
 
 fn open(path: &Path, bytes: &[u8]) -> Result<impl ImageDecoder, FileError> {
+    if bytes.starts_with(&[0xff, 0xd8, 0xff]) {
+        return Err(FileError::malformed(
+            path,
+            "is a JPEG, here only a PNG can be used; convert it, renaming is not enough",
+        ));
+    }
     let decoder = PngDecoder::new(Cursor::new(bytes)).map_err(|e| unreadable(path, &e))?;
     if decoder.total_bytes() > LARGEST {
         let (width, height) = decoder.dimensions();

@@ -23,6 +23,7 @@ pub mod run_folder;
 mod splat_ply;
 pub mod summary;
 mod tensors;
+mod text;
 
 pub use atomic::write_atomic;
 pub use capture::{CaptureError, CaptureOptions, load_capture, load_capture_with};
@@ -39,3 +40,4 @@ pub use run_folder::RunFolder;
 pub use splat_ply::{read_splat_ply, write_splat_ply};
 pub use summary::{CaptureSummary, summarize};
 pub use tensors::{Tensor, read_safetensors};
+pub use text::without_mark;

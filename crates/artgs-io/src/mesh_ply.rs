@@ -45,6 +45,9 @@ pub fn read_mesh_ply(path: &Path) -> Result<Mesh, FileError> {
     read_ply(&bytes).and_then(|elements| mesh(&elements)).map_err(|reason| FileError::malformed(path, reason))
 }
 
+/// Largest coordinate of a mesh: products of larger ones are not finite in single precision.
+const FARTHEST: f32 = 1e9;
+
 fn mesh(elements: &[Element]) -> Result<Mesh, String> {
     let find = |name| elements.iter().find(|e| e.name == name);
     let vertex = find("vertex").ok_or("no element `vertex`")?;
@@ -52,6 +55,9 @@ fn mesh(elements: &[Element]) -> Result<Mesh, String> {
     let vertices: Vec<[f32; 3]> = (0..vertex.count).map(|i| [x[i] as f32, y[i] as f32, z[i] as f32]).collect();
     if let Some(row) = vertices.iter().position(|v| v.iter().any(|c| !c.is_finite())) {
         return Err(format!("element `vertex`, row {row}: not finite"));
+    }
+    if let Some(row) = vertices.iter().position(|v| v.iter().any(|c| c.abs() > FARTHEST)) {
+        return Err(format!("element `vertex`, row {row}: a coordinate is beyond {FARTHEST:e}"));
     }
     let colors = match ["red", "green", "blue"].map(|c| vertex.scalar(c)) {
         [Some(r), Some(g), Some(b)] => (0..vertex.count).map(|i| [byte(r, i), byte(g, i), byte(b, i)]).collect(),

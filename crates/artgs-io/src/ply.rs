@@ -68,6 +68,13 @@ pub(crate) struct Column {
     pub(crate) ends: Vec<usize>,
 }
 
+impl Column {
+    /// Least number of bytes of a row in a binary file.
+    fn least_bytes(&self) -> usize {
+        self.length.unwrap_or(self.kind).size()
+    }
+}
+
 /// An element: rows of equal shape.
 #[derive(Debug)]
 pub(crate) struct Element {
@@ -97,6 +104,7 @@ impl Element {
 /// Reads every element of a PLY file. Errors say what is wrong, not in which file.
 pub(crate) fn read_ply(bytes: &[u8]) -> Result<Vec<Element>, String> {
     let (encoding, mut elements, body) = read_header(bytes)?;
+    let binary = matches!(encoding, Encoding::Binary { .. });
     let mut rows = match encoding {
         Encoding::Ascii => {
             let text =
@@ -107,7 +115,9 @@ pub(crate) fn read_ply(bytes: &[u8]) -> Result<Vec<Element>, String> {
     };
     for element in elements.iter_mut().filter(|e| !e.columns.is_empty()) {
         // The header may state any count; memory is reserved only for as many values as the file can contain.
-        let capacity = element.count.min(body.len());
+        // A number takes at least a byte and a separator as text.
+        let row: usize = element.columns.iter().map(|c| if binary { c.least_bytes() } else { 2 }).sum();
+        let capacity = element.count.min(body.len() / row + 1);
         element.columns.iter_mut().for_each(|c| c.values.reserve(capacity));
         for row in 0..element.count {
             for column in &mut element.columns {

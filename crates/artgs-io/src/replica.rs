@@ -1,7 +1,7 @@
 //! The replica folder's `replica.json`.
 
 use crate::error::read_bytes;
-use crate::{FileError, write_atomic};
+use crate::{FileError, without_mark, write_atomic};
 use artgs_core::{Replica, ReplicaError};
 use serde_json::Value;
 use std::path::{Component, Path, PathBuf};
@@ -51,7 +51,8 @@ pub fn read_replica(dir: &Path) -> Result<Replica, ReplicaFileError> {
     let path = dir.join(REPLICA_FILE);
     let bytes = read_bytes(&path)?;
     let malformed = |e: serde_json::Error| FileError::malformed(&path, e.to_string());
-    let value: Value = serde_json::from_slice(&bytes).map_err(malformed)?;
+    let bytes = without_mark(&bytes).map_err(|reason| FileError::malformed(&path, reason))?;
+    let value: Value = serde_json::from_slice(bytes).map_err(malformed)?;
     // Another version may have other fields: say so before complaining about those.
     let (format, version) = (value.get("format"), value.get("version").and_then(Value::as_u64));
     let invalid = |source| ReplicaFileError::Invalid { path: path.clone(), source };
@@ -62,7 +63,7 @@ pub fn read_replica(dir: &Path) -> Result<Replica, ReplicaFileError> {
         return Err(invalid(ReplicaError::Version(u32::try_from(version).unwrap_or(u32::MAX))));
     }
     // Parsed again from the text, because only then do errors know their line.
-    let replica: Replica = serde_json::from_slice(&bytes).map_err(malformed)?;
+    let replica: Replica = serde_json::from_slice(bytes).map_err(malformed)?;
     replica.validate().map_err(invalid)?;
     check_paths(&path, &replica)?;
     for (field, mesh) in meshes(&replica) {

@@ -285,14 +285,34 @@ fn mcap_files_are_read() {
     let (file, options) = store(dir.path(), "a.mcap", &bytes);
     let text = load_recording(&file, &options).map(|r| r.format).unwrap_err().to_string();
     assert!(text.contains("a.mcap") && text.contains("aligned to colour"), "{text}");
-    // Depth that is aligned to colour.
-    let aligned = [&b"/device_0/sensor_0/Depth_0/image/data"[..], &b"/device_0/sensor_0/aligned/image/data"[..]];
-    let mut renamed = bytes;
-    while let Some(at) = renamed.windows(37).position(|w| w == aligned[0]) {
-        renamed[at..at + 37].copy_from_slice(aligned[1]);
-    }
-    let (file, options) = store(dir.path(), "a.mcap", &renamed);
+    let (file, options) = store(dir.path(), "a.mcap", &aligned_mcap());
     check(&file, &options, RecordingFormat::Mcap);
+}
+
+/// Depth that is aligned to colour.
+fn aligned_mcap() -> Vec<u8> {
+    let names = [&b"/device_0/sensor_0/Depth_0/image/data"[..], &b"/device_0/sensor_0/aligned/image/data"[..]];
+    let mut renamed = mcap();
+    while let Some(at) = renamed.windows(37).position(|w| w == names[0]) {
+        renamed[at..at + 37].copy_from_slice(names[1]);
+    }
+    renamed
+}
+
+/// Other tests damage these files. `ARTGS_UPDATE=1` writes them.
+#[test]
+fn the_corpus_has_these_files() {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus/containers");
+    for (name, bytes) in [("small.bag", bag(false)), ("packed.bag", bag(true)), ("small.mcap", aligned_mcap())] {
+        if std::env::var_os("ARTGS_UPDATE").is_some() {
+            std::fs::create_dir_all(&corpus).unwrap();
+            store(&corpus, name, &bytes);
+        }
+        let (file, options) = (corpus.join(name), RecordingOptions::default());
+        assert!(std::fs::read(&file).unwrap() == bytes, "{name} differs; ARTGS_UPDATE=1 writes it");
+        let options = RecordingOptions { poses: Some(corpus.join("poses.txt")), ..options };
+        assert_eq!(load_recording(&file, &options).unwrap().frames.len(), FRAMES);
+    }
 }
 
 #[test]

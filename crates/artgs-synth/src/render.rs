@@ -50,6 +50,7 @@ impl CaptureOptions {
     pub fn check(&self) -> Result<(), SynthError> {
         match self.degradation.invalid() {
             _ if self.views == 0 => Err(SynthError::Options("`views` must be at least 1")),
+            _ if self.views.max(self.test_views) > 10_000 => Err(SynthError::Options("`views` must be at most 10000")),
             _ if self.views.max(self.test_views) > 10_000 => Err(SynthError::Options("at most 10000 views")),
             _ if !(16..=4096).contains(&self.size) => Err(SynthError::Options("`size` must be 16 to 4096 pixels")),
             Some(message) => Err(SynthError::Options(message)),

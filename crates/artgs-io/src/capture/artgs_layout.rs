@@ -11,6 +11,9 @@ use std::path::{Component, Path, PathBuf};
 /// Default if a file has no `depth_scale`: millimetres.
 const DEFAULT_DEPTH_SCALE: f64 = 1000.0;
 
+/// Depth scales that can be meant.
+const DEPTH_SCALES: std::ops::RangeInclusive<f64> = 1e-6..=1e9;
+
 /// The frames of a camera file, with paths of existing images.
 pub(super) fn entries(
     dir: &Path,
@@ -24,6 +27,11 @@ pub(super) fn entries(
     let lens = lens(root, &shown)?;
     warn_of_stale_angle(root, &lens, &shown, warnings)?;
     let depth_scale = positive(root, &shown, "depth_scale")?.unwrap_or(DEFAULT_DEPTH_SCALE);
+    if !DEPTH_SCALES.contains(&depth_scale) {
+        let reason =
+            format!("is {depth_scale:e}; it must be the number of depth counts per scene unit, 1000 for millimetres");
+        return Err(key_error(&shown, "depth_scale", reason));
+    }
     for key in ["k1", "k2", "k3", "k4", "p1", "p2"] {
         if number(root, &shown, key)?.is_some_and(|v| v != 0.0) {
             warnings.push(format!("{shown}: key `{key}`: lens distortion is ignored; undistort the images"));

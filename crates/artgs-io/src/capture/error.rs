@@ -94,10 +94,22 @@ pub enum CaptureError {
         /// Names of the frames.
         frames: String,
     },
+    /// Every pixel counts as background.
+    #[error(
+        "{}: the mask (alpha) is at most {largest} in every frame; alpha must be 255 on the object and 0 elsewhere, \
+         multiply masks of 0 and 1 by 255",
+        file.display()
+    )]
+    FaintMasks {
+        /// The camera file.
+        file: PathBuf,
+        /// Largest alpha of all frames.
+        largest: u8,
+    },
     /// Depth images without any depth.
     #[error(
-        "{}: depth is zero on the object in every frame, first {frame}; check `depth_scale` and that depth images \
-         and colour images belong together, or remove the depth images",
+        "{}: depth is zero on the object in every frame, first {frame}; check that the mask (alpha) is 255 on the \
+         object and not inverted, and that depth images and colour images belong together, or remove the depth images",
         file.display()
     )]
     NoDepth {

@@ -1,6 +1,7 @@
 //! Camera files as JSON values, with errors that name file, frame and key.
 
 use super::CaptureError;
+use crate::without_mark;
 use glam::{DMat3, DVec3};
 use serde_json::{Map, Value};
 use std::path::Path;
@@ -17,7 +18,8 @@ pub(crate) fn read_object(path: &Path, shown: &Path) -> Result<Object, CaptureEr
 
 /// Parses the bytes of a camera file, as [`read_object`] does.
 pub(crate) fn object_of_bytes(bytes: &[u8], shown: &Path) -> Result<Object, CaptureError> {
-    let text = null_for_not_finite(bytes);
+    let wrong = |reason: &str| CaptureError::Json { file: shown.into(), line: 1, column: 1, reason: reason.into() };
+    let text = null_for_not_finite(without_mark(bytes).map_err(wrong)?);
     let value: Value = serde_json::from_slice(&text).map_err(|e| CaptureError::Json {
         file: shown.into(),
         line: e.line(),
@@ -26,12 +28,7 @@ pub(crate) fn object_of_bytes(bytes: &[u8], shown: &Path) -> Result<Object, Capt
     })?;
     match value {
         Value::Object(object) => Ok(object),
-        _ => Err(CaptureError::Json {
-            file: shown.into(),
-            line: 1,
-            column: 1,
-            reason: "expected an object `{...}`".into(),
-        }),
+        _ => Err(wrong("expected an object `{...}`")),
     }
 }
 

@@ -9,6 +9,9 @@ use serde_json::Value;
 /// Largest allowed entry of `R^T R - I` of a rotation block.
 const ORTHONORMAL: f64 = 1e-3;
 
+/// Largest coordinate of a camera, scene units.
+pub(crate) const FARTHEST: f64 = 1e9;
+
 /// World-to-camera motion (OpenCV axes) of a 4x4 camera-to-world matrix (OpenGL axes: y up, looks down -z).
 /// The rotation block must be orthonormal within 1e-3 and is replaced by the nearest rotation.
 pub(crate) fn world_to_camera(value: &Value, place: &str, key: &str) -> Result<Rigid, CaptureError> {
@@ -17,6 +20,13 @@ pub(crate) fn world_to_camera(value: &Value, place: &str, key: &str) -> Result<R
         return Err(key_error(place, key, "the last row must be 0 0 0 1; write camera-to-world, row by row"));
     }
     let (block, translation) = block_and_column(&m);
+    if translation.abs().max_element() > FARTHEST {
+        return Err(key_error(
+            place,
+            key,
+            format!("the camera is at {:?}, too far away; remove or repair the frame", translation.to_array()),
+        ));
+    }
     let block = rotation(block).map_err(|reason| key_error(place, key, reason))?;
     let flip = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
     Ok(Rigid::from_matrix(block * flip, translation).inverse())

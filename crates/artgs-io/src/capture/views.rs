@@ -49,6 +49,33 @@ impl Lens {
     }
 }
 
+/// Focal lengths of usable images, relative to their larger side: fields of view from a twentieth to 178 degrees.
+const FOCAL: std::ops::RangeInclusive<f64> = 0.008..=600.0;
+/// The principal point of a usable image is at most this many images away from it: images may be cut out of larger ones.
+const OUTSIDE: f64 = 2.0;
+
+/// What is wrong with intrinsics.
+fn fault(k: &Intrinsics) -> Option<String> {
+    let (w, h) = (f64::from(k.width), f64::from(k.height));
+    for (key, focal) in [("fl_x", k.fx), ("fl_y", k.fy)] {
+        if !FOCAL.contains(&(focal / w.max(h))) {
+            return Some(format!(
+                "key `{key}` (or `K`, `camera_angle_x`): a focal length of {focal:e} pixels is not that of an image of \
+                 {w}x{h}; correct the intrinsics"
+            ));
+        }
+    }
+    for (key, center, size) in [("cx", k.cx, w), ("cy", k.cy, h)] {
+        if !(-OUTSIDE * size..=(1.0 + OUTSIDE) * size).contains(&center) {
+            return Some(format!(
+                "key `{key}` (or `K`): a principal point at {center} is far outside of the image of {w}x{h}; correct the \
+                 intrinsics"
+            ));
+        }
+    }
+    None
+}
+
 /// A frame of a camera file.
 #[derive(Debug)]
 pub(super) struct Entry {
@@ -90,6 +117,7 @@ struct Decoded {
     was_16_bit: bool,
     /// True if no pixel has any alpha.
     empty: bool,
+    largest_alpha: u8,
 }
 
 /// Decodes frames in parallel, in their order, with images of at most `longest_side` pixels. Frames with an empty mask are ignored with a warning. A training split must
@@ -116,6 +144,10 @@ pub(super) fn load(
     let empty = names(|d| d.empty);
     if !empty.is_empty() && empty.len() == decoded.len() {
         return Err(CaptureError::EmptyMasks { file: file.into(), frames: listing(&empty) });
+    }
+    let largest = decoded.iter().map(|d| d.largest_alpha).max().unwrap_or(0);
+    if (1..OBJECT_ALPHA).contains(&largest) {
+        return Err(CaptureError::FaintMasks { file: file.into(), largest });
     }
     for (odd, what) in [
         (empty, "are ignored, their mask (alpha) is empty"),
@@ -155,9 +187,13 @@ fn decode(dir: &Path, entry: &Entry, training: bool, longest_side: u32) -> Resul
         Some(path) => Some(masked_depth(dir, entry, path, &pixels, width, height)?),
         None => None,
     };
-    let empty = pixels.iter().all(|p| p[3] == 0);
+    let largest_alpha = pixels.iter().map(|p| p[3]).max().unwrap_or(0);
+    let empty = largest_alpha == 0;
     let (size, reduced) = ((width, height), reduced_size(width, height, longest_side));
     let mut intrinsics = entry.lens.intrinsics(width, height);
+    if let Some(fault) = fault(&intrinsics) {
+        return Err(entry.fail(fault));
+    }
     let mut rgba = pixels;
     if reduced != size {
         rgba = reduced_rgba(&rgba, size, reduced);
@@ -166,7 +202,7 @@ fn decode(dir: &Path, entry: &Entry, training: bool, longest_side: u32) -> Resul
     }
     let camera = Camera { intrinsics, world_to_camera: entry.world_to_camera };
     let view = View { name: entry.image.display().to_string(), camera, rgba, depth };
-    Ok(Decoded { view, size, has_alpha, was_16_bit, empty })
+    Ok(Decoded { view, size, has_alpha, was_16_bit, empty, largest_alpha })
 }
 
 fn masked_depth(

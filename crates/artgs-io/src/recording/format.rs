@@ -70,6 +70,23 @@ impl RecordingFormat {
         Self::ALL.into_iter().find(|f| f.matches(path))
     }
 
+    /// The format that the names of files promise: of recordings whose content is damaged, so that its reader says how.
+    pub fn by_name(path: &Path) -> Option<Self> {
+        let has = |name: &str| path.join(name).exists();
+        match path.extension().map(|e| e.to_ascii_lowercase()).as_ref().and_then(|e| e.to_str()) {
+            Some("r3d") if path.is_file() => Some(Self::Record3d),
+            Some("bag") if path.is_file() => Some(Self::RealsenseBag),
+            Some("mcap") if path.is_file() => Some(Self::Mcap),
+            _ if has("transforms.json") => Some(Self::Nerfstudio),
+            _ if has("rgb.txt") => Some(Self::Tum),
+            _ if has("odometry.csv") => Some(Self::Stray),
+            _ if has("keyframes") => Some(Self::Polycam),
+            _ if has("metadata.json") && has("rgb") => Some(Self::Record3d),
+            _ if has_name(path, "frame_", ".json") && has_name(path, "frame_", ".jpg") => Some(Self::ScannerApp),
+            _ => None,
+        }
+    }
+
     fn matches(self, path: &Path) -> bool {
         match self {
             Self::ScannerApp => scanner_app::matches(path),

@@ -55,7 +55,7 @@ pub fn load_recording(path: &Path, options: &RecordingOptions) -> Result<Recordi
         return Err(RecordingError::Missing { path: path.into() });
     }
     options.check(path)?;
-    let format = options.format.or_else(|| RecordingFormat::detect(path));
+    let format = options.format.or_else(|| RecordingFormat::detect(path)).or_else(|| RecordingFormat::by_name(path));
     let format =
         format.ok_or_else(|| RecordingError::Unknown { path: path.into(), known: RecordingFormat::known() })?;
     let index = match format {

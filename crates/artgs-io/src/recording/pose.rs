@@ -1,6 +1,6 @@
 //! Poses of recordings: camera-to-world with OpenGL or OpenCV axes, and back.
 
-use crate::capture::pose::rotation;
+use crate::capture::pose::{FARTHEST, rotation};
 use artgs_core::{Camera, Rigid};
 use glam::{DMat3, DQuat, DVec3};
 
@@ -26,6 +26,12 @@ impl Axes {
     pub(super) fn world_to_camera(self, camera_to_world: DMat3, position: DVec3) -> Result<Rigid, String> {
         if !camera_to_world.is_finite() || !position.is_finite() {
             return Err("the pose is not finite; remove or repair the frame".into());
+        }
+        if position.abs().max_element() > FARTHEST {
+            return Err(format!(
+                "the camera is at {:?}, too far away; remove or repair the frame",
+                position.to_array()
+            ));
         }
         Ok(Rigid::from_matrix(rotation(camera_to_world)? * self.flip(), position).inverse())
     }

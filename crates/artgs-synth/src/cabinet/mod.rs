@@ -51,6 +51,7 @@ impl CabinetOptions {
         let offsets = self.principal_offset.iter().all(|v| v.abs() < f64::from(self.size) / 2.0);
         match () {
             () if self.views == 0 => Err(SynthError::Options("`views` must be at least 1")),
+            () if self.views.max(self.test_views) > 10_000 => Err(SynthError::Options("`views` must be at most 10000")),
             () if !(16..=4096).contains(&self.size) => Err(SynthError::Options("`size` must be 16 to 4096 pixels")),
             () if !(0.0..1.0).contains(&self.depth_noise) => {
                 Err(SynthError::Options("`depth_noise` must be in [0, 1)"))

@@ -39,6 +39,7 @@ impl Allowed {
             (_, toml::Value::Array(values)) => values.iter().all(|v| self.accepts(v)),
             (Self::Whole { least, most }, toml::Value::Integer(v)) => (least..=most).contains(v),
             (Self::Whole { .. }, toml::Value::Float(_)) => false,
+            (Self::Whole { .. } | Self::Number { .. }, toml::Value::Boolean(_) | toml::Value::String(_)) => false,
             (Self::Number { low, high }, toml::Value::Integer(v)) => within(low, high, *v as f64),
             (Self::Number { low, high }, toml::Value::Float(v)) => within(low, high, *v),
             _ => true,
