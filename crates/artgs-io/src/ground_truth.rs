@@ -154,7 +154,7 @@ mod tests {
     use crate::write_mesh_ply;
 
     fn point(x: f32) -> Mesh {
-        Mesh { vertices: vec![[x, 0.0, 0.0]], ..Mesh::default() }
+        Mesh { vertices: vec![[x, 0.0, 0.0]], triangles: vec![[0; 3]], ..Mesh::default() }
     }
 
     fn folder(trans: &str, parts: &[&str]) -> tempfile::TempDir {

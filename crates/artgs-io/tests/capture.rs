@@ -395,7 +395,7 @@ fn bad_depth() {
         let off = DepthMap::new(off, 1000.0);
         write_depth(&folder.path(&format!("start/train/depth/{view:04}.png")), W, H, &off).unwrap();
     }
-    folder.refused(&[START, "depth is zero", "start/train/rgba/0000.png", "depth_scale"]);
+    folder.refused(&[START, "depth is zero", "start/train/rgba/0000.png", "not inverted"]);
 }
 
 #[test]

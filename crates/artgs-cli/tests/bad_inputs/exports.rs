@@ -57,13 +57,13 @@ fn checks() {
         bad("no replica", "", "check IN", &["in"], nothing),
         bad("no folder", "", "check IN/none", &["none", "no such folder"], nothing),
         bad("a report that is empty", "replica", "check IN", &["artgs export"], |f| f.write("exports/export.json", "")),
-        bad("a report that is cut", "replica", "check IN", &["export.json"], |f| {
+        bad("a report that is cut", "replica", "check IN", &["artgs export"], |f| {
             f.write("exports/export.json", "{\"format\": ")
         }),
-        bad("a report of another version", "replica", "check IN", &["export.json"], |f| {
+        bad("a report of another version", "replica", "check IN", &["artgs export"], |f| {
             f.write("exports/export.json", "{\"version\": 99}")
         }),
-        bad("a report that is a list", "replica", "check IN", &["export.json"], |f| {
+        bad("a report that is a list", "replica", "check IN", &["artgs export"], |f| {
             f.write("exports/export.json", "[]")
         }),
     ]);

@@ -113,7 +113,7 @@ fn nerfstudio() {
                 f.names(&format!("{state}/depth")).iter().for_each(|n| f.depth(n, |c| c / 1000));
             }
         }),
-        bad("poses that jump", "nerfstudio", BOTH, &["frames"], |f| {
+        bad("poses that jump", "nerfstudio", BOTH, &["agree between views"], |f| {
             f.both("{}/transforms.json", |r| {
                 for (i, frame) in r["frames"].as_array_mut().unwrap().iter_mut().enumerate() {
                     frame["transform_matrix"][0][3] = json!(1e5 * i as f64);
@@ -433,9 +433,9 @@ fn other_formats() {
         bad(
             "an empty folder",
             "",
-            "reconstruct IN IN -o OUT",
+            "reconstruct IN IN/a -o OUT",
             &["not a recording of a known format", "nerfstudio"],
-            |_| {},
+            |f| f.write("a/b.txt", ""),
         ),
         bad("a text file", "", "inspect IN/a.txt IN/a.txt", &["a.txt", "not a recording"], |f| {
             f.write("a.txt", "hello")

@@ -217,7 +217,7 @@ fn views() {
         }),
         bad(
             "a page that cannot be written",
-            "tiny",
+            "fridge",
             "view IN --export IN/synth.json/page.html",
             &["page.html"],
             |_| {},

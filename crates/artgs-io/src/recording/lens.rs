@@ -132,10 +132,23 @@ pub(super) struct Undistortion {
     sources: Vec<DVec2>,
 }
 
+/// Largest coefficient of a lens: rational models of fisheyes reach some tens.
+const MOST_DISTORTION: f64 = 1e4;
+
 impl Undistortion {
     /// For a distorted image with intrinsics `k`. The new image has the same size and shows the largest rectangle that the
     /// distorted image fills. The error says why there is none.
     pub(super) fn new(k: &Intrinsics, distortion: &Distortion) -> Result<Self, String> {
+        let coefficients = match distortion {
+            Distortion::None => Vec::new(),
+            Distortion::Radial { k, p } => [k.as_slice(), p].concat(),
+            Distortion::Fisheye(k) => k.to_vec(),
+        };
+        if let Some(wrong) = coefficients.iter().find(|c| c.abs() > MOST_DISTORTION || c.is_nan()) {
+            return Err(format!(
+                "a coefficient of lens distortion is {wrong:e}; no lens has that, correct the coefficients"
+            ));
+        }
         let (w, h) = (f64::from(k.width), f64::from(k.height));
         let undistorted = |x: f64, y: f64| {
             let at = DVec2::new((x - k.cx) / k.fx, (y - k.cy) / k.fy);
