@@ -141,8 +141,8 @@ fn described(report: &AlignReport) -> String {
     let disagreement = report.disagreement.as_ref().map(|d| format!("{:.4} to {:.4}", d[0], d[1]));
     format!(
         "the states are aligned with score {:.2} ({other}); surfaces of different frames disagreed by {} at the start and {} \
-         at the end; the object is {:.2} x {:.2} x {:.2} units, shown by {} and {} frames, \
-         in the box --box {}",
+         at the end; the object is {:.2} x {:.2} x {:.2} units, shown by {} and {} frames; \
+         its box is --box {}",
         report.score,
         disagreement[State::START],
         disagreement[State::END],

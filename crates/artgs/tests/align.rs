@@ -127,7 +127,10 @@ fn a_thing_that_was_moved_beside_the_object_is_reported_once() {
         assert!((0.1..0.6).contains(&seen.width), "{seen:?}");
     }
     let said = moved.to_string();
-    assert!(said.contains("in the end recording near") || said.contains("in the end recording"), "{said}");
+    assert!(
+        said.contains("in the start recording and near (") && said.contains("is not part of the replica"),
+        "{said}"
+    );
 }
 
 #[test]
