@@ -116,6 +116,10 @@ pub(crate) struct Reconstruct {
     pub(crate) capture: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) recording: RecordingArgs,
+    /// Two recordings: the object is what is in this box, in the world and unit of the first recording, instead of what
+    /// the cameras look at; floor and walls in it are left out. A run prints the box of its object in this form
+    #[arg(long = "box", value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true, help_heading = "Recordings")]
+    pub(crate) object_box: Option<String>,
     /// Folder for the replica; made if missing
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,

@@ -44,8 +44,9 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     if args.earlier.resume {
         require_corrections(&run)?;
     }
-    let device = device::choose(args.method.device, &config)?;
     let source = Source::new(&args.capture)?;
+    let given = args.object_box.as_deref().map(|text| recordings::object_box(text, &source)).transpose()?;
+    let device = device::choose(args.method.device, &config)?;
     let plan = match &source {
         Source::Capture(folder) => Plan::of_capture(folder, args.memory)?,
         Source::Recordings(_) => Plan::of_recordings(recordings::most_frames(&args.recording), args.memory)?,
@@ -68,7 +69,7 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
         Source::Recordings(paths) => {
             let mut found = recordings::load(&paths, &args.recording, plan.longest_side)?;
             agreement::require_recordings(&mut found, args.force_input)?;
-            let (capture, report) = recordings::aligned(&found, &config.align, config.seed, style)?;
+            let (capture, report) = recordings::aligned(&found, &config.align, given.as_ref(), config.seed, style)?;
             drop(found);
             let lock = folder::prepare(&run, args.earlier, COMMAND, style)?;
             let (capture, folder) = saved(&run, capture, &report)?;

@@ -4,7 +4,7 @@ use crate::args::RecordingArgs;
 use crate::commands::Style;
 use crate::failure::Failure;
 use crate::progress;
-use artgs::align::{AlignConfig, AlignReport, align_with_progress};
+use artgs::align::{AlignConfig, AlignReport, ObjectBox, align_with_progress};
 use artgs::observer::{Event, percent};
 use artgs_core::{Capture, PerState, Recording, State};
 use artgs_io::RunFolder;
@@ -40,6 +40,17 @@ impl Source {
             _ => Err(Failure::bad("give one capture, or the recordings of two states")),
         }
     }
+}
+
+/// The box of `--box`, which only recordings have.
+pub(crate) fn object_box(text: &str, source: &Source) -> Result<ObjectBox, Failure> {
+    if let Source::Capture(folder) = source {
+        return Err(Failure::bad(format!(
+            "--box selects the object in two recordings; {} is one capture, whose masks select it",
+            folder.display()
+        )));
+    }
+    text.parse().map_err(|reason| Failure::bad(format!("--box {text}: {reason}")))
 }
 
 /// True for a folder with the camera files of two states.
@@ -119,22 +130,24 @@ fn options(state: State, args: &RecordingArgs) -> Result<RecordingOptions, Failu
     })
 }
 
-/// Aligns recordings; shows progress and what was found.
+/// Aligns recordings; shows progress and what was found. The capture has a warning for everything else that moved.
 pub(crate) fn aligned(
     recordings: &PerState<Recording>,
     config: &AlignConfig,
+    given: Option<&ObjectBox>,
     seed: u64,
     style: Style,
 ) -> Result<(Capture, AlignReport), Failure> {
     let mut shown = progress::renderer(style);
     let begun = Instant::now();
     shown.event(Event::started("align"));
-    let (capture, report) = {
+    let (mut capture, report) = {
         let mut done = percent(shown.as_mut(), "align");
-        align_with_progress(recordings, config, seed, &mut done).map_err(Failure::bad_input)?
+        align_with_progress(recordings, config, given, seed, &mut done).map_err(Failure::bad_input)?
     };
     shown.event(Event::finished("align", begun.elapsed().as_secs_f64(), false));
     shown.event(Event::note(described(&report)));
+    capture.warnings.extend(report.bystanders.iter().map(|b| format!("{b}; --box with a larger box includes it")));
     Ok((capture, report))
 }
 
@@ -150,13 +163,14 @@ pub(crate) fn save(run: &RunFolder, capture: &Capture, report: &impl Serialize) 
 
 /// One sentence for people.
 fn described(report: &AlignReport) -> String {
-    let size = report.object[1] - report.object[0];
+    let size = report.object.upper() - report.object.lower();
     let views = &report.views;
     let other = report.runner_up.map_or("no other is possible".into(), |s| format!("the next has {s:.2}"));
     let disagreement = report.disagreement.as_ref().map(|d| format!("{:.4} to {:.4}", d[0], d[1]));
     format!(
         "the states are aligned with score {:.2} ({other}); surfaces of different frames disagreed by {} at the start and {} \
-         at the end; the object is {:.2} x {:.2} x {:.2} units, shown by {} and {} frames",
+         at the end; the object is {:.2} x {:.2} x {:.2} units, shown by {} and {} frames; \
+         its box is --box {}",
         report.score,
         disagreement[State::START],
         disagreement[State::END],
@@ -164,7 +178,8 @@ fn described(report: &AlignReport) -> String {
         size.y,
         size.z,
         views[State::START],
-        views[State::END]
+        views[State::END],
+        report.object.rounded()
     )
 }
 

@@ -53,6 +53,13 @@ fn wrong_usage_exits_2_and_says_what_is_wrong() {
             "schedule = 2: must be",
         ),
         (&["reconstruct", "x", "-o", "y", "--method", "registration", "--variant", "mlp"], "trains nothing"),
+        (&["reconstruct", "x", "-o", "y", "--box", "0,0,0,1,1,1"], "x is one capture, whose masks select it"),
+        (&["reconstruct", "a", "b", "-o", "y", "--box", "-1,0,0,1,1"], "--box -1,0,0,1,1: a box is six numbers"),
+        (
+            &["reconstruct", "a", "b", "-o", "y", "--box", "-1,0,0,1,0,1"],
+            "the upper y (0) must be above the lower one (0)",
+        ),
+        (&["reconstruct", "a", "b", "-o", "y", "--box", "0,0,0,1,1,inf"], "`inf` is not a finite number"),
         (&["demo", "--threads", "0"], "--threads"),
         (&["export", "x", "--scale", "1e30"], "a number from"),
         (&["export", "x", "--scale", "nan"], "a number from"),

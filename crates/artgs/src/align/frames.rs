@@ -106,6 +106,12 @@ impl DepthFrame {
         (cell / columns * 3 / rows) * 3 + cell % columns * 3 / columns
     }
 
+    /// Points of all cells with depth, world frame.
+    pub(crate) fn world_points(&self) -> impl Iterator<Item = DVec3> + '_ {
+        let pose = self.pose();
+        self.points.iter().filter(|p| p.z > 0.0).map(move |p| pose.apply(p.as_dvec3()))
+    }
+
     /// Camera to world.
     pub(crate) fn pose(&self) -> Rigid {
         self.camera.world_to_camera.inverse()

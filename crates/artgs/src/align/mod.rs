@@ -1,9 +1,12 @@
 //! The stage `align`: recordings of two states, each in a world frame of its own, become one capture of the object.
 //!
 //! Poses of each recording are refined (`bundle`), the end recording is moved into the world of the start (`global`), all
-//! poses are refined together, and the object is selected (`object`, `planes`) and cut out (`extract`).
+//! poses are refined together, and the object is selected (`object`, `planes`, or `bounds`) and cut out (`extract`). What
+//! else moved is reported (`bystander`).
 
+mod bounds;
 mod bundle;
+mod bystander;
 mod cloud;
 mod consistent;
 mod correct;
@@ -14,7 +17,9 @@ pub(crate) mod global;
 mod object;
 mod planes;
 
+pub use bounds::{BoxError, ObjectBox};
 pub use bundle::BundleConfig;
+pub use bystander::{Bystander, Seen};
 pub use consistent::ConsistentConfig;
 pub use correct::{CorrectConfig, Correction, EndCorrection, correct};
 pub use extract::ExtractConfig;
@@ -117,9 +122,40 @@ pub enum AlignError {
         "no object was found: the cameras look at floor and walls only; walk around the object and keep it in the centre"
     )]
     NoObject,
+    /// Nothing of a state is in the box that was given.
+    #[error("the box {given} contains no surface of the {state} state; {remedy}")]
+    EmptyBox {
+        /// Name of the state.
+        state: &'static str,
+        /// The box that was given.
+        given: ObjectBox,
+        /// What to do, with the box of what was recorded.
+        remedy: BoxRemedy,
+    },
     /// The object is in no view of a state.
     #[error("no frame of state {0} shows the object unhidden; walk around the object with nothing in front of it")]
     NoViews(&'static str),
+}
+
+/// A box to begin with instead of one that contains nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BoxRemedy {
+    /// The object that is selected without a box.
+    Selected(ObjectBox),
+    /// The surfaces that both recordings show.
+    Scene(ObjectBox),
+    /// There are no surfaces.
+    Nothing,
+}
+
+impl std::fmt::Display for BoxRemedy {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Selected(found) => write!(f, "the object that is found without a box is in {found}"),
+            Self::Scene(extent) => write!(f, "what was recorded is in {extent}"),
+            Self::Nothing => f.write_str("no surfaces were recorded"),
+        }
+    }
 }
 
 /// Frames with depth that a recording needs.
@@ -142,11 +178,15 @@ pub struct AlignReport {
     pub score: f64,
     /// The same of the best clearly different alignment; none if there is none.
     pub runner_up: Option<f64>,
-    /// Box of the object, world of the start recording.
-    pub object: [DVec3; 2],
+    /// Box of the surfaces of the object in both states, world of the start recording, scene units.
+    pub object: ObjectBox,
+    /// The box that was given; none if the object was selected by what the cameras look at.
+    pub given: Option<ObjectBox>,
+    /// Things that are not of the object and moved between the recordings, the largest first.
+    pub bystanders: Vec<Bystander>,
     /// Share of what the cameras look at that is the object, 0 to 1.
     pub attention: f64,
-    /// The same of the next candidate.
+    /// The same of the next candidate; 0 if a box was given.
     pub other_attention: f64,
     /// Planes that bound the scene.
     pub planes: Vec<Plane>,
@@ -162,13 +202,14 @@ pub fn align(
     config: &AlignConfig,
     seed: u64,
 ) -> Result<(Capture, AlignReport), AlignError> {
-    align_with_progress(recordings, config, seed, &mut |_| ())
+    align_with_progress(recordings, config, None, seed, &mut |_| ())
 }
 
-/// The same; `done` takes the share of the work that is done.
+/// The same. If a box is given, the object is what is inside of it; `done` takes the share of the work that is done.
 pub fn align_with_progress(
     recordings: &PerState<Recording>,
     config: &AlignConfig,
+    given: Option<&ObjectBox>,
     seed: u64,
     done: Share<'_>,
 ) -> Result<(Capture, AlignReport), AlignError> {
@@ -180,7 +221,7 @@ pub fn align_with_progress(
     }
     let aligned = poses(recordings, config, seed, done)?;
     done(POSES);
-    cut_out(recordings, aligned, config, seed)
+    cut_out(recordings, aligned, config, given, seed)
 }
 
 /// Frames of both recordings with refined poses in the world of the start recording.
@@ -220,6 +261,7 @@ pub(crate) fn cut_out(
     recordings: &PerState<Recording>,
     aligned: Aligned,
     config: &AlignConfig,
+    given: Option<&ObjectBox>,
     seed: u64,
 ) -> Result<(Capture, AlignReport), AlignError> {
     let Aligned { mut frames, unit, best, runner_up, disagreement } = aligned;
@@ -228,13 +270,8 @@ pub(crate) fn cut_out(
         own.iter_mut().zip(factors).for_each(|(frame, factors)| frame.scale_depth(factors));
     }
     let up = recordings[State::START].up;
-    let moved = |cloud: &cloud::FusedCloud| {
-        let tolerance = config.global.tolerance * unit;
-        let through = frames.as_ref().map(|f| seen_through(cloud, f, tolerance));
-        (0..cloud.len()).map(|i| through.iter().any(|t| t[i])).collect()
-    };
+    let (selection, object) = selected(&frames, unit, up, config, given, seed)?;
     let all: Vec<&DepthFrame> = frames.iter().flatten().collect();
-    let selection = Selection::find(&all, unit, up, &moved, &config.object, seed).ok_or(AlignError::NoObject)?;
     let spacing = (0.5 * config.object.cube * unit) as f32;
     let surface = selection.surface(&all, spacing);
     let sources = PerState::from_fn(|state| StateFrames {
@@ -257,7 +294,9 @@ pub(crate) fn cut_out(
         disagreement,
         score: best.score,
         runner_up,
-        object: [selection.lower, selection.upper],
+        object,
+        given: given.copied(),
+        bystanders: bystander::find(&frames, &selection, unit, config),
         attention: selection.attention,
         other_attention: selection.runner_up,
         up: up.or(selection.planes.first().map(|p| p.normal)),
@@ -265,6 +304,45 @@ pub(crate) fn cut_out(
         views: capture.states.as_ref().map(|s| s.train.len()),
     };
     Ok((capture, report))
+}
+
+/// The object and the box of its surfaces.
+fn selected(
+    frames: &PerState<Vec<DepthFrame>>,
+    unit: f64,
+    up: Option<DVec3>,
+    config: &AlignConfig,
+    given: Option<&ObjectBox>,
+    seed: u64,
+) -> Result<(Selection, ObjectBox), AlignError> {
+    let tolerance = config.global.tolerance * unit;
+    let moved = |cloud: &cloud::FusedCloud| {
+        let through = frames.as_ref().map(|f| seen_through(cloud, f, tolerance));
+        (0..cloud.len()).map(|i| through.iter().any(|t| t[i])).collect()
+    };
+    let all: Vec<&DepthFrame> = frames.iter().flatten().collect();
+    let automatic = || {
+        let found = Selection::find(&all, unit, up, &moved, &config.object, seed)?;
+        let bounds = found.bounds(&all)?;
+        Some((found, bounds))
+    };
+    let Some(given) = given else { return automatic().ok_or(AlignError::NoObject) };
+    let empty = |state: State| {
+        let scene = || ObjectBox::around(all.iter().flat_map(|f| f.world_points()));
+        let remedy = match automatic() {
+            Some((_, bounds)) => BoxRemedy::Selected(bounds.rounded()),
+            None => scene().map_or(BoxRemedy::Nothing, |extent| BoxRemedy::Scene(extent.rounded())),
+        };
+        AlignError::EmptyBox { state: state.name(), given: *given, remedy }
+    };
+    let found = Selection::inside(&all, unit, given, &config.object, seed);
+    let Some(found) = found else { return Err(empty(State::START)) };
+    let shown = |own: &[DepthFrame]| own.iter().flat_map(DepthFrame::world_points).any(|p| found.contains(p));
+    if let Some((state, _)) = frames.enumerate().find(|(_, own)| !shown(own)) {
+        return Err(empty(state));
+    }
+    let bounds = found.bounds(&all).ok_or_else(|| empty(State::START))?;
+    Ok((found, bounds))
 }
 
 /// The alignment with the best score, and the score of the best clearly different one.

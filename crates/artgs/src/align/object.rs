@@ -1,5 +1,7 @@
-//! Which surfaces belong to the object: what the cameras look at, without the planes that bound the scene.
+//! Which surfaces belong to the object: what the cameras look at or what is in a given box, without the planes that bound
+//! the scene.
 
+use super::bounds::ObjectBox;
 use super::cloud::{FusedCloud, cube};
 use super::frames::DepthFrame;
 use super::planes::{Plane, PlaneConfig, bounding_planes};
@@ -47,24 +49,51 @@ impl Default for ObjectConfig {
 /// The selected object.
 #[derive(Clone, Debug)]
 pub(crate) struct Selection {
-    /// Planes that bound the scene; not part of the object.
+    /// Planes that bound the scene, those with the most points first.
     pub(crate) planes: Vec<Plane>,
+    /// Those of them that are not part of the object.
+    removed: Vec<Plane>,
     /// Cubes with surface of the object, and those next to them.
     cubes: HashSet<IVec3>,
     edge: f64,
     plane_spreads: f64,
     /// What stands on the object.
     load: Option<Load>,
+    /// Nothing outside of this box belongs to the object.
+    given: Option<ObjectBox>,
     /// Surface of the object in all frames.
     pub(crate) cloud: FusedCloud,
-    /// Box of the object, world frame.
-    pub(crate) lower: DVec3,
-    /// Box of the object, world frame.
-    pub(crate) upper: DVec3,
     /// Share of the attention of all frames that the object has, 0 to 1.
     pub(crate) attention: f64,
-    /// The same of the next best candidate.
+    /// The same of the next best candidate; 0 if the object is what is in a given box.
     pub(crate) runner_up: f64,
+}
+
+/// Surfaces of all frames, and the planes that bound them.
+struct Surfaces {
+    all: FusedCloud,
+    planes: Vec<Plane>,
+    edge: f64,
+}
+
+impl Surfaces {
+    fn new(frames: &[&DepthFrame], unit: f64, config: &ObjectConfig, seed: u64) -> Self {
+        let edge = config.cube * unit;
+        let all = FusedCloud::new(frames.iter().copied(), edge as f32);
+        let planes = bounding_planes(&all, unit, &config.planes, seed);
+        Self { all, planes, edge }
+    }
+
+    /// Points of `all` that are clearly in front of every plane.
+    fn off_planes(&self, spreads: f64) -> FusedCloud {
+        let far = |p: &Vec3| off_planes(&self.planes, p.as_dvec3(), spreads, self.edge);
+        let kept: Vec<usize> = (0..self.all.len()).filter(|&i| far(&self.all.points[i])).collect();
+        self.all.select(&kept)
+    }
+}
+
+fn off_planes(planes: &[Plane], point: DVec3, spreads: f64, edge: f64) -> bool {
+    planes.iter().all(|plane| plane.distance(point) > (spreads * plane.spread).max(0.5 * edge))
 }
 
 impl Selection {
@@ -79,41 +108,101 @@ impl Selection {
         config: &ObjectConfig,
         seed: u64,
     ) -> Option<Self> {
-        let edge = config.cube * unit;
-        let all = FusedCloud::new(frames.iter().copied(), edge as f32);
-        let planes = bounding_planes(&all, unit, &config.planes, seed);
-        let off_planes = |p: Vec3| {
-            let far =
-                |plane: &Plane| plane.distance(p.as_dvec3()) > (config.bump_spreads * plane.spread).max(0.5 * edge);
-            planes.iter().all(far)
-        };
-        let kept: Vec<usize> = (0..all.len()).filter(|&i| off_planes(all.points[i])).collect();
-        let cloud = all.select(&kept);
+        let surfaces = Surfaces::new(frames, unit, config, seed);
+        let edge = surfaces.edge;
+        let cloud = surfaces.off_planes(config.bump_spreads);
         let components = Components::new(&cloud.points, edge as f32, config.gap);
-        let attention = attention(frames, &components, config.attention);
+        let attention = attention(frames, components.count, &|p| components.of(p.as_vec3()), config.attention);
         let total: f64 = attention.iter().sum::<f64>().max(1e-12);
         let best = (0..attention.len()).max_by(|a, b| attention[*a].total_cmp(&attention[*b]).then(b.cmp(a)))?;
         let runner_up = attention.iter().enumerate().filter(|a| a.0 != best).map(|a| *a.1).fold(0.0, f64::max);
-        let up = up.or(planes.first().map(|p| p.normal));
+        let up = up.or(surfaces.planes.first().map(|p| p.normal));
         let mut members = with_enclosed(&cloud, &components, best, up, config);
         let load = up.and_then(|up| Load::find(&cloud, &members, &moved(&cloud), up.as_vec3(), edge as f32, config));
         if let Some(load) = &load {
             members.retain(|&i| !load.contains(cloud.points[i]));
         }
-        let object = cloud.select(&members);
-        let (lower, upper) = object.points.iter().fold((Vec3::MAX, Vec3::MIN), |(l, u), p| (l.min(*p), u.max(*p)));
-        Some(Self {
+        let shares = [attention[best] / total, runner_up / total];
+        Some(Self::new(surfaces, cloud.select(&members), load, None, shares, config))
+    }
+
+    /// Selects what is in a box and not on a plane that bounds it. None if there is nothing.
+    pub(crate) fn inside(
+        frames: &[&DepthFrame],
+        unit: f64,
+        given: &ObjectBox,
+        config: &ObjectConfig,
+        seed: u64,
+    ) -> Option<Self> {
+        /// Separate groups with a smaller share of the points are errors of depth.
+        const NOISE: f64 = 0.005;
+        let scene = Surfaces::new(frames, unit, config, seed);
+        let edge = scene.edge;
+        let own: Vec<usize> =
+            (0..scene.all.len()).filter(|&i| given.contains(scene.all.points[i].as_dvec3())).collect();
+        let all = scene.all.select(&own);
+        // The plane of a wall is not the boundary of a cabinet that is built into the wall.
+        let bounds_content = |plane: &&Plane| {
+            let margin = (config.bump_spreads * plane.spread).max(0.5 * edge);
+            let behind = all.points.iter().filter(|p| plane.distance(p.as_dvec3()) < -margin).count();
+            behind as f64 <= config.planes.behind * all.len() as f64
+        };
+        let removed: Vec<Plane> = scene.planes.iter().filter(bounds_content).copied().collect();
+        let content = Surfaces { all, planes: removed, edge };
+        let cloud = content.off_planes(config.bump_spreads);
+        let groups = Components::new(&cloud.points, edge as f32, config.gap);
+        let mut counts = vec![0; groups.count];
+        let numbers: Vec<Option<usize>> = cloud.points.iter().map(|p| groups.of(*p)).collect();
+        numbers.iter().flatten().for_each(|&n| counts[n] += 1);
+        let large = |n: usize| counts[n] as f64 >= NOISE * cloud.len() as f64;
+        let members: Vec<usize> = (0..cloud.len()).filter(|&i| numbers[i].is_some_and(large)).collect();
+        if members.is_empty() {
+            return None;
+        }
+        let mut selection = Self::new(content, cloud.select(&members), None, Some(*given), [0.0; 2], config);
+        selection.planes = scene.planes;
+        let group = |p: DVec3| {
+            let free = off_planes(&selection.removed, p, config.bump_spreads, edge);
+            free.then(|| usize::from(!selection.contains(p)))
+        };
+        let attention = attention(frames, 2, &group, config.attention);
+        selection.attention = attention[0] / attention.iter().sum::<f64>().max(1e-12);
+        Some(selection)
+    }
+
+    fn new(
+        surfaces: Surfaces,
+        cloud: FusedCloud,
+        load: Option<Load>,
+        given: Option<ObjectBox>,
+        [attention, runner_up]: [f64; 2],
+        config: &ObjectConfig,
+    ) -> Self {
+        let Surfaces { planes, edge, .. } = surfaces;
+        Self {
+            removed: planes.clone(),
             planes,
-            cubes: object.points.iter().flat_map(|p| around(cube(*p, edge as f32), 1)).collect(),
+            cubes: cloud.points.iter().flat_map(|p| around(cube(*p, edge as f32), 1)).collect(),
             edge,
             plane_spreads: config.plane_spreads,
             load,
-            cloud: object,
-            lower: lower.as_dvec3(),
-            upper: upper.as_dvec3(),
-            attention: attention[best] / total,
-            runner_up: runner_up / total,
-        })
+            given,
+            cloud,
+            attention,
+            runner_up,
+        }
+    }
+
+    /// Smallest box of all surface points of the object that frames see, world frame. None if they are on a plane.
+    pub(crate) fn bounds(&self, frames: &[&DepthFrame]) -> Option<ObjectBox> {
+        ObjectBox::around(frames.iter().flat_map(|f| f.world_points()).filter(|p| self.contains(*p)))
+    }
+
+    /// True for points that are in a cube next to the object's surface, in the box that was given, or near a plane.
+    pub(crate) fn is_near(&self, point: DVec3, spreads: f64) -> bool {
+        self.given.is_some_and(|b| b.contains(point))
+            || around(cube(point.as_vec3(), self.edge as f32), 1).any(|c| self.cubes.contains(&c))
+            || !off_planes(&self.planes, point, spreads, self.edge)
     }
 
     /// Surface of the object as some frames see it, one point per cube of edge `spacing`.
@@ -126,8 +215,9 @@ impl Selection {
     /// True for surface points of the object.
     pub(crate) fn contains(&self, point: DVec3) -> bool {
         self.cubes.contains(&cube(point.as_vec3(), self.edge as f32))
-            && self.planes.iter().all(|p| p.distance(point) > self.plane_spreads * p.spread)
+            && self.removed.iter().all(|p| p.distance(point) > self.plane_spreads * p.spread)
             && !self.load.as_ref().is_some_and(|l| l.contains(point.as_vec3()))
+            && self.given.is_none_or(|b| b.contains(point))
     }
 }
 
@@ -138,15 +228,16 @@ fn around(c: IVec3, reach: i32) -> impl Iterator<Item = IVec3> {
 }
 
 /// Connected groups of cubes that hold points.
-struct Components {
+pub(crate) struct Components {
     numbers: HashMap<IVec3, usize>,
     edge: f32,
-    count: usize,
+    /// Number of groups.
+    pub(crate) count: usize,
 }
 
 impl Components {
     /// Connects cubes with at most `gap` empty cubes between them. Numbered in the order of their first cube.
-    fn new(points: &[Vec3], edge: f32, gap: i32) -> Self {
+    pub(crate) fn new(points: &[Vec3], edge: f32, gap: i32) -> Self {
         let mut cubes: Vec<IVec3> = points.iter().map(|p| cube(*p, edge)).collect();
         cubes.sort_by_key(|c| c.to_array());
         cubes.dedup();
@@ -172,7 +263,8 @@ impl Components {
         Self { numbers, edge, count }
     }
 
-    fn of(&self, point: Vec3) -> Option<usize> {
+    /// Group of a point whose cube holds points.
+    pub(crate) fn of(&self, point: Vec3) -> Option<usize> {
         self.numbers.get(&cube(point, self.edge)).copied()
     }
 }
@@ -320,9 +412,10 @@ fn carrying_height(cloud: &FusedCloud, members: &[usize], up: Vec3, edge: f32, s
     Some(quantile(heights.collect(), 0.9)? + 0.25 * edge)
 }
 
-/// How much the frames look at each component: the sum over cells of a Gaussian weight about the image centre.
-fn attention(frames: &[&DepthFrame], components: &Components, sigma: f64) -> Vec<f64> {
-    let mut out = vec![0.0; components.count];
+/// How much the frames look at each of `count` groups of points: the sum over cells of a Gaussian weight about the image
+/// centre.
+fn attention(frames: &[&DepthFrame], count: usize, group_of: &dyn Fn(DVec3) -> Option<usize>, sigma: f64) -> Vec<f64> {
+    let mut out = vec![0.0; count];
     for f in frames {
         let (columns, rows) = (f.columns(), f.points.len() / f.columns().max(1));
         let scale = 1.0 / (2.0 * (sigma * (columns as f64).hypot(rows as f64)).powi(2));
@@ -330,9 +423,8 @@ fn attention(frames: &[&DepthFrame], components: &Components, sigma: f64) -> Vec
         for (i, p) in f.points.iter().enumerate().filter(|(_, p)| p.z > 0.0) {
             let (x, y) = ((i % columns) as f64 - 0.5 * columns as f64, (i / columns) as f64 - 0.5 * rows as f64);
             let weight = (-(x * x + y * y) * scale).exp();
-            let world = pose.apply(p.as_dvec3()).as_vec3();
-            if let Some(c) = components.of(world) {
-                out[c] += weight;
+            if let Some(group) = group_of(pose.apply(p.as_dvec3())) {
+                out[group] += weight;
             }
         }
     }
