@@ -25,6 +25,7 @@ impl Default for GridConfig {
 }
 
 /// One frame on a grid of cells, row-major. All vectors are in the camera's frame (OpenCV axes).
+#[derive(Clone)]
 pub(crate) struct DepthFrame {
     /// Camera whose pixels are the cells, with the pose known so far.
     pub(crate) camera: Camera,

@@ -5,6 +5,8 @@
 //! else moved is reported (`bystander`).
 
 mod bounds;
+#[cfg(test)]
+mod box_tests;
 mod bundle;
 mod bystander;
 mod cloud;
@@ -225,6 +227,7 @@ pub fn align_with_progress(
 }
 
 /// Frames of both recordings with refined poses in the world of the start recording.
+#[derive(Clone)]
 pub(crate) struct Aligned {
     pub(crate) frames: PerState<Vec<DepthFrame>>,
     /// Median depth.
