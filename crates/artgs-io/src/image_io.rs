@@ -51,7 +51,7 @@ fn open(path: &Path, bytes: &[u8]) -> Result<impl ImageDecoder, FileError> {
 }
 
 /// Largest size of a decoded image, bytes: a header with a larger size is damaged or malicious.
-const LARGEST: u64 = 1 << 30;
+pub(crate) const LARGEST: u64 = 1 << 30;
 
 fn unreadable(path: &Path, error: &ImageError) -> FileError {
     FileError::malformed(path, format!("not a complete, readable PNG ({error}); write it again"))

@@ -126,7 +126,8 @@ impl Trials {
 
 /// Files of a folder that a later run would take for results, or that are no whole files.
 fn left_behind(out: &Path) -> Option<Vec<String>> {
-    const BEGUN: [&str; 5] = ["config.toml", "keys.json", "events.jsonl", "capture.txt", "capture_folder.txt"];
+    const BEGUN: [&str; 6] =
+        ["config.toml", "keys.json", "events.jsonl", "capture.txt", "capture_folder.txt", "refused.txt"];
     let left = Folder::new(out).listing().into_iter().map(|(file, _)| file);
     let left: Vec<String> = left.filter(|file| !BEGUN.iter().any(|name| file.ends_with(name))).collect();
     (!left.is_empty()).then_some(left)

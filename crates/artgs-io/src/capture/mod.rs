@@ -18,6 +18,7 @@ pub use error::CaptureError;
 pub use pose::opengl_pose;
 pub use write::write_capture;
 
+use crate::image_io::LARGEST;
 use artgs_core::{Capture, PerState, State, StateViews, View};
 use std::path::{Path, PathBuf};
 use views::Entry;
@@ -69,14 +70,17 @@ pub struct ImageSizes {
     pub test: Vec<(u32, u32)>,
 }
 
-/// Reads the headers of the images of a capture. Images that cannot be read are absent: loading them says why.
+/// Reads the headers of the images of a capture. Images that cannot be read, or are too large to be, are absent: loading them
+/// says why.
 pub fn image_sizes(dir: &Path) -> Result<ImageSizes, CaptureError> {
     let layout = Layout::detect(dir)?;
     let sizes = |split| -> Result<Vec<(u32, u32)>, CaptureError> {
         let mut sizes = Vec::new();
         for state in State::ALL {
             let entries = entries_of(dir, layout, state, split, &mut Vec::new())?;
-            sizes.extend(entries.iter().filter_map(|entry| image::image_dimensions(dir.join(&entry.image)).ok()));
+            let size = |entry: &Entry| image::image_dimensions(dir.join(&entry.image)).ok();
+            let readable = |(w, h): &(u32, u32)| 4 * u64::from(*w) * u64::from(*h) <= LARGEST;
+            sizes.extend(entries.iter().filter_map(size).filter(readable));
         }
         Ok(sizes)
     };
