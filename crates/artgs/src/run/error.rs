@@ -6,6 +6,7 @@ use crate::fit::FitError;
 use crate::registration::RegistrationError;
 use crate::surface::SurfaceError;
 use artgs_io::FileError;
+use artgs_io::replica::ReplicaFileError;
 
 /// Why a run stopped.
 #[derive(Debug, thiserror::Error)]
@@ -51,7 +52,7 @@ pub enum Error {
     File(#[from] FileError),
     /// A replica could not be read or written.
     #[error(transparent)]
-    Replica(#[from] artgs_io::replica::ReplicaFileError),
+    Replica(#[from] ReplicaFileError),
 }
 
 impl Error {
@@ -64,9 +65,25 @@ impl Error {
             | Self::Discover(_)
             | Self::Corrections(_)
             | Self::Correct(_)
-            | Self::Registration(_)
-            | Self::Replica(_) => true,
+            | Self::Registration(_) => true,
+            // A full disk is no fault of the replica.
+            Self::Replica(error) => !matches!(error, ReplicaFileError::File(FileError::Write { .. })),
             Self::Fit(_) | Self::Surface(_) | Self::File(_) => false,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io;
+
+    #[test]
+    fn a_replica_that_cannot_be_written_is_no_bad_input() {
+        let path = std::path::PathBuf::from("meshes/start/part_0.ply");
+        let full = FileError::Write { path: path.clone(), source: io::ErrorKind::StorageFull.into() };
+        assert!(!Error::from(ReplicaFileError::from(full)).is_bad_input());
+        let missing = FileError::Read { path, source: io::ErrorKind::NotFound.into() };
+        assert!(Error::from(ReplicaFileError::from(missing)).is_bad_input());
     }
 }
