@@ -10,7 +10,6 @@ use crate::{agreement, demo, device, evaluate, export, reconstruct, settings, sy
 use anyhow::Context;
 use artgs::consistency::{check_capture, check_views};
 use artgs_core::State;
-use bytesize::ByteSize;
 use serde_json::json;
 use std::num::NonZeroUsize;
 
@@ -51,7 +50,7 @@ fn inspect(args: &Inspect, style: Style) -> Result<(), Failure> {
         let mut report = Report::new(&artgs_io::summarize(&capture))?;
         report.text.push_str(&agreement::described(&found));
         report.json["consistency"] = json!(found);
-        let needed = Plan::of_capture(&folder, Some(ByteSize::b(u64::MAX)))?.predicted;
+        let needed = Plan::unlimited(&folder);
         report.text.push_str(&format!("memory            about {} to reconstruct\n", memory::size(needed as f64)));
         report.json["memory_bytes"] = json!(needed);
         return report.show(style.json);

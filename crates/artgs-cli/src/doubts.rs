@@ -60,18 +60,14 @@ const ALIKE: f64 = 0.996;
 
 /// Type and axis, and on request a point of the axis.
 fn described(joint: &Joint, with_place: bool) -> String {
-    let (kind, by) = match joint.kind {
-        JointKind::Revolute => ("revolute", "about"),
-        JointKind::Prismatic => ("prismatic", "along"),
-        JointKind::Screw => ("screw", "about"),
-    };
+    let by = if joint.kind == JointKind::Prismatic { "along" } else { "about" };
     // No -0.00 in the text.
     let vector = |v: DVec3| {
         let [x, y, z] = v.to_array().map(|v| if v.abs() < 0.005 { 0.0 } else { v });
         format!("({x:.2}, {y:.2}, {z:.2})")
     };
     let place = if with_place { format!(" through {}", vector(joint.origin)) } else { String::new() };
-    format!("{kind} {by} {}{place}", vector(joint.axis))
+    format!("{} {by} {}{place}", joint.kind.name(), vector(joint.axis))
 }
 
 #[cfg(test)]

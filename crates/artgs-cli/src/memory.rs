@@ -58,6 +58,12 @@ impl Plan {
         Self::within(predict, CaptureOptions::default().longest_side, stated)
     }
 
+    /// Predicted peak of a capture without a limit, bytes.
+    pub(crate) fn unlimited(folder: &Path) -> u64 {
+        let sizes = image_sizes(folder).unwrap_or_default();
+        predicted(&sizes, CaptureOptions::default().longest_side, rayon::current_num_threads()) as u64
+    }
+
     /// For two recordings, of which at most `frames` images each are used.
     pub(crate) fn of_recordings(frames: usize, stated: Option<ByteSize>) -> Result<Self, Failure> {
         /// Height of an image relative to its width: that of the cameras of phones.

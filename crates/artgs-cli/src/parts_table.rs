@@ -34,26 +34,18 @@ fn row(replica: &Replica, number: usize, hidden: &dyn Fn(usize) -> bool) -> Opti
     let doubtful = part.confidence.is_some_and(|c| c < DOUBTFUL);
     let check = match (hidden(number), part.alternatives.first(), doubtful) {
         (true, _, _) => "its surface is hardly seen".to_string(),
-        (_, Some(other), _) if other.joint().kind != joint.kind => format!("may be {}", kind(other.joint().kind)),
+        (_, Some(other), _) if other.joint().kind != joint.kind => format!("may be {}", other.joint().kind.name()),
         (_, Some(_), _) => "another motion explains it, too".to_string(),
         (_, None, true) => "its joint and its shape".to_string(),
         (_, None, false) => String::new(),
     };
     Some([
         number.to_string(),
-        format!("{}{on}", kind(joint.kind)),
+        format!("{}{on}", joint.kind.name()),
         travel(&joint),
         confidence(part.confidence).into(),
         check,
     ])
-}
-
-fn kind(kind: JointKind) -> &'static str {
-    match kind {
-        JointKind::Revolute => "revolute",
-        JointKind::Prismatic => "prismatic",
-        JointKind::Screw => "screw",
-    }
 }
 
 /// Motion between the two states.

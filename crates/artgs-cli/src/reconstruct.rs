@@ -207,10 +207,9 @@ impl Job<'_> {
 }
 
 fn part_line(number: usize, part: &JointEstimate) -> String {
-    let kind = json!(part.kind);
     let share = part.confidence.map(|c| format!(", confidence {c:.2}"));
     let carrier = if part.parent > 0 { format!(" on part {}", part.parent) } else { String::new() };
-    format!("part {number}: {}{carrier}{}\n", kind.as_str().unwrap_or_default(), share.unwrap_or_default())
+    format!("part {number}: {}{carrier}{}\n", part.kind.name(), share.unwrap_or_default())
 }
 
 fn failure(error: artgs::Error) -> Failure {

@@ -1,7 +1,7 @@
 //! A capture: posed RGBA images, with or without depth, of one object in its observed states.
 
 use crate::{Camera, DepthMap, PerState, Rigid};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Least alpha of a pixel that shows the object.
 pub const OBJECT_ALPHA: u8 = 128;
@@ -23,6 +23,16 @@ impl View {
     /// Image width and height in pixels.
     pub fn size(&self) -> (usize, usize) {
         (self.camera.intrinsics.width as usize, self.camera.intrinsics.height as usize)
+    }
+
+    /// World points of all pixels that have depth, row-major; none for a view without depth.
+    pub fn points(&self) -> impl Iterator<Item = DVec3> + '_ {
+        let width = self.size().0;
+        let depths = self.depth.iter().flat_map(|depth| depth.iter().enumerate());
+        depths.filter(|(_, z)| *z > 0.0).map(move |(i, z)| {
+            let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+            self.camera.unproject(pixel, f64::from(z))
+        })
     }
 }
 
@@ -58,5 +68,27 @@ impl Capture {
         let eyes: Vec<DVec3> = self.states.iter().flat_map(|s| &s.train).map(|v| v.camera.position()).collect();
         let mean = eyes.iter().sum::<DVec3>() / eyes.len().max(1) as f64;
         eyes.iter().map(|e| (*e - mean).length()).fold(0.0, f64::max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Intrinsics;
+
+    #[test]
+    fn points_of_a_view_are_those_of_its_depths() {
+        let k = Intrinsics { fx: 10.0, fy: 20.0, cx: 1.5, cy: 1.0, width: 3, height: 2 };
+        let camera = Camera::look_at(k, DVec3::new(1.0, -2.0, 1.5), DVec3::ZERO, DVec3::Z);
+        let depth = Some(DepthMap::nearest(&[0.0, 1.0, 0.0, 2.0, 0.0, 0.0]));
+        let view = View { name: String::new(), camera, rgba: vec![[255; 4]; 6], depth };
+        let points: Vec<DVec3> = view.points().collect();
+        let expected = [((1.5, 0.5), 1.0), ((0.5, 1.5), 2.0)];
+        assert_eq!(points.len(), expected.len());
+        for (point, ((x, y), z)) in points.iter().zip(expected) {
+            let (pixel, depth) = camera.project(*point);
+            assert!(pixel.distance(DVec2::new(x, y)) < 1e-2 && (depth - z).abs() < 1e-3, "{pixel} {depth}");
+        }
+        assert_eq!(View { depth: None, ..view }.points().count(), 0);
     }
 }

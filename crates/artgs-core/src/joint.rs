@@ -16,6 +16,17 @@ pub enum JointKind {
     Screw,
 }
 
+impl JointKind {
+    /// Its name in files and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Revolute => "revolute",
+            Self::Prismatic => "prismatic",
+            Self::Screw => "screw",
+        }
+    }
+}
+
 /// A joint with the values it has in the two observed states.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Joint {

@@ -14,19 +14,6 @@ fn recorded(seed: u64) -> (PerState<Recording>, RecordingTruth) {
     render_recording("storage2", &options(seed)).expect("the object exists")
 }
 
-/// Points of the object in the views of a state, start world.
-fn points(views: &[View]) -> impl Iterator<Item = DVec3> + '_ {
-    views.iter().flat_map(|view| {
-        let (k, pose) = (view.camera.intrinsics, view.camera.world_to_camera.inverse());
-        let width = view.size().0;
-        let depth = view.depth.as_ref().expect("depth").iter().enumerate().filter(|(_, z)| *z > 0.0);
-        depth.map(move |(i, z)| {
-            let (u, v, z) = ((i % width) as f64 + 0.5, (i / width) as f64 + 0.5, f64::from(z));
-            pose.apply(DVec3::new((u - k.cx) / k.fx * z, (v - k.cy) / k.fy * z, z))
-        })
-    })
-}
-
 #[test]
 fn a_thing_that_was_moved_beside_the_object_is_reported_once() {
     let (recordings, truth) = render_recording("storage2", &RecordingCaptureOptions { bystander: true, ..options(1) })
@@ -42,7 +29,7 @@ fn a_thing_that_was_moved_beside_the_object_is_reported_once() {
             view.depth = Some(artgs_core::DepthMap::nearest(&depth.iter().enumerate().map(own).collect::<Vec<f32>>()));
         }
         let frame = if state == State::END { truth.end_to_start } else { artgs_core::Rigid::IDENTITY };
-        let own: Vec<DVec3> = points(&views).map(|p| frame.apply(p)).collect();
+        let own: Vec<DVec3> = views.iter().flat_map(View::points).map(|p| frame.apply(p)).collect();
         let middle = own.iter().sum::<DVec3>() / own.len() as f64;
         let seen = seen.unwrap_or_else(|| panic!("{} shows it: {moved:?}", state.name()));
         assert!(seen.place.distance(middle) < 0.2, "{} {middle} {seen:?}", state.name());

@@ -39,19 +39,6 @@ fn overlap(a: &Capture, b: &Capture) -> f64 {
     both as f64 / any as f64
 }
 
-/// Points of the object in the views of a state, start world.
-fn points(views: &[View]) -> impl Iterator<Item = DVec3> + '_ {
-    views.iter().flat_map(|view| {
-        let (k, pose) = (view.camera.intrinsics, view.camera.world_to_camera.inverse());
-        let width = view.size().0;
-        let depth = view.depth.as_ref().expect("depth").iter().enumerate().filter(|(_, z)| *z > 0.0);
-        depth.map(move |(i, z)| {
-            let (u, v, z) = ((i % width) as f64 + 0.5, (i / width) as f64 + 0.5, f64::from(z));
-            pose.apply(DVec3::new((u - k.cx) / k.fx * z, (v - k.cy) / k.fy * z, z))
-        })
-    })
-}
-
 #[test]
 fn a_box_selects_what_is_inside_without_the_floor() {
     let options = RecordingCaptureOptions { views: 30, width: 240, ..RecordingCaptureOptions::default() };
@@ -86,7 +73,8 @@ fn a_box_selects_what_is_inside_without_the_floor() {
     // Depth is stored in steps.
     let grown = ObjectBox::new(half.lower() - 0.002, half.upper() + 0.002).expect("a box");
     for state in &part.states {
-        assert!(points(&state.train).count() > 1000 && points(&state.train).all(|p| grown.contains(p)));
+        let points = || state.train.iter().flat_map(View::points);
+        assert!(points().count() > 1000 && points().all(|p| grown.contains(p)));
     }
     assert!(half.contains(report.object.lower()) && half.contains(report.object.upper()));
 

@@ -4,16 +4,7 @@ use super::geometry::MeshScore;
 use super::joints::Motion;
 use super::pictures::PictureReport;
 use super::scores::Scores;
-use artgs_core::JointKind;
 use std::fmt::{Display, Formatter, Result};
-
-fn name(kind: JointKind) -> &'static str {
-    match kind {
-        JointKind::Revolute => "revolute",
-        JointKind::Prismatic => "prismatic",
-        JointKind::Screw => "screw",
-    }
-}
 
 fn number(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "-".into(), |v| format!("{v:.digits$}"))
@@ -34,9 +25,9 @@ impl Display for Scores {
         for p in &self.parts {
             let label = format!("true {}", p.truth + 1);
             let kind = match (p.part, p.kind) {
-                (None, _) | (_, None) => format!("{}, missing", name(p.true_kind)),
-                (Some(part), Some(kind)) if kind == p.true_kind => format!("{}, part {part}", name(kind)),
-                (Some(part), Some(kind)) => format!("{}, not {}, part {part}", name(kind), name(p.true_kind)),
+                (None, _) | (_, None) => format!("{}, missing", p.true_kind.name()),
+                (Some(part), Some(kind)) if kind == p.true_kind => format!("{}, part {part}", kind.name()),
+                (Some(part), Some(kind)) => format!("{}, not {}, part {part}", kind.name(), p.true_kind.name()),
             };
             let slide = p.joint.and_then(|j| j.slide).map_or_else(String::new, |s| format!(", slide off by {s:.4}"));
             let motion = p.joint.map_or_else(

@@ -27,7 +27,7 @@ mod looks;
 mod tests;
 
 use crate::{FileError, write_atomic};
-use artgs_core::{Asset, AssetLink, JointKind};
+use artgs_core::{Asset, AssetLink};
 use buffer::Buffer;
 use glam::DVec3;
 use serde_json::{Map, Value, json};
@@ -145,13 +145,8 @@ fn extras(link: &AssetLink) -> Value {
     let m = &link.inertial;
     let mut out = json!({"inertial": {"mass": m.mass, "center": m.center.to_array(), "inertia": m.inertia}});
     if let Some(j) = &link.joint {
-        let kind = match j.kind {
-            JointKind::Revolute => "revolute",
-            JointKind::Prismatic => "prismatic",
-            JointKind::Screw => "screw",
-        };
         out["joint"] = json!({
-            "name": joint_name(link), "type": kind, "axis": j.axis.to_array(), "pitch": j.pitch, "limits": j.limits,
+            "name": joint_name(link), "type": j.kind.name(), "axis": j.axis.to_array(), "pitch": j.pitch, "limits": j.limits,
             "observed": j.observed.as_slice(), "effort": j.effort, "velocity": j.velocity, "damping": j.damping,
             "friction": j.friction,
         });

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::asset::testing::cabinet;
-use artgs_core::Rigid;
+use artgs_core::{JointKind, Rigid};
 use glam::{Mat4, Quat, Vec3};
 use gltf::animation::util::ReadOutputs;
 
