@@ -4,20 +4,25 @@ use crate::failure::Failure;
 use artgs::consistency::{Consistency, Finding, StateConsistency, check_capture, check_views};
 use artgs_core::{Capture, PerState, Recording, State};
 
-/// Refuses a capture whose views or states contradict each other, unless `forced`; warnings go to the capture.
+/// Refuses a capture whose views or states contradict each other, and removes single views that contradict the others, unless
+/// `forced`; warnings go to the capture.
 pub(crate) fn require(capture: &mut Capture, forced: bool) -> Result<(), Failure> {
-    let findings = check_capture(capture).findings();
-    capture.warnings.extend(accepted(findings, forced)?);
+    let found = check_capture(capture);
+    capture.warnings.extend(accepted(found.findings(), forced)?);
+    for (state, own) in found.states.enumerate() {
+        capture.states[state].train.retain(|view| forced || !own.ignores(&view.name));
+    }
     Ok(())
 }
 
-/// Refuses recordings whose frames contradict each other, unless `forced`; warnings go to the recordings.
+/// The same for the frames of recordings; warnings go to the recordings.
 pub(crate) fn require_recordings(recordings: &mut PerState<Recording>, forced: bool) -> Result<(), Failure> {
     for state in State::ALL {
         let found = check_views(recordings[state].frames.iter().map(|f| &f.view));
         let findings = found.findings(&format!("the recording of the {} state", state.name()));
         let warnings = accepted(findings, forced)?;
         recordings[state].warnings.extend(warnings);
+        recordings[state].frames.retain(|frame| forced || !found.ignores(&frame.view.name));
     }
     Ok(())
 }

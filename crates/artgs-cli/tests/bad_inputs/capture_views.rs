@@ -89,6 +89,28 @@ fn states() {
         bad("depth of one state is five times too large", "fridge", RECONSTRUCT, &["the end state", "depth"], |f| {
             f.json(END, |root| multiply(root, &["depth_scale"], 0.2))
         }),
+        bad("poses of the next images", "fridge", RECONSTRUCT, &["no usual mistake", "belong together"], |f| {
+            f.both(FILES, |root| {
+                let frames = root["frames"].as_array_mut().unwrap();
+                let mut matrices: Vec<_> = frames.iter().map(|frame| frame["transform_matrix"].clone()).collect();
+                matrices.rotate_left(1);
+                frames.iter_mut().zip(matrices).for_each(|(frame, matrix)| frame["transform_matrix"] = matrix);
+            });
+        }),
+        bad("depth images are noise", "fridge", RECONSTRUCT, &["(noise)", "16-bit distances"], |f| {
+            let random = std::cell::Cell::new(1_u32);
+            for name in [f.names("start/train/depth"), f.names("end/train/depth")].concat() {
+                f.depth(&name, |stored| {
+                    random.set(random.get().wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
+                    if stored == 0 { 0 } else { 500 + (random.get() >> 20) as u16 }
+                });
+            }
+        }),
+        bad("images are those of the other state", "fridge", RECONSTRUCT, &["copied from there"], |f| {
+            for name in f.names("start/train/rgba") {
+                f.write(&name.replace("start/", "end/"), f.read(&name));
+            }
+        }),
         bad("both states are one without overlap", "fridge", RECONSTRUCT, &["no overlap"], |f| {
             f.write(END, f.read("transforms_train_start.json"));
             f.json(END, |root| poses(root, |m| glam::DMat4::from_translation(glam::DVec3::X * 9.0) * m));

@@ -55,15 +55,21 @@ pub(super) fn agreement(of: &[CoarseView], with: &[CoarseView], readings: [Readi
     let other: Vec<Posed<'_>> = with.iter().map(|v| Posed::new(v, readings[1])).collect();
     let same = std::ptr::eq(of, with);
     let of_view = |i: usize| {
-        let to_world = own[i].to_camera.inverse();
-        let mut counts = Agreement::default();
-        let points: Vec<(DVec3, DVec3)> = own[i].points().map(|(p, n)| (to_world.apply(p), to_world.turn(n))).collect();
-        for j in (0..other.len()).filter(|&j| !(same && j == i)) {
-            points.iter().for_each(|(p, n)| compare(&other[j], *p, *n, &mut counts));
-        }
-        counts
+        let others = other.iter().enumerate().filter(|&(j, _)| !(same && j == i));
+        agreement_of(&own[i], others.map(|(_, view)| view))
     };
     (0..own.len()).into_par_iter().map(of_view).reduce(Agreement::default, Agreement::plus)
+}
+
+/// Agreement of one view with others.
+pub(super) fn agreement_of<'p, 'v: 'p>(view: &Posed<'_>, others: impl Iterator<Item = &'p Posed<'v>>) -> Agreement {
+    let to_world = view.to_camera.inverse();
+    let mut counts = Agreement::default();
+    let points: Vec<(DVec3, DVec3)> = view.points().map(|(p, n)| (to_world.apply(p), to_world.turn(n))).collect();
+    for other in others {
+        points.iter().for_each(|(p, n)| compare(other, *p, *n, &mut counts));
+    }
+    counts
 }
 
 fn compare(view: &Posed<'_>, p: DVec3, n: DVec3, counts: &mut Agreement) {

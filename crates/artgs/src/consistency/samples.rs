@@ -33,6 +33,10 @@ pub(super) struct CoarseView {
     pub(super) cells: Vec<Seen>,
     /// Cell centres with depth and the slopes of the depth from cell to cell, along columns and rows.
     pub(super) points: Vec<Point>,
+    /// Number of cells with depth that have depth on four sides.
+    pub(super) inner: usize,
+    /// Number of them that are far from the straight line between their neighbours along a column or a row.
+    pub(super) rough: usize,
 }
 
 /// A surface point of a view.
@@ -55,7 +59,7 @@ pub(super) fn coarse_views<'v>(views: impl Iterator<Item = &'v View>) -> Vec<Coa
 }
 
 impl CoarseView {
-    fn new(view: &View) -> Self {
+    pub(super) fn new(view: &View) -> Self {
         let width = view.size().0;
         let step = width.div_ceil(COLUMNS).max(1);
         let camera = view.camera.thinned(step);
@@ -70,32 +74,38 @@ impl CoarseView {
             }
         };
         let cells: Vec<Seen> = (0..columns * rows).map(seen).collect();
-        let points = points(&cells, columns, rows);
-        Self { camera, cells, points }
+        let (points, inner, rough) = points(&cells, columns, rows);
+        let stride = points.len().div_ceil(POINTS).max(1);
+        // An odd stride does not stay in one column.
+        let points = points.into_iter().step_by(stride | 1).collect();
+        Self { camera, cells, points, inner, rough }
     }
 }
 
-/// Cells away from edges, about [`POINTS`] of them.
-fn points(cells: &[Seen], columns: usize, rows: usize) -> Vec<Point> {
+/// Cells away from edges, the number of all cells with depth on four sides, and the number of rough ones.
+fn points(cells: &[Seen], columns: usize, rows: usize) -> (Vec<Point>, usize, usize) {
+    let (mut inner, mut rough) = (0, 0);
     let depth = |x: usize, y: usize| match cells[y * columns + x] {
         Seen::Surface(z) => Some(z),
         _ => None,
     };
-    let point = |cell: usize| {
+    let mut point = |cell: usize| {
         let (x, y) = (cell % columns, cell / columns);
         if x == 0 || y == 0 || x + 1 >= columns || y + 1 >= rows {
             return None;
         }
         let z = depth(x, y)?;
         let [left, right, up, down] = [depth(x - 1, y)?, depth(x + 1, y)?, depth(x, y - 1)?, depth(x, y + 1)?];
+        inner += 1;
+        // A plane that is seen at a grazing angle has steps, but is straight.
+        let bend = (left + right - 2.0 * z).abs().max((up + down - 2.0 * z).abs());
+        rough += usize::from(bend > EDGE * z);
         let smooth = [left, right, up, down].into_iter().all(|d| (d - z).abs() < EDGE * z);
         let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
         smooth.then(|| Point { at, depth: z, slope: 0.5 * DVec2::new(right - left, down - up) })
     };
-    let all: Vec<Point> = (0..cells.len()).filter_map(point).collect();
-    let stride = all.len().div_ceil(POINTS).max(1);
-    // An odd stride does not stay in one column.
-    all.into_iter().step_by(stride | 1).collect()
+    let smooth = (0..cells.len()).filter_map(&mut point).collect();
+    (smooth, inner, rough)
 }
 
 /// How a stated camera or depth may be read differently.

@@ -2,6 +2,8 @@ use super::*;
 use artgs_core::Rigid;
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 use std::f64::consts::PI;
 
 fn capture() -> Capture {
@@ -110,4 +112,72 @@ fn captures_without_depth_are_not_judged() {
     let without = changed(&State::ALL, |view| view.depth = None);
     let found = check_capture(&without);
     assert!(found.states.iter().all(|s| s.agreement.is_none()) && found.findings().is_empty());
+}
+
+/// Depths without any surface.
+fn noise(view: &mut View, seed: u64) {
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    let depth = view.depth.take().unwrap();
+    let values: Vec<f32> = depth.iter().map(|z| if z > 0.0 { random.random_range(0.5..4.0) } else { 0.0 }).collect();
+    view.depth = Some(artgs_core::DepthMap::nearest(&values));
+}
+
+#[test]
+fn poses_and_depths_that_do_not_belong_to_the_images_are_refused() {
+    // The pose of the next image.
+    let mut shifted = capture();
+    for state in &mut shifted.states {
+        let poses: Vec<Rigid> = state.train.iter().map(|v| v.camera.world_to_camera).collect();
+        let count = poses.len();
+        state.train.iter_mut().enumerate().for_each(|(i, v)| v.camera.world_to_camera = poses[(i + 1) % count]);
+    }
+    refusal(&shifted, &["both states", "no usual mistake", "belong together"]);
+
+    let mut half = capture();
+    for state in &mut half.states {
+        state.train.iter_mut().step_by(2).for_each(|view| scale_depth(view, 1.1));
+    }
+    refusal(&half, &["both states", "no usual mistake"]);
+
+    let mut seed = 0;
+    let mut noisy = capture();
+    for view in noisy.states.iter_mut().flat_map(|s| &mut s.train) {
+        seed += 1;
+        noise(view, seed);
+    }
+    refusal(&noisy, &["both states", "12 of 12 images", "(noise)", "16-bit"]);
+}
+
+#[test]
+fn single_views_that_contradict_the_others_are_named() {
+    let mut capture = capture();
+    let views = &mut capture.states[State::START].train;
+    noise(&mut views[2], 1);
+    let other = views[0].camera.world_to_camera;
+    views[7].camera.world_to_camera = other;
+    let names = [views[2].name.clone(), views[7].name.clone()];
+    let found = check_capture(&capture);
+    let [Finding::Warning(text)] = &found.findings()[..] else { panic!("{:?}", found.findings()) };
+    assert!(text.contains("the start state") && text.contains("2 of 12 images"), "{text}");
+    assert!(names.iter().all(|name| text.contains(name.as_str())), "{text}");
+    let ignored =
+        |state: State| capture.states[state].train.iter().filter(|v| found.states[state].ignores(&v.name)).count();
+    assert_eq!((ignored(State::START), ignored(State::END)), (2, 0));
+}
+
+#[test]
+fn images_copied_from_the_other_state_are_refused() {
+    let mut copied = capture();
+    let start = copied.states[State::START].train.clone();
+    // Images of one state with the poses of other images of it.
+    for (i, view) in copied.states[State::END].train.iter_mut().enumerate() {
+        view.rgba = start[(i + 1) % start.len()].rgba.clone();
+    }
+    let found = check_capture(&copied);
+    assert!(found.copied > 0.9);
+    let refused = |f: &Finding| matches!(f, Finding::Refused(text) if text.contains("copied from"));
+    assert!(found.findings().iter().any(refused), "{:?}", found.findings());
+    // A capture in which nothing moved, by a simulated camera at the same places.
+    copied.states[State::END] = copied.states[State::START].clone();
+    assert_eq!(check_capture(&copied).findings(), []);
 }
