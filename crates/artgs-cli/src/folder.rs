@@ -45,11 +45,17 @@ pub(crate) fn prepare(run: &RunFolder, earlier: Earlier, command: &str, style: S
 
 /// Locks a folder that exists: nobody else writes into it as long as the value exists. Removes what a killed process left.
 pub(crate) fn lock(run: &RunFolder, command: &str, style: Style) -> Result<FolderLock, Failure> {
-    let lock = FolderLock::take(run.root(), command).map_err(unlockable)?;
+    let lock = lock_any(run.root(), command, style)?;
+    run.remove_leftovers().map_err(Failure::failed)?;
+    Ok(lock)
+}
+
+/// Locks a folder that exists, of any content.
+pub(crate) fn lock_any(folder: &Path, command: &str, style: Style) -> Result<FolderLock, Failure> {
+    let lock = FolderLock::take(folder, command).map_err(unlockable)?;
     if let Some(notice) = lock.notice() {
         note(&notice.to_string(), style);
     }
-    run.remove_leftovers().map_err(Failure::failed)?;
     Ok(lock)
 }
 

@@ -3,7 +3,9 @@
 use crate::args::{Synth, SynthLayout, SynthScene, SynthSensor};
 use crate::commands::{Style, use_threads};
 use crate::failure::Failure;
+use crate::folder;
 use crate::output::say;
+use anyhow::Context;
 use artgs_core::JointKind;
 use artgs_io::recording::RecordingFormat;
 use artgs_synth::recording::{Sensor, recording_info, write_recorded_object};
@@ -50,6 +52,8 @@ pub(crate) fn run(args: &Synth, style: Style) -> Result<(), Failure> {
         check(&job, folder, args.force)?;
     }
     for (name, folder) in &targets {
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+        let _lock = folder::lock_any(folder, "artgs synth", style)?;
         let (k, written) = job.write(name, folder).map_err(|error| match error {
             SynthError::File(_) | SynthError::Recording(_) => Failure::from(anyhow::Error::from(error)),
             _ => Failure::bad(error),
@@ -169,7 +173,7 @@ fn check(job: &Job, folder: &Path, force: bool) -> Result<(), Failure> {
     }
     // A run that was killed at its first writes leaves nothing else.
     let unfinished = |entry: std::io::Result<std::fs::DirEntry>| {
-        entry.is_ok_and(|entry| entry.file_name().to_string_lossy().starts_with(".artgs-"))
+        entry.is_ok_and(|entry| entry.file_name().to_string_lossy().starts_with(".artgs"))
     };
     let empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.all(unfinished));
     if empty || job.wrote(folder) {

@@ -71,6 +71,8 @@ fn a_folder_in_use_is_refused_and_that_of_a_killed_run_is_taken_over() {
         assert!(message.contains("in use by process") && message.contains("wait until it ends"), "{message}");
         assert_eq!(message.lines().filter(|line| line.starts_with("error")).count(), 1, "{message}");
     }
+    let synth = artgs(&["synth", "storage2", "-o", str(&bench.out), "--force"]);
+    assert!(synth.status.code() == Some(2) && errors(&synth).contains("in use by process"), "{}", errors(&synth));
     drop(lock);
     assert_eq!(fs::read_dir(&bench.out).unwrap().count(), 0);
 

@@ -255,9 +255,17 @@ fn fault(joint: &Joint) -> Option<&'static str> {
         Some("field `axis` is not a unit vector")
     } else if joint.limits[0] > joint.limits[1] {
         Some("field `limits` has lower above upper")
+    } else if joint.state_values.iter().any(|value| !within(*value, joint.limits)) {
+        Some("field `limits` does not contain the `state_values`")
     } else {
         None
     }
+}
+
+/// True for values between the limits, or beside them by rounding.
+fn within(value: f64, [lower, upper]: [f64; 2]) -> bool {
+    let slack = 1e-6 * (1.0 + lower.abs().max(upper.abs()));
+    value >= lower - slack && value <= upper + slack
 }
 
 #[cfg(test)]

@@ -146,6 +146,7 @@ mod tests {
             ("\"axis\"", "\"axes\"", "line "),
             ("revolute", "floating", "unknown variant `floating`"),
             ("\"lower\": 0.0", "\"lower\": 9.0", "part 1: field `limits`"),
+            ("\"lower\": 0.0", "\"lower\": 0.3", "part 1: field `limits` does not contain"),
             ("meshes/end/part_1.ply", "../part_1.ply", "field `parts[1].meshes.end`"),
             (
                 "meshes/start/whole.ply",

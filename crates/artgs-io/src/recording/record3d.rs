@@ -17,7 +17,9 @@ use super::write::{self, SensorDepth, write_jpeg, write_json};
 use crate::capture::json::{Object, key_error, object_of_bytes};
 use artgs_core::{DepthMap, Recording};
 use glam::{DQuat, DVec2, DVec3};
+use lzfse_rust::LzfseRingDecoder;
 use serde_json::{Value, json};
+use std::io::Read;
 use std::path::Path;
 
 /// Largest size of a depth image, pixels.
@@ -184,13 +186,16 @@ fn sized(path: &Path, size: Option<(u32, u32)>) -> Result<(u32, u32), RecordingE
 
 /// Unpacks LZFSE data of a known length.
 fn unpack(path: &Path, bytes: &[u8], length: usize) -> Result<Vec<u8>, RecordingError> {
-    let mut raw = Vec::with_capacity(length);
-    lzfse_rust::decode_bytes(bytes, &mut raw).map_err(|e| {
+    let mut raw = Vec::with_capacity(length + 1);
+    // One byte more than expected, so that data of another size are recognised without unpacking all of them.
+    let most = length as u64 + 1;
+    LzfseRingDecoder::default().reader_bytes(bytes).take(most).read_to_end(&mut raw).map_err(|e| {
         RecordingError::malformed(path, format!("not complete LZFSE data ({e}); export the recording again"))
     })?;
     if raw.len() != length {
+        let found = if raw.len() > length { "more".into() } else { raw.len().to_string() };
         let reason =
-            format!("{} bytes unpacked, expected {length} from `dw` and `dh`; export the recording again", raw.len());
+            format!("{found} bytes unpacked, expected {length} from `dw` and `dh`; export the recording again");
         return Err(RecordingError::malformed(path, reason));
     }
     Ok(raw)
