@@ -32,6 +32,7 @@ mod correct;
 mod cube_votes;
 mod denoise;
 pub(crate) mod diagnosis;
+mod enclosure;
 mod face_motions;
 mod facets;
 mod flatten;
