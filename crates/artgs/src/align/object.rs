@@ -114,11 +114,16 @@ impl Selection {
         let components = Components::new(&cloud.points, edge as f32, config.gap);
         let attention = attention(frames, components.count, &|p| components.of(p.as_vec3()), config.attention);
         let total: f64 = attention.iter().sum::<f64>().max(1e-12);
-        let best = (0..attention.len()).max_by(|a, b| attention[*a].total_cmp(&attention[*b]).then(b.cmp(a)))?;
+        let changed = moved(&cloud);
+        let numbers: Vec<Option<usize>> = cloud.points.iter().map(|p| components.of(*p)).collect();
+        let best = most_attended(&attention, &moved_shares(&numbers, &changed, components.count))?;
         let runner_up = attention.iter().enumerate().filter(|a| a.0 != best).map(|a| *a.1).fold(0.0, f64::max);
         let up = up.or(surfaces.planes.first().map(|p| p.normal));
-        let mut members = with_enclosed(&cloud, &components, best, up, config);
-        let load = up.and_then(|up| Load::find(&cloud, &members, &moved(&cloud), up.as_vec3(), edge as f32, config));
+        let mut belongs = with_enclosed(&cloud, &components, &numbers, best, up, config);
+        let held = with_held(&cloud, &numbers, best, &surfaces.planes, edge);
+        belongs.iter_mut().zip(held).for_each(|(own, held)| *own |= held);
+        let mut members: Vec<usize> = (0..cloud.len()).filter(|&i| numbers[i].is_some_and(|n| belongs[n])).collect();
+        let load = up.and_then(|up| Load::find(&cloud, &members, &changed, up.as_vec3(), edge as f32, config));
         if let Some(load) = &load {
             members.retain(|&i| !load.contains(cloud.points[i]));
         }
@@ -269,29 +274,85 @@ impl Components {
     }
 }
 
-/// Points of a component, and of those that are mostly above its footprint and near it: what an open door shows inside, a
+/// Share of the points of each component that moved.
+fn moved_shares(numbers: &[Option<usize>], moved: &[bool], count: usize) -> Vec<f64> {
+    let mut counts = vec![(0, 0); count];
+    for (number, moved) in numbers.iter().zip(moved) {
+        if let Some(n) = number {
+            counts[*n].0 += usize::from(*moved);
+            counts[*n].1 += 1;
+        }
+    }
+    counts.into_iter().map(|(moved, all)| f64::from(moved as u32) / f64::from(all.max(1) as u32)).collect()
+}
+
+/// The component that the cameras look at most. If nothing of it moved, that of the others that moved, if they look at it, too:
+/// things around a slender object may be larger than the object.
+fn most_attended(attention: &[f64], moved: &[f64]) -> Option<usize> {
+    /// Share of the points of a component up to which nothing of it moved.
+    const STILL: f64 = 0.005;
+    /// Share of the points from which it moved.
+    const MOVED: f64 = 0.1;
+    /// Share of the attention of all components from which the cameras look at one.
+    const NOTICED: f64 = 0.05;
+    let total: f64 = attention.iter().sum();
+    let most = |may: &dyn Fn(usize) -> bool| {
+        let order = |a: &usize, b: &usize| attention[*a].total_cmp(&attention[*b]).then(b.cmp(a));
+        (0..attention.len()).filter(|n| may(*n)).max_by(order)
+    };
+    let first = most(&|_| true)?;
+    let other = most(&|n| moved[n] >= MOVED && attention[n] >= NOTICED * total);
+    Some(if moved[first] <= STILL { other.unwrap_or(first) } else { first })
+}
+
+/// Components near `best` that touch no plane: parts that are too thin for depth cameras hold them.
+fn with_held(cloud: &FusedCloud, numbers: &[Option<usize>], best: usize, planes: &[Plane], edge: f64) -> Vec<bool> {
+    /// Largest distance from the component, as a share of the diagonal of its box.
+    const REACH: f32 = 0.3;
+    /// Share of its points that another component must have; smaller ones are errors of depth.
+    const LEAST: f64 = 0.1;
+    /// Distance from every plane, cubes.
+    const CLEAR: f64 = 4.0;
+    let count = numbers.iter().flatten().max().map_or(0, |n| n + 1);
+    let mut points: Vec<Vec<Vec3>> = vec![Vec::new(); count];
+    for (p, n) in cloud.points.iter().zip(numbers) {
+        if let Some(n) = n {
+            points[*n].push(*p);
+        }
+    }
+    let own = &points[best];
+    let (lower, upper) = own.iter().fold((Vec3::MAX, Vec3::MIN), |(l, u), p| (l.min(*p), u.max(*p)));
+    let reach = (REACH * lower.distance(upper)).powi(2);
+    let held = |others: &Vec<Vec3>| {
+        let clear = |p: &Vec3| planes.iter().all(|plane| plane.distance(p.as_dvec3()) > CLEAR * edge);
+        let near = |p: &Vec3| own.iter().any(|q| q.distance_squared(*p) < reach);
+        others.len() as f64 >= LEAST * own.len() as f64 && others.iter().all(clear) && others.iter().any(near)
+    };
+    points.iter().enumerate().map(|(n, others)| n == best || held(others)).collect()
+}
+
+/// The component `best`, and those that are mostly above its footprint and near it: what an open door shows inside, a
 /// top whose edges have no depth.
 fn with_enclosed(
     cloud: &FusedCloud,
     components: &Components,
+    numbers: &[Option<usize>],
     best: usize,
     up: Option<DVec3>,
     config: &ObjectConfig,
-) -> Vec<usize> {
+) -> Vec<bool> {
     /// Share of a component's points.
     const MOSTLY: f64 = 0.9;
     let up = up.map_or(Vec3::Z, |u| u.as_vec3());
     let (a, b) = up.any_orthonormal_pair();
     let flat = |p: Vec3| (p.dot(a), p.dot(b));
-    let numbers: Vec<Option<usize>> = cloud.points.iter().map(|p| components.of(*p)).collect();
-    let own: Vec<Vec3> =
-        cloud.points.iter().zip(&numbers).filter(|(_, n)| **n == Some(best)).map(|(p, _)| *p).collect();
+    let own: Vec<Vec3> = cloud.points.iter().zip(numbers).filter(|(_, n)| **n == Some(best)).map(|(p, _)| *p).collect();
     let hull = convex_hull(own.iter().map(|p| flat(*p)).collect());
     let heights = own.iter().map(|p| p.dot(up));
     let (low, high) = heights.fold((f32::MAX, f32::MIN), |(l, h), z| (l.min(z), h.max(z)));
     let reach = (config.gap + 2) as f32 * components.edge;
     let mut counts = vec![(0, 0, f32::MAX); components.count];
-    for (p, n) in cloud.points.iter().zip(&numbers) {
+    for (p, n) in cloud.points.iter().zip(numbers) {
         if let Some(n) = n {
             let (count, z) = (&mut counts[*n], p.dot(up));
             count.1 += 1;
@@ -303,7 +364,7 @@ fn with_enclosed(
         let (inside, all, lowest) = counts[n];
         n == best || (inside as f64 >= MOSTLY * all as f64 && lowest < high + reach)
     };
-    (0..cloud.len()).filter(|&i| numbers[i].is_some_and(belongs)).collect()
+    (0..components.count).map(belongs).collect()
 }
 
 /// Corners of the convex hull of points in the plane, counter-clockwise (Andrew's monotone chain).

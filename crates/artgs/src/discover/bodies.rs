@@ -173,6 +173,7 @@ mod tests {
                 explained: PerState::new(facet.members.clone(), Vec::new()),
                 gain: 1.0,
                 implausibility: 0.0,
+                turned_over: false,
             },
             region: Region::around(&cloud, facet, State::START, 1.0, 40.0),
         };

@@ -1,12 +1,14 @@
 //! Candidate motions: a wide search of hinges and slides for each cluster of moved points, refined by registration.
 
 use super::cloud::{Cloud, IndexedCloud, components, principal_axes};
+use super::extents::with_extents;
 use super::front::Front;
 use super::poses::{Pose, PoseSettings};
 use super::ranking::{RankingSettings, alike, better_seen};
 use super::registration::{Matching, RegistrationOptions, register, register_along};
 use super::scene::Lengths;
 use super::space_grid::{NO_POINT, SpaceGrid};
+use super::twins::twins;
 use crate::observer::Share;
 use artgs_core::{PerState, Rigid, State};
 use glam::{Mat3, Vec3};
@@ -114,6 +116,8 @@ pub(super) struct Candidate {
     pub(super) gain: f64,
     /// See [`RankingSettings::implausibility`].
     pub(super) implausibility: f32,
+    /// True if what it explains may show its other side in the other state.
+    pub(super) turned_over: bool,
 }
 
 /// Flags of the points `members`.
@@ -199,9 +203,27 @@ impl Search<'_> {
         let judge = |m: Rigid| self.weigh(&all_open, &all_values, m);
         let rest: Vec<Candidate> = others.into_iter().map(judge).filter(|c| c.gain > 0.3 * self.least_gain).collect();
         let winners: Vec<Candidate> = winners.into_iter().map(judge).collect();
+        let twins: Vec<Candidate> = winners.iter().flat_map(|winner| self.twins(winner)).collect();
         let order = self.order(&rest, 2 * pool);
-        let ranked = winners.into_iter().chain(order.into_iter().map(|i| rest[i].clone()));
+        let ranked = winners.into_iter().chain(twins).chain(order.into_iter().map(|i| rest[i].clone()));
         self.registered(ranked, pool, &faces)
+    }
+
+    /// Motions that a symmetric part may be confused with, for the points that a candidate explains.
+    fn twins(&self, candidate: &Candidate) -> Vec<Candidate> {
+        /// Points that judge the plausibility.
+        const SAMPLES: usize = 300;
+        let state = better_seen(&candidate.explained);
+        let (cloud, group) = (self.states[state].points.cloud, &candidate.explained[state]);
+        let sample = sample_of(cloud, group, SAMPLES);
+        let clouds = PerState::from_fn(|s| self.states[s].points.cloud.select(&candidate.explained[s]));
+        let twin = |motion: Rigid| {
+            let implausibility = self.ranking.implausibility(&motion, &sample, &self.lengths, self.front);
+            let motion = motion.away_from(state);
+            let placed = with_extents(&clouds[State::START], &clouds[State::END], &motion);
+            Candidate { motion: placed.unwrap_or(motion), implausibility, turned_over: true, ..candidate.clone() }
+        };
+        twins(cloud, group, &candidate.motion.away_from(state)).into_iter().map(twin).collect()
     }
 
     pub(super) fn clouds(&self) -> PerState<&IndexedCloud<'_>> {
@@ -365,6 +387,7 @@ impl Search<'_> {
                 last_reach: f64::from(1.5 * self.lengths.spacing),
                 iterations,
                 max_points,
+                either_side: false,
             };
             let judged = guesses.par_iter().map(|guess| {
                 let motion =
@@ -500,7 +523,13 @@ impl Search<'_> {
         let s = better_seen(&explained);
         let sample = sample_of(self.states[s].points.cloud, &explained[s], SAMPLES);
         let implausibility = self.ranking.implausibility(&motion.away_from(s), &sample, &self.lengths, self.front);
-        Candidate { motion, explained, gain: gain * f64::from(1.0 - implausibility), implausibility }
+        Candidate {
+            motion,
+            explained,
+            gain: gain * f64::from(1.0 - implausibility),
+            implausibility,
+            turned_over: false,
+        }
     }
 
     /// Those of some points that a motion explains, by their values.
@@ -552,6 +581,7 @@ impl Search<'_> {
             last_reach: spacing,
             iterations: self.settings.variant_effort.0,
             max_points: self.settings.variant_effort.1,
+            either_side: candidate.turned_over,
         };
         let free = register(points, candidate.motion, None, &options).motion;
         let mut out = vec![free];

@@ -179,6 +179,7 @@ mod tests {
             explained: PerState::default(),
             gain: 1.0,
             implausibility: 0.0,
+            turned_over: false,
         }];
         let part =
             |c| JointEstimate { confidence: Some(c), ..JointEstimate::new(JointKind::Revolute, Rigid::IDENTITY) };

@@ -199,6 +199,7 @@ impl Search<'_> {
             last_reach: spacing,
             iterations,
             max_points,
+            either_side: false,
         };
         let kind = (motion.angle() > HINGE).then_some(JointKind::Revolute);
         let mut out = vec![register(points, guess, kind, &options).motion];

@@ -2,7 +2,7 @@
 
 use super::DiscoverConfig;
 use super::cloud::{Cloud, IndexedCloud};
-use super::registration::{Matching, Registration, RegistrationOptions, register};
+use super::registration::{Matching, Registration, RegistrationOptions, register, shows_other_side};
 use super::scene::Lengths;
 use super::screws::{ScrewSettings, turned};
 use artgs_core::{Joint, JointEstimate, JointKind, PerState, Rigid, State};
@@ -86,7 +86,7 @@ impl JointFit<'_> {
             return *part;
         }
         let points = own.as_ref().map(IndexedCloud::new);
-        general(&register(both(&points), part.motion, None, &self.options()))
+        general(&register(both(&points), part.motion, None, &self.options(&points, &part.motion)))
     }
 
     /// Registers the points of one part on its joint, beginning with the motion so far. `known` is the type if the user
@@ -96,7 +96,7 @@ impl JointFit<'_> {
             return Decided { joint: self.unregistered(part, known), general: None, exact: false };
         }
         let points = own.as_ref().map(IndexedCloud::new);
-        let options = self.options();
+        let options = self.options(&points, &part.motion);
         let free = register(both(&points), part.motion, None, &options);
         let (kind, fit) = match known {
             Some(kind) => (kind, on_joint(&points, &free, kind, &options)),
@@ -138,10 +138,12 @@ impl JointFit<'_> {
         own.iter().any(|c| c.len() < self.settings.least_points)
     }
 
-    fn options(&self) -> RegistrationOptions {
+    fn options(&self, points: &PerState<IndexedCloud<'_>>, motion: &Rigid) -> RegistrationOptions {
         let spacing = f64::from(self.lengths.spacing);
         let (iterations, max_points) = self.settings.effort[usize::from(self.last)];
-        RegistrationOptions { first_reach: self.settings.reach * spacing, last_reach: spacing, iterations, max_points }
+        let first_reach = self.settings.reach * spacing;
+        let either_side = shows_other_side(both(points), motion, first_reach);
+        RegistrationOptions { first_reach, last_reach: spacing, iterations, max_points, either_side }
     }
 
     /// True if a slide along an axis is more than noise.

@@ -33,6 +33,7 @@ mod cube_votes;
 mod denoise;
 pub(crate) mod diagnosis;
 mod enclosure;
+mod extents;
 mod face_motions;
 mod facets;
 mod flatten;
@@ -55,6 +56,7 @@ mod segmentation;
 mod selection;
 mod space_grid;
 mod support;
+mod twins;
 pub(crate) mod visibility;
 
 use crate::observer::{Share, within};
@@ -174,7 +176,8 @@ fn best_parts(
     let settings = StepSettings::default();
     let pool = evidence.candidates(scene, &clouds, &movable, config, &settings, &mut within(done, 0.0, SEARCHED));
     done(SEARCHED);
-    let selection = Selection::new(scene, &clouds, &evidence.moved, &pool, settings.selection);
+    let ranking = (&settings.ranking, evidence.front(scene, &clouds, &settings));
+    let selection = Selection::new(scene, &clouds, &evidence.moved, &pool, settings.selection, ranking);
     // Their number is not known before: each takes a part of what is left of the bar.
     let remaining = RefCell::new((1.0, within(done, SEARCHED, REFINED)));
     let begun = || {

@@ -18,6 +18,8 @@ pub(crate) struct RegistrationOptions {
     pub(crate) iterations: usize,
     /// At most so many points of each side take part.
     pub(crate) max_points: usize,
+    /// Points also match the other side of a surface: of a thin part, each state may show another side.
+    pub(crate) either_side: bool,
 }
 
 /// Outcome of a registration.
@@ -116,7 +118,7 @@ pub(crate) fn register(
     let shrink = (options.last_reach / options.first_reach).powf(1.0 / (options.iterations.max(2) - 1) as f64);
     let mut reach = options.first_reach;
     for iteration in 0..options.iterations {
-        let pairs = collect_pairs(points, &motion, reach, options.max_points, &settings);
+        let pairs = collect_pairs(points, &motion, reach, options, &settings);
         if pairs.len() < settings.least_pairs {
             return outcome;
         }
@@ -138,14 +140,14 @@ fn collect_pairs(
     points: Matching<'_>,
     motion: &Rigid,
     reach: f64,
-    max_points: usize,
+    options: &RegistrationOptions,
     settings: &RobustSettings,
 ) -> Vec<Correspondence> {
     let limit = (reach * reach) as f32;
     let inverse = motion.inverse();
     let one_way = |from: &IndexedCloud<'_>, to: &IndexedCloud<'_>, m: &Rigid, forward: bool| -> Vec<Correspondence> {
         let grid = points.end_grid.filter(|_| forward);
-        let stride = from.cloud.len().div_ceil(max_points).max(1);
+        let stride = from.cloud.len().div_ceil(options.max_points).max(1);
         let count = from.cloud.len().div_ceil(stride);
         (0..count)
             .into_par_iter()
@@ -156,7 +158,8 @@ fn collect_pairs(
                 let image = m.apply(p);
                 let j = Matching::nearest(to, grid, image.as_vec3(), limit)?;
                 let (q, nq) = (to.cloud.points[j].as_dvec3(), to.cloud.normals[j].as_dvec3());
-                if m.turn(n).dot(nq) < settings.least_facing {
+                let facing = m.turn(n).dot(nq);
+                if facing.abs() < settings.least_facing || (facing < 0.0 && !options.either_side) {
                     return None;
                 }
                 let weight = 1.0 / (1.0 + (f64::from(to.cloud.roughness[j]) / (settings.roughness * reach)).powi(2));
@@ -180,7 +183,7 @@ pub(crate) fn register_along(points: Matching<'_>, axis: DVec3, amount: f64, opt
     let mut reach = options.first_reach;
     let shrink = (options.last_reach / options.first_reach).powf(1.0 / (options.iterations.max(2) - 1) as f64);
     for _ in 0..options.iterations {
-        let pairs = collect_pairs(points, &Rigid::shift(axis * amount), reach, options.max_points, &settings);
+        let pairs = collect_pairs(points, &Rigid::shift(axis * amount), reach, options, &settings);
         if pairs.len() < settings.least_pairs {
             break;
         }
@@ -196,12 +199,35 @@ pub(crate) fn register_along(points: Matching<'_>, axis: DVec3, amount: f64, opt
     amount
 }
 
+/// True if, under a motion, the states show different sides of a thin part: few points match the same side.
+pub(super) fn shows_other_side(points: Matching<'_>, motion: &Rigid, reach: f64) -> bool {
+    /// Share of the matches.
+    const FEW: f64 = 0.35;
+    /// Points compared.
+    const SAMPLES: usize = 1000;
+    let settings = RobustSettings::default();
+    let count = |either_side: bool| {
+        let options = RegistrationOptions {
+            first_reach: reach,
+            last_reach: reach,
+            iterations: 1,
+            max_points: SAMPLES,
+            either_side,
+        };
+        collect_pairs(points, motion, reach, &options, &settings).len()
+    };
+    let either = count(true);
+    either >= settings.least_pairs && (count(false) as f64) < FEW * either as f64
+}
+
 /// Root mean square distance between the matched surfaces per unit of displacement in the direction, among shifts and
 /// turns, that they hold least; turns count by the displacement of the pairs' mean radius. Between 0 and 1; 0 without
 /// enough pairs.
 pub(super) fn stiffness(points: Matching<'_>, motion: &Rigid, reach: f64, max_points: usize) -> f64 {
     let settings = RobustSettings::default();
-    let pairs = collect_pairs(points, motion, reach, max_points, &settings);
+    let either_side = shows_other_side(points, motion, reach);
+    let options = RegistrationOptions { first_reach: reach, last_reach: reach, iterations: 1, max_points, either_side };
+    let pairs = collect_pairs(points, motion, reach, &options, &settings);
     if pairs.len() < settings.least_pairs {
         return 0.0;
     }
@@ -333,7 +359,13 @@ mod tests {
         let hinge = Rigid::about(axis, DVec3::new(0.0, 1.0, 0.2), 0.8);
         let slide = Rigid::shift(DVec3::new(0.03, -0.3, 0.1));
         let free = Rigid { translation: hinge.translation + axis * 0.1, ..hinge };
-        let options = RegistrationOptions { first_reach: 0.1, last_reach: 0.02, iterations: 30, max_points: 4000 };
+        let options = RegistrationOptions {
+            first_reach: 0.1,
+            last_reach: 0.02,
+            iterations: 30,
+            max_points: 4000,
+            either_side: false,
+        };
         for (truth, kind) in [(hinge, Some(JointKind::Revolute)), (slide, Some(JointKind::Prismatic)), (free, None)] {
             let end = moved(&start, &truth);
             let disturbed = Rigid::about(DVec3::new(0.0, 0.6, 0.8), DVec3::ZERO, 0.03) * truth;

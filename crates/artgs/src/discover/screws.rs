@@ -198,7 +198,13 @@ mod tests {
         let truth = shift * Rigid::about(axis, place.translation, turn);
         let clouds = PerState::new(cap(&place, color), cap(&(truth * place), color));
         let indexed = clouds.as_ref().map(IndexedCloud::new);
-        let options = RegistrationOptions { first_reach: 0.015, last_reach: 0.005, iterations: 20, max_points: 20_000 };
+        let options = RegistrationOptions {
+            first_reach: 0.015,
+            last_reach: 0.005,
+            iterations: 20,
+            max_points: 20_000,
+            either_side: false,
+        };
         turned(&indexed, &shift, &options, 0.005, &ScrewSettings::default()).map(|r| r.motion)
     }
 

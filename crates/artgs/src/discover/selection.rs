@@ -1,8 +1,10 @@
 //! Chooses, among candidate motions, the set of a given size that together explains both states best.
 
-use super::candidates::Candidate;
+use super::candidates::{Candidate, sample_of};
 use super::cloud::IndexedCloud;
+use super::front::Front;
 use super::landing::StatePair;
+use super::ranking::{RankingSettings, better_seen};
 use super::scene::Scene;
 use super::segmentation::LabelCosts;
 use artgs_core::{PerState, Rigid, State};
@@ -28,6 +30,9 @@ pub(crate) struct SelectionSettings {
     pub(crate) support_fall: f32,
     /// Least share of the moved points that each motion must support alone, where the number of motions is not given.
     pub(crate) least_support: f64,
+    /// The same where depth noise spreads points: chance matches of noise are many. Calibrated on a simulated phone's
+    /// recording of a laptop.
+    pub(crate) least_noisy_support: f64,
     /// The same in points.
     pub(crate) least_support_points: f64,
     /// Numbers that are tried beyond one with a motion of too little support: two parts may only be found together.
@@ -47,6 +52,7 @@ impl Default for SelectionSettings {
             static_cost: 0.05,
             support_fall: 0.5,
             least_support: 0.0003,
+            least_noisy_support: 0.01,
             least_support_points: 8.0,
             patience: 2,
             costs: LabelCosts { hidden_static: 0.25, hidden_moved: 0.1, mismatch: 0.5, ..LabelCosts::default() },
@@ -71,17 +77,29 @@ pub(super) struct Selection {
 }
 
 impl Selection {
-    /// Computes what each candidate costs.
+    /// Computes what each candidate costs. A candidate is as plausible as for the points that it explains at last: found for a
+    /// few points next to its axis, it may explain a whole part that is far from it.
     pub(super) fn new(
         scene: &Scene,
         clouds: &PerState<IndexedCloud<'_>>,
         moved: &PerState<Vec<usize>>,
         pool: &[Candidate],
         settings: SelectionSettings,
+        (ranking, front): (&RankingSettings, Option<Front>),
     ) -> Self {
-        let table = tabulate(scene, clouds, moved, pool, &settings);
+        /// Points that judge the plausibility, and the least number that can.
+        const SAMPLES: (usize, usize) = (300, 12);
+        let judge = |motion: &Rigid, explained: &PerState<Vec<usize>>| {
+            let s = better_seen(explained);
+            let sample = sample_of(clouds[s].cloud, &explained[s], SAMPLES.0);
+            // A slide has no axis; what else it seems to explain are parts that look the same.
+            let known = sample.len() >= SAMPLES.1 && motion.angle() as f32 > ranking.least_turn;
+            known.then(|| ranking.implausibility(&motion.away_from(s), &sample, &scene.lengths, front))
+        };
+        let table = tabulate(scene, clouds, moved, pool, &settings, &judge);
         let total: f64 = moved.iter().map(|points| points.len() as f64).sum();
-        Self { table, least_support: (settings.least_support * total).max(settings.least_support_points), settings }
+        let share = if scene.spreading { settings.least_noisy_support } else { settings.least_support };
+        Self { table, least_support: (share * total).max(settings.least_support_points), settings }
     }
 
     /// Indices of the candidates that explain both states best. The energy is the sum over sampled points of the cheapest
@@ -290,7 +308,11 @@ fn tabulate(
     moved: &PerState<Vec<usize>>,
     pool: &[Candidate],
     settings: &SelectionSettings,
+    implausibility: &dyn Fn(&Rigid, &PerState<Vec<usize>>) -> Option<f32>,
 ) -> Table {
+    /// A point that costs less is explained.
+    const EXPLAINED: f32 = 0.2;
+    let mut explained = vec![PerState::<Vec<usize>>::default(); pool.len()];
     let mut table = Table { rest: Vec::new(), costs: vec![Vec::new(); pool.len()], weights: Vec::new() };
     for s in State::ALL {
         let cloud = clouds[s].cloud;
@@ -308,12 +330,23 @@ fn tabulate(
             let pair = StatePair { own: &own, ..scene.pair(clouds, s) }.with_few_views();
             let rows = pair.plain_costs(&to_other, &settings.costs);
             table.rest.extend(rows.iter().step_by(to_other.len()));
-            for (c, (costs, candidate)) in table.costs.iter_mut().zip(pool).enumerate() {
+            for (c, costs) in table.costs.iter_mut().enumerate() {
                 let own = rows.iter().skip(c + 1).step_by(to_other.len());
-                costs.extend(own.map(|cost| cost + extra + candidate.implausibility));
+                costs.extend(own.map(|cost| cost + extra));
+            }
+            if weight == 1.0 {
+                for (c, explained) in explained.iter_mut().enumerate() {
+                    let costs = rows.iter().skip(c + 1).step_by(to_other.len());
+                    let fits = costs.zip(&picked).filter(|(cost, _)| **cost < EXPLAINED).map(|(_, i)| *i);
+                    explained[s] = fits.collect();
+                }
             }
             table.weights.extend(vec![weight * stride as f32; picked.len()]);
         }
+    }
+    for ((costs, candidate), explained) in table.costs.iter_mut().zip(pool).zip(&explained) {
+        let added = implausibility(&candidate.motion, explained).unwrap_or(candidate.implausibility);
+        costs.iter_mut().for_each(|cost| *cost += added);
     }
     table
 }

@@ -37,12 +37,14 @@ pub(super) fn align(start: &Cloud, end: &Cloud, lengths: &Lengths, config: &Regi
         last_reach: 0.3 * config.reach * diagonal,
         iterations: 12,
         max_points: config.rough_points,
+        either_side: false,
     };
     let fine = RegistrationOptions {
         first_reach: (0.3 * config.reach * diagonal).max(4.0 * spacing),
         last_reach: 2.0 * spacing,
         iterations: 25,
         max_points: 3000,
+        either_side: false,
     };
     let refine = |guess: &Rigid, options: &RegistrationOptions| {
         let motion =
@@ -70,8 +72,13 @@ pub(super) fn align(start: &Cloud, end: &Cloud, lengths: &Lengths, config: &Regi
 pub(super) fn on_joint(start: &Cloud, end: &Cloud, guess: Rigid, kind: JointKind, lengths: &Lengths) -> Registration {
     let points = PerState::new(IndexedCloud::new(start), IndexedCloud::new(end));
     let spacing = f64::from(lengths.spacing);
-    let options =
-        RegistrationOptions { first_reach: 4.0 * spacing, last_reach: spacing, iterations: 20, max_points: 10_000 };
+    let options = RegistrationOptions {
+        first_reach: 4.0 * spacing,
+        last_reach: spacing,
+        iterations: 20,
+        max_points: 10_000,
+        either_side: false,
+    };
     register(Matching::mutual(&points[State::START], &points[State::END]), guess, Some(kind), &options)
 }
 
