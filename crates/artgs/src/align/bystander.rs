@@ -3,9 +3,10 @@
 
 use super::AlignConfig;
 use super::cloud::{FusedCloud, cube};
+use super::components::Components;
 use super::frames::DepthFrame;
 use super::global::seen_through;
-use super::object::{Components, Selection};
+use super::object::Selection;
 use artgs_core::{PerState, State};
 use glam::{DVec3, IVec3, Vec3};
 use nalgebra::{Matrix3, SymmetricEigen};

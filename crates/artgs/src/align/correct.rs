@@ -173,6 +173,8 @@ fn end_correction(
     /// First standard deviations of the residuals, as shares of the object's size: a wide one finds a misalignment, a
     /// narrow one is not led away by moved parts.
     const WIDTHS: [f64; 3] = [0.03, 0.01, 0.003];
+    /// By how much more the agreement must grow for a shift by the size of the object.
+    const PER_SIZE: f64 = 10.0;
     /// From the median of absolute values to three standard deviations.
     const WITHIN: f64 = 3.0 * 1.4826;
     let (center, size) = extent(frames);
@@ -191,7 +193,9 @@ fn end_correction(
         m.angle().to_degrees() < config.correct.largest_deg && shift(m) < config.correct.largest_shift * size
     });
     let (motion, corrected) = possible.max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let gain = if loose { 1.0 } else { config.correct.gain };
+    // A right alignment far from the stated one lets many times more surfaces agree; one that follows parts which moved alike
+    // does not.
+    let gain = if loose { 1.0 } else { config.correct.gain + PER_SIZE * shift(motion) / size };
     (*corrected > gain * stated).then(|| EndCorrection {
         motion: *motion,
         agreement: [stated, *corrected],

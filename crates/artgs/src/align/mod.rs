@@ -10,6 +10,7 @@ mod box_tests;
 mod bundle;
 mod bystander;
 mod cloud;
+mod components;
 mod consistent;
 mod correct;
 mod extract;

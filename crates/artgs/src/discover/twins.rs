@@ -45,8 +45,9 @@ mod tests {
         let over = Rigid::about(hinge(30.0).turn(DVec3::X), hinge(30.0).apply(DVec3::new(0.3, 0.2, 0.0)), PI);
         let group: Vec<usize> = (0..cloud.len()).collect();
         let found = twins(&cloud, &group, &(truth * over));
-        let gap = |m: &Rigid| cloud.points.iter().map(|p| m.apply(p.as_dvec3()).distance(truth.apply(p.as_dvec3())));
-        let worst: Vec<f64> = found.iter().map(|m| gap(m).fold(0.0, f64::max)).collect();
+        let gap = |m: &Rigid, p: DVec3| m.apply(p).distance(truth.apply(p));
+        let worst = |m: &Rigid| cloud.points.iter().map(|p| gap(m, p.as_dvec3())).fold(0.0, f64::max);
+        let worst: Vec<f64> = found.iter().map(worst).collect();
         assert!(worst.len() == 3 && worst.iter().any(|w| *w < 1e-3), "{worst:?}");
         assert!(twins(&cloud, &group[..5], &truth).is_empty());
     }

@@ -1,0 +1,215 @@
+//! Connected groups of surfaces, and which of them are the object.
+
+use super::ObjectConfig;
+use super::cloud::{FusedCloud, cube};
+use super::planes::Plane;
+use glam::{DVec3, IVec3, Vec3};
+use std::collections::{HashMap, HashSet};
+
+/// A cube and those within `reach` cubes of it along every axis.
+pub(super) fn around(c: IVec3, reach: i32) -> impl Iterator<Item = IVec3> {
+    let side = 2 * reach + 1;
+    (0..side.pow(3)).map(move |i| c + IVec3::new(i % side, i / side % side, i / (side * side)) - reach)
+}
+
+/// Connected groups of cubes that hold points.
+pub(crate) struct Components {
+    numbers: HashMap<IVec3, usize>,
+    edge: f32,
+    /// Number of groups.
+    pub(crate) count: usize,
+}
+
+impl Components {
+    /// Connects cubes with at most `gap` empty cubes between them. Numbered in the order of their first cube.
+    pub(crate) fn new(points: &[Vec3], edge: f32, gap: i32) -> Self {
+        let mut cubes: Vec<IVec3> = points.iter().map(|p| cube(*p, edge)).collect();
+        cubes.sort_by_key(|c| c.to_array());
+        cubes.dedup();
+        let filled: HashSet<IVec3> = cubes.iter().copied().collect();
+        let mut numbers: HashMap<IVec3, usize> = HashMap::new();
+        let mut count = 0;
+        for &c in &cubes {
+            if numbers.contains_key(&c) {
+                continue;
+            }
+            let mut stack = vec![c];
+            numbers.insert(c, count);
+            while let Some(c) = stack.pop() {
+                for n in around(c, gap + 1) {
+                    if filled.contains(&n) && !numbers.contains_key(&n) {
+                        numbers.insert(n, count);
+                        stack.push(n);
+                    }
+                }
+            }
+            count += 1;
+        }
+        Self { numbers, edge, count }
+    }
+
+    /// Group of a point whose cube holds points.
+    pub(crate) fn of(&self, point: Vec3) -> Option<usize> {
+        self.numbers.get(&cube(point, self.edge)).copied()
+    }
+}
+
+/// Share of the points of each component that moved.
+pub(super) fn moved_shares(numbers: &[Option<usize>], moved: &[bool], count: usize) -> Vec<f64> {
+    let mut counts = vec![(0, 0); count];
+    for (number, moved) in numbers.iter().zip(moved) {
+        if let Some(n) = number {
+            counts[*n].0 += usize::from(*moved);
+            counts[*n].1 += 1;
+        }
+    }
+    counts.into_iter().map(|(moved, all)| f64::from(moved as u32) / f64::from(all.max(1) as u32)).collect()
+}
+
+/// The component that the cameras look at most. If nothing of it moved, that of the others that moved, if they look at it, too:
+/// things around a slender object may be larger than the object.
+pub(super) fn most_attended(attention: &[f64], moved: &[f64]) -> Option<usize> {
+    /// Share of the points of a component up to which nothing of it moved.
+    const STILL: f64 = 0.005;
+    /// Share of the points from which it moved.
+    const MOVED: f64 = 0.1;
+    /// Share of the attention of all components from which the cameras look at one.
+    const NOTICED: f64 = 0.05;
+    let total: f64 = attention.iter().sum();
+    let most = |may: &dyn Fn(usize) -> bool| {
+        let order = |a: &usize, b: &usize| attention[*a].total_cmp(&attention[*b]).then(b.cmp(a));
+        (0..attention.len()).filter(|n| may(*n)).max_by(order)
+    };
+    let first = most(&|_| true)?;
+    let other = most(&|n| moved[n] >= MOVED && attention[n] >= NOTICED * total);
+    Some(if moved[first] <= STILL { other.unwrap_or(first) } else { first })
+}
+
+/// Components near `best` that touch no plane: parts that are too thin for depth cameras hold them.
+pub(super) fn with_held(
+    cloud: &FusedCloud,
+    numbers: &[Option<usize>],
+    best: usize,
+    planes: &[Plane],
+    edge: f64,
+) -> Vec<bool> {
+    /// Largest distance from the component, as a share of the diagonal of its box.
+    const REACH: f32 = 0.3;
+    /// Share of its points that another component must have; smaller ones are errors of depth.
+    const LEAST: f64 = 0.1;
+    /// Distance from every plane, cubes.
+    const CLEAR: f64 = 4.0;
+    let count = numbers.iter().flatten().max().map_or(0, |n| n + 1);
+    let mut points: Vec<Vec<Vec3>> = vec![Vec::new(); count];
+    for (p, n) in cloud.points.iter().zip(numbers) {
+        if let Some(n) = n {
+            points[*n].push(*p);
+        }
+    }
+    let own = &points[best];
+    let (lower, upper) = own.iter().fold((Vec3::MAX, Vec3::MIN), |(l, u), p| (l.min(*p), u.max(*p)));
+    let reach = (REACH * lower.distance(upper)).powi(2);
+    let held = |others: &Vec<Vec3>| {
+        let clear = |p: &Vec3| planes.iter().all(|plane| plane.distance(p.as_dvec3()) > CLEAR * edge);
+        let near = |p: &Vec3| own.iter().any(|q| q.distance_squared(*p) < reach);
+        others.len() as f64 >= LEAST * own.len() as f64 && others.iter().all(clear) && others.iter().any(near)
+    };
+    points.iter().enumerate().map(|(n, others)| n == best || held(others)).collect()
+}
+
+/// The component `best`, and those that are mostly above its footprint and near it: what an open door shows inside, a
+/// top whose edges have no depth.
+pub(super) fn with_enclosed(
+    cloud: &FusedCloud,
+    components: &Components,
+    numbers: &[Option<usize>],
+    best: usize,
+    up: Option<DVec3>,
+    config: &ObjectConfig,
+) -> Vec<bool> {
+    /// Share of a component's points.
+    const MOSTLY: f64 = 0.9;
+    let up = up.map_or(Vec3::Z, |u| u.as_vec3());
+    let (a, b) = up.any_orthonormal_pair();
+    let flat = |p: Vec3| (p.dot(a), p.dot(b));
+    let own: Vec<Vec3> = cloud.points.iter().zip(numbers).filter(|(_, n)| **n == Some(best)).map(|(p, _)| *p).collect();
+    let hull = convex_hull(own.iter().map(|p| flat(*p)).collect());
+    let heights = own.iter().map(|p| p.dot(up));
+    let (low, high) = heights.fold((f32::MAX, f32::MIN), |(l, h), z| (l.min(z), h.max(z)));
+    let reach = (config.gap + 2) as f32 * components.edge;
+    let mut counts = vec![(0, 0, f32::MAX); components.count];
+    for (p, n) in cloud.points.iter().zip(numbers) {
+        if let Some(n) = n {
+            let (count, z) = (&mut counts[*n], p.dot(up));
+            count.1 += 1;
+            count.0 += usize::from(z > low && in_hull(&hull, flat(*p)));
+            count.2 = count.2.min(z);
+        }
+    }
+    let belongs = |n: usize| {
+        let (inside, all, lowest) = counts[n];
+        n == best || (inside as f64 >= MOSTLY * all as f64 && lowest < high + reach)
+    };
+    (0..components.count).map(belongs).collect()
+}
+
+/// Corners of the convex hull of points in the plane, counter-clockwise (Andrew's monotone chain).
+fn convex_hull(mut points: Vec<(f32, f32)>) -> Vec<(f32, f32)> {
+    points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    points.dedup();
+    if points.len() < 3 {
+        return points;
+    }
+    let half = |points: &mut dyn Iterator<Item = (f32, f32)>| {
+        let mut chain: Vec<(f32, f32)> = Vec::new();
+        for p in points {
+            while chain.len() >= 2 && turn(chain[chain.len() - 2], chain[chain.len() - 1], p) <= 0.0 {
+                chain.pop();
+            }
+            chain.push(p);
+        }
+        chain.pop();
+        chain
+    };
+    let mut hull = half(&mut points.iter().copied());
+    hull.extend(half(&mut points.iter().rev().copied()));
+    hull
+}
+
+/// Positive if `c` is on the left of the line from `a` to `b`.
+fn turn(a: (f32, f32), b: (f32, f32), c: (f32, f32)) -> f32 {
+    (b.0 - a.0) * (c.1 - a.1) - (b.1 - a.1) * (c.0 - a.0)
+}
+
+fn in_hull(hull: &[(f32, f32)], p: (f32, f32)) -> bool {
+    hull.len() >= 3 && (0..hull.len()).all(|i| turn(hull[i], hull[(i + 1) % hull.len()], p) >= 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_moved_is_the_object_if_nothing_of_what_is_looked_at_most_did() {
+        let attention = [0.1, 0.6, 0.2, 0.01];
+        assert_eq!(most_attended(&attention, &[0.0; 4]), Some(1));
+        assert_eq!(most_attended(&attention, &[0.9, 0.02, 0.9, 0.0]), Some(1));
+        assert_eq!(most_attended(&attention, &[0.9, 0.0, 0.3, 0.0]), Some(2));
+        // Nobody looks at the thing that moved.
+        assert_eq!(most_attended(&attention, &[0.0, 0.0, 0.0, 1.0]), Some(1));
+        assert_eq!(most_attended(&[], &[]), None);
+    }
+
+    #[test]
+    fn what_touches_nothing_belongs_to_what_is_near() {
+        let sheet =
+            |corner: Vec3| (0..100).map(move |i| corner + Vec3::new((i % 10) as f32, 0.0, (i / 10) as f32) * 0.05);
+        let corners =
+            [Vec3::new(0.0, 0.5, 0.0), Vec3::new(0.0, 0.7, 0.1), Vec3::new(0.6, 0.0, 0.0), Vec3::new(3.0, 0.7, 0.0)];
+        let points: Vec<Vec3> = corners.into_iter().flat_map(sheet).collect();
+        let cloud = FusedCloud { points, normals: Vec::new(), colors: Vec::new() };
+        let numbers: Vec<Option<usize>> = (0..400).map(|i| Some(i / 100)).collect();
+        let floor = Plane { normal: DVec3::Y, offset: 0.0, spread: 0.005 };
+        assert_eq!(with_held(&cloud, &numbers, 0, &[floor], 0.02), [true, true, false, false]);
+    }
+}
