@@ -15,6 +15,8 @@ pub struct CheckReport {
     pub formats: Vec<FormatFinding>,
     /// Links of the URDF.
     pub links: Vec<LinkFinding>,
+    /// Hulls of the links of the URDF, compared with the visual meshes.
+    pub coverage: Vec<CoverageFinding>,
     /// Joints of the URDF, driven one at a time.
     pub joints: Vec<JointFinding>,
     /// The observed states, if a format contains them.
@@ -23,6 +25,8 @@ pub struct CheckReport {
     pub notes: Vec<String>,
     /// Number of problems.
     pub failures: usize,
+    /// Number of warnings, which do not fail the check.
+    pub warnings: usize,
 }
 
 /// Exported files, compared with their digests in `export.json`.
@@ -72,6 +76,35 @@ pub struct LinkFinding {
     pub hulls: usize,
     /// Problems, one sentence each.
     pub problems: Vec<String>,
+}
+
+/// How well the hulls of a link match its visual mesh.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct CoverageFinding {
+    /// The link.
+    pub link: String,
+    /// Share of the visual surface that has a hull nearby.
+    pub visual: f64,
+    /// Share of the outer surface of the hulls that is near the visual mesh, or behind it.
+    pub hulls: f64,
+    /// Share of parallel rays along the three axes, from both sides, that meet no hull where they meet the visual mesh, ...
+    pub missed: f64,
+    /// ... and that meet a hull before the visual mesh.
+    pub extra: f64,
+    /// Side of the largest square of rays that meet no hull where they meet the visual mesh.
+    pub hole: f64,
+    /// The same for rays that meet a hull before the visual mesh.
+    pub obstacle: f64,
+    /// Volume of hulls in front of the visual mesh, cubic metres, ...
+    pub phantom_volume: f64,
+    /// ... and how far it reaches from the visual mesh.
+    pub phantom_depth: f64,
+    /// Pieces of the surface that lost their hull.
+    pub lost: usize,
+    /// Problems, one sentence each.
+    pub problems: Vec<String>,
+    /// What is not as it should be but does not fail the check, one sentence each.
+    pub warnings: Vec<String>,
 }
 
 /// A joint of the URDF.
@@ -137,8 +170,10 @@ impl CheckReport {
         let files = self.files.iter().map(|f| f.problems.len());
         let formats = self.formats.iter().map(|f| f.problems.len());
         let links = self.links.iter().map(|l| l.problems.len());
+        let coverage = self.coverage.iter().map(|c| c.problems.len());
         let joints = self.joints.iter().map(|j| j.problems.len());
         let states = self.states.iter().map(|s| s.problems.len());
-        self.failures = files.chain(formats).chain(links).chain(joints).chain(states).sum();
+        self.warnings = self.coverage.iter().map(|c| c.warnings.len()).sum();
+        self.failures = files.chain(formats).chain(links).chain(coverage).chain(joints).chain(states).sum();
     }
 }

@@ -66,6 +66,8 @@ pub struct LinkReport {
     pub mass: f64,
     /// Number of convex pieces.
     pub hulls: usize,
+    /// Pieces of the surface that clearance left without a hull.
+    pub lost_pieces: usize,
     /// Triangles as drawn.
     pub triangles: usize,
     /// Triangles of the fused mesh before simplification.

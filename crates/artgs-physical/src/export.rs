@@ -252,6 +252,7 @@ fn link_report(built: &BuiltAsset, i: usize, link: &AssetLink, formats: &[Format
         name: link.name.clone(),
         mass: link.inertial.mass,
         hulls: link.collision.len(),
+        lost_pieces: 0,
         triangles: link.visual.mesh.triangles.len(),
         fused_triangles: surface.fused,
         watertight: surface.closed,
