@@ -2,6 +2,7 @@
 
 use crate::CheckOptions;
 use crate::model::{Link, Shape, bounds};
+use crate::observed::Observed;
 use crate::poses::vector;
 use crate::report::CoverageFinding;
 use crate::shadow::{Shadow, Triangles};
@@ -73,9 +74,15 @@ impl Drawn {
     }
 }
 
-/// Compares the hulls of a link with its visual mesh; none if either is absent. `lost` is the number of pieces that the
-/// export reports as lost.
-pub(crate) fn link(link: &Link, hulls: &[SharedShape], lost: usize, options: &CheckOptions) -> Option<CoverageFinding> {
+/// Compares the hulls of a link with its visual mesh; none if either is absent. Of the visual mesh, only what is `observed`
+/// needs hulls; all of it if that is not known. `lost` is the number of pieces that the export reports as lost.
+pub(crate) fn link(
+    link: &Link,
+    hulls: &[SharedShape],
+    observed: Option<&Observed>,
+    lost: usize,
+    options: &CheckOptions,
+) -> Option<CoverageFinding> {
     let pieces: Vec<Piece> = hulls.iter().filter_map(|h| h.as_convex_polyhedron()).map(Piece::new).collect();
     let visuals: Vec<Triangles> = link.visuals.iter().map(|s| (&s.points[..], &s.triangles[..])).collect();
     let [low, high] = bounds(link.visuals.iter().flat_map(|s| &s.points).copied())?;
@@ -86,12 +93,22 @@ pub(crate) fn link(link: &Link, hulls: &[SharedShape], lost: usize, options: &Ch
     let tolerance = options.cover.min(0.01 * (high - low).length());
     let hole = options.hole.min(0.02 * (high - low).length());
     let mut out = CoverageFinding { link: link.name.clone(), lost, ..CoverageFinding::default() };
-    let seen = samples(&visuals, options.samples);
+    let holds = |p: &DVec3| observed.is_none_or(|observed| observed.holds(*p));
+    let seen: Vec<DVec3> = samples(&visuals, options.samples).into_iter().filter(holds).collect();
     let near = seen.iter().filter(|p| pieces.iter().any(|h| h.is_near(**p, tolerance))).count();
     out.visual = near as f64 / seen.len().max(1) as f64;
     out.hulls = covered_hulls(&pieces, &drawn, tolerance, options);
     (out.phantom_volume, out.phantom_depth) = phantom(&pieces, &drawn, hole);
-    shadows(&visuals, &pieces, [low, high], hole, &mut out);
+    // Triangles that close the visual mesh.
+    let closing: Vec<Vec<[u32; 3]>> = visuals
+        .iter()
+        .map(|(points, triangles)| {
+            let middle = |t: &[u32; 3]| t.iter().map(|i| points[*i as usize]).sum::<DVec3>() / 3.0;
+            triangles.iter().filter(|t| !holds(&middle(t))).copied().collect()
+        })
+        .collect();
+    let closing: Vec<Triangles> = visuals.iter().zip(&closing).map(|((points, _), t)| (*points, &t[..])).collect();
+    shadows(&visuals, &closing, &pieces, [low, high], hole, &mut out);
     judge(&mut out, hole, options);
     Some(out)
 }
@@ -141,8 +158,15 @@ fn phantom(pieces: &[Piece], drawn: &Drawn, depth: f64) -> (f64, f64) {
     (volume, deepest)
 }
 
-/// Parallel rays along the axes.
-fn shadows(visuals: &[Triangles], pieces: &[Piece], [low, high]: [DVec3; 2], hole: f64, out: &mut CoverageFinding) {
+/// Parallel rays along the axes. Those that first meet a surface of `closing` need not meet a hull.
+fn shadows(
+    visuals: &[Triangles],
+    closing: &[Triangles],
+    pieces: &[Piece],
+    [low, high]: [DVec3; 2],
+    hole: f64,
+    out: &mut CoverageFinding,
+) {
     /// Rays per side of the box at most.
     const MOST: f64 = 800.0;
     let hulls: Vec<Triangles> = pieces.iter().map(|h| (&h.points[..], &h.triangles[..])).collect();
@@ -150,9 +174,11 @@ fn shadows(visuals: &[Triangles], pieces: &[Piece], [low, high]: [DVec3; 2], hol
     let around = [low - 4.0 * step, high + 4.0 * step];
     let (mut hits, mut missed, mut extra) = (0, 0, 0);
     for axis in 0..3 {
-        let [seen, solid] = [visuals, &hulls].map(|s| Shadow::new(axis, around, step, s));
+        let [seen, unseen, solid] = [visuals, closing, &hulls].map(|s| Shadow::new(axis, around, step, s));
         for side in 0..2 {
-            let holes = seen.missed_by(&solid, side, hole);
+            let mut holes = seen.missed_by(&solid, side, hole);
+            let observed = seen.missed_by(&unseen, side, 0.0);
+            holes.iter_mut().zip(observed).for_each(|(hole, observed)| *hole &= observed);
             let before = solid.missed_by(&seen, side, hole);
             hits += seen.hits();
             missed += holes.iter().filter(|m| **m).count();
@@ -202,7 +228,9 @@ fn judge(out: &mut CoverageFinding, hole: f64, options: &CheckOptions) {
         out.warnings.push(format!("{text}: {litres:.2} l, up to {} from the surface", mm(out.phantom_depth)));
     }
     let least = 100.0 * options.covered;
-    for (what, share) in [("visual surface has a hull", out.visual), ("surface of the hulls is near the visual", out.hulls)] {
+    for (what, share) in
+        [("visual surface has a hull", out.visual), ("surface of the hulls is near the visual", out.hulls)]
+    {
         if share < options.covered {
             out.warnings.push(format!("{:.1} % of the {what}, expected {least:.0} %", 100.0 * share));
         }

@@ -18,7 +18,7 @@ fn compared(drawn: &[Mesh], colliding: &[Mesh]) -> CoverageFinding {
     let mut body = Link::new("body", None, Rigid::IDENTITY);
     body.visuals = drawn.iter().map(shape).collect();
     let hulls: Vec<SharedShape> = colliding.iter().map(hull).collect();
-    link(&body, &hulls, 0, &CheckOptions::default()).unwrap()
+    link(&body, &hulls, None, 0, &CheckOptions::default()).unwrap()
 }
 
 /// Floor and four walls, 1 cm thick and 5 mm apart, around a cavity that is open above.
@@ -100,6 +100,6 @@ fn a_lost_piece_fails() {
     let cuboid = Mesh::cuboid([0.0; 3], [0.5, 0.3, 0.2]);
     let mut body = Link::new("body", None, Rigid::IDENTITY);
     body.visuals = vec![shape(&cuboid)];
-    let found = link(&body, &[hull(&cuboid)], 2, &CheckOptions::default()).unwrap();
+    let found = link(&body, &[hull(&cuboid)], None, 2, &CheckOptions::default()).unwrap();
     assert!(found.problems[0].contains("2 hulls are lost"), "{found:?}");
 }

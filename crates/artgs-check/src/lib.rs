@@ -16,6 +16,7 @@ mod drive;
 mod mass;
 mod meshes;
 mod model;
+mod observed;
 mod options;
 mod poses;
 mod readers;
@@ -83,7 +84,8 @@ pub fn check(out: &Path, options: &CheckOptions) -> Result<CheckReport, CheckErr
         }
         Some(model) => {
             let exported = ExportReport::load(&RunFolder::new(out))?.unwrap_or_default();
-            physics(&model, &exported, options, &mut report);
+            let observed = observed::all(&RunFolder::new(out), &replica, &exported, &model);
+            physics(&model, &exported, &observed, options, &mut report);
         }
         None => report.notes.push("no readable URDF: no joint was driven; export one with `--to urdf`".into()),
     }
@@ -121,7 +123,13 @@ fn files(run: &RunFolder, report: &mut CheckReport) -> Result<(), CheckError> {
 }
 
 /// Drives the URDF. `model` is the URDF completed by values of other formats.
-fn physics(model: &Model, exported: &ExportReport, options: &CheckOptions, report: &mut CheckReport) {
+fn physics(
+    model: &Model,
+    exported: &ExportReport,
+    observed: &[Option<observed::Observed>],
+    options: &CheckOptions,
+    report: &mut CheckReport,
+) {
     let (scene, flat) = poses::Scene::of(model);
     let flat_hulls = |i: usize| flat.iter().filter(move |(link, _)| *link == i).map(|(_, problem)| problem.clone());
     let bodies = (0..model.links.len()).filter(|i| model.links[*i].is_body());
@@ -133,7 +141,10 @@ fn physics(model: &Model, exported: &ExportReport, options: &CheckOptions, repor
         })
         .collect();
     let lost = |name: &str| exported.links.iter().find(|l| l.name == name).map_or(0, |l| l.lost_pieces);
-    let compared = |i: usize| coverage::link(&model.links[i], &scene.hulls[i], lost(&model.links[i].name), options);
+    let compared = |i: usize| {
+        let (link, hulls) = (&model.links[i], &scene.hulls[i]);
+        coverage::link(link, hulls, observed[i].as_ref(), lost(&link.name), options)
+    };
     report.coverage = (0..model.links.len()).into_par_iter().filter_map(compared).collect();
     if scene.is_empty() {
         report.notes.push("no link has collision hulls: no collision can stop a joint".into());

@@ -45,9 +45,7 @@ impl Shadow {
         for x in columns.filter(|x| *x < self.size[0]) {
             for y in rows.clone().filter(|y| *y < self.size[1]) {
                 let (px, py) = (x as f64, y as f64);
-                let weight = |p: [f64; 3], q: [f64; 3]| {
-                    ((p[0] - px) * (q[1] - py) - (p[1] - py) * (q[0] - px)) / area
-                };
+                let weight = |p: [f64; 3], q: [f64; 3]| ((p[0] - px) * (q[1] - py) - (p[1] - py) * (q[0] - px)) / area;
                 let (wa, wb, wc) = (weight(b, c), weight(c, a), weight(a, b));
                 // Rays through an edge belong to both triangles, so that none passes between them.
                 if wa >= -1e-9 && wb >= -1e-9 && wc >= -1e-9 {

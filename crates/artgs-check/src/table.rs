@@ -141,7 +141,16 @@ impl fmt::Display for CheckReport {
             write!(f, "\n{links}")?;
         }
         if !self.coverage.is_empty() {
-            let head = ["hulls of", "", "visual covered", "hulls near it", "widest hole", "obstacle", "without surface", "lost"];
+            let head = [
+                "hulls of",
+                "",
+                "visual covered",
+                "hulls near it",
+                "widest hole",
+                "obstacle",
+                "without surface",
+                "lost",
+            ];
             let mut hulls = Table::new(&head);
             for found in &self.coverage {
                 let said = warned(&found.problems, &found.warnings);

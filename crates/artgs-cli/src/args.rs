@@ -252,6 +252,9 @@ pub(crate) struct Export {
     /// What parts collide with
     #[arg(long, value_enum, default_value_t = CollisionKind::Hulls)]
     pub(crate) collision: CollisionKind,
+    /// Convex pieces per link at most; 96 if absent
+    #[arg(long, value_name = "N", value_parser = hulls)]
+    pub(crate) hulls: Option<u32>,
     /// Joints go from one observed state to the other and no further
     #[arg(long)]
     pub(crate) observed_limits: bool,
@@ -498,6 +501,12 @@ fn object_name(text: &str) -> Result<String, String> {
     let usable =
         text.chars().count() <= 100 && text.chars().any(char::is_alphanumeric) && !text.chars().any(char::is_control);
     if usable { Ok(text.into()) } else { Err("1 to 100 characters, one of them a letter or digit".into()) }
+}
+
+/// Numbers of convex pieces with which engines are still fast.
+fn hulls(text: &str) -> Result<u32, String> {
+    let number = text.parse().ok().filter(|n| (1..=1000).contains(n));
+    number.ok_or_else(|| "a whole number from 1 to 1000".into())
 }
 
 /// Numbers of triangles that can show something.

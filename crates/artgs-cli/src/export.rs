@@ -41,6 +41,7 @@ fn options(args: &Export) -> ExportOptions {
             CollisionKind::Coacd => CollisionSource::Coacd,
             CollisionKind::None => CollisionSource::None,
         },
+        hulls: args.hulls,
         observed_limits: args.observed_limits,
         triangles: args.triangles,
     }

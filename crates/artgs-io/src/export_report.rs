@@ -21,6 +21,8 @@ pub struct RequestedOptions {
     pub density: Option<f64>,
     /// What parts collide with: `hulls`, `coacd` or `none`.
     pub collision: Option<String>,
+    /// Convex pieces per link at most.
+    pub hulls: Option<u32>,
     /// Joints end at the observed states.
     pub observed_limits: bool,
     /// Triangles per link, about.

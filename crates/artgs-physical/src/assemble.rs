@@ -2,7 +2,8 @@
 
 use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest};
 use crate::config::{Collision, PhysicalConfig};
-use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with};
+use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with, seen_points};
+use crate::hull::Hull;
 use crate::looks::PartSurface;
 use crate::mass::inertial;
 use crate::stance::{Range, closed_state, extend};
@@ -30,6 +31,8 @@ pub(crate) struct Decisions {
 
 /// Tested poses per joint while the others are at zero. Twenty are too few: a lip of a few millimetres passes between them.
 pub(crate) const POSES: usize = 121;
+/// Corners of a convex piece: MuJoCo and PhysX refuse more.
+const MOST_CORNERS: usize = 64;
 /// Tested poses per joint while the others are in an observed state.
 pub(crate) const POSES_WITH_OTHERS: usize = 31;
 
@@ -60,7 +63,7 @@ pub(crate) fn assemble(
     let mut asset = Asset { name: to_identifier(name, "replica"), links };
     let to_link = frames.iter().map(|f| Rigid::shift(-f.origin) * f.from_start).collect();
     let mut decisions = Decisions { closed_state: closed, scale: config.scale, to_link, ..Decisions::default() };
-    collide(&mut asset, &mut decisions, diagonal, config, decomposer)?;
+    collide(&mut asset, &mut decisions, surfaces, diagonal, config, decomposer)?;
     Ok((asset, decisions))
 }
 
@@ -68,6 +71,7 @@ pub(crate) fn assemble(
 fn collide(
     asset: &mut Asset,
     decisions: &mut Decisions,
+    surfaces: &[PartSurface],
     diagonal: f64,
     config: &PhysicalConfig,
     decomposer: Option<&Decomposer>,
@@ -75,23 +79,37 @@ fn collide(
     let thinnest = config.thinnest_share * diagonal;
     let tolerance = 0.5 * config.contact_share * diagonal;
     let margins = config.engine_margins.min(config.most_margins_share * diagonal);
-    let spacing = Spacing { gap: config.gap_share * diagonal, margins, tolerance, thinnest };
+    let most = config.most_hulls as usize;
+    let cover = config.cover.min(config.cover_share * diagonal);
+    let apart = 2.0 * cover;
+    let (gap, area, waste) = (config.gap_share * diagonal, apart * apart, 3.0 * cover);
+    let spacing = Spacing { gap, margins, tolerance, thinnest, cover, area, waste, most };
     let parents: Vec<Option<usize>> = asset.links.iter().map(|link| link.parent).collect();
     let related = |a: usize, b: usize| parents[a] == Some(b) || parents[b] == Some(a);
     let options = DecomposeOptions {
-        voxel: config.hull_voxel_share * diagonal,
-        concavity: config.concavity,
-        most: config.most_hulls,
-        corners: 32,
-        skin: 0.5 * config.wall_share * diagonal,
+        tolerance: 0.9 * cover,
+        // The others are left for the clearance between links.
+        most: config.most_hulls.div_ceil(2).max(1) + config.most_hulls / 4,
+        corners: MOST_CORNERS,
+        skin: config.wall_share * diagonal,
+        least: 2.0 * thinnest,
         thinnest,
     };
-    let convex = |link: &AssetLink| match decomposer {
-        Some(other) => decompose_with(&link.visual.mesh, other, &options),
-        None => Ok(decompose(&link.visual.mesh, &options)),
+    let convex = |(part, link): (usize, &AssetLink)| {
+        let from_link = decisions.to_link[part].inverse();
+        let seen = surfaces[part].observed.as_ref();
+        let observed = |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / config.scale));
+        let mesh = &link.visual.mesh;
+        let hulls = match decomposer {
+            Some(other) => decompose_with(mesh, other, &options)?,
+            None => decompose(mesh, &observed, &options),
+        };
+        Ok((hulls, seen_points(mesh, &observed, apart)))
     };
-    let mut pieces: Pieces = asset.links.par_iter().map(convex).collect::<Result<_, _>>()?;
-    decisions.clearance = clear(&mut pieces, &stances(asset), &spacing, related);
+    let decomposed: Vec<(Vec<Hull>, Vec<DVec3>)> =
+        asset.links.par_iter().enumerate().map(convex).collect::<Result<_, String>>()?;
+    let (mut pieces, surface): (Pieces, Vec<Vec<DVec3>>) = decomposed.into_iter().unzip();
+    decisions.clearance = clear(&mut pieces, &surface, &stances(asset), &spacing, related);
     decisions.ranges = extend(asset, &pieces, &decisions.closed_state, diagonal, config);
     for (link, range) in asset.links.iter_mut().zip(&decisions.ranges) {
         if let (Some(joint), Some(range)) = (&mut link.joint, range) {
@@ -100,12 +118,12 @@ fn collide(
     }
     // Poses in which several joints move are not cleared: contacts there are real.
     let wide = stances(asset);
-    clear(&mut pieces, &wide, &spacing, related);
+    clear(&mut pieces, &surface, &wide, &spacing, related);
     let left = |stance: &Vec<Rigid>| deepest(&pieces, stance, 0.0, |_, _| true).0;
     decisions.penetration = wide.par_iter().map(left).reduce(|| 0.0, f64::max);
     if config.collision == Collision::Hulls {
         for (link, hulls) in asset.links.iter_mut().zip(&pieces) {
-            link.collision = hulls.iter().map(crate::hull::Hull::mesh).collect();
+            link.collision = hulls.iter().map(Hull::mesh).collect();
         }
     }
     Ok(())

@@ -25,7 +25,7 @@ impl Up {
 /// How parts collide.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Collision {
-    /// Convex pieces from V-HACD, cut so that parts do not collide.
+    /// Convex pieces, cut so that parts do not collide.
     #[default]
     Hulls,
     /// No collision shapes.
@@ -46,10 +46,10 @@ pub struct PhysicalConfig {
     pub wall_share: f64,
     /// How parts collide.
     pub collision: Collision,
-    /// Voxel of the convex decomposition.
-    pub hull_voxel_share: f64,
-    /// Largest concavity of a convex piece, as V-HACD measures it.
-    pub concavity: f64,
+    /// Largest distance between surface and convex pieces, metres; half of it is left for the clearance between links.
+    pub cover: f64,
+    /// Upper bound of `cover`, so that small objects keep their shape.
+    pub cover_share: f64,
     /// Largest number of convex pieces of a link.
     pub most_hulls: u32,
     /// Least distance between convex pieces of different links: engines put margins around them.
@@ -104,9 +104,9 @@ impl Default for PhysicalConfig {
             density: 650.0,
             wall_share: 0.01,
             collision: Collision::Hulls,
-            hull_voxel_share: 1.0 / 110.0,
-            concavity: 0.004,
-            most_hulls: 40,
+            cover: 5e-3,
+            cover_share: 5e-3,
+            most_hulls: 96,
             gap_share: 2e-3,
             engine_margins: 2e-3,
             most_margins_share: 5e-3,

@@ -64,6 +64,8 @@ pub struct ExportOptions {
     pub density: Option<f64>,
     /// What parts collide with.
     pub collision: CollisionSource,
+    /// Convex pieces per link at most; none for the default of [`PhysicalConfig`].
+    pub hulls: Option<u32>,
     /// Joints end at the observed states.
     pub observed_limits: bool,
     /// Triangles per link, about, for drawing; none for the default of [`PhysicalConfig`].
@@ -81,6 +83,7 @@ impl Default for ExportOptions {
             up: Up::Z,
             density: None,
             collision: CollisionSource::Hulls,
+            hulls: None,
             observed_limits: false,
             triangles: None,
         }
@@ -98,7 +101,7 @@ impl ExportOptions {
     /// default ones if nothing was exported.
     pub fn of_last_export(folder: &RunFolder) -> Result<Self, FileError> {
         let report = ExportReport::load(folder)?.unwrap_or_default();
-        let RequestedOptions { name, capture, density, collision, observed_limits, triangles } = report.options;
+        let RequestedOptions { name, capture, density, collision, hulls, observed_limits, triangles } = report.options;
         let defaults = Self::default();
         let wanted = |format: &Format| Self::SHOWN.contains(format) || folder.has_export(*format);
         let collision =
@@ -111,6 +114,7 @@ impl ExportOptions {
             up: if report.up == "y" { Up::Y } else { Up::Z },
             density,
             collision: collision.transpose()?.unwrap_or_default(),
+            hulls,
             observed_limits,
             triangles,
         })
@@ -124,6 +128,7 @@ impl ExportOptions {
             density: self.density.unwrap_or(defaults.density),
             up: self.up,
             collision: if self.collision == CollisionSource::None { Collision::None } else { Collision::Hulls },
+            most_hulls: self.hulls.unwrap_or(defaults.most_hulls),
             extend_limits: !self.observed_limits,
             triangles: self.triangles.unwrap_or(defaults.triangles),
             ..defaults
@@ -143,6 +148,7 @@ impl ExportOptions {
             capture: self.capture.as_ref().and_then(|folder| std::fs::canonicalize(folder).ok()),
             density: self.density,
             collision: Some(self.collision.name().into()),
+            hulls: self.hulls,
             observed_limits: self.observed_limits,
             triangles: self.triangles,
         }

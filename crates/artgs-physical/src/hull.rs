@@ -72,6 +72,44 @@ impl Hull {
         Self::of(&points, thinnest)
     }
 
+    /// The hull with at most `most` corners, inside this hull.
+    pub fn with_at_most(self, most: usize, thinnest: f64) -> Option<Self> {
+        let mut directions = 3 * most / 2;
+        let mut out = self;
+        while out.points.len() > most {
+            out = out.coarser(directions, thinnest)?;
+            directions = 4 * directions / 5;
+        }
+        Some(out)
+    }
+
+    /// Lowest and highest corner of the box around it.
+    pub fn bounds(&self) -> [DVec3; 2] {
+        let start = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        self.points.iter().fold(start, |[low, high], p| [low.min(*p), high.max(*p)])
+    }
+
+    /// About `count` points evenly spread on the surface.
+    pub fn samples(&self, count: usize) -> Vec<DVec3> {
+        let corners = |t: &[u32; 3]| t.map(|i| self.points[i as usize]);
+        let area = |[a, b, c]: [DVec3; 3]| 0.5 * (b - a).cross(c - a).length();
+        let step = self.triangles.iter().map(|t| area(corners(t))).sum::<f64>() / count.max(1) as f64;
+        let (mut out, mut left) = (Vec::with_capacity(count + 1), 0.5 * step);
+        for [a, b, c] in self.triangles.iter().map(corners) {
+            left += area([a, b, c]);
+            while left >= step && step > 0.0 {
+                left -= step;
+                let n = out.len() as f64;
+                let (mut s, mut r) = ((0.754_877_666 * n).fract(), (0.569_840_291 * n).fract());
+                if s + r > 1.0 {
+                    (s, r) = (1.0 - s, 1.0 - r);
+                }
+                out.push(a + (b - a) * s + (c - a) * r);
+            }
+        }
+        out
+    }
+
     /// Corners.
     pub fn points(&self) -> &[DVec3] {
         &self.points

@@ -84,7 +84,7 @@ pub(crate) fn extend(
             // of the decomposition before a contact counts.
             let opens = closed[link].is_some() && observed[end] != 0.0;
             let gap = config.gap_share * diagonal;
-            let contact = if opens { gap + config.hull_voxel_share * diagonal } else { 0.5 * gap };
+            let contact = if opens { gap + diagonal / 110.0 } else { 0.5 * gap };
             let way = sign * most.max(0.0);
             let (way, stop) = free_way(asset, pieces, link, [observed[end], way], [gap, contact], config);
             out.limits[end] = observed[end] + sign * way;
