@@ -7,7 +7,7 @@ use crate::poses::vector;
 use crate::report::CoverageFinding;
 use crate::shadow::{Shadow, Triangles};
 use glam::DVec3;
-use rapier3d::parry::query::PointQuery as _;
+use rapier3d::parry::query::{PointQuery as _, Ray, RayCast as _};
 use rapier3d::parry::shape::{ConvexPolyhedron, TriMesh, TriMeshFlags};
 use rapier3d::prelude::SharedShape;
 
@@ -47,12 +47,13 @@ impl<'a> Piece<'a> {
 }
 
 /// The visual mesh of a link for distances.
-struct Drawn {
+pub(crate) struct Drawn {
     shape: TriMesh,
 }
 
 impl Drawn {
-    fn new(visuals: &[Shape]) -> Option<Self> {
+    /// None without triangles.
+    pub(crate) fn new(visuals: &[Shape]) -> Option<Self> {
         let (mut points, mut triangles) = (Vec::new(), Vec::new());
         for shape in visuals {
             let first = points.len() as u32;
@@ -64,9 +65,20 @@ impl Drawn {
         Some(Self { shape: TriMesh::with_flags(points, triangles, flags).ok()? })
     }
 
+    /// Distance of a point from the surface, negative behind it.
+    pub(crate) fn signed(&self, p: DVec3) -> f64 {
+        f64::from(self.shape.distance_to_local_point(vector(p), false))
+    }
+
+    /// Distance along a unit direction to the surface; none beyond `reach`.
+    pub(crate) fn ray(&self, from: DVec3, along: DVec3, reach: f64) -> Option<f64> {
+        let ray = Ray::new(vector(from), vector(along));
+        self.shape.cast_local_ray(&ray, reach as f32, false).map(f64::from)
+    }
+
     /// Distance of a point in front of the surface; 0 behind it, where the link is solid.
     fn outside(&self, p: DVec3) -> f64 {
-        f64::from(self.shape.distance_to_local_point(vector(p), false)).max(0.0)
+        self.signed(p).max(0.0)
     }
 
     fn is_near(&self, p: DVec3, distance: f64) -> bool {
@@ -215,12 +227,15 @@ fn samples(surfaces: &[Triangles], count: usize) -> Vec<DVec3> {
 }
 
 fn judge(out: &mut CoverageFinding, hole: f64, options: &CheckOptions) {
+    /// A hole of this many times the allowed width fails the check.
+    const WIDE: f64 = 5.0;
     let mm = |v: f64| format!("{:.0} mm", 1e3 * v);
     if out.lost > 0 {
         out.problems.push(format!("{} hulls are lost, and nothing replaces them", out.lost));
     }
     if out.hole > hole {
-        out.problems.push(format!("the hulls have a hole {} wide that the visual mesh does not have", mm(out.hole)));
+        let text = format!("the hulls have a hole {} wide that the visual mesh does not have", mm(out.hole));
+        if out.hole > WIDE * hole { out.problems.push(text) } else { out.warnings.push(text) }
     }
     if out.phantom_depth > hole && out.obstacle > hole {
         let litres = 1e3 * out.phantom_volume;

@@ -13,11 +13,13 @@ mod chain_tests;
 mod compare;
 mod coverage;
 mod drive;
+mod drop;
 mod mass;
 mod meshes;
 mod model;
 mod observed;
 mod options;
+mod places;
 mod poses;
 mod readers;
 mod report;
@@ -26,7 +28,9 @@ mod table;
 
 pub use options::CheckOptions;
 pub use readers::is_reading;
-pub use report::{CheckReport, CoverageFinding, FilesFinding, FormatFinding, JointFinding, LinkFinding, StateFinding};
+pub use report::{
+    CheckReport, CoverageFinding, DropFinding, FilesFinding, FormatFinding, JointFinding, LinkFinding, StateFinding,
+};
 
 use artgs_core::{JointKind, PerState, Replica, State};
 use artgs_io::export_report::ExportReport;
@@ -146,6 +150,10 @@ fn physics(
         coverage::link(link, hulls, observed[i].as_ref(), lost(&link.name), options)
     };
     report.coverage = (0..model.links.len()).into_par_iter().filter_map(compared).collect();
+    if !scene.is_empty() {
+        let dropped = |i: usize| drop::link(model, &scene, i, observed[i].as_ref(), options);
+        report.drops = (0..model.links.len()).into_par_iter().filter_map(dropped).collect();
+    }
     if scene.is_empty() {
         report.notes.push("no link has collision hulls: no collision can stop a joint".into());
     }

@@ -17,6 +17,8 @@ pub struct CheckReport {
     pub links: Vec<LinkFinding>,
     /// Hulls of the links of the URDF, compared with the visual meshes.
     pub coverage: Vec<CoverageFinding>,
+    /// Balls and boxes dropped into drawers and onto shelves.
+    pub drops: Vec<DropFinding>,
     /// Joints of the URDF, driven one at a time.
     pub joints: Vec<JointFinding>,
     /// The observed states, if a format contains them.
@@ -107,6 +109,23 @@ pub struct CoverageFinding {
     pub warnings: Vec<String>,
 }
 
+/// Balls and boxes dropped onto the flat places of a link.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct DropFinding {
+    /// The link.
+    pub link: String,
+    /// Flat places that face up, with room above.
+    pub places: usize,
+    /// Balls and boxes.
+    pub dropped: usize,
+    /// Those that start inside a hull, although nothing is drawn there.
+    pub blocked: usize,
+    /// Those that fall through.
+    pub fell: usize,
+    /// Problems, one sentence each.
+    pub problems: Vec<String>,
+}
+
 /// A joint of the URDF.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct JointFinding {
@@ -171,9 +190,11 @@ impl CheckReport {
         let formats = self.formats.iter().map(|f| f.problems.len());
         let links = self.links.iter().map(|l| l.problems.len());
         let coverage = self.coverage.iter().map(|c| c.problems.len());
+        let drops = self.drops.iter().map(|d| d.problems.len());
         let joints = self.joints.iter().map(|j| j.problems.len());
         let states = self.states.iter().map(|s| s.problems.len());
         self.warnings = self.coverage.iter().map(|c| c.warnings.len()).sum();
-        self.failures = files.chain(formats).chain(links).chain(coverage).chain(joints).chain(states).sum();
+        self.failures =
+            files.chain(formats).chain(links).chain(coverage).chain(drops).chain(joints).chain(states).sum();
     }
 }

@@ -158,6 +158,16 @@ impl fmt::Display for CheckReport {
             }
             write!(f, "\n{hulls}")?;
         }
+        if !self.drops.is_empty() {
+            let mut drops =
+                Table::new(&["drops onto", "", "flat places", "balls and boxes", "in the way", "fall through"]);
+            for found in &self.drops {
+                let counts = [found.places, found.dropped, found.blocked, found.fell].map(|n| n.to_string());
+                let cells = [found.link.clone(), verdict(&found.problems).into()].into_iter().chain(counts).collect();
+                drops.push(cells, &found.problems);
+            }
+            write!(f, "\n{drops}")?;
+        }
         if !self.joints.is_empty() {
             let mut joints =
                 Table::new(&["joint", "", "limits", "reached", "observed", "force", "penetration", "drift"]);

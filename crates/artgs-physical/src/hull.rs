@@ -43,9 +43,13 @@ impl Hull {
         if points.len() < 4 || points.iter().any(|p| !p.is_finite()) {
             return None;
         }
-        let single: Vec<Vec3> = apart(points, 0.5 * thinnest).into_iter().map(to_parry).collect();
-        let (vertices, triangles) = try_convex_hull(&single).ok()?;
-        let shape = ConvexPolyhedron::from_convex_mesh(vertices.clone(), &triangles)?;
+        // Nearly flat corners can be beyond the library: fewer of them, farther apart, span almost the same hull.
+        let (vertices, triangles, shape) = [0.5, 1.0, 2.0, 4.0].into_iter().find_map(|least| {
+            let single: Vec<Vec3> = apart(points, least * thinnest).into_iter().map(to_parry).collect();
+            let (vertices, triangles) = try_convex_hull(&single).ok()?;
+            let shape = ConvexPolyhedron::from_convex_mesh(vertices.clone(), &triangles)?;
+            Some((vertices, triangles, shape))
+        })?;
         let hull = Self { points: vertices.iter().map(|v| from_parry(*v)).collect(), triangles, shape };
         let thickness = hull.planes().iter().map(|plane| hull.depth(plane)).fold(f64::INFINITY, f64::min);
         (thickness >= thinnest && hull.volume() > 0.0).then_some(hull)
@@ -126,14 +130,19 @@ impl Hull {
         Mesh { vertices, colors: Vec::new(), triangles: self.triangles.clone() }
     }
 
-    /// Planes of the faces, without triangles too small for a normal.
+    /// Planes of the faces, without triangles so narrow that their normal is wrong.
     pub fn planes(&self) -> Vec<Plane> {
+        /// Corners outside a plane by more than this share of the size show that its normal is wrong.
+        const ROUNDING: f64 = 1e-5;
+        let [low, high] = self.bounds();
+        let most = ROUNDING * low.distance(high);
         let plane = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|i| self.points[i as usize]);
             let normal = (b - a).cross(c - a).try_normalize()?;
             Some(Plane { normal, offset: normal.dot(a) })
         };
-        self.triangles.iter().filter_map(plane).collect()
+        let bounds = |plane: &Plane| self.points.iter().all(|p| plane.distance(*p) <= most);
+        self.triangles.iter().filter_map(plane).filter(bounds).collect()
     }
 
     /// How far the hull reaches inside a plane.
