@@ -1,6 +1,6 @@
 //! Drops balls and boxes into drawers and onto shelves: they have to stay there.
 
-use crate::model::Model;
+use crate::model::{Model, bounds};
 use crate::observed::Observed;
 use crate::places::{self, Place};
 use crate::poses::{Scene, pose, vector};
@@ -48,12 +48,23 @@ pub(crate) fn link(
         };
         seen.iter().zip(&poses).all(|pair| far(pair) > 1.2 * RADIUS)
     };
+    // Where a part slides, its carrier holds nothing.
+    let zero = model.poses(&vec![0.0; model.links.len()]);
+    let slides = |l: &crate::model::Link| l.motion.as_ref().is_some_and(|m| m.kind == JointKind::Prismatic);
+    let children = (0..model.links.len()).filter(|i| model.links[*i].parent == Some(index) && slides(&model.links[*i]));
+    let boxes: Vec<[DVec3; 2]> = children
+        .filter_map(|i| {
+            let points = model.links[i].visuals.iter().flat_map(|s| &s.points);
+            bounds(points.map(|p| zero[i].apply(*p)))
+        })
+        .collect();
+    let in_drawer = |p: DVec3| boxes.iter().any(|[low, high]| p.cmpge(*low).all() && p.cmple(*high).all());
     let mut starts: Vec<(usize, DVec3)> = Vec::new();
     for (i, place) in places.iter().enumerate() {
         for p in &place.points {
             let height = room(*p);
             let start = *p + DVec3::Z * (height - 1.5 * RADIUS).max(1.5 * RADIUS);
-            if height >= ROOM && is_free(start) {
+            if height >= ROOM && is_free(start) && !in_drawer(*p) {
                 starts.push((i, start));
             }
         }

@@ -31,6 +31,8 @@ pub(crate) struct Decisions {
 
 /// Tested poses per joint while the others are at zero. Twenty are too few: a lip of a few millimetres passes between them.
 pub(crate) const POSES: usize = 121;
+/// What the surface of a link counts against that of a part that it carries, where only one of them can be.
+const CARRIER: f64 = 0.3;
 /// Corners of a convex piece: MuJoCo and PhysX refuse more.
 const MOST_CORNERS: usize = 64;
 /// Tested poses per joint while the others are in an observed state.
@@ -83,7 +85,7 @@ fn collide(
     let cover = config.cover.min(config.cover_share * diagonal);
     let apart = 2.0 * cover;
     let (gap, area, waste) = (config.gap_share * diagonal, apart * apart, 3.0 * cover);
-    let spacing = Spacing { gap, margins, tolerance, thinnest, cover, area, waste, most };
+    let spacing = Spacing { gap, margins, tolerance, thinnest, cover, area, carrier: CARRIER, waste, most };
     let parents: Vec<Option<usize>> = asset.links.iter().map(|link| link.parent).collect();
     let related = |a: usize, b: usize| parents[a] == Some(b) || parents[b] == Some(a);
     let options = DecomposeOptions {

@@ -45,6 +45,9 @@ pub(crate) struct Spacing {
     pub cover: f64,
     /// Area of the surface for which each point stands.
     pub area: f64,
+    /// What a point of the link that carries the other one counts against one of that link: where a part passes, its carrier
+    /// cannot be, whatever was observed.
+    pub carrier: f64,
     /// A piece of which a cut would uncover more than the square of this is halved instead, as long as it is longer than
     /// twice this, ...
     pub waste: f64,
@@ -95,7 +98,8 @@ pub(crate) fn clear(
             let mut pair = [a, b].map(|link| std::mem::take(&mut whole[link]));
             let mut seen = BTreeSet::new();
             let margins = if related(a, b) { 0.0 } else { spacing.margins };
-            let spacing = Spacing { gap: spacing.gap + margins, ..*spacing };
+            let carrier = if related(a, b) { spacing.carrier } else { 1.0 };
+            let spacing = Spacing { gap: spacing.gap + margins, carrier, ..*spacing };
             for stance in stances {
                 let b_to_a = stance[a].inverse() * stance[b];
                 if seen.insert(bits(&b_to_a)) {
@@ -303,7 +307,9 @@ fn part(pieces: [&Piece; 2], b_to_a: &Rigid, spacing: &Spacing) -> Cut {
                     Some(plane) => of.covers.iter().filter(|p| plane.distance(**p) > spacing.cover).count(),
                     None => 0,
                 });
-                let area = (lost[0] + lost[1]) as f64 * spacing.area;
+                // The first link is the carrier.
+                let weights = if own == 0 { [spacing.carrier, 1.0] } else { [1.0, spacing.carrier] };
+                let area = (lost[0] as f64 * weights[0] + lost[1] as f64 * weights[1]) * spacing.area;
                 // Too thin a rest is removed.
                 let share = |of: &Piece, cut: f64, whole: f64| match whole - cut < spacing.thinnest {
                     true => of.volume,
@@ -344,6 +350,7 @@ mod tests {
         thinnest: 1e-3,
         cover: 5e-3,
         area: 1e-4,
+        carrier: 0.3,
         waste: 0.02,
         most: 64,
     };
@@ -420,6 +427,38 @@ mod tests {
             clear(&mut pieces, &[vec![Rigid::IDENTITY; 2]], &SPACING, |_, _| related);
             assert!((distance(&pieces) - expected).abs() < 2e-4, "{related}: {}", distance(&pieces));
         }
+    }
+
+    #[test]
+    fn sheets_that_overlap_both_keep_the_sides_that_were_seen() {
+        // The floor of a drawer, seen from above, and a board below it, seen from below.
+        let board = cuboid(DVec3::ZERO, DVec3::new(1.0, 1.0, 0.02));
+        let floor = cuboid(DVec3::new(0.0, 0.0, 0.005), DVec3::new(1.0, 1.0, 0.025));
+        let grid = |z: f64| (0..400).map(|i| DVec3::new((i % 20) as f64 / 20.0, (i / 20) as f64 / 20.0, z)).collect();
+        let surface: [Vec<DVec3>; 2] = [grid(0.0), grid(0.025)];
+        let mut pieces = vec![vec![board], vec![floor]];
+        let spacing = Spacing { area: 2.5e-3, ..SPACING };
+        let done = super::clear(&mut pieces, &surface, &[vec![Rigid::IDENTITY; 2]], &spacing, |_, _| true);
+        assert_eq!((pieces[0].len(), pieces[1].len(), done.lost), (1, 1, 0), "{done:?}");
+        let [[low, board_top], [floor_low, high]] = [0, 1].map(|link: usize| pieces[link][0].bounds());
+        assert!(low.z.abs() < 1e-6 && (high.z - 0.025).abs() < 1e-6, "{low} {high}");
+        assert!(floor_low.z - board_top.z > 1.8e-3, "{board_top} {floor_low}");
+    }
+
+    #[test]
+    fn a_panel_that_is_hit_in_one_place_keeps_the_rest() {
+        let panel = cuboid(DVec3::ZERO, DVec3::new(1.0, 0.01, 1.0));
+        let block = cuboid(DVec3::new(0.45, -0.5, 0.45), DVec3::new(0.5, 0.5, 0.5));
+        let seen: Vec<DVec3> =
+            (0..2500).map(|i| DVec3::new((i % 50) as f64 / 50.0, 0.0, (i / 50) as f64 / 50.0)).collect();
+        // The block was seen too, and counts more.
+        let faces = (0..4000).map(|i| DVec3::new(0.45, -0.5 + i as f64 / 4000.0, 0.47)).collect();
+        let mut pieces = vec![vec![block], vec![panel]];
+        let spacing = Spacing { area: 4e-4, carrier: 100.0, ..SPACING };
+        super::clear(&mut pieces, &[faces, seen.clone()], &[vec![Rigid::IDENTITY; 2]], &spacing, |_, _| true);
+        let covered = |p: &DVec3| pieces[1].iter().any(|h| h.planes().iter().all(|f| f.distance(*p) <= 5e-3));
+        let share = seen.iter().filter(|p| covered(p)).count() as f64 / seen.len() as f64;
+        assert!(share > 0.97 && pieces[1].len() > 1, "{share} {}", pieces[1].len());
     }
 
     #[test]
