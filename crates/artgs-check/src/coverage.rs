@@ -231,7 +231,8 @@ fn judge(out: &mut CoverageFinding, hole: f64, options: &CheckOptions) {
     const WIDE: f64 = 5.0;
     let mm = |v: f64| format!("{:.0} mm", 1e3 * v);
     if out.lost > 0 {
-        out.problems.push(format!("{} hulls are lost, and nothing replaces them", out.lost));
+        let places = if out.lost == 1 { "1 place".into() } else { format!("{} places", out.lost) };
+        out.warnings.push(format!("{places} of the surface lost the hull to the clearance between links"));
     }
     if out.hole > hole {
         let text = format!("the hulls have a hole {} wide that the visual mesh does not have", mm(out.hole));

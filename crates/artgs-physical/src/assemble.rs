@@ -1,14 +1,16 @@
 //! Converts parts in the capture's frame to links in link frames: units, upward axis, zero pose, names, hulls, masses, limits.
 
-use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest};
+use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest, uncovered};
 use crate::config::{Collision, PhysicalConfig};
 use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with, seen_points};
 use crate::hull::Hull;
 use crate::looks::PartSurface;
-use crate::mass::inertial;
+use crate::mass::{inertial, walls};
 use crate::stance::{Range, closed_state, extend};
 use crate::topology::{bounds, points};
-use artgs_core::{Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, PerState, Replica, Rigid, State, TexturedMesh};
+use artgs_core::{
+    Asset, AssetJoint, AssetLink, Inertial, Joint, JointKind, Mesh, PerState, Replica, Rigid, State, TexturedMesh,
+};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -21,6 +23,8 @@ pub(crate) struct Decisions {
     pub ranges: Vec<Option<Range>>,
     /// Cuts of convex pieces over the observed range.
     pub clearance: Clearance,
+    /// Places of the observed surface of each link that are left without a convex piece.
+    pub lost: Vec<usize>,
     /// Deepest remaining penetration over all tested poses, metres.
     pub penetration: f64,
     /// Scale from the capture's frame at the start state to each link's frame; applied before `to_link`.
@@ -56,12 +60,26 @@ pub(crate) fn assemble(
     let link = |part: usize| {
         let to_link = Rigid::shift(-frames[part].origin) * frames[part].from_start;
         let visual = moved(&surfaces[part].visual, &to_link, config.scale);
-        let inertial = inertial(&visual.mesh, surfaces[part].closed, wall, config.density, config.least_mass);
-        let joint = frames[part].joint.map(|joint| dynamics(joint, inertial.mass, diagonal, config));
+        let from_link = to_link.inverse();
+        let seen = surfaces[part].observed.as_ref();
+        let observed = |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / config.scale));
+        let walls = walls(&visual.mesh, &observed, wall);
+        let own = config.densities.iter().find(|(name, _)| *name == names[part]).map(|(_, density)| *density);
+        let density = own.unwrap_or(config.density);
+        let inertial = inertial(&visual.mesh, surfaces[part].closed, &walls, density, config.least_mass);
+        let joint = frames[part].joint;
         let (name, parent, origin) = (names[part].clone(), replica.parts[part].parent, frames[part].origin);
         AssetLink { name, parent, joint, origin, visual, collision: Vec::new(), inertial, splats: None }
     };
-    let links: Vec<AssetLink> = (0..replica.parts.len()).into_par_iter().map(link).collect();
+    if let Some((name, _)) = config.densities.iter().find(|(name, _)| !names.contains(name)) {
+        return Err(format!("--density names `{name}`, but the parts are {}", names.join(", ")));
+    }
+    let mut links: Vec<AssetLink> = (0..replica.parts.len()).into_par_iter().map(link).collect();
+    weigh(&mut links, config);
+    for link in &mut links {
+        let arm = link.joint.map_or(0.0, |joint| arm(&joint, &link.visual.mesh));
+        link.joint = link.joint.map(|joint| dynamics(joint, &link.inertial, arm, config));
+    }
     let mut asset = Asset { name: to_identifier(name, "replica"), links };
     let to_link = frames.iter().map(|f| Rigid::shift(-f.origin) * f.from_start).collect();
     let mut decisions = Decisions { closed_state: closed, scale: config.scale, to_link, ..Decisions::default() };
@@ -121,11 +139,17 @@ fn collide(
     // Poses in which several joints move are not cleared: contacts there are real.
     let wide = stances(asset);
     clear(&mut pieces, &surface, &wide, &spacing, related);
+    // A gap and both margins may be free of hulls.
+    let near = 2.0 * (cover + spacing.gap + spacing.margins);
+    let missing = |(hulls, points): (&Vec<Hull>, &Vec<DVec3>)| uncovered(hulls, points, near, apart, 2.0 * waste);
+    decisions.lost = pieces.par_iter().zip(&surface).map(missing).collect();
     let left = |stance: &Vec<Rigid>| deepest(&pieces, stance, 0.0, |_, _| true).0;
     decisions.penetration = wide.par_iter().map(left).reduce(|| 0.0, f64::max);
     if config.collision == Collision::Hulls {
         for (link, hulls) in asset.links.iter_mut().zip(&pieces) {
-            link.collision = hulls.iter().map(Hull::mesh).collect();
+            // Cuts add corners.
+            let coarse = |hull: &Hull| hull.clone().with_at_most(MOST_CORNERS, thinnest);
+            link.collision = hulls.iter().filter_map(coarse).map(|hull| hull.mesh()).collect();
         }
     }
     Ok(())
@@ -212,23 +236,42 @@ fn metric(joint: Joint, scale: f64) -> Joint {
     }
 }
 
-/// Effort, speed, damping and friction of a joint. The part of a hinge is modelled as a plate a third of the diagonal wide.
-fn dynamics(joint: AssetJoint, mass: f64, diagonal: f64, config: &PhysicalConfig) -> AssetJoint {
+/// Scales the masses to the total that was asked for.
+fn weigh(links: &mut [AssetLink], config: &PhysicalConfig) {
+    let total: f64 = links.iter().map(|link| link.inertial.mass).sum();
+    let Some(mass) = config.mass.filter(|_| total > 0.0) else { return };
+    for link in links {
+        link.inertial.mass *= mass / total;
+        link.inertial.inertia.iter_mut().for_each(|i| *i *= mass / total);
+    }
+}
+
+/// Distance of the farthest point of a part from its axis, metres.
+fn arm(joint: &AssetJoint, mesh: &Mesh) -> f64 {
+    points(mesh).map(|p| p.reject_from_normalized(joint.axis).length()).fold(0.0, f64::max)
+}
+
+/// Effort, speed, damping and friction of a joint whose part reaches `arm` from the axis.
+fn dynamics(joint: AssetJoint, inertial: &Inertial, arm: f64, config: &PhysicalConfig) -> AssetJoint {
     const GRAVITY: f64 = 9.81;
-    let arm = diagonal / 3.0;
+    /// Speed of a hand, m/s.
+    const HAND_SPEED: f64 = 0.5;
+    let mass = inertial.mass;
+    let hand = config.hand;
     match joint.kind {
         JointKind::Prismatic => AssetJoint {
             effort: config.force.max(3.0 * mass * GRAVITY),
             velocity: config.speed,
-            damping: mass / config.settle,
-            friction: config.friction * mass * GRAVITY,
+            damping: (mass / config.settle).min(hand / HAND_SPEED),
+            friction: (config.friction * mass * GRAVITY).min(hand),
             ..joint
         },
         JointKind::Revolute | JointKind::Screw => AssetJoint {
             effort: config.torque.max(3.0 * mass * GRAVITY * arm),
             velocity: config.turn_rate,
-            damping: mass * arm * arm / 3.0 / config.settle,
-            friction: config.friction * mass * GRAVITY * 0.1 * arm,
+            // At the speed of a hand at the far end, damping needs no more than the force of the hand there.
+            damping: (mass * arm * arm / 3.0 / config.settle).min(hand * arm * arm / HAND_SPEED),
+            friction: (config.friction * mass * GRAVITY * 0.1 * arm).min(hand * arm),
             ..joint
         },
     }

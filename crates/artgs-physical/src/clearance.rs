@@ -11,7 +11,7 @@ use glam::DVec3;
 use parry3d::bounding_volume::{Aabb, BoundingVolume as _};
 use parry3d::math::Pose3;
 use parry3d::shape::Shape;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Result of [`clear`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -118,6 +118,35 @@ pub(crate) fn clear(
     *pieces = whole.into_iter().map(|link| link.into_iter().filter_map(useful).collect()).collect();
     out.volume[1] = volume(pieces);
     out
+}
+
+/// Places of a surface that no piece covers within `near`, wider than `wide`: the number of connected groups of points, which
+/// are about `apart` from each other.
+pub(crate) fn uncovered(pieces: &[Hull], surface: &[DVec3], near: f64, apart: f64, wide: f64) -> usize {
+    let planes: Vec<([DVec3; 2], Vec<Plane>)> = pieces.iter().map(|hull| (hull.bounds(), hull.planes())).collect();
+    let covered = |p: &DVec3| {
+        planes.iter().any(|([low, high], planes)| {
+            p.cmpge(*low - near).all() && p.cmple(*high + near).all() && planes.iter().all(|f| f.distance(*p) <= near)
+        })
+    };
+    let cell = |p: &DVec3| (*p / (2.0 * apart)).floor().as_i64vec3().to_array();
+    let mut cells: BTreeMap<[i64; 3], usize> = BTreeMap::new();
+    surface.iter().filter(|p| !covered(p)).for_each(|p| *cells.entry(cell(p)).or_default() += 1);
+    let mut groups = 0;
+    while let Some((first, mut points)) = cells.pop_first() {
+        let mut stack = vec![first];
+        while let Some([x, y, z]) = stack.pop() {
+            for i in 0..27 {
+                let next = [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1];
+                if let Some(more) = cells.remove(&next) {
+                    points += more;
+                    stack.push(next);
+                }
+            }
+        }
+        groups += usize::from(points as f64 * apart * apart > wide * wide);
+    }
+    groups
 }
 
 /// Key for distinct poses.
@@ -459,6 +488,18 @@ mod tests {
         let covered = |p: &DVec3| pieces[1].iter().any(|h| h.planes().iter().all(|f| f.distance(*p) <= 5e-3));
         let share = seen.iter().filter(|p| covered(p)).count() as f64 / seen.len() as f64;
         assert!(share > 0.97 && pieces[1].len() > 1, "{share} {}", pieces[1].len());
+    }
+
+    #[test]
+    fn places_without_a_piece_are_counted() {
+        let grid: Vec<DVec3> =
+            (0..2500).map(|i| DVec3::new((i % 50) as f64 / 50.0, (i / 50) as f64 / 50.0, 0.0)).collect();
+        let plate = |from: f64, to: f64| cuboid(DVec3::new(from, 0.0, -0.01), DVec3::new(to, 1.0, 0.0));
+        let count = |pieces: &[Hull]| uncovered(pieces, &grid, 0.01, 0.02, 0.06);
+        assert_eq!(count(&[plate(0.0, 1.0)]), 0);
+        // A gap at one end and a gap in the middle.
+        assert_eq!(count(&[plate(0.0, 0.4), plate(0.6, 0.9)]), 2);
+        assert_eq!(count(&[]), 1);
     }
 
     #[test]

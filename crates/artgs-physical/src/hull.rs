@@ -249,6 +249,22 @@ mod tests {
     }
 
     #[test]
+    fn a_ball_is_reduced_to_the_corners_allowed() {
+        let ball: Vec<DVec3> = (0..600)
+            .map(|i| {
+                let z = 1.0 - (2 * i + 1) as f64 / 600.0;
+                let (sin, cos) = (2.4 * i as f64).sin_cos();
+                DVec3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z)
+            })
+            .collect();
+        let whole = Hull::of(&ball, 1e-3).unwrap();
+        let few = whole.clone().with_at_most(64, 1e-3).unwrap();
+        assert!(whole.points().len() > 64 && few.points().len() <= 64 && few.volume() > 0.8 * whole.volume());
+        assert_eq!(few.bounds().map(|p| p.length() < 2.0), [true; 2]);
+        assert!(few.samples(200).iter().all(|p| p.length() < 1.0 + 1e-6) && few.samples(200).len().abs_diff(200) < 3);
+    }
+
+    #[test]
     fn a_shortfall_counts_from_the_gap() {
         let (a, b) = (cube(), cube());
         let at = |x: f64| pose(&Rigid::shift(DVec3::new(x, 0.1, 0.2)));

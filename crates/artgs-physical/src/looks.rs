@@ -85,7 +85,14 @@ fn surface(
         .filter_map(|q| Passage::of(&meshes[q], replica, q))
         .collect();
     let repaired = repair(fused, &|p| carried.iter().any(|c| c.holds(p)), &RepairOptions::at_resolution(edge));
-    let simple = simplify(&smoothed(&repaired.mesh, 6, 0.5 * voxel), config.triangles, voxel);
+    /// Share of the triangles asked for that is enough where it keeps the surface within a part of a voxel.
+    const FLAT: usize = 4;
+    const EXACT: f64 = 0.25;
+    let smooth = smoothed(&repaired.mesh, 6, 0.5 * voxel);
+    // Flat panels need few triangles.
+    let exact = simplify(&smooth, config.triangles / FLAT, EXACT * voxel);
+    let enough = exact.mesh.triangles.len() <= config.triangles && exact.error.most <= EXACT * voxel;
+    let simple = if enough { exact } else { simplify(&smooth, config.triangles, voxel) };
     let mut out = PartSurface {
         closed: repaired.watertight,
         fused: fused.triangles.len(),
