@@ -1,4 +1,4 @@
-"""Drops balls into the drawers and onto the shelves of a replica: places are found on its visual meshes, whatever its hulls are."""
+"""Drops balls into the drawers and onto the shelves of a replica: places are found on its visual meshes, not on its hulls."""
 
 from pathlib import Path
 from xml.etree import ElementTree

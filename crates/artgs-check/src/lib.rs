@@ -7,6 +7,7 @@
 //!
 //! Physics: Rapier. One joint at a time moves, the rest is locked at 0; a screw is driven as a hinge, as in URDF.
 
+mod balance;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod chain_tests;
@@ -154,6 +155,7 @@ fn physics(
         let dropped = |i: usize| drop::link(model, &scene, i, observed[i].as_ref(), options);
         report.drops = (0..model.links.len()).into_par_iter().filter_map(dropped).collect();
     }
+    report.notes.extend(balance::notes(model));
     if scene.is_empty() {
         report.notes.push("no link has collision hulls: no collision can stop a joint".into());
     }

@@ -46,7 +46,7 @@ pub(crate) struct Spacing {
     /// Area of the surface for which each point stands.
     pub area: f64,
     /// What a point of the link that carries the other one counts against one of that link: where a part passes, its carrier
-    /// cannot be, whatever was observed.
+    /// cannot be, also where it was observed.
     pub carrier: f64,
     /// A piece of which a cut would uncover more than the square of this is halved instead, as long as it is longer than
     /// twice this, ...

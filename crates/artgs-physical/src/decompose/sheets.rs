@@ -110,7 +110,7 @@ pub(super) fn add(solid: &Solid, region: &Region, twins: &[u32], options: &Decom
     if !todo.cells.contains(&true) {
         return;
     }
-    // A prism may also be where the solid goes on in front of the region.
+    // A prism may also be where the solid continues in front of the region.
     let mut allowed = own;
     for i in 0..allowed.cells.len() {
         allowed.cells[i] = allowed.cells[i] || solid.signed(grid.middle(i)) < -0.2 * options.tolerance;
