@@ -12,7 +12,10 @@ pub(crate) fn notes(model: &Model) -> Vec<String> {
     for (i, link) in model.links.iter().enumerate() {
         if i != base && masses[i] > masses[base] {
             let [part, whole] = [masses[i], masses[base]].map(|m| format!("{m:.2} kg"));
-            out.push(format!("`{}` has {part}, more than the base with {whole}; see --density of artgs export", link.name));
+            out.push(format!(
+                "`{}` has {part}, more than the base with {whole}; see --density of artgs export",
+                link.name
+            ));
         }
     }
     let mut values = vec![0.0; model.links.len()];
@@ -23,7 +26,10 @@ pub(crate) fn notes(model: &Model) -> Vec<String> {
     let mut tips = |values: &[f64], when: &str| {
         let margin = margin(&feet, center(model, &masses, &model.poses(values)));
         if margin < 0.0 {
-            out.push(format!("with a free base the object falls over {when}: its centre of mass is {:.0} mm beyond its feet", -1e3 * margin));
+            out.push(format!(
+                "with a free base the object falls over {when}: its centre of mass is {:.0} mm beyond its feet",
+                -1e3 * margin
+            ));
         }
         margin < 0.0
     };
@@ -45,7 +51,8 @@ fn feet(model: &Model, base: usize, poses: &[Rigid]) -> Vec<DVec2> {
     const LOWEST: f64 = 0.03;
     let points = || model.links[base].visuals.iter().flat_map(|s| &s.points).map(|p| poses[base].apply(*p));
     let Some([low, high]) = bounds(points()) else { return Vec::new() };
-    let mut flat: Vec<DVec2> = points().filter(|p| p.z < low.z + LOWEST * (high.z - low.z)).map(DVec3::truncate).collect();
+    let mut flat: Vec<DVec2> =
+        points().filter(|p| p.z < low.z + LOWEST * (high.z - low.z)).map(DVec3::truncate).collect();
     flat.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     flat.dedup();
     let chain = |points: &mut dyn Iterator<Item = DVec2>| {

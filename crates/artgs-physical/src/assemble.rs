@@ -2,7 +2,7 @@
 
 use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest, uncovered};
 use crate::config::{Collision, PhysicalConfig};
-use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with, seen_points};
+use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with, patches, seen_points};
 use crate::hull::Hull;
 use crate::looks::PartSurface;
 use crate::mass::{inertial, walls};
@@ -99,7 +99,8 @@ fn collide(
     let thinnest = config.thinnest_share * diagonal;
     let tolerance = 0.5 * config.contact_share * diagonal;
     let margins = config.engine_margins.min(config.most_margins_share * diagonal);
-    let most = config.most_hulls as usize;
+    // The others are left for what cuts leave open.
+    let most = (config.most_hulls - config.most_hulls / 8) as usize;
     let cover = config.cover.min(config.cover_share * diagonal);
     let apart = 2.0 * cover;
     let (gap, area, waste) = (config.gap_share * diagonal, apart * apart, 3.0 * cover);
@@ -139,6 +140,19 @@ fn collide(
     // Poses in which several joints move are not cleared: contacts there are real.
     let wide = stances(asset);
     clear(&mut pieces, &surface, &wide, &spacing, related);
+    // What cuts left open gets thin pieces of its own.
+    let thin = DecomposeOptions { most: config.most_hulls, skin: 2.0 * options.least, ..options };
+    let patched = |part: usize| {
+        let from_link = decisions.to_link[part].inverse();
+        let seen = surfaces[part].observed.as_ref();
+        let observed = |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / config.scale));
+        patches(&asset.links[part].visual.mesh, &observed, &pieces[part], &thin)
+    };
+    if decomposer.is_none() {
+        let added: Pieces = (0..asset.links.len()).into_par_iter().map(patched).collect();
+        pieces.iter_mut().zip(added).for_each(|(link, added)| link.extend(added));
+        clear(&mut pieces, &surface, &wide, &spacing, related);
+    }
     // A gap and both margins may be free of hulls.
     let near = 2.0 * (cover + spacing.gap + spacing.margins);
     let missing = |(hulls, points): (&Vec<Hull>, &Vec<DVec3>)| uncovered(hulls, points, near, apart, 2.0 * waste);

@@ -65,6 +65,20 @@ pub fn decompose(mesh: &Mesh, observed: &Observed, options: &DecomposeOptions) -
     hulls
 }
 
+/// Further pieces where `hulls` leave the observed surface uncovered, largest first, as thin as possible: what cuts left open is
+/// decomposed again. Together with `hulls` there are at most `options.most`.
+pub(crate) fn patches(mesh: &Mesh, observed: &Observed, hulls: &[Hull], options: &DecomposeOptions) -> Vec<Hull> {
+    let Some(solid) = Solid::new(mesh, observed) else { return Vec::new() };
+    let mut pieces = Pieces::default();
+    hulls.iter().for_each(|hull| pieces.push(hull.clone()));
+    rest::add(&solid, &[DVec3::X, DVec3::Y, DVec3::Z], options, &mut pieces);
+    let mut added = pieces.hulls.split_off(hulls.len());
+    added = added.into_iter().filter_map(|hull| hull.with_at_most(options.corners, options.thinnest)).collect();
+    added.sort_by(|a, b| b.volume().total_cmp(&a.volume()));
+    added.truncate((options.most as usize).saturating_sub(hulls.len()));
+    added
+}
+
 /// Points of the observed surface, about `spacing` apart.
 pub(crate) fn seen_points(mesh: &Mesh, observed: &Observed, spacing: f64) -> Vec<DVec3> {
     let samples = Solid::new(mesh, &|_| true).map_or(Vec::new(), |solid| solid.samples(spacing, false));
