@@ -5,7 +5,7 @@ use artgs_physical::decompose::{DecomposeOptions, decompose};
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     for file in std::env::args().skip(1) {
         let mesh = artgs_io::read_mesh_ply(file.as_ref())?;
-        for tolerance in [0.005] {
+        for tolerance in [0.01, 0.005] {
             let began = std::time::Instant::now();
             let options =
                 DecomposeOptions { tolerance, most: 64, corners: 64, skin: 0.015, least: 2e-3, thinnest: 1e-3 };
