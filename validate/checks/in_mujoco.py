@@ -1,9 +1,12 @@
 """MJCF in MuJoCo; also opens the URDF."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 
 from .drive import check_motion
+from .drop import CELL, LEAST, RADIUS, TIME, places, report_drops
 from .report import collect_warnings
 
 # Bandwidth of the servo, 1/s.
@@ -118,8 +121,41 @@ def check_mjcf(path, states, report):
     report.add("-", "joints limited", limited.all(), limited.sum(), "joints")
     with collect_warnings(report):
         check_motion(engine, states, report)
+        _drop(path, report)
     counts = {mujoco.mjtWarning(i).name: w.number for i, w in enumerate(engine.data.warning) if w.number}
     report.add("-", "simulates without warnings", not counts, note=str(counts or ""))
+
+
+def _drop(path, report):
+    """Drops a ball onto every flat place of the URDF beside the MJCF, if there is one."""
+    urdf = next(iter(sorted(Path(path).parent.parent.glob("urdf/*.urdf"))), None)
+    wanted = [] if urdf is None else places(urdf)
+    if not wanted:
+        return
+    spec = mujoco.MjSpec.from_file(path)
+    # Keyframes do not know the ball.
+    for key in list(spec.keys):
+        spec.delete(key)
+    ball = spec.worldbody.add_body(name="dropped_ball")
+    ball.add_freejoint()
+    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0], mass=0.02, condim=6, friction=[0.6, 5e-3, 1e-3])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    at, found = model.joint(model.body("dropped_ball").jntadr[0]).qposadr[0], []
+    for place in wanted:
+        mujoco.mj_resetData(model, data)
+        values = {model.joint(name).qposadr[0]: value for name, value in place.values.items()}
+        data.qpos[at : at + 3] = place.start
+        low = np.inf
+        for _ in range(int(TIME / model.opt.timestep)):
+            for address, value in values.items():
+                data.qpos[address] = value
+            mujoco.mj_step(model, data)
+            # A ball that rolls off the place may fall there.
+            if np.abs(data.qpos[at : at + 2] - place.start[:2]).max() <= LEAST // 2 * CELL:
+                low = min(low, data.qpos[at + 2])
+        found.append((place, low))
+    report_drops(found, report)
 
 
 def check_urdf(path, _states, report):

@@ -4,6 +4,7 @@ import numpy as np
 import pybullet as bullet
 
 from .drive import check_motion
+from .drop import CELL, LEAST, RADIUS, TIME, places, report_drops
 from .report import collect_warnings
 
 
@@ -95,6 +96,30 @@ class Engine:
         return resisted, ignored
 
 
+def _drop(path, client, body, engine, report):
+    """Drops a ball onto every flat place."""
+    found = []
+    for place in places(path):
+        q = np.clip(np.array([place.values.get(name, 0.0) for name in engine.names]), engine.lower, engine.upper)
+        shape = bullet.createCollisionShape(bullet.GEOM_SPHERE, radius=RADIUS, physicsClientId=client)
+        ball = bullet.createMultiBody(0.02, shape, basePosition=place.start.tolist(), physicsClientId=client)
+        bullet.changeDynamics(
+            ball, -1, rollingFriction=1e-3, ccdSweptSphereRadius=0.5 * RADIUS, physicsClientId=client
+        )
+        low = np.inf
+        for _ in range(int(TIME / engine.dt)):
+            engine.set(q)
+            bullet.stepSimulation(client)
+            at = np.array(bullet.getBasePositionAndOrientation(ball, client)[0])
+            # A ball that rolls off the place may fall there.
+            if np.abs(at[:2] - place.start[:2]).max() <= LEAST // 2 * CELL:
+                low = min(low, at[2])
+        bullet.removeBody(ball, client)
+        found.append((place, low))
+    engine.set(np.clip(np.zeros(len(engine.names)), engine.lower, engine.upper))
+    report_drops(found, report)
+
+
 def check_urdf(path, states, report):
     """Opens, drives and sweeps a URDF."""
     client = bullet.connect(bullet.DIRECT)
@@ -112,6 +137,7 @@ def check_urdf(path, states, report):
     masses = [bullet.getDynamicsInfo(body, i, client)[0] for i in range(bullet.getNumJoints(body, client))]
     report.add("-", "masses above 0", min(masses) > 0, sum(masses), "kg")
     check_motion(engine, states, report)
+    _drop(path, client, body, engine, report)
     # The file itself has to fix the base.
     moved = np.linalg.norm(bullet.getBasePositionAndOrientation(body, client)[0])
     report.add("-", "base stays", moved <= 1e-6, moved, "m")

@@ -7,23 +7,31 @@
 //!
 //! Physics: Rapier. One joint at a time moves, the rest is locked at 0; a screw is driven as a hinge, as in URDF.
 
+mod balance;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod chain_tests;
 mod compare;
+mod coverage;
 mod drive;
+mod drop;
 mod mass;
 mod meshes;
 mod model;
+mod observed;
 mod options;
+mod places;
 mod poses;
 mod readers;
 mod report;
+mod shadow;
 mod table;
 
 pub use options::CheckOptions;
 pub use readers::is_reading;
-pub use report::{CheckReport, FilesFinding, FormatFinding, JointFinding, LinkFinding, StateFinding};
+pub use report::{
+    CheckReport, CoverageFinding, DropFinding, FilesFinding, FormatFinding, JointFinding, LinkFinding, StateFinding,
+};
 
 use artgs_core::{JointKind, PerState, Replica, State};
 use artgs_io::export_report::ExportReport;
@@ -79,7 +87,11 @@ pub fn check(out: &Path, options: &CheckOptions) -> Result<CheckReport, CheckErr
         Some(model) if !model.faults().is_empty() => {
             report.notes.push("invalid numbers, see above: no joint was driven".into());
         }
-        Some(model) => physics(&model, options, &mut report),
+        Some(model) => {
+            let exported = ExportReport::load(&RunFolder::new(out))?.unwrap_or_default();
+            let observed = observed::all(&RunFolder::new(out), &replica, &exported, &model);
+            physics(&model, &exported, &observed, options, &mut report);
+        }
         None => report.notes.push("no readable URDF: no joint was driven; export one with `--to urdf`".into()),
     }
     files(&RunFolder::new(out), &mut report)?;
@@ -116,7 +128,13 @@ fn files(run: &RunFolder, report: &mut CheckReport) -> Result<(), CheckError> {
 }
 
 /// Drives the URDF. `model` is the URDF completed by values of other formats.
-fn physics(model: &Model, options: &CheckOptions, report: &mut CheckReport) {
+fn physics(
+    model: &Model,
+    exported: &ExportReport,
+    observed: &[Option<observed::Observed>],
+    options: &CheckOptions,
+    report: &mut CheckReport,
+) {
     let (scene, flat) = poses::Scene::of(model);
     let flat_hulls = |i: usize| flat.iter().filter(move |(link, _)| *link == i).map(|(_, problem)| problem.clone());
     let bodies = (0..model.links.len()).filter(|i| model.links[*i].is_body());
@@ -127,6 +145,17 @@ fn physics(model: &Model, options: &CheckOptions, report: &mut CheckReport) {
             found
         })
         .collect();
+    let lost = |name: &str| exported.links.iter().find(|l| l.name == name).map_or(0, |l| l.lost_pieces);
+    let compared = |i: usize| {
+        let (link, hulls) = (&model.links[i], &scene.hulls[i]);
+        coverage::link(link, hulls, observed[i].as_ref(), lost(&link.name), options)
+    };
+    report.coverage = (0..model.links.len()).into_par_iter().filter_map(compared).collect();
+    if !scene.is_empty() {
+        let dropped = |i: usize| drop::link(model, &scene, i, observed[i].as_ref(), options);
+        report.drops = (0..model.links.len()).into_par_iter().filter_map(dropped).collect();
+    }
+    report.notes.extend(balance::notes(model));
     if scene.is_empty() {
         report.notes.push("no link has collision hulls: no collision can stop a joint".into());
     }

@@ -89,7 +89,7 @@ mod tests {
             (0..8).map(|i| DVec3::from_array([0, 1, 2].map(|a| if i >> a & 1 == 0 { -0.5 } else { 0.5 }))).collect();
         let mut body = Link::new("cube", None, Rigid::IDENTITY);
         body.inertial = Some(inertial);
-        body.hulls = vec![Shape { points }];
+        body.hulls = vec![Shape { points, triangles: Vec::new() }];
         link(&body, &CheckOptions::default()).problems
     }
 

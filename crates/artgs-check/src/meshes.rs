@@ -10,7 +10,10 @@ use std::path::Path;
 /// `name`.
 pub(crate) fn obj(path: &Path, name: &str, place: &Rigid, scale: DVec3, finding: &mut FormatFinding) -> Shape {
     match read(path, finding) {
-        Ok(points) => Shape { points: points.into_iter().map(|p| place.apply(p * scale)).collect() },
+        Ok(mut shape) => {
+            shape.points.iter_mut().for_each(|p| *p = place.apply(*p * scale));
+            shape
+        }
         Err(reason) => {
             finding.problems.push(format!("{name}: {reason}"));
             Shape::default()
@@ -18,13 +21,13 @@ pub(crate) fn obj(path: &Path, name: &str, place: &Rigid, scale: DVec3, finding:
     }
 }
 
-fn read(path: &Path, finding: &mut FormatFinding) -> Result<Vec<DVec3>, String> {
+fn read(path: &Path, finding: &mut FormatFinding) -> Result<Shape, String> {
     if !path.is_file() {
         return Err("the file does not exist; export again".into());
     }
     let options = tobj::LoadOptions { triangulate: true, ..tobj::LoadOptions::default() };
     let (models, materials) = tobj::load_obj(path, &options).map_err(|e| e.to_string())?;
-    let mut points = Vec::new();
+    let mut out = Shape::default();
     for model in &models {
         let mesh = &model.mesh;
         let own: Vec<DVec3> =
@@ -33,9 +36,11 @@ fn read(path: &Path, finding: &mut FormatFinding) -> Result<Vec<DVec3>, String> 
         if mesh.normals.iter().chain(&mesh.texcoords).any(|v| !v.is_finite()) {
             return Err("a normal or a texture coordinate is not finite".into());
         }
-        points.extend(own);
+        let first = out.points.len() as u32;
+        out.triangles.extend(mesh.indices.as_chunks::<3>().0.iter().map(|t| t.map(|i| first + i)));
+        out.points.extend(own);
     }
-    if points.is_empty() {
+    if out.points.is_empty() {
         return Err("the mesh is empty".into());
     }
     let folder = path.parent().unwrap_or(Path::new("."));
@@ -44,7 +49,7 @@ fn read(path: &Path, finding: &mut FormatFinding) -> Result<Vec<DVec3>, String> 
         let Some(texture) = material.diffuse_texture else { continue };
         image_file(&folder.join(&texture), finding).map_err(|e| format!("texture {texture}: {e}"))?;
     }
-    Ok(points)
+    Ok(out)
 }
 
 /// Refuses points that are not finite and indices out of range.

@@ -40,10 +40,12 @@ pub(crate) struct Motion {
     pub(crate) friction: Option<f64>,
 }
 
-/// Corners of a mesh in the link frame; none if it could not be read.
+/// A mesh in the link frame; empty if it could not be read.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shape {
     pub(crate) points: Vec<DVec3>,
+    /// Empty where only the corners are known.
+    pub(crate) triangles: Vec<[u32; 3]>,
 }
 
 impl Motion {

@@ -30,6 +30,14 @@ pub struct CheckOptions {
     pub step: f64,
     /// Least and largest plausible mass per volume of the box around a link, kg/m^3.
     pub density: [f64; 2],
+    /// Distance within which hulls and visual mesh match, at most a hundredth of the link's diagonal.
+    pub cover: f64,
+    /// Least share of both surfaces that has to match.
+    pub covered: f64,
+    /// Largest width of a hole, and depth of hulls where nothing is drawn; at most a fiftieth of the link's diagonal.
+    pub hole: f64,
+    /// Points on each surface that are compared.
+    pub samples: usize,
 }
 
 impl Default for CheckOptions {
@@ -47,6 +55,10 @@ impl Default for CheckOptions {
             friction: 0.3,
             step: 1.0 / 240.0,
             density: [0.5, 25_000.0],
+            cover: 5e-3,
+            covered: 0.98,
+            hole: 0.01,
+            samples: 20_000,
         }
     }
 }

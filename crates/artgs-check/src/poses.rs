@@ -47,6 +47,15 @@ impl Scene {
         (Self { hulls }, flat)
     }
 
+    /// True if a hull reaches within `near` of a point of the object's frame; with a negative value, at least so deep.
+    pub(crate) fn holds(&self, poses: &[Rigid], p: DVec3, near: f64) -> bool {
+        let inside = |(hulls, at): (&Vec<SharedShape>, &Rigid)| {
+            let own = vector(at.inverse().apply(p));
+            hulls.iter().any(|hull| f64::from(hull.distance_to_local_point(own, false)) <= near)
+        };
+        self.hulls.iter().zip(poses).any(inside)
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.hulls.iter().all(Vec::is_empty)
     }

@@ -15,6 +15,10 @@ pub struct CheckReport {
     pub formats: Vec<FormatFinding>,
     /// Links of the URDF.
     pub links: Vec<LinkFinding>,
+    /// Hulls of the links of the URDF, compared with the visual meshes.
+    pub coverage: Vec<CoverageFinding>,
+    /// Balls and boxes dropped into drawers and onto shelves.
+    pub drops: Vec<DropFinding>,
     /// Joints of the URDF, driven one at a time.
     pub joints: Vec<JointFinding>,
     /// The observed states, if a format contains them.
@@ -23,6 +27,8 @@ pub struct CheckReport {
     pub notes: Vec<String>,
     /// Number of problems.
     pub failures: usize,
+    /// Number of warnings, which do not fail the check.
+    pub warnings: usize,
 }
 
 /// Exported files, compared with their digests in `export.json`.
@@ -70,6 +76,52 @@ pub struct LinkFinding {
     pub moments: [f64; 3],
     /// Convex pieces.
     pub hulls: usize,
+    /// Problems, one sentence each.
+    pub problems: Vec<String>,
+}
+
+/// How well the hulls of a link match its visual mesh.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct CoverageFinding {
+    /// The link.
+    pub link: String,
+    /// Share of the visual surface that has a hull nearby.
+    pub visual: f64,
+    /// Share of the outer surface of the hulls that is near the visual mesh, or behind it.
+    pub hulls: f64,
+    /// Share of parallel rays along the three axes, from both sides, that meet no hull where they meet the visual mesh, ...
+    pub missed: f64,
+    /// ... and that meet a hull before the visual mesh.
+    pub extra: f64,
+    /// Side of the largest square of rays that meet no hull where they meet the visual mesh.
+    pub hole: f64,
+    /// The same for rays that meet a hull before the visual mesh.
+    pub obstacle: f64,
+    /// Volume of hulls in front of the visual mesh, cubic metres, ...
+    pub phantom_volume: f64,
+    /// ... and how far it reaches from the visual mesh.
+    pub phantom_depth: f64,
+    /// Pieces of the surface that lost their hull.
+    pub lost: usize,
+    /// Problems, one sentence each.
+    pub problems: Vec<String>,
+    /// What is not as it should be but does not fail the check, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Balls and boxes dropped onto the flat places of a link.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct DropFinding {
+    /// The link.
+    pub link: String,
+    /// Flat places that face up, with room above.
+    pub places: usize,
+    /// Balls and boxes.
+    pub dropped: usize,
+    /// Those that start inside a hull, although nothing is drawn there.
+    pub blocked: usize,
+    /// Those that fall through.
+    pub fell: usize,
     /// Problems, one sentence each.
     pub problems: Vec<String>,
 }
@@ -137,8 +189,12 @@ impl CheckReport {
         let files = self.files.iter().map(|f| f.problems.len());
         let formats = self.formats.iter().map(|f| f.problems.len());
         let links = self.links.iter().map(|l| l.problems.len());
+        let coverage = self.coverage.iter().map(|c| c.problems.len());
+        let drops = self.drops.iter().map(|d| d.problems.len());
         let joints = self.joints.iter().map(|j| j.problems.len());
         let states = self.states.iter().map(|s| s.problems.len());
-        self.failures = files.chain(formats).chain(links).chain(joints).chain(states).sum();
+        self.warnings = self.coverage.iter().map(|c| c.warnings.len()).sum();
+        self.failures =
+            files.chain(formats).chain(links).chain(coverage).chain(drops).chain(joints).chain(states).sum();
     }
 }

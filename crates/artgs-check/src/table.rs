@@ -1,6 +1,6 @@
 //! A report as text.
 
-use crate::report::{CheckReport, FormatFinding, JointFinding};
+use crate::report::{CheckReport, CoverageFinding, FormatFinding, JointFinding};
 use artgs_core::{JointKind, State};
 use std::fmt;
 
@@ -67,6 +67,31 @@ fn content(found: &FormatFinding) -> String {
     texts.join(", ")
 }
 
+/// Problems, then warnings, marked as such.
+fn warned(problems: &[String], warnings: &[String]) -> Vec<String> {
+    problems.iter().cloned().chain(warnings.iter().map(|w| format!("warning: {w}"))).collect()
+}
+
+fn coverage_row(found: &CoverageFinding) -> Vec<String> {
+    let verdict = match (found.problems.len(), found.warnings.len()) {
+        (0, 0) => "ok",
+        (0, _) => "warning",
+        _ => "FAILED",
+    };
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let mm = |length: f64| format!("{:.0} mm", 1e3 * length);
+    vec![
+        found.link.clone(),
+        verdict.into(),
+        percent(found.visual),
+        percent(found.hulls),
+        mm(found.hole),
+        mm(found.obstacle),
+        format!("{:.2} l, {}", 1e3 * found.phantom_volume, mm(found.phantom_depth)),
+        found.lost.to_string(),
+    ]
+}
+
 fn joint_row(found: &JointFinding) -> Vec<String> {
     let range = |v: [f64; 2]| format!("{} to {}", quantity(found.kind, v[0]), quantity(found.kind, v[1]));
     let unit = if found.kind == JointKind::Prismatic { "N" } else { "N m" };
@@ -115,6 +140,34 @@ impl fmt::Display for CheckReport {
             }
             write!(f, "\n{links}")?;
         }
+        if !self.coverage.is_empty() {
+            let head = [
+                "hulls of",
+                "",
+                "visual covered",
+                "hulls near it",
+                "widest hole",
+                "obstacle",
+                "without surface",
+                "lost",
+            ];
+            let mut hulls = Table::new(&head);
+            for found in &self.coverage {
+                let said = warned(&found.problems, &found.warnings);
+                hulls.push(coverage_row(found), &said);
+            }
+            write!(f, "\n{hulls}")?;
+        }
+        if !self.drops.is_empty() {
+            let mut drops =
+                Table::new(&["drops onto", "", "flat places", "balls and boxes", "in the way", "fall through"]);
+            for found in &self.drops {
+                let counts = [found.places, found.dropped, found.blocked, found.fell].map(|n| n.to_string());
+                let cells = [found.link.clone(), verdict(&found.problems).into()].into_iter().chain(counts).collect();
+                drops.push(cells, &found.problems);
+            }
+            write!(f, "\n{drops}")?;
+        }
         if !self.joints.is_empty() {
             let mut joints =
                 Table::new(&["joint", "", "limits", "reached", "observed", "force", "penetration", "drift"]);
@@ -134,6 +187,11 @@ impl fmt::Display for CheckReport {
         }
         if !self.notes.is_empty() {
             writeln!(f)?;
+        }
+        match self.warnings {
+            0 => {}
+            1 => writeln!(f, "\n1 warning")?,
+            n => writeln!(f, "\n{n} warnings")?,
         }
         match self.failures {
             0 => writeln!(f, "\nall checks passed"),

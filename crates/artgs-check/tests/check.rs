@@ -497,3 +497,21 @@ fn without_a_urdf_nothing_is_driven_and_without_observations_that_is_said() {
     let report = check(dir.path(), &CheckOptions::default()).unwrap();
     has_problem(&of(&report, "urdf").problems, "the folder has no .urdf file");
 }
+
+#[test]
+fn balls_fall_through_a_drawer_without_a_floor_and_do_not_fit_into_a_filled_one() {
+    let drawer = |report: &CheckReport| report.drops.iter().find(|d| d.link == "part_2").unwrap().clone();
+    let sound = driven(&cabinet());
+    let found = drawer(&sound);
+    assert!(found.places >= 1 && found.dropped >= 2 && found.problems.is_empty(), "{sound}");
+    assert!(sound.drops.iter().any(|d| d.link == "base" && d.problems.is_empty()), "{sound}");
+    let mut asset = cabinet();
+    asset.links[2].collision.pop();
+    let report = driven(&asset);
+    has_problem(&drawer(&report).problems, "fall through");
+    assert_eq!(drawer(&report).fell, drawer(&report).dropped, "{report}");
+    assert!(!report.passed());
+    asset.links[2].collision = vec![Mesh::cuboid([-0.47, -0.02, -0.2], [0.47, 0.45, 0.2])];
+    let report = driven(&asset);
+    has_problem(&drawer(&report).problems, "start inside a hull where nothing is drawn");
+}

@@ -246,12 +246,18 @@ pub(crate) struct Export {
     /// Upward axis of the capture
     #[arg(long, value_enum, default_value_t = UpAxis::Z)]
     pub(crate) up: UpAxis,
-    /// Kilograms per cubic metre; 650 if absent
-    #[arg(long, value_name = "KG", value_parser = density)]
-    pub(crate) density: Option<f64>,
+    /// Kilograms per cubic metre, of all parts or of one; may be repeated; 650 if absent
+    #[arg(long, value_name = "KG|PART=KG", value_parser = density)]
+    pub(crate) density: Vec<(Option<String>, f64)>,
+    /// Kilograms of all parts together
+    #[arg(long, value_name = "KG", value_parser = mass)]
+    pub(crate) mass: Option<f64>,
     /// What parts collide with
     #[arg(long, value_enum, default_value_t = CollisionKind::Hulls)]
     pub(crate) collision: CollisionKind,
+    /// Convex pieces per link at most; 128 if absent
+    #[arg(long, value_name = "N", value_parser = hulls)]
+    pub(crate) hulls: Option<u32>,
     /// Joints go from one observed state to the other and no further
     #[arg(long)]
     pub(crate) observed_limits: bool,
@@ -489,8 +495,14 @@ fn metres_per_unit(text: &str) -> Result<f64, String> {
 }
 
 /// Densities from foam to the heaviest metal.
-fn density(text: &str) -> Result<f64, String> {
-    number_in(text, 1.0, 25_000.0)
+fn density(text: &str) -> Result<(Option<String>, f64), String> {
+    let (part, number) = text.split_once('=').map_or((None, text), |(part, number)| (Some(part.to_string()), number));
+    Ok((part, number_in(number, 1.0, 25_000.0)?))
+}
+
+/// Masses from a gram to a ship.
+fn mass(text: &str) -> Result<f64, String> {
+    number_in(text, 1e-3, 1e6)
 }
 
 /// Names that a file can have.
@@ -498,6 +510,12 @@ fn object_name(text: &str) -> Result<String, String> {
     let usable =
         text.chars().count() <= 100 && text.chars().any(char::is_alphanumeric) && !text.chars().any(char::is_control);
     if usable { Ok(text.into()) } else { Err("1 to 100 characters, one of them a letter or digit".into()) }
+}
+
+/// Numbers of convex pieces with which engines are still fast.
+fn hulls(text: &str) -> Result<u32, String> {
+    let number = text.parse().ok().filter(|n| (1..=1000).contains(n));
+    number.ok_or_else(|| "a whole number from 1 to 1000".into())
 }
 
 /// Numbers of triangles that can show something.

@@ -35,12 +35,15 @@ fn options(args: &Export) -> ExportOptions {
         capture: args.capture.clone(),
         scale: args.scale,
         up: if args.up == UpAxis::Z { Up::Z } else { Up::Y },
-        density: args.density,
+        density: args.density.iter().filter(|(part, _)| part.is_none()).map(|(_, density)| *density).next_back(),
+        densities: args.density.iter().filter_map(|(part, density)| Some((part.clone()?, *density))).collect(),
+        mass: args.mass,
         collision: match args.collision {
             CollisionKind::Hulls => CollisionSource::Hulls,
             CollisionKind::Coacd => CollisionSource::Coacd,
             CollisionKind::None => CollisionSource::None,
         },
+        hulls: args.hulls,
         observed_limits: args.observed_limits,
         triangles: args.triangles,
     }

@@ -19,8 +19,15 @@ pub struct RequestedOptions {
     pub capture: Option<PathBuf>,
     /// Kilograms per cubic metre.
     pub density: Option<f64>,
+    /// The same for single links.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub densities: BTreeMap<String, f64>,
+    /// Kilograms of all links together.
+    pub mass: Option<f64>,
     /// What parts collide with: `hulls`, `coacd` or `none`.
     pub collision: Option<String>,
+    /// Convex pieces per link at most.
+    pub hulls: Option<u32>,
     /// Joints end at the observed states.
     pub observed_limits: bool,
     /// Triangles per link, about.
@@ -66,6 +73,8 @@ pub struct LinkReport {
     pub mass: f64,
     /// Number of convex pieces.
     pub hulls: usize,
+    /// Places of the surface that are left without a hull.
+    pub lost_pieces: usize,
     /// Triangles as drawn.
     pub triangles: usize,
     /// Triangles of the fused mesh before simplification.
@@ -91,6 +100,8 @@ pub struct LinkReport {
     pub limits: Option<[f64; 2]>,
     /// Values in the observed states, radians or metres.
     pub observed: Option<[f64; 2]>,
+    /// What each limit rests on: `observed`, `contact`, `inferred` (a contact, but no state shows the joint closed) or `assumed`.
+    pub sources: Option<[String; 2]>,
     /// Why the limits are where they are.
     pub stops: Option<[String; 2]>,
 }

@@ -1,13 +1,16 @@
 //! Converts parts in the capture's frame to links in link frames: units, upward axis, zero pose, names, hulls, masses, limits.
 
-use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest};
+use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest, uncovered};
 use crate::config::{Collision, PhysicalConfig};
-use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with};
+use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with, patches, seen_points};
+use crate::hull::Hull;
 use crate::looks::PartSurface;
-use crate::mass::inertial;
+use crate::mass::{inertial, walls};
 use crate::stance::{Range, closed_state, extend};
 use crate::topology::{bounds, points};
-use artgs_core::{Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, PerState, Replica, Rigid, State, TexturedMesh};
+use artgs_core::{
+    Asset, AssetJoint, AssetLink, Inertial, Joint, JointKind, Mesh, PerState, Replica, Rigid, State, TexturedMesh,
+};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -20,6 +23,8 @@ pub(crate) struct Decisions {
     pub ranges: Vec<Option<Range>>,
     /// Cuts of convex pieces over the observed range.
     pub clearance: Clearance,
+    /// Places of the observed surface of each link that are left without a convex piece.
+    pub lost: Vec<usize>,
     /// Deepest remaining penetration over all tested poses, metres.
     pub penetration: f64,
     /// Scale from the capture's frame at the start state to each link's frame; applied before `to_link`.
@@ -30,6 +35,10 @@ pub(crate) struct Decisions {
 
 /// Tested poses per joint while the others are at zero. Twenty are too few: a lip of a few millimetres passes between them.
 pub(crate) const POSES: usize = 121;
+/// What the surface of a link counts against that of a part that it carries, where only one of them can be.
+const CARRIER: f64 = 0.3;
+/// Corners of a convex piece: MuJoCo and PhysX refuse more.
+const MOST_CORNERS: usize = 64;
 /// Tested poses per joint while the others are in an observed state.
 pub(crate) const POSES_WITH_OTHERS: usize = 31;
 
@@ -51,16 +60,30 @@ pub(crate) fn assemble(
     let link = |part: usize| {
         let to_link = Rigid::shift(-frames[part].origin) * frames[part].from_start;
         let visual = moved(&surfaces[part].visual, &to_link, config.scale);
-        let inertial = inertial(&visual.mesh, surfaces[part].closed, wall, config.density, config.least_mass);
-        let joint = frames[part].joint.map(|joint| dynamics(joint, inertial.mass, diagonal, config));
+        let from_link = to_link.inverse();
+        let seen = surfaces[part].observed.as_ref();
+        let observed = |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / config.scale));
+        let walls = walls(&visual.mesh, &observed, wall);
+        let own = config.densities.iter().find(|(name, _)| *name == names[part]).map(|(_, density)| *density);
+        let density = own.unwrap_or(config.density);
+        let inertial = inertial(&visual.mesh, surfaces[part].closed, &walls, density, config.least_mass);
+        let joint = frames[part].joint;
         let (name, parent, origin) = (names[part].clone(), replica.parts[part].parent, frames[part].origin);
         AssetLink { name, parent, joint, origin, visual, collision: Vec::new(), inertial, splats: None }
     };
-    let links: Vec<AssetLink> = (0..replica.parts.len()).into_par_iter().map(link).collect();
+    if let Some((name, _)) = config.densities.iter().find(|(name, _)| !names.contains(name)) {
+        return Err(format!("--density names `{name}`, but the parts are {}", names.join(", ")));
+    }
+    let mut links: Vec<AssetLink> = (0..replica.parts.len()).into_par_iter().map(link).collect();
+    weigh(&mut links, config);
+    for link in &mut links {
+        let arm = link.joint.map_or(0.0, |joint| arm(&joint, &link.visual.mesh));
+        link.joint = link.joint.map(|joint| dynamics(joint, &link.inertial, arm, config));
+    }
     let mut asset = Asset { name: to_identifier(name, "replica"), links };
     let to_link = frames.iter().map(|f| Rigid::shift(-f.origin) * f.from_start).collect();
     let mut decisions = Decisions { closed_state: closed, scale: config.scale, to_link, ..Decisions::default() };
-    collide(&mut asset, &mut decisions, diagonal, config, decomposer)?;
+    collide(&mut asset, &mut decisions, surfaces, diagonal, config, decomposer)?;
     Ok((asset, decisions))
 }
 
@@ -68,6 +91,7 @@ pub(crate) fn assemble(
 fn collide(
     asset: &mut Asset,
     decisions: &mut Decisions,
+    surfaces: &[PartSurface],
     diagonal: f64,
     config: &PhysicalConfig,
     decomposer: Option<&Decomposer>,
@@ -75,23 +99,38 @@ fn collide(
     let thinnest = config.thinnest_share * diagonal;
     let tolerance = 0.5 * config.contact_share * diagonal;
     let margins = config.engine_margins.min(config.most_margins_share * diagonal);
-    let spacing = Spacing { gap: config.gap_share * diagonal, margins, tolerance, thinnest };
+    // The others are left for what cuts leave open.
+    let most = (config.most_hulls - config.most_hulls / 8) as usize;
+    let cover = config.cover.min(config.cover_share * diagonal);
+    let apart = 2.0 * cover;
+    let (gap, area, waste) = (config.gap_share * diagonal, apart * apart, 3.0 * cover);
+    let spacing = Spacing { gap, margins, tolerance, thinnest, cover, area, carrier: CARRIER, waste, most };
     let parents: Vec<Option<usize>> = asset.links.iter().map(|link| link.parent).collect();
     let related = |a: usize, b: usize| parents[a] == Some(b) || parents[b] == Some(a);
     let options = DecomposeOptions {
-        voxel: config.hull_voxel_share * diagonal,
-        concavity: config.concavity,
-        most: config.most_hulls,
-        corners: 32,
-        skin: 0.5 * config.wall_share * diagonal,
+        tolerance: 0.9 * cover,
+        // The others are left for the clearance between links.
+        most: config.most_hulls.div_ceil(2).max(1) + config.most_hulls / 4,
+        corners: MOST_CORNERS,
+        skin: config.wall_share * diagonal,
+        least: 2.0 * thinnest,
         thinnest,
     };
-    let convex = |link: &AssetLink| match decomposer {
-        Some(other) => decompose_with(&link.visual.mesh, other, &options),
-        None => Ok(decompose(&link.visual.mesh, &options)),
+    let convex = |(part, link): (usize, &AssetLink)| {
+        let from_link = decisions.to_link[part].inverse();
+        let seen = surfaces[part].observed.as_ref();
+        let observed = |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / config.scale));
+        let mesh = &link.visual.mesh;
+        let hulls = match decomposer {
+            Some(other) => decompose_with(mesh, other, &options)?,
+            None => decompose(mesh, &observed, &options),
+        };
+        Ok((hulls, seen_points(mesh, &observed, apart)))
     };
-    let mut pieces: Pieces = asset.links.par_iter().map(convex).collect::<Result<_, _>>()?;
-    decisions.clearance = clear(&mut pieces, &stances(asset), &spacing, related);
+    let decomposed: Vec<(Vec<Hull>, Vec<DVec3>)> =
+        asset.links.par_iter().enumerate().map(convex).collect::<Result<_, String>>()?;
+    let (mut pieces, surface): (Pieces, Vec<Vec<DVec3>>) = decomposed.into_iter().unzip();
+    decisions.clearance = clear(&mut pieces, &surface, &stances(asset), &spacing, related);
     decisions.ranges = extend(asset, &pieces, &decisions.closed_state, diagonal, config);
     for (link, range) in asset.links.iter_mut().zip(&decisions.ranges) {
         if let (Some(joint), Some(range)) = (&mut link.joint, range) {
@@ -100,12 +139,31 @@ fn collide(
     }
     // Poses in which several joints move are not cleared: contacts there are real.
     let wide = stances(asset);
-    clear(&mut pieces, &wide, &spacing, related);
+    clear(&mut pieces, &surface, &wide, &spacing, related);
+    // What cuts left open gets thin pieces of its own.
+    let thin = DecomposeOptions { most: config.most_hulls, skin: 2.0 * options.least, ..options };
+    let patched = |part: usize| {
+        let from_link = decisions.to_link[part].inverse();
+        let seen = surfaces[part].observed.as_ref();
+        let observed = |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / config.scale));
+        patches(&asset.links[part].visual.mesh, &observed, &pieces[part], &thin)
+    };
+    if decomposer.is_none() {
+        let added: Pieces = (0..asset.links.len()).into_par_iter().map(patched).collect();
+        pieces.iter_mut().zip(added).for_each(|(link, added)| link.extend(added));
+        clear(&mut pieces, &surface, &wide, &spacing, related);
+    }
+    // A gap and both margins may be free of hulls.
+    let near = 2.0 * (cover + spacing.gap + spacing.margins);
+    let missing = |(hulls, points): (&Vec<Hull>, &Vec<DVec3>)| uncovered(hulls, points, near, apart, 2.0 * waste);
+    decisions.lost = pieces.par_iter().zip(&surface).map(missing).collect();
     let left = |stance: &Vec<Rigid>| deepest(&pieces, stance, 0.0, |_, _| true).0;
     decisions.penetration = wide.par_iter().map(left).reduce(|| 0.0, f64::max);
     if config.collision == Collision::Hulls {
         for (link, hulls) in asset.links.iter_mut().zip(&pieces) {
-            link.collision = hulls.iter().map(crate::hull::Hull::mesh).collect();
+            // Cuts add corners.
+            let coarse = |hull: &Hull| hull.clone().with_at_most(MOST_CORNERS, thinnest);
+            link.collision = hulls.iter().filter_map(coarse).map(|hull| hull.mesh()).collect();
         }
     }
     Ok(())
@@ -192,23 +250,42 @@ fn metric(joint: Joint, scale: f64) -> Joint {
     }
 }
 
-/// Effort, speed, damping and friction of a joint. The part of a hinge is modelled as a plate a third of the diagonal wide.
-fn dynamics(joint: AssetJoint, mass: f64, diagonal: f64, config: &PhysicalConfig) -> AssetJoint {
+/// Scales the masses to the total that was asked for.
+fn weigh(links: &mut [AssetLink], config: &PhysicalConfig) {
+    let total: f64 = links.iter().map(|link| link.inertial.mass).sum();
+    let Some(mass) = config.mass.filter(|_| total > 0.0) else { return };
+    for link in links {
+        link.inertial.mass *= mass / total;
+        link.inertial.inertia.iter_mut().for_each(|i| *i *= mass / total);
+    }
+}
+
+/// Distance of the farthest point of a part from its axis, metres.
+fn arm(joint: &AssetJoint, mesh: &Mesh) -> f64 {
+    points(mesh).map(|p| p.reject_from_normalized(joint.axis).length()).fold(0.0, f64::max)
+}
+
+/// Effort, speed, damping and friction of a joint whose part reaches `arm` from the axis.
+fn dynamics(joint: AssetJoint, inertial: &Inertial, arm: f64, config: &PhysicalConfig) -> AssetJoint {
     const GRAVITY: f64 = 9.81;
-    let arm = diagonal / 3.0;
+    /// Speed of a hand, m/s.
+    const HAND_SPEED: f64 = 0.5;
+    let mass = inertial.mass;
+    let hand = config.hand;
     match joint.kind {
         JointKind::Prismatic => AssetJoint {
             effort: config.force.max(3.0 * mass * GRAVITY),
             velocity: config.speed,
-            damping: mass / config.settle,
-            friction: config.friction * mass * GRAVITY,
+            damping: (mass / config.settle).min(hand / HAND_SPEED),
+            friction: (config.friction * mass * GRAVITY).min(hand),
             ..joint
         },
         JointKind::Revolute | JointKind::Screw => AssetJoint {
             effort: config.torque.max(3.0 * mass * GRAVITY * arm),
             velocity: config.turn_rate,
-            damping: mass * arm * arm / 3.0 / config.settle,
-            friction: config.friction * mass * GRAVITY * 0.1 * arm,
+            // At the speed of a hand at the far end, damping needs no more than the force of the hand there.
+            damping: (mass * arm * arm / 3.0 / config.settle).min(hand * arm * arm / HAND_SPEED),
+            friction: (config.friction * mass * GRAVITY * 0.1 * arm).min(hand * arm),
             ..joint
         },
     }

@@ -183,3 +183,28 @@ fn a_decomposer_makes_the_pieces_or_fails() {
     let failing = |_: &Mesh| Err("no such program".to_string());
     assert_eq!(assemble("a", &replica, &surfaces, &config, Some(&failing)).unwrap_err(), "no such program");
 }
+
+#[test]
+fn densities_and_masses_are_those_asked_for_and_a_hand_moves_every_part() {
+    let (replica, meshes) = replica();
+    let config = PhysicalConfig::default();
+    let surfaces = surfaces(&replica, &meshes, None, &config);
+    let built = |config: &PhysicalConfig| assemble("a", &replica, &surfaces, config, None).map(|(asset, _)| asset);
+    let masses = |asset: &Asset| asset.links.iter().map(|l| l.inertial.mass).collect::<Vec<f64>>();
+    let plain = built(&config).unwrap();
+    let oak = PhysicalConfig { densities: vec![("world_2".into(), 1300.0)], mass: Some(60.0), ..config.clone() };
+    let asked = built(&oak).unwrap();
+    assert!((masses(&asked).iter().sum::<f64>() - 60.0).abs() < 1e-9, "{:?}", masses(&asked));
+    let share = |asset: &Asset| asset.links[2].inertial.mass / asset.links[1].inertial.mass;
+    assert!((share(&asked) / share(&plain) - 2.0).abs() < 1e-9);
+    let wrong = PhysicalConfig { densities: vec![("wing".into(), 1300.0)], ..config };
+    assert!(built(&wrong).unwrap_err().contains("`wing`, but the parts are base, drawer_lower, world_2"));
+    for asset in [&plain, &asked] {
+        // The door is 90 cm wide.
+        for (_, _, joint) in asset.movable() {
+            let arm = if joint.kind == JointKind::Prismatic { 1.0 } else { 0.95 };
+            let needed = (joint.friction + joint.damping * 0.5 / arm) / arm;
+            assert!(needed > 0.1 && needed < 10.5, "{joint:?}: {needed} N");
+        }
+    }
+}

@@ -28,7 +28,7 @@ pub(crate) struct BuiltAsset {
     pub surfaces: Vec<PartSurface>,
 }
 
-/// Builds an asset. With a capture, textures are baked from its training views. Convex pieces come from V-HACD, or from
+/// Builds an asset. With a capture, textures are baked from its training views. Convex pieces come from [`crate::decompose`], or from
 /// `decomposer` if given; an error is that of the decomposer.
 pub(crate) fn build(
     name: &str,

@@ -25,7 +25,7 @@ impl Up {
 /// How parts collide.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Collision {
-    /// Convex pieces from V-HACD, cut so that parts do not collide.
+    /// Convex pieces, cut so that parts do not collide.
     #[default]
     Hulls,
     /// No collision shapes.
@@ -42,14 +42,18 @@ pub struct PhysicalConfig {
     pub up: Up,
     /// Density of the material, kg/m^3; the default is that of particle board.
     pub density: f64,
+    /// Densities of parts by their names in the exports, kg/m^3.
+    pub densities: Vec<(String, f64)>,
+    /// Mass of all parts together, kilograms; none to leave what follows from the densities.
+    pub mass: Option<f64>,
     /// Thickness of walls: open or hollow parts have the mass of a shell of this thickness.
     pub wall_share: f64,
     /// How parts collide.
     pub collision: Collision,
-    /// Voxel of the convex decomposition.
-    pub hull_voxel_share: f64,
-    /// Largest concavity of a convex piece, as V-HACD measures it.
-    pub concavity: f64,
+    /// Largest distance between surface and convex pieces, metres; half of it is left for the clearance between links.
+    pub cover: f64,
+    /// Upper bound of `cover`, so that small objects keep their shape.
+    pub cover_share: f64,
     /// Largest number of convex pieces of a link.
     pub most_hulls: u32,
     /// Least distance between convex pieces of different links: engines put margins around them.
@@ -86,8 +90,11 @@ pub struct PhysicalConfig {
     pub turn_rate: f64,
     /// Time constant of free motion, seconds: damping is inertia divided by it.
     pub settle: f64,
-    /// Dry friction as a share of the part's weight (slides), or of its weight at a tenth of the diagonal (hinges).
+    /// Dry friction as a share of the part's weight (slides), or of its weight at a tenth of its width (hinges).
     pub friction: f64,
+    /// Largest force at the far end of a part, N, that overcomes its friction, and that overcomes its damping at half a metre
+    /// per second: a hand moves every part.
+    pub hand: f64,
     /// Largest number of visual triangles of a link.
     pub triangles: usize,
     /// Texels along the object's diagonal.
@@ -102,11 +109,13 @@ impl Default for PhysicalConfig {
             scale: 1.0,
             up: Up::Z,
             density: 650.0,
+            densities: Vec::new(),
+            mass: None,
             wall_share: 0.01,
             collision: Collision::Hulls,
-            hull_voxel_share: 1.0 / 110.0,
-            concavity: 0.004,
-            most_hulls: 40,
+            cover: 5e-3,
+            cover_share: 5e-3,
+            most_hulls: 128,
             gap_share: 2e-3,
             engine_margins: 2e-3,
             most_margins_share: 5e-3,
@@ -125,6 +134,7 @@ impl Default for PhysicalConfig {
             turn_rate: 3.0,
             settle: 0.5,
             friction: 0.02,
+            hand: 5.0,
             triangles: 20_000,
             texels: 900.0,
             texture_side: 4096,

@@ -62,8 +62,14 @@ pub struct ExportOptions {
     pub up: Up,
     /// Kilograms per cubic metre; none for the default of [`PhysicalConfig`].
     pub density: Option<f64>,
+    /// The same for single links, by their names.
+    pub densities: Vec<(String, f64)>,
+    /// Kilograms of all links together; none for what follows from the densities.
+    pub mass: Option<f64>,
     /// What parts collide with.
     pub collision: CollisionSource,
+    /// Convex pieces per link at most; none for the default of [`PhysicalConfig`].
+    pub hulls: Option<u32>,
     /// Joints end at the observed states.
     pub observed_limits: bool,
     /// Triangles per link, about, for drawing; none for the default of [`PhysicalConfig`].
@@ -80,7 +86,10 @@ impl Default for ExportOptions {
             scale: 1.0,
             up: Up::Z,
             density: None,
+            densities: Vec::new(),
+            mass: None,
             collision: CollisionSource::Hulls,
+            hulls: None,
             observed_limits: false,
             triangles: None,
         }
@@ -98,7 +107,8 @@ impl ExportOptions {
     /// default ones if nothing was exported.
     pub fn of_last_export(folder: &RunFolder) -> Result<Self, FileError> {
         let report = ExportReport::load(folder)?.unwrap_or_default();
-        let RequestedOptions { name, capture, density, collision, observed_limits, triangles } = report.options;
+        let RequestedOptions { name, capture, density, densities, mass, collision, hulls, observed_limits, triangles } =
+            report.options;
         let defaults = Self::default();
         let wanted = |format: &Format| Self::SHOWN.contains(format) || folder.has_export(*format);
         let collision =
@@ -110,7 +120,10 @@ impl ExportOptions {
             scale: if report.scale > 0.0 { report.scale } else { defaults.scale },
             up: if report.up == "y" { Up::Y } else { Up::Z },
             density,
+            densities: densities.into_iter().collect(),
+            mass,
             collision: collision.transpose()?.unwrap_or_default(),
+            hulls,
             observed_limits,
             triangles,
         })
@@ -122,13 +135,18 @@ impl ExportOptions {
         let config = PhysicalConfig {
             scale: self.scale,
             density: self.density.unwrap_or(defaults.density),
+            densities: self.densities.clone(),
+            mass: self.mass,
             up: self.up,
             collision: if self.collision == CollisionSource::None { Collision::None } else { Collision::Hulls },
+            most_hulls: self.hulls.unwrap_or(defaults.most_hulls),
             extend_limits: !self.observed_limits,
             triangles: self.triangles.unwrap_or(defaults.triangles),
             ..defaults
         };
-        for (name, value) in [("scale", config.scale), ("density", config.density)] {
+        let densities = config.densities.iter().map(|(_, density)| ("density", *density));
+        let given = [("scale", config.scale), ("density", config.density)].into_iter().chain(densities);
+        for (name, value) in given.chain(config.mass.map(|mass| ("mass", mass))) {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(ExportError::Setting { name, value });
             }
@@ -142,7 +160,10 @@ impl ExportOptions {
             // Absolute, because the next export may start elsewhere.
             capture: self.capture.as_ref().and_then(|folder| std::fs::canonicalize(folder).ok()),
             density: self.density,
+            densities: self.densities.iter().cloned().collect(),
+            mass: self.mass,
             collision: Some(self.collision.name().into()),
+            hulls: self.hulls,
             observed_limits: self.observed_limits,
             triangles: self.triangles,
         }
@@ -252,6 +273,7 @@ fn link_report(built: &BuiltAsset, i: usize, link: &AssetLink, formats: &[Format
         name: link.name.clone(),
         mass: link.inertial.mass,
         hulls: link.collision.len(),
+        lost_pieces: decisions.lost.get(i).copied().unwrap_or(0),
         triangles: link.visual.mesh.triangles.len(),
         fused_triangles: surface.fused,
         watertight: surface.closed,
@@ -264,7 +286,20 @@ fn link_report(built: &BuiltAsset, i: usize, link: &AssetLink, formats: &[Format
         hinge_in: hinge_in.map(|format| format.name().into()).collect(),
         limits: link.joint.map(|j| j.limits),
         observed: link.joint.map(|j| State::ALL.map(|state| j.observed[state])),
+        sources: decisions.ranges[i]
+            .as_ref()
+            .map(|range| range.stops.each_ref().map(|stop| source(stop, decisions.closed_state[i].is_some()).into())),
         stops: decisions.ranges[i].as_ref().map(|range| range.stops.each_ref().map(reason)),
+    }
+}
+
+/// What a limit rests on. Where no state was closed, the contact at which the joint closes is inferred.
+fn source(stop: &Stop, closed: bool) -> &'static str {
+    match stop {
+        Stop::Observed => "observed",
+        Stop::Contact(_) if closed => "contact",
+        Stop::Contact(_) => "inferred",
+        Stop::Support | Stop::Reach => "assumed",
     }
 }
 

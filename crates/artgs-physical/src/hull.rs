@@ -43,9 +43,13 @@ impl Hull {
         if points.len() < 4 || points.iter().any(|p| !p.is_finite()) {
             return None;
         }
-        let single: Vec<Vec3> = apart(points, 0.5 * thinnest).into_iter().map(to_parry).collect();
-        let (vertices, triangles) = try_convex_hull(&single).ok()?;
-        let shape = ConvexPolyhedron::from_convex_mesh(vertices.clone(), &triangles)?;
+        // Nearly flat corners can be beyond the library: fewer of them, farther apart, span almost the same hull.
+        let (vertices, triangles, shape) = [0.5, 1.0, 2.0, 4.0].into_iter().find_map(|least| {
+            let single: Vec<Vec3> = apart(points, least * thinnest).into_iter().map(to_parry).collect();
+            let (vertices, triangles) = try_convex_hull(&single).ok()?;
+            let shape = ConvexPolyhedron::from_convex_mesh(vertices.clone(), &triangles)?;
+            Some((vertices, triangles, shape))
+        })?;
         let hull = Self { points: vertices.iter().map(|v| from_parry(*v)).collect(), triangles, shape };
         let thickness = hull.planes().iter().map(|plane| hull.depth(plane)).fold(f64::INFINITY, f64::min);
         (thickness >= thinnest && hull.volume() > 0.0).then_some(hull)
@@ -72,6 +76,44 @@ impl Hull {
         Self::of(&points, thinnest)
     }
 
+    /// The hull with at most `most` corners, inside this hull.
+    pub fn with_at_most(self, most: usize, thinnest: f64) -> Option<Self> {
+        let mut directions = 3 * most / 2;
+        let mut out = self;
+        while out.points.len() > most {
+            out = out.coarser(directions, thinnest)?;
+            directions = 4 * directions / 5;
+        }
+        Some(out)
+    }
+
+    /// Lowest and highest corner of the box around it.
+    pub fn bounds(&self) -> [DVec3; 2] {
+        let start = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        self.points.iter().fold(start, |[low, high], p| [low.min(*p), high.max(*p)])
+    }
+
+    /// About `count` points evenly spread on the surface.
+    pub fn samples(&self, count: usize) -> Vec<DVec3> {
+        let corners = |t: &[u32; 3]| t.map(|i| self.points[i as usize]);
+        let area = |[a, b, c]: [DVec3; 3]| 0.5 * (b - a).cross(c - a).length();
+        let step = self.triangles.iter().map(|t| area(corners(t))).sum::<f64>() / count.max(1) as f64;
+        let (mut out, mut left) = (Vec::with_capacity(count + 1), 0.5 * step);
+        for [a, b, c] in self.triangles.iter().map(corners) {
+            left += area([a, b, c]);
+            while left >= step && step > 0.0 {
+                left -= step;
+                let n = out.len() as f64;
+                let (mut s, mut r) = ((0.754_877_666 * n).fract(), (0.569_840_291 * n).fract());
+                if s + r > 1.0 {
+                    (s, r) = (1.0 - s, 1.0 - r);
+                }
+                out.push(a + (b - a) * s + (c - a) * r);
+            }
+        }
+        out
+    }
+
     /// Corners.
     pub fn points(&self) -> &[DVec3] {
         &self.points
@@ -88,14 +130,19 @@ impl Hull {
         Mesh { vertices, colors: Vec::new(), triangles: self.triangles.clone() }
     }
 
-    /// Planes of the faces, without triangles too small for a normal.
+    /// Planes of the faces, without triangles so narrow that their normal is wrong.
     pub fn planes(&self) -> Vec<Plane> {
+        /// Corners outside a plane by more than this share of the size show that its normal is wrong.
+        const ROUNDING: f64 = 1e-5;
+        let [low, high] = self.bounds();
+        let most = ROUNDING * low.distance(high);
         let plane = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|i| self.points[i as usize]);
             let normal = (b - a).cross(c - a).try_normalize()?;
             Some(Plane { normal, offset: normal.dot(a) })
         };
-        self.triangles.iter().filter_map(plane).collect()
+        let bounds = |plane: &Plane| self.points.iter().all(|p| plane.distance(*p) <= most);
+        self.triangles.iter().filter_map(plane).filter(bounds).collect()
     }
 
     /// How far the hull reaches inside a plane.
@@ -199,6 +246,22 @@ mod tests {
         let plane = Plane { normal: DVec3::X, offset: 0.25 }.moved(&motion);
         assert!(plane.distance(motion.apply(DVec3::new(0.25, 9.0, -3.0))).abs() < 1e-12);
         assert!((plane.distance(motion.apply(DVec3::new(1.25, 9.0, -3.0))) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_ball_is_reduced_to_the_corners_allowed() {
+        let ball: Vec<DVec3> = (0..600)
+            .map(|i| {
+                let z = 1.0 - (2 * i + 1) as f64 / 600.0;
+                let (sin, cos) = (2.4 * i as f64).sin_cos();
+                DVec3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z)
+            })
+            .collect();
+        let whole = Hull::of(&ball, 1e-3).unwrap();
+        let few = whole.clone().with_at_most(64, 1e-3).unwrap();
+        assert!(whole.points().len() > 64 && few.points().len() <= 64 && few.volume() > 0.8 * whole.volume());
+        assert_eq!(few.bounds().map(|p| p.length() < 2.0), [true; 2]);
+        assert!(few.samples(200).iter().all(|p| p.length() < 1.0 + 1e-6) && few.samples(200).len().abs_diff(200) < 3);
     }
 
     #[test]

@@ -2,13 +2,16 @@
 
 use crate::bake::{BakeOptions, BakeView, bake, depth_of};
 use crate::config::PhysicalConfig;
-use crate::repair::{RepairOptions, mean_edge, repair};
+use crate::hull::to_parry;
+use crate::repair::{RepairOptions, mean_edge, repair, trimesh};
 use crate::shade::{CREASE, with_normals};
 use crate::simplify::{SurfaceError, simplify, smoothed};
 use crate::topology::{bounds, points};
 use crate::unwrap::{UnwrapOptions, unwrap};
 use artgs_core::{Capture, DepthMap, Mesh, PerState, Replica, Rigid, State, TexturedMesh};
 use glam::DVec3;
+use parry3d::query::PointQuery as _;
+use parry3d::shape::TriMesh;
 use rayon::prelude::*;
 
 /// A part's surface at the start state, frame and unit of the capture.
@@ -24,8 +27,25 @@ pub struct PartSurface {
     pub error: SurfaceError,
     /// Texels of the surface, and those of them that a photo shows.
     pub texels: [usize; 2],
+    /// What was observed of the surface: the fused mesh.
+    pub observed: Option<Seen>,
     /// Warnings, one sentence each.
     pub warnings: Vec<String>,
+}
+
+/// A fused mesh, for distances.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    shape: TriMesh,
+    /// Points within this distance belong to it, units of the capture.
+    reach: f64,
+}
+
+impl Seen {
+    /// True for points of a part's surface that were observed, frame of the capture at the start state.
+    pub fn holds(&self, point: DVec3) -> bool {
+        self.shape.project_local_point_with_max_dist(to_parry(point), false, self.reach as f32).is_some()
+    }
 }
 
 /// Edge length of a voxel relative to the mean edge of marching cubes meshes.
@@ -41,7 +61,7 @@ pub fn surfaces(
 ) -> Vec<PartSurface> {
     // Views without depth use the rendered depth of all meshes.
     let hidden = PerState::from_fn(|state| rendered_depth(replica, meshes, capture, state));
-    (0..meshes.len()).map(|part| surface(part, replica, meshes, capture, &hidden, config)).collect()
+    (0..meshes.len()).into_par_iter().map(|part| surface(part, replica, meshes, capture, &hidden, config)).collect()
 }
 
 fn surface(
@@ -65,11 +85,19 @@ fn surface(
         .filter_map(|q| Passage::of(&meshes[q], replica, q))
         .collect();
     let repaired = repair(fused, &|p| carried.iter().any(|c| c.holds(p)), &RepairOptions::at_resolution(edge));
-    let simple = simplify(&smoothed(&repaired.mesh, 6, 0.5 * voxel), config.triangles, voxel);
+    /// Share of the triangles asked for that is enough where it keeps the surface within a part of a voxel.
+    const FLAT: usize = 4;
+    const EXACT: f64 = 0.25;
+    let smooth = smoothed(&repaired.mesh, 6, 0.5 * voxel);
+    // Flat panels need few triangles.
+    let exact = simplify(&smooth, config.triangles / FLAT, EXACT * voxel);
+    let enough = exact.mesh.triangles.len() <= config.triangles && exact.error.most <= EXACT * voxel;
+    let simple = if enough { exact } else { simplify(&smooth, config.triangles, voxel) };
     let mut out = PartSurface {
         closed: repaired.watertight,
         fused: fused.triangles.len(),
         error: simple.error,
+        observed: trimesh(fused).map(|shape| Seen { shape, reach: voxel }),
         ..PartSurface::default()
     };
     let shaded = with_normals(&simple.mesh, CREASE);

@@ -1,8 +1,11 @@
 //! Mass, centre of mass and inertia of a surface, solid or as a shell.
 
+use crate::decompose::Observed;
+use crate::decompose::solid::Solid;
 use crate::topology::{bounds, corners, points};
 use artgs_core::{Inertial, Mesh};
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 
 /// Integrals over a body of density 1.
 #[derive(Clone, Copy, Debug)]
@@ -35,11 +38,39 @@ impl Moments {
     }
 }
 
-/// Mass and inertia of a link: a closed surface as a solid, but with at most the mass of a shell of thickness `wall`; an open
-/// surface as that shell. Lengths in metres, density in kg/m^3. An empty mesh has mass `least`.
-pub(crate) fn inertial(mesh: &Mesh, closed: bool, wall: f64, density: f64, least: f64) -> Inertial {
-    let shell = shell(mesh);
-    let mut moments = scaled(&shell, wall);
+/// Thickness of the wall for which each triangle of a closed surface stands, metres. Where both sides of a wall were seen,
+/// each stands for half of the measured thickness; where one was, it stands for all of it, at most `wall`, and the invented
+/// side for nothing. Surfaces with nothing near behind them stand for `wall`: a sealed interior is not solid.
+pub(crate) fn walls(mesh: &Mesh, observed: &Observed, wall: f64) -> Vec<f64> {
+    /// Largest thickness of a wall, in multiples of `wall`; beyond it begins an interior.
+    const THICKEST: f64 = 3.0;
+    let most = THICKEST * wall;
+    let Some(solid) = Solid::new(mesh, &|_| true) else { return vec![wall; mesh.triangles.len()] };
+    let of = |t: &[u32; 3]| {
+        let [a, b, c] = corners(mesh, *t);
+        let (middle, normal) = ((a + b + c) / 3.0, (b - a).cross(c - a).normalize_or_zero());
+        if normal == DVec3::ZERO {
+            return 0.0;
+        }
+        let depth = solid.thickness(middle, normal, 1e-3 * wall, most);
+        if depth >= most {
+            return wall;
+        }
+        match (observed(middle), observed(middle - normal * depth)) {
+            (true, true) | (false, false) => 0.5 * depth,
+            (true, false) => depth.min(wall),
+            (false, true) => 0.0,
+        }
+    };
+    mesh.triangles.par_iter().map(of).collect()
+}
+
+/// Mass and inertia of a link: its walls, of the given thickness per triangle; a closed surface as a solid if that is less.
+/// Lengths in metres, density in kg/m^3. An empty mesh has mass `least`.
+pub(crate) fn inertial(mesh: &Mesh, closed: bool, walls: &[f64], density: f64, least: f64) -> Inertial {
+    let mut moments = shell(mesh, walls);
+    let area = shell(mesh, &vec![1.0; mesh.triangles.len()]).mass;
+    let wall = if area > 0.0 { moments.mass / area } else { 0.0 };
     if closed {
         let solid = solid(mesh);
         if solid.mass > 0.0 && solid.mass < moments.mass && solid.is_plausible(mesh) {
@@ -61,18 +92,14 @@ pub(crate) fn inertial(mesh: &Mesh, closed: bool, wall: f64, density: f64, least
     Inertial { mass, center, inertia: [x.x, y.y, z.z, x.y, x.z, y.z] }
 }
 
-fn scaled(m: &Moments, factor: f64) -> Moments {
-    Moments { mass: m.mass * factor, first: m.first * factor, second: m.second * factor }
-}
-
 fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-/// Integrals over the surface.
-fn shell(mesh: &Mesh) -> Moments {
-    mesh.triangles.iter().map(|t| corners(mesh, *t)).fold(Moments::ZERO, |m, [a, b, c]| {
-        let area = 0.5 * (b - a).cross(c - a).length();
+/// Integrals over the surface, with the thickness of each triangle.
+fn shell(mesh: &Mesh, walls: &[f64]) -> Moments {
+    mesh.triangles.iter().map(|t| corners(mesh, *t)).zip(walls).fold(Moments::ZERO, |m, ([a, b, c], wall)| {
+        let area = 0.5 * (b - a).cross(c - a).length() * wall;
         let sum = a + b + c;
         let second = outer(sum, sum) + outer(a, a) + outer(b, b) + outer(c, c);
         Moments { mass: m.mass + area, first: m.first + sum * (area / 3.0), second: m.second + second * (area / 12.0) }
@@ -103,6 +130,32 @@ fn solid(mesh: &Mesh) -> Moments {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A wall of one thickness everywhere.
+    fn inertial(mesh: &Mesh, closed: bool, wall: f64, density: f64, least: f64) -> Inertial {
+        super::inertial(mesh, closed, &vec![wall; mesh.triangles.len()], density, least)
+    }
+
+    #[test]
+    fn walls_are_measured_where_both_sides_were_seen() {
+        // A board of 12 mm: seen from both sides, from one, and not at all.
+        let board = cuboid(DVec3::ZERO, DVec3::new(1.0, 0.5, 0.012));
+        let volume = 0.5 * 0.012;
+        let mass = |observed: &Observed| super::inertial(&board, false, &walls(&board, observed, 0.02), 1.0, 1e-6).mass;
+        // The narrow sides stand for walls of their own, which are thin.
+        for (seen, least, most) in [
+            (&(|_: DVec3| true) as &Observed, 1.0, 1.2),
+            (&|p: DVec3| p.z > 0.006, 1.0, 1.2),
+            (&|p: DVec3| p.z < 0.006, 1.0, 1.2),
+        ] {
+            let found = mass(seen) / volume;
+            assert!((least..most).contains(&found), "{found}");
+        }
+        // A closed box with nothing near behind its sides is not solid.
+        let body = cuboid(DVec3::ZERO, DVec3::splat(1.0));
+        let hollow = super::inertial(&body, true, &walls(&body, &|_| true, 0.02), 1.0, 1e-6).mass;
+        assert!((hollow - 0.12).abs() < 1e-6, "{hollow}");
+    }
 
     fn cuboid(low: DVec3, high: DVec3) -> Mesh {
         Mesh::cuboid(low.as_vec3().to_array(), high.as_vec3().to_array())

@@ -84,7 +84,7 @@ pub(crate) fn extend(
             // of the decomposition before a contact counts.
             let opens = closed[link].is_some() && observed[end] != 0.0;
             let gap = config.gap_share * diagonal;
-            let contact = if opens { gap + config.hull_voxel_share * diagonal } else { 0.5 * gap };
+            let contact = if opens { gap + diagonal / 110.0 } else { 0.5 * gap };
             let way = sign * most.max(0.0);
             let (way, stop) = free_way(asset, pieces, link, [observed[end], way], [gap, contact], config);
             out.limits[end] = observed[end] + sign * way;
@@ -106,19 +106,30 @@ fn free_way(
     config: &PhysicalConfig,
 ) -> (f64, Stop) {
     const STEPS: usize = 45;
+    /// A contact is found to a thousandth of a step.
+    const HALVINGS: usize = 10;
     let carried = carried(asset, link);
     let Some(joint) = asset.links[link].joint else { return (0.0, Stop::Observed) };
-    let mut free = 0.0;
-    for step in 1..=STEPS {
-        let way = most * step as f64 / STEPS as f64;
-        for state in State::ALL {
+    let met = |way: f64| {
+        State::ALL.into_iter().find_map(|state| {
             let mut values = asset.observed(state);
             values[link] = from + way;
             let (depth, [a, b]) = deepest(pieces, &asset.poses(&values), gap, |a, b| carried[a] != carried[b]);
-            if depth > contact {
-                let other = if carried[a] { b } else { a };
-                return (free * (1.0 - config.margin), Stop::Contact(asset.links[other].name.clone()));
+            (depth > contact).then_some(if carried[a] { b } else { a })
+        })
+    };
+    let mut free = 0.0;
+    for step in 1..=STEPS {
+        let way = most * step as f64 / STEPS as f64;
+        if let Some(other) = met(way) {
+            // Closer than a step; only ways that open keep a margin.
+            let (mut low, mut high) = (free * most.signum(), way);
+            for _ in 0..HALVINGS {
+                let middle = 0.5 * (low + high);
+                if met(middle).is_some() { high = middle } else { low = middle }
             }
+            let margin = if contact > gap { config.margin } else { 0.0 };
+            return (low.abs() * (1.0 - margin), Stop::Contact(asset.links[other].name.clone()));
         }
         let leaves = joint.kind == JointKind::Prismatic && !supported(asset, pieces, link, from, from + way, config);
         if leaves {
@@ -209,9 +220,9 @@ mod tests {
             extend(&asset, &pieces, &[None, Some(State::START), Some(State::START)], 1.7, &PhysicalConfig::default());
         assert_eq!(ranges[0], None);
         let drawer = ranges[1].clone().unwrap();
-        // 15 cm are free behind it; a tenth is kept as a margin.
+        // 15 cm are free behind it, less the gap.
         assert_eq!(drawer.stops[0], Stop::Contact("base".into()));
-        assert!((-0.15..-0.12).contains(&drawer.limits[0]), "{drawer:?}");
+        assert!((-0.15..-0.145).contains(&drawer.limits[0]), "{drawer:?}");
         // A quarter of 80 cm stays inside.
         assert_eq!(drawer.stops[1], Stop::Support);
         assert!((0.58..=0.6).contains(&drawer.limits[1]), "{drawer:?}");

@@ -92,7 +92,7 @@ fn shape(primitive: &gltf::Primitive, buffers: &[gltf::buffer::Data]) -> Result<
     {
         return Err("a texture coordinate is not finite".into());
     }
-    Ok(Shape { points })
+    Ok(Shape { points, triangles: indices.as_chunks::<3>().0.to_vec() })
 }
 
 fn row<const N: usize>(value: &Value) -> Option<[f64; N]> {

@@ -211,7 +211,7 @@ fn shape(mesh: &Prim) -> Result<Shape, String> {
     // Negative indices become out of range.
     let corners: Vec<u32> = corners.into_iter().map(|i| u32::try_from(i).unwrap_or(u32::MAX)).collect();
     meshes::triangles(&points, &corners)?;
-    Ok(Shape { points })
+    Ok(Shape { points, triangles: corners.as_chunks::<3>().0.to_vec() })
 }
 
 /// Decodes textures of shaders, from the folder or from the package.

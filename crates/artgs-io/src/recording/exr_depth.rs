@@ -4,18 +4,26 @@ use super::RecordingError;
 use super::depth::Measured;
 use crate::write_atomic;
 use artgs_core::DepthMap;
+use exr::meta::MetaData;
 use exr::prelude::*;
 use std::io::Cursor;
 use std::path::Path;
 
 /// Names of a channel with depth, the usual one first; else the first channel is read.
 const CHANNELS: [&str; 4] = ["R", "Z", "Y", "depth"];
+/// Most samples of all channels and layers, 512 MiB in single floats. The decoder reserves what the header states, which a
+/// damaged file must not choose.
+const MOST_SAMPLES: usize = 1 << 27;
 
 /// Decodes an image; `path` names it in messages.
 pub(super) fn decode(path: &Path, bytes: &[u8]) -> std::result::Result<Measured, RecordingError> {
     let broken = |e: &dyn std::fmt::Display| {
         RecordingError::malformed(path, format!("not a complete, readable EXR image ({e}); export the recording again"))
     };
+    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| broken(&e))?;
+    if stated_samples(&meta).is_none_or(|samples| samples > MOST_SAMPLES) {
+        return Err(broken(&"its header states more than 134 million samples"));
+    }
     let reader = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
     let image = reader.non_parallel().from_buffered(Cursor::new(bytes)).map_err(|e| broken(&e))?;
     let channels = &image.layer_data.channel_data.list;
@@ -33,6 +41,14 @@ pub(super) fn decode(path: &Path, bytes: &[u8]) -> std::result::Result<Measured,
         height: size.y() as u32,
         map: DepthMap::nearest(&depths),
         camera: None,
+    })
+}
+
+/// Samples of all channels of all layers according to the headers; `None` if the number overflows.
+fn stated_samples(meta: &MetaData) -> Option<usize> {
+    meta.headers.iter().try_fold(0usize, |sum, header| {
+        let pixels = header.layer_size.x().checked_mul(header.layer_size.y())?;
+        sum.checked_add(pixels.checked_mul(header.channels.list.len())?)
     })
 }
 
@@ -65,5 +81,20 @@ mod tests {
         assert!(depths.iter().zip(back.map.iter()).all(|(a, b)| (a - b).abs() <= a * 6e-4));
         let message = decode(&path, &bytes[..bytes.len() / 2]).unwrap_err().to_string();
         assert!(message.contains("d.exr") && message.contains("not a complete"), "{message}");
+    }
+
+    #[test]
+    fn a_header_that_states_a_huge_image_is_refused_before_memory_is_reserved() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("d.exr");
+        super::write(&path, 40, 30, &[1.0; 40 * 30]).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        let name = b"dataWindow\0box2i\0";
+        let start = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
+        let far = 16_000_000i32.to_le_bytes();
+        bytes[start + 8..start + 12].copy_from_slice(&far);
+        bytes[start + 12..start + 16].copy_from_slice(&far);
+        let message = decode(&path, &bytes).unwrap_err().to_string();
+        assert!(message.contains("d.exr") && message.contains("EXR"), "{message}");
     }
 }

@@ -9,13 +9,11 @@ mod clean;
 mod loops;
 mod thicken;
 
-pub(crate) use clean::reduced;
+pub(crate) use clean::{reduced, welded};
 pub(crate) use thicken::trimesh;
 
 use crate::topology::{open_edges, refine, signed_volume, split_to_manifold};
 use artgs_core::Mesh;
-#[cfg(test)]
-pub(crate) use clean::welded;
 use glam::DVec3;
 
 /// Where a part must not have material: true for points that other parts occupy or pass through. Called from many threads.

@@ -302,13 +302,16 @@ impl Table {
     }
 }
 
+/// The implausibility of a motion that explains the given points of each state, where it is to be recomputed.
+type Implausibility<'a> = dyn Fn(&Rigid, &PerState<Vec<usize>>) -> Option<f32> + 'a;
+
 fn tabulate(
     scene: &Scene,
     clouds: &PerState<IndexedCloud<'_>>,
     moved: &PerState<Vec<usize>>,
     pool: &[Candidate],
     settings: &SelectionSettings,
-    implausibility: &dyn Fn(&Rigid, &PerState<Vec<usize>>) -> Option<f32>,
+    implausibility: &Implausibility<'_>,
 ) -> Table {
     /// A point that costs less is explained.
     const EXPLAINED: f32 = 0.2;

@@ -1,0 +1,105 @@
+use super::*;
+use artgs_core::{Mesh, Rigid};
+use rapier3d::parry::transformation::try_convex_hull;
+
+fn shape(mesh: &Mesh) -> Shape {
+    let points = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from))).collect();
+    Shape { points, triangles: mesh.triangles.clone() }
+}
+
+fn hull(mesh: &Mesh) -> SharedShape {
+    let points: Vec<_> = shape(mesh).points.iter().map(|p| vector(*p)).collect();
+    let (points, triangles) = try_convex_hull(&points).unwrap();
+    SharedShape::new(ConvexPolyhedron::from_convex_mesh(points, &triangles).unwrap())
+}
+
+/// Compares boxes that are drawn with boxes that collide.
+fn compared(drawn: &[Mesh], colliding: &[Mesh]) -> CoverageFinding {
+    let mut body = Link::new("body", None, Rigid::IDENTITY);
+    body.visuals = drawn.iter().map(shape).collect();
+    let hulls: Vec<SharedShape> = colliding.iter().map(hull).collect();
+    link(&body, &hulls, None, 0, &CheckOptions::default()).unwrap()
+}
+
+/// Floor and four walls, 1 cm thick and 5 mm apart, around a cavity that is open above.
+fn tray() -> Vec<Mesh> {
+    vec![
+        Mesh::cuboid([0.0, 0.0, 0.0], [0.6, 0.4, 0.01]),
+        Mesh::cuboid([0.0, 0.0, 0.01], [0.01, 0.4, 0.2]),
+        Mesh::cuboid([0.59, 0.0, 0.01], [0.6, 0.4, 0.2]),
+        Mesh::cuboid([0.01, 0.0, 0.01], [0.59, 0.01, 0.2]),
+        Mesh::cuboid([0.01, 0.39, 0.01], [0.59, 0.4, 0.2]),
+    ]
+}
+
+#[test]
+fn a_box_with_its_own_hull_matches() {
+    let cuboid = Mesh::cuboid([0.0; 3], [0.5, 0.3, 0.2]);
+    let found = compared(std::slice::from_ref(&cuboid), std::slice::from_ref(&cuboid));
+    assert_eq!((found.visual, found.hulls, found.missed, found.extra), (1.0, 1.0, 0.0, 0.0), "{found:?}");
+    assert_eq!((found.hole, found.phantom_volume, found.problems.len()), (0.0, 0.0, 0), "{found:?}");
+}
+
+#[test]
+fn a_shifted_hull_misses_a_side() {
+    let cuboid = Mesh::cuboid([0.0; 3], [0.4; 3]);
+    let found = compared(&[cuboid], &[Mesh::cuboid([0.0, 0.0, 0.05], [0.4, 0.4, 0.45])]);
+    // The lower face and the lower eighth of the sides, less 5 mm, have no hull.
+    assert!((found.visual - (1.0 - (1.0 + 4.0 * 0.045 / 0.4) / 6.0)).abs() < 5e-3, "{found:?}");
+    assert!((found.hole - 0.4).abs() < 5e-3 && (found.obstacle - 0.4).abs() < 5e-3, "{found:?}");
+    assert!((found.phantom_depth - 0.05).abs() < 4e-3, "{found:?}");
+    // What is more than 1 cm away: 4 cm of the 5 cm.
+    assert!((found.phantom_volume - 0.4 * 0.4 * 0.04).abs() < 1.5e-3, "{found:?}");
+}
+
+#[test]
+fn a_filled_tray_has_a_phantom_and_a_tray_of_walls_has_none() {
+    let good = compared(&tray(), &tray());
+    assert!(good.visual == 1.0 && good.hulls == 1.0 && good.hole == 0.0 && good.phantom_volume == 0.0, "{good:?}");
+    let filled = compared(&tray(), &[Mesh::cuboid([0.0; 3], [0.6, 0.4, 0.2])]);
+    let cavity = 0.58 * 0.38 * 0.19;
+    assert!(filled.phantom_volume > 0.8 * cavity && filled.phantom_volume < cavity, "{filled:?}");
+    assert!((0.17..0.19).contains(&filled.phantom_depth) && filled.obstacle > 0.3, "{filled:?}");
+    assert_eq!(filled.hole, 0.0);
+    assert!(filled.warnings[0].contains("where nothing is drawn"), "{filled:?}");
+}
+
+#[test]
+fn a_tray_without_its_floor_has_a_hole_and_fails() {
+    let found = compared(&tray(), &tray()[1..]);
+    assert!((found.hole - 0.38).abs() < 0.01, "{found:?}");
+    assert!(found.problems[0].contains("a hole 3"), "{found:?}");
+    // A slot of 8 mm is tolerated, one of 80 mm is not.
+    for (slot, fails) in [(0.008_f32, false), (0.08, true)] {
+        let mut walls = tray();
+        walls[0] = Mesh::cuboid([0.0, 0.0, 0.0], [0.3, 0.4, 0.01]);
+        walls.push(Mesh::cuboid([0.3 + slot, 0.0, 0.0], [0.6, 0.4, 0.01]));
+        let found = compared(&tray(), &walls);
+        assert_eq!(!found.problems.is_empty(), fails, "{slot}: {found:?}");
+        assert!((found.hole - f64::from(slot)).abs() < 3e-3, "{slot}: {found:?}");
+    }
+}
+
+#[test]
+fn a_plate_with_a_hole_in_both_meshes_matches() {
+    let frame = [
+        Mesh::cuboid([0.0, 0.0, 0.0], [0.2, 0.02, 1.0]),
+        Mesh::cuboid([0.8, 0.0, 0.0], [1.0, 0.02, 1.0]),
+        Mesh::cuboid([0.2, 0.0, 0.0], [0.8, 0.02, 0.2]),
+        Mesh::cuboid([0.2, 0.0, 0.8], [0.8, 0.02, 1.0]),
+    ];
+    let good = compared(&frame, &frame);
+    assert!(good.hole == 0.0 && good.obstacle == 0.0 && good.problems.is_empty(), "{good:?}");
+    let closed = compared(&frame, &[Mesh::cuboid([0.0; 3], [1.0, 0.02, 1.0])]);
+    assert!((closed.obstacle - 0.6).abs() < 0.02 && closed.hole == 0.0, "{closed:?}");
+    assert!(closed.phantom_depth > 0.25, "{closed:?}");
+}
+
+#[test]
+fn a_lost_piece_is_a_warning() {
+    let cuboid = Mesh::cuboid([0.0; 3], [0.5, 0.3, 0.2]);
+    let mut body = Link::new("body", None, Rigid::IDENTITY);
+    body.visuals = vec![shape(&cuboid)];
+    let found = link(&body, &[hull(&cuboid)], None, 2, &CheckOptions::default()).unwrap();
+    assert!(found.warnings[0].contains("2 places of the surface lost"), "{found:?}");
+}

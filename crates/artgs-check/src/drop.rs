@@ -1,0 +1,146 @@
+//! Drops balls and boxes into drawers and onto shelves: they have to stay there.
+
+use crate::model::{Model, bounds};
+use crate::observed::Observed;
+use crate::places::{self, Place};
+use crate::poses::{Scene, pose, vector};
+use crate::report::DropFinding;
+use crate::{CheckOptions, coverage};
+use artgs_core::{JointKind, Rigid};
+use glam::DVec3;
+use rapier3d::prelude::*;
+
+/// Radius of balls, half an edge of boxes.
+const RADIUS: f64 = 0.02;
+/// Least height that has to be free above a place.
+const ROOM: f64 = 0.06;
+/// Largest height from which things fall.
+const HIGHEST: f64 = 0.1;
+/// Largest number of places per link.
+const MOST: usize = 6;
+
+/// Drops things onto the places of a link while its joint is at its upper limit and the others at 0; none if it has no places.
+pub(crate) fn link(
+    model: &Model,
+    scene: &Scene,
+    index: usize,
+    observed: Option<&Observed>,
+    options: &CheckOptions,
+) -> Option<DropFinding> {
+    let link = &model.links[index];
+    let mut values = vec![0.0; model.links.len()];
+    if let Some(motion) = link.motion.as_ref().filter(|m| m.kind == JointKind::Prismatic) {
+        values[index] = motion.limits[1];
+    }
+    let poses = model.poses(&values);
+    let places: Vec<Place> = places::of(link, &poses[index], observed).into_iter().take(MOST).collect();
+    let seen: Vec<Option<coverage::Drawn>> = model.links.iter().map(|l| coverage::Drawn::new(&l.visuals)).collect();
+    let room = |p: DVec3| -> f64 {
+        let free = |(drawn, at): (&Option<coverage::Drawn>, &Rigid)| {
+            let to_link = at.inverse();
+            drawn.as_ref()?.ray(to_link.apply(p + DVec3::Z * 1e-3), to_link.turn(DVec3::Z), HIGHEST + RADIUS)
+        };
+        seen.iter().zip(&poses).filter_map(free).fold(HIGHEST + RADIUS, f64::min)
+    };
+    let is_free = |p: DVec3| {
+        let far = |(drawn, at): (&Option<coverage::Drawn>, &Rigid)| {
+            drawn.as_ref().map_or(f64::INFINITY, |drawn| drawn.signed(at.inverse().apply(p)))
+        };
+        seen.iter().zip(&poses).all(|pair| far(pair) > 1.2 * RADIUS)
+    };
+    // Where a part slides, its carrier holds nothing.
+    let zero = model.poses(&vec![0.0; model.links.len()]);
+    let slides = |l: &crate::model::Link| l.motion.as_ref().is_some_and(|m| m.kind == JointKind::Prismatic);
+    let children = (0..model.links.len()).filter(|i| model.links[*i].parent == Some(index) && slides(&model.links[*i]));
+    let boxes: Vec<[DVec3; 2]> = children
+        .filter_map(|i| {
+            let points = model.links[i].visuals.iter().flat_map(|s| &s.points);
+            bounds(points.map(|p| zero[i].apply(*p)))
+        })
+        .collect();
+    let in_drawer = |p: DVec3| boxes.iter().any(|[low, high]| p.cmpge(*low).all() && p.cmple(*high).all());
+    let mut starts: Vec<(usize, DVec3)> = Vec::new();
+    for (i, place) in places.iter().enumerate() {
+        for p in &place.points {
+            let height = room(*p);
+            let start = *p + DVec3::Z * (height - 1.5 * RADIUS).max(1.5 * RADIUS);
+            if height >= ROOM && is_free(start) && !in_drawer(*p) {
+                starts.push((i, start));
+            }
+        }
+    }
+    if starts.is_empty() {
+        return None;
+    }
+    let mut out = DropFinding { link: link.name.clone(), ..DropFinding::default() };
+    out.places = (0..places.len()).filter(|i| starts.iter().any(|(of, _)| of == i)).count();
+    drop(scene, &poses, &places, &starts, options, &mut out);
+    if out.blocked > 0 {
+        out.problems.push(format!(
+            "{} of {} balls and boxes start inside a hull where nothing is drawn",
+            out.blocked, out.dropped
+        ));
+    }
+    if out.fell > 0 {
+        out.problems
+            .push(format!("{} of {} balls and boxes fall through the {} places", out.fell, out.dropped, out.places));
+    }
+    Some(out)
+}
+
+/// Simulates a ball and a box at every start.
+fn drop(
+    scene: &Scene,
+    poses: &[Rigid],
+    places: &[Place],
+    starts: &[(usize, DVec3)],
+    options: &CheckOptions,
+    out: &mut DropFinding,
+) {
+    /// Seconds.
+    const TIME: f64 = 1.0;
+    /// How far a thing may sink in.
+    const SINKS: f64 = 0.01;
+    let mut world = PhysicsWorld { gravity: Vector::Z * -9.81, ..PhysicsWorld::default() };
+    world.integration_parameters.dt = options.step as Real;
+    // Things touch hulls only, not each other.
+    let (solid, thing) = (Group::GROUP_1, Group::GROUP_2);
+    let ground = world.insert_body(RigidBodyBuilder::fixed());
+    for (hulls, at) in scene.hulls.iter().zip(poses) {
+        for hull in hulls {
+            let groups = InteractionGroups::new(solid, thing, InteractionTestMode::And);
+            let collider = ColliderBuilder::new(hull.clone()).position(pose(at)).friction(0.6).collision_groups(groups);
+            world.insert_collider(collider, Some(ground));
+        }
+    }
+    let mut things: Vec<(usize, RigidBodyHandle, bool)> = Vec::new();
+    for (place, start) in starts {
+        for shape in
+            [SharedShape::ball(RADIUS as Real), SharedShape::cuboid(RADIUS as Real, RADIUS as Real, RADIUS as Real)]
+        {
+            out.dropped += 1;
+            if scene.holds(poses, *start, -0.5 * RADIUS) {
+                out.blocked += 1;
+                continue;
+            }
+            let body = RigidBodyBuilder::dynamic().translation(vector(*start)).ccd_enabled(true);
+            let body = world.insert_body(body);
+            let groups = InteractionGroups::new(thing, solid, InteractionTestMode::And);
+            let collider = ColliderBuilder::new(shape).density(500.0).friction(0.6).collision_groups(groups);
+            world.insert_collider(collider, Some(body));
+            things.push((*place, body, false));
+        }
+    }
+    for _ in 0..(TIME / options.step).ceil() as usize {
+        world.step_with_events(&(), &());
+        for (place, body, fell) in &mut things {
+            let Some(body) = world.bodies.get(*body) else { continue };
+            let at = DVec3::from_array(body.translation().to_array().map(f64::from));
+            // A thing that rolls over the border of a place may fall there.
+            if places[*place].below(at).is_some_and(|z| at.z < z + RADIUS - SINKS) {
+                *fell = true;
+            }
+        }
+    }
+    out.fell = things.iter().filter(|(.., fell)| *fell).count();
+}

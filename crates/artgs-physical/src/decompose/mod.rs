@@ -1,0 +1,143 @@
+//! Convex decomposition of surfaces: flat regions become prisms, the rest is split by planes until it is followed closely.
+//! Cavities stay empty, because pieces only cover the surface and a skin behind it.
+
+mod mask;
+mod regions;
+mod rest;
+mod sheets;
+pub(crate) mod solid;
+mod union;
+
+use crate::hull::Hull;
+use artgs_core::Mesh;
+use glam::DVec3;
+use solid::Solid;
+
+/// Settings of [`decompose`]; lengths in units of the mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DecomposeOptions {
+    /// Largest distance between the surface and the pieces.
+    pub tolerance: f64,
+    /// Largest number of pieces.
+    pub most: u32,
+    /// Largest number of corners of a piece.
+    pub corners: usize,
+    /// Thickness of pieces where the solid behind the surface is thicker.
+    pub skin: f64,
+    /// Least thickness of pieces.
+    pub least: f64,
+    /// Pieces thinner than this are removed.
+    pub thinnest: f64,
+}
+
+/// Decomposition of a mesh by another program: the corners of each piece, or the reason of a failure.
+pub(crate) type Decomposer<'a> = dyn Fn(&Mesh) -> Result<Vec<Vec<DVec3>>, String> + Sync + 'a;
+
+/// Pieces of `other`, without those that have no volume, largest first.
+pub(crate) fn decompose_with(mesh: &Mesh, other: &Decomposer, options: &DecomposeOptions) -> Result<Vec<Hull>, String> {
+    if mesh.is_empty() {
+        return Ok(Vec::new());
+    }
+    let pieces = other(mesh)?;
+    let mut hulls: Vec<Hull> = pieces.iter().filter_map(|corners| Hull::of(corners, options.thinnest)).collect();
+    hulls.sort_by(|a, b| b.volume().total_cmp(&a.volume()));
+    Ok(hulls)
+}
+
+/// Whether a point of a mesh was observed. What was not, such as the inner side of a wall that was seen from one side, needs
+/// no piece of its own.
+pub type Observed<'a> = dyn Fn(DVec3) -> bool + Sync + 'a;
+
+/// Convex pieces that together cover what was observed of a surface, and large flat regions of the rest, largest first.
+pub fn decompose(mesh: &Mesh, observed: &Observed, options: &DecomposeOptions) -> Vec<Hull> {
+    let Some(solid) = Solid::new(mesh, observed) else { return Vec::new() };
+    let mut pieces = Pieces::default();
+    let neighbours = sheets::neighbours(&solid);
+    let least = (3.0 * options.tolerance) * (3.0 * options.tolerance);
+    let regions = regions::regions(&solid.mesh, 0.8 * options.tolerance, least);
+    for region in regions.iter().filter(|region| is_needed(&solid, region, options)) {
+        sheets::add(&solid, region, &neighbours, options, &mut pieces);
+    }
+    rest::add(&solid, &axes(&regions), options, &mut pieces);
+    let mut hulls = union::joined(union::pruned(pieces, &solid, options), &solid, options);
+    hulls = hulls.into_iter().filter_map(|hull| hull.with_at_most(options.corners, options.thinnest)).collect();
+    hulls.sort_by(|a, b| b.volume().total_cmp(&a.volume()));
+    hulls
+}
+
+/// Further pieces where `hulls` leave the observed surface uncovered, largest first, as thin as possible: what cuts left open is
+/// decomposed again. Together with `hulls` there are at most `options.most`.
+pub(crate) fn patches(mesh: &Mesh, observed: &Observed, hulls: &[Hull], options: &DecomposeOptions) -> Vec<Hull> {
+    let Some(solid) = Solid::new(mesh, observed) else { return Vec::new() };
+    let mut pieces = Pieces::default();
+    hulls.iter().for_each(|hull| pieces.push(hull.clone()));
+    rest::add(&solid, &[DVec3::X, DVec3::Y, DVec3::Z], options, &mut pieces);
+    let mut added = pieces.hulls.split_off(hulls.len());
+    added = added.into_iter().filter_map(|hull| hull.with_at_most(options.corners, options.thinnest)).collect();
+    added.sort_by(|a, b| b.volume().total_cmp(&a.volume()));
+    added.truncate((options.most as usize).saturating_sub(hulls.len()));
+    added
+}
+
+/// Points of the observed surface, about `spacing` apart.
+pub(crate) fn seen_points(mesh: &Mesh, observed: &Observed, spacing: f64) -> Vec<DVec3> {
+    let samples = Solid::new(mesh, &|_| true).map_or(Vec::new(), |solid| solid.samples(spacing, false));
+    samples.into_iter().map(|s| s.point).filter(|p| observed(*p)).collect()
+}
+
+/// True for regions that were observed, and for large ones: caps of bodies that stand on a floor or at a wall.
+fn is_needed(solid: &Solid, region: &regions::Region, options: &DecomposeOptions) -> bool {
+    const SEEN: f64 = 0.2;
+    const LARGE: f64 = 30.0;
+    let area = |t: &u32| 0.5 * crate::topology::cross(&solid.mesh, solid.mesh.triangles[*t as usize]).length();
+    let seen: f64 = region.triangles.iter().filter(|t| solid.seen[**t as usize]).map(area).sum();
+    seen > SEEN * region.area || region.area > (LARGE * options.tolerance) * (LARGE * options.tolerance)
+}
+
+/// Directions across which the rest is cut: normals of the largest regions, and the axes of the mesh.
+fn axes(regions: &[regions::Region]) -> Vec<DVec3> {
+    const MOST: usize = 6;
+    let mut out: Vec<DVec3> = Vec::new();
+    for axis in regions.iter().take(20).map(|r| r.normal).chain([DVec3::X, DVec3::Y, DVec3::Z]) {
+        if out.len() < MOST && out.iter().all(|other| other.dot(axis).abs() < 0.94) {
+            out.push(axis);
+        }
+    }
+    out
+}
+
+/// Pieces with their boxes.
+#[derive(Default)]
+struct Pieces {
+    hulls: Vec<Hull>,
+    boxes: Vec<[DVec3; 2]>,
+    planes: Vec<Vec<crate::hull::Plane>>,
+}
+
+impl Pieces {
+    fn push(&mut self, hull: Hull) {
+        self.boxes.push(hull.bounds());
+        self.planes.push(hull.planes());
+        self.hulls.push(hull);
+    }
+
+    fn is_near(&self, piece: usize, p: DVec3, near: f64) -> bool {
+        let [low, high] = self.boxes[piece];
+        p.cmpge(low - near).all()
+            && p.cmple(high + near).all()
+            && self.planes[piece].iter().all(|plane| plane.distance(p) <= near)
+    }
+
+    /// True if a piece is within `near` of a point, by its planes.
+    fn cover(&self, p: DVec3, near: f64) -> bool {
+        (0..self.hulls.len()).any(|piece| self.is_near(piece, p, near))
+    }
+
+    /// All pieces within `near` of a point.
+    fn covering(&self, p: DVec3, near: f64) -> Vec<usize> {
+        (0..self.hulls.len()).filter(|piece| self.is_near(*piece, p, near)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;

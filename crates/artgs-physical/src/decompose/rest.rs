@@ -1,0 +1,118 @@
+//! What is not flat: groups of surface points, split by planes until their hulls follow the surface.
+
+use super::solid::{Sample, Solid};
+use super::{DecomposeOptions, Pieces};
+use crate::hull::Hull;
+use glam::DVec3;
+use std::collections::BTreeMap;
+
+/// Covers what the pieces leave uncovered.
+pub(super) fn add(solid: &Solid, axes: &[DVec3], options: &DecomposeOptions, pieces: &mut Pieces) {
+    /// Samples of the whole surface at most.
+    const MOST: f64 = 60_000.0;
+    let area: f64 = solid.mesh.triangles.iter().map(|t| 0.5 * crate::topology::cross(&solid.mesh, *t).length()).sum();
+    let spacing = (0.5 * options.tolerance).max((area / MOST).sqrt());
+    let is_open = |s: &Sample| s.seen && !pieces.cover(s.point, 0.9 * options.tolerance);
+    let open: Vec<Sample> = solid.samples(spacing, true).into_iter().filter(is_open).collect();
+    let least = 4.0 * options.tolerance * options.tolerance / (spacing * spacing);
+    for group in groups(&open, 2.5 * spacing.max(options.tolerance)) {
+        // Specks have a piece beside them.
+        if (group.len() as f64) < least {
+            continue;
+        }
+        let points = group.iter().flat_map(|s| {
+            let depth = solid.thickness(s.point, s.normal, 1e-4, options.skin);
+            [s.point, s.point - s.normal * depth]
+        });
+        split(solid, points.collect(), axes, spacing, options, 0, pieces);
+    }
+}
+
+/// Samples in connected cells of a grid.
+fn groups(samples: &[Sample], cell: f64) -> Vec<Vec<Sample>> {
+    let key = |p: DVec3| (p / cell).floor().as_i64vec3().to_array();
+    let mut cells: BTreeMap<[i64; 3], Vec<Sample>> = BTreeMap::new();
+    for s in samples {
+        cells.entry(key(s.point)).or_default().push(*s);
+    }
+    let mut out = Vec::new();
+    while let Some((first, found)) = cells.pop_first() {
+        let (mut group, mut stack) = (found, vec![first]);
+        while let Some([x, y, z]) = stack.pop() {
+            for i in 0..27 {
+                let next = [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1];
+                if let Some(found) = cells.remove(&next) {
+                    group.extend(found);
+                    stack.push(next);
+                }
+            }
+        }
+        out.push(group);
+    }
+    out
+}
+
+/// Adds the hull of points if it follows the surface, else those of two parts of them.
+fn split(
+    solid: &Solid,
+    points: Vec<DVec3>,
+    axes: &[DVec3],
+    spacing: f64,
+    options: &DecomposeOptions,
+    depth: usize,
+    pieces: &mut Pieces,
+) {
+    const DEEPEST: usize = 9;
+    const SAMPLES: usize = 160;
+    let Some(hull) = Hull::of(&points, options.thinnest) else { return };
+    let protrusion = solid.protrusion(&hull, SAMPLES);
+    let halves = if protrusion > options.tolerance && depth < DEEPEST {
+        best_cut(&points, axes, spacing, options)
+    } else {
+        None
+    };
+    match halves {
+        Some(halves) => {
+            halves.into_iter().for_each(|half| split(solid, half, axes, spacing, options, depth + 1, pieces));
+        }
+        // A piece that cannot be split and still protrudes by far would fill a cavity.
+        None if protrusion > 3.0 * options.tolerance => {}
+        None => pieces.push(hull),
+    }
+}
+
+/// The cut across one of the axes that leaves the least volume in two hulls, of about equal size if possible.
+fn best_cut(points: &[DVec3], axes: &[DVec3], spacing: f64, options: &DecomposeOptions) -> Option<[Vec<DVec3>; 2]> {
+    const PLACES: usize = 7;
+    /// Points that are used to choose a cut.
+    const MOST: usize = 1200;
+    /// Weight of the difference in size.
+    const BALANCE: f64 = 0.05;
+    let stride = points.len().div_ceil(MOST);
+    let few: Vec<DVec3> = points.iter().copied().step_by(stride).collect();
+    let whole = Hull::of(&few, options.thinnest)?.volume();
+    let mut best: Option<(f64, DVec3, f64)> = None;
+    for axis in axes {
+        let along = || points.iter().map(|p| p.dot(*axis));
+        let (low, high) = (along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max));
+        if high - low < 2.0 * options.tolerance {
+            continue;
+        }
+        for place in 1..=PLACES {
+            let at = low + (high - low) * place as f64 / (PLACES + 1) as f64;
+            let volumes = [false, true].map(|upper| {
+                let half: Vec<DVec3> = few.iter().copied().filter(|p| (p.dot(*axis) > at) == upper).collect();
+                Hull::of(&half, 1e-6).map_or(0.0, |h| h.volume())
+            });
+            let cost = (volumes[0] + volumes[1]) / whole + BALANCE * (place as f64 / (PLACES + 1) as f64 - 0.5).abs();
+            if best.is_none_or(|(least, ..)| cost < least) {
+                best = Some((cost, *axis, at));
+            }
+        }
+    }
+    let (_, axis, at) = best?;
+    // The halves overlap, so that no gap is between them.
+    let part = |sign: f64| points.iter().copied().filter(|p| sign * (p.dot(axis) - at) <= 1.2 * spacing).collect();
+    let halves: [Vec<DVec3>; 2] = [part(1.0), part(-1.0)];
+    halves.iter().all(|h| h.len() < points.len()).then_some(halves)
+}

@@ -1,0 +1,153 @@
+//! Flat regions of a surface as prisms.
+
+use super::mask::{Mask, cover};
+use super::regions::Region;
+use super::solid::Solid;
+use super::{DecomposeOptions, Pieces};
+use crate::hull::Hull;
+use crate::topology::{corners, twins};
+use glam::{DVec2, DVec3};
+
+/// A grid in the plane of a region.
+struct Grid {
+    origin: DVec3,
+    u: DVec3,
+    v: DVec3,
+    normal: DVec3,
+    cell: f64,
+    size: [usize; 2],
+}
+
+impl Grid {
+    /// Cells per side at most.
+    const MOST: f64 = 256.0;
+
+    fn new(solid: &Solid, region: &Region, twins: &[u32], finest: f64) -> Self {
+        let normal = region.normal;
+        let (u, v) = axes(solid, region, twins);
+        let plane = normal * region.offset;
+        let flat = |p: DVec3| DVec2::new((p - plane).dot(u), (p - plane).dot(v));
+        let points = region.triangles.iter().flat_map(|t| corners(&solid.mesh, solid.mesh.triangles[*t as usize]));
+        let (low, high) =
+            points.map(flat).fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+        let cell = finest.max((high - low).max_element() / Self::MOST);
+        // A rim of free cells; the region is in the middle of its cells.
+        let size = ((high - low) / cell).ceil() + 2.0;
+        let low = (low + high - size * cell) / 2.0;
+        Self { origin: plane + u * low.x + v * low.y, u, v, normal, cell, size: [size.x as usize, size.y as usize] }
+    }
+
+    /// A point of the plane, given in cells.
+    fn point(&self, at: DVec2) -> DVec3 {
+        self.origin + (self.u * at.x + self.v * at.y) * self.cell
+    }
+
+    fn middle(&self, i: usize) -> DVec3 {
+        self.point(DVec2::new((i / self.size[1]) as f64 + 0.5, (i % self.size[1]) as f64 + 0.5))
+    }
+
+    /// Cells whose centres are on the triangles.
+    fn mask(&self, solid: &Solid, triangles: &[u32]) -> Mask {
+        let mut out = Mask::new(self.size);
+        for t in triangles {
+            let corner = corners(&solid.mesh, solid.mesh.triangles[*t as usize]).map(|p| {
+                let p = p - self.origin;
+                DVec2::new(p.dot(self.u), p.dot(self.v)) / self.cell - 0.5
+            });
+            let [a, b, c] = corner;
+            let area = (b - a).perp_dot(c - a);
+            if area.abs() < 1e-12 {
+                continue;
+            }
+            let (low, high) = (a.min(b).min(c).ceil().max(DVec2::ZERO), a.max(b).max(c).floor());
+            for x in low.x as usize..=(high.x.max(0.0) as usize).min(self.size[0] - 1) {
+                for y in low.y as usize..=(high.y.max(0.0) as usize).min(self.size[1] - 1) {
+                    let p = DVec2::new(x as f64, y as f64);
+                    let weights = [(b, c), (c, a), (a, b)].map(|(q, r)| (q - p).perp_dot(r - p) / area);
+                    if weights.iter().all(|w| *w >= -1e-9) {
+                        out.cells[x * self.size[1] + y] = true;
+                    }
+                }
+            }
+        }
+        out
+    }
+}
+
+/// Axes of the plane along most of the region's rim.
+fn axes(solid: &Solid, region: &Region, twins: &[u32]) -> (DVec3, DVec3) {
+    let u = region.normal.any_orthonormal_vector();
+    let v = region.normal.cross(u);
+    let own: std::collections::BTreeSet<u32> = region.triangles.iter().copied().collect();
+    let mut sum = DVec2::ZERO;
+    for t in &region.triangles {
+        let p = corners(&solid.mesh, solid.mesh.triangles[*t as usize]);
+        for k in 0..3 {
+            let twin = twins[(3 * t) as usize + k];
+            if twin != crate::topology::NONE && own.contains(&(twin / 3)) {
+                continue;
+            }
+            let edge = p[(k + 1) % 3] - p[k];
+            let flat = DVec2::new(edge.dot(u), edge.dot(v));
+            // Directions that differ by quarter turns are the same.
+            sum += DVec2::from_angle(4.0 * flat.to_angle()) * flat.length_squared();
+        }
+    }
+    let (sin, cos) = (sum.to_angle() / 4.0).sin_cos();
+    (u * cos + v * sin, v * cos - u * sin)
+}
+
+/// Adds prisms that cover a region where no piece covers it yet.
+pub(super) fn add(solid: &Solid, region: &Region, twins: &[u32], options: &DecomposeOptions, pieces: &mut Pieces) {
+    let near = 0.8 * options.tolerance;
+    let grid = Grid::new(solid, region, twins, 0.4 * options.tolerance);
+    let slack = ((0.8 * options.tolerance / grid.cell).round() as usize).max(1);
+    let own = grid.mask(solid, &region.triangles).closed(slack.div_ceil(2));
+    let mut todo = own.clone();
+    for i in 0..todo.cells.len() {
+        todo.cells[i] = own.cells[i] && !pieces.cover(grid.middle(i), near);
+    }
+    if !todo.cells.contains(&true) {
+        return;
+    }
+    // A prism may also be where the solid continues in front of the region.
+    let mut allowed = own;
+    for i in 0..allowed.cells.len() {
+        allowed.cells[i] = allowed.cells[i] || solid.signed(grid.middle(i)) < -0.2 * options.tolerance;
+    }
+    for polygon in cover(&allowed, &todo, slack) {
+        let thickness = thickness(solid, &grid, &polygon, options);
+        let corners = polygon.iter().map(|p| grid.point(*p));
+        let points: Vec<DVec3> = corners.flat_map(|p| [p, p - grid.normal * thickness]).collect();
+        if let Some(hull) = Hull::of(&points, options.thinnest) {
+            pieces.push(hull);
+        }
+    }
+}
+
+/// How thick a prism behind the region may be: the whole sheet where its other side is near, else the skin.
+fn thickness(solid: &Solid, grid: &Grid, polygon: &[DVec2], options: &DecomposeOptions) -> f64 {
+    /// Samples per side of the box around the polygon.
+    const SIDE: usize = 12;
+    /// Share of thinner places that may stick out.
+    const IGNORED: f64 = 0.1;
+    /// A sheet is at most this many times as thick as a skin.
+    const SHEET: f64 = 2.5;
+    let (low, high) = polygon.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+    let inside = |p: DVec2| {
+        (0..polygon.len()).all(|i| (polygon[(i + 1) % polygon.len()] - polygon[i]).perp_dot(p - polygon[i]) >= 0.0)
+    };
+    let places = (0..SIDE * SIDE).map(|i| DVec2::new((i / SIDE) as f64 + 0.5, (i % SIDE) as f64 + 0.5) / SIDE as f64);
+    let most = SHEET * options.skin;
+    let depth = |p: DVec2| solid.thickness(grid.point(p), grid.normal, 0.5 * options.tolerance, most);
+    let mut depths: Vec<f64> = places.map(|s| low + (high - low) * s).filter(|p| inside(*p)).map(depth).collect();
+    depths.sort_by(f64::total_cmp);
+    let found = depths.get((IGNORED * depths.len() as f64) as usize).copied().unwrap_or(options.skin);
+    let thickness = if found < most { found } else { options.skin };
+    thickness.max(options.least)
+}
+
+/// Neighbours of the triangles of a solid.
+pub(super) fn neighbours(solid: &Solid) -> Vec<u32> {
+    twins(&solid.mesh)
+}

@@ -1,0 +1,101 @@
+//! The surface that is decomposed: distances, rays and samples.
+
+use crate::hull::to_parry;
+use crate::repair::welded;
+use crate::topology::{bounds, corners};
+use artgs_core::Mesh;
+use glam::DVec3;
+use parry3d::query::{PointQuery as _, Ray, RayCast as _};
+use parry3d::shape::{TriMesh, TriMeshFlags};
+
+/// A surface with its inside: behind the nearest triangle.
+pub(crate) struct Solid {
+    /// The surface without doubled vertices.
+    pub(crate) mesh: Mesh,
+    /// Whether each triangle was observed.
+    pub(crate) seen: Vec<bool>,
+    shape: TriMesh,
+}
+
+/// A point on a surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sample {
+    pub(crate) point: DVec3,
+    /// Unit normal.
+    pub(crate) normal: DVec3,
+    /// Whether it was observed.
+    pub(crate) seen: bool,
+}
+
+impl Solid {
+    /// None if the mesh has no surface.
+    pub(crate) fn new(mesh: &Mesh, observed: &super::Observed) -> Option<Self> {
+        let [low, high] = bounds(mesh)?;
+        let size = (high - low).length();
+        if !(size > 0.0 && size.is_finite()) {
+            return None;
+        }
+        let mesh = welded(&Mesh { colors: Vec::new(), ..mesh.clone() }, 1e-6 * size);
+        let vertices = mesh.vertices.iter().map(|v| to_parry(DVec3::from_array(v.map(f64::from)))).collect();
+        let shape = TriMesh::with_flags(vertices, mesh.triangles.clone(), TriMeshFlags::ORIENTED).ok()?;
+        let middle = |t: &[u32; 3]| corners(&mesh, *t).iter().sum::<DVec3>() / 3.0;
+        let seen = mesh.triangles.iter().map(|t| observed(middle(t))).collect();
+        Some(Self { mesh, seen, shape })
+    }
+
+    /// Distance of a point from the surface, negative inside.
+    pub(crate) fn signed(&self, p: DVec3) -> f64 {
+        f64::from(self.shape.distance_to_local_point(to_parry(p), false))
+    }
+
+    /// Distance along a unit direction to the surface; none beyond `reach`.
+    pub(crate) fn ray(&self, from: DVec3, along: DVec3, reach: f64) -> Option<f64> {
+        let ray = Ray::new(to_parry(from), to_parry(along));
+        self.shape.cast_local_ray(&ray, reach as f32, false).map(f64::from)
+    }
+
+    /// Thickness of the solid at a surface point near `p` against the outward `normal`, at most `most`; half of the free way
+    /// where the surface is a sheet. `slack`: how far `p` may be from the surface.
+    pub(crate) fn thickness(&self, p: DVec3, normal: DVec3, slack: f64, most: f64) -> f64 {
+        const EPSILON: f64 = 1e-5;
+        let outer = self.ray(p + normal * slack, -normal, 2.0 * slack).map_or(0.0, |d| d - slack);
+        let from = p - normal * (outer + EPSILON);
+        let depth = self.ray(from, -normal, 2.0 * most).unwrap_or(2.0 * most);
+        let inside = self.signed(from - normal * (0.5 * depth.min(most))) < 0.0;
+        if inside { depth.min(most) } else { (0.4 * depth).min(most) }
+    }
+
+    /// Points about `spacing` apart, at least one per triangle if `every`.
+    pub(crate) fn samples(&self, spacing: f64, every: bool) -> Vec<Sample> {
+        let mut out = Vec::new();
+        let mut left = 0.5 * spacing * spacing;
+        for (t, seen) in self.mesh.triangles.iter().zip(&self.seen) {
+            let [a, b, c] = corners(&self.mesh, *t);
+            let cross = (b - a).cross(c - a);
+            let normal = cross.normalize_or_zero();
+            if normal == DVec3::ZERO {
+                continue;
+            }
+            let before = out.len();
+            left += 0.5 * cross.length();
+            while left >= spacing * spacing {
+                left -= spacing * spacing;
+                let n = out.len() as f64;
+                let (mut s, mut r) = ((0.754_877_666 * n).fract(), (0.569_840_291 * n).fract());
+                if s + r > 1.0 {
+                    (s, r) = (1.0 - s, 1.0 - r);
+                }
+                out.push(Sample { point: a + (b - a) * s + (c - a) * r, normal, seen: *seen });
+            }
+            if every && out.len() == before {
+                out.push(Sample { point: (a + b + c) / 3.0, normal, seen: *seen });
+            }
+        }
+        out
+    }
+
+    /// Farthest that sampled points of a convex surface are outside the solid.
+    pub(crate) fn protrusion(&self, hull: &crate::hull::Hull, count: usize) -> f64 {
+        hull.samples(count).into_iter().map(|p| self.signed(p)).fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,46 @@
+use super::*;
+
+const OPTIONS: DecomposeOptions =
+    DecomposeOptions { tolerance: 5e-3, most: 64, corners: 64, skin: 0.01, least: 2e-3, thinnest: 1e-3 };
+
+/// A box of five walls, open above.
+fn tray() -> Mesh {
+    let (mut mesh, wall) = (Mesh::default(), 0.05);
+    let mut add = |low: DVec3, high: DVec3| {
+        let corner = |i: usize| [0, 1, 2].map(|a| if i >> a & 1 == 0 { low[a] } else { high[a] } as f32);
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
+        mesh.append(&Mesh { vertices: (0..8).map(corner).collect(), colors: Vec::new(), triangles });
+    };
+    add(DVec3::ZERO, DVec3::new(1.0, 0.8, wall));
+    add(DVec3::new(0.0, 0.0, wall), DVec3::new(wall, 0.8, 0.5));
+    add(DVec3::new(1.0 - wall, 0.0, wall), DVec3::new(1.0, 0.8, 0.5));
+    add(DVec3::new(wall, 0.0, wall), DVec3::new(1.0 - wall, wall, 0.5));
+    add(DVec3::new(wall, 0.8 - wall, wall), DVec3::new(1.0 - wall, 0.8, 0.5));
+    mesh
+}
+
+#[test]
+fn a_tray_stays_hollow_and_is_covered() {
+    let hulls = decompose(&tray(), &|_| true, &OPTIONS);
+    let inside = |p: DVec3, slack: f64| hulls.iter().any(|h| h.planes().iter().all(|f| f.distance(p) < slack));
+    assert!((5..=45).contains(&hulls.len()), "{}", hulls.len());
+    for x in 1..10 {
+        for y in 1..8 {
+            let at = |z: f64| DVec3::new(x as f64 * 0.1, y as f64 * 0.1, z);
+            assert!(!inside(at(0.15), -0.01) && !inside(at(0.4), -0.01), "something in the way at {}", at(0.4));
+            assert!(inside(at(0.0), 0.01), "no floor at {}", at(0.0));
+        }
+    }
+    assert!(hulls.iter().all(|h| h.points().len() <= 64));
+}
+
+#[test]
+fn an_empty_mesh_has_no_pieces_and_a_sheet_becomes_a_plate() {
+    assert!(decompose(&Mesh::default(), &|_| true, &OPTIONS).is_empty());
+    let flat =
+        Mesh { vertices: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], colors: vec![], triangles: vec![[0, 1, 2]] };
+    // A sheet gets the thickness `skin`.
+    let sheet = decompose(&flat, &|_| true, &OPTIONS);
+    assert!((sheet.iter().map(Hull::volume).sum::<f64>() - 0.005).abs() < 1e-3, "{sheet:?}");
+}
