@@ -167,10 +167,11 @@ fn described(report: &AlignReport) -> String {
     let views = &report.views;
     let other = report.runner_up.map_or("no other is possible".into(), |s| format!("the next has {s:.2}"));
     let disagreement = report.disagreement.as_ref().map(|d| format!("{:.4} to {:.4}", d[0], d[1]));
+    let exposure = report.exposure.map_or_else(String::new, |e| format!("; {}", e.sentence()));
     format!(
         "the states are aligned with score {:.2} ({other}); surfaces of different frames disagreed by {} at the start and {} \
          at the end; the object is {:.2} x {:.2} x {:.2} units, shown by {} and {} frames; \
-         its box is --box {}",
+         its box is --box {}{exposure}",
         report.score,
         disagreement[State::START],
         disagreement[State::END],

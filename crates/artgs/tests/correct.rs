@@ -68,3 +68,36 @@ fn a_small_misalignment_of_the_end_state_is_removed() {
     assert_eq!(found.frames.expect("it is noted")[State::END], end.motion);
     assert!(end.agreement[1] > 1.3 * end.agreement[0]);
 }
+
+#[test]
+fn exposure_and_white_balance_of_the_views_are_equalised() {
+    let truth = capture(Degradation::default());
+    let mut given = truth.clone();
+    let gain = |i: usize, channel: usize| {
+        let i = i as f32;
+        (1.0 + 0.25 * (0.9 * i).sin()) * [1.0 + 0.05 * (0.4 * i).cos(), 1.0, 1.0 - 0.05 * (0.4 * i).cos()][channel]
+    };
+    for (i, view) in given.states.iter_mut().flat_map(|s| &mut s.train).enumerate() {
+        for color in &mut view.rgba {
+            (0..3).for_each(|c| color[c] = (f32::from(color[c]) * gain(i, c)).round().min(255.0) as u8);
+        }
+    }
+    let correction = correct(&mut given, &AlignConfig::default());
+    let exposure = correction.exposure.expect("the gains differ");
+    assert!(correction.end.is_none() && correction.poses.iter().all(Option::is_none), "{correction:?}");
+    assert!(exposure.gains[0] < 0.8 && exposure.gains[1] > 1.2, "{exposure:?}");
+    assert!(exposure.disagreement[1] < 0.03 && exposure.disagreement[0] > 0.1, "{exposure:?}");
+    let views = |c: &Capture| c.states.iter().flat_map(|s| s.train.clone()).collect::<Vec<_>>();
+    let (found, truth) = (views(&given), views(&truth));
+    for channel in 0..3 {
+        let mean = |view: &artgs_core::View| {
+            let used = view.rgba.iter().filter(|p| p[3] == 255).map(|p| f64::from(p[channel]));
+            used.clone().sum::<f64>() / used.count() as f64
+        };
+        let ratios: Vec<f64> = found.iter().zip(&truth).map(|(f, t)| mean(f) / mean(t)).collect();
+        let middle = ratios.iter().sum::<f64>() / ratios.len() as f64;
+        let spread = (ratios.iter().map(|r| (r / middle - 1.0).powi(2)).sum::<f64>() / ratios.len() as f64).sqrt();
+        assert!(spread < 0.02 && (middle - 1.0).abs() < 0.06, "channel {channel}: {middle} {spread}");
+    }
+    assert!(given.warnings.iter().any(|w| w.contains("white balance")), "{:?}", given.warnings);
+}

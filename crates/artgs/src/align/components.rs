@@ -205,7 +205,7 @@ mod tests {
         let sheet =
             |corner: Vec3| (0..100).map(move |i| corner + Vec3::new((i % 10) as f32, 0.0, (i / 10) as f32) * 0.05);
         let corners =
-            [Vec3::new(0.0, 0.5, 0.0), Vec3::new(0.0, 0.7, 0.1), Vec3::new(0.6, 0.0, 0.0), Vec3::new(3.0, 0.7, 0.0)];
+            [Vec3::new(0.0, 0.5, 0.0), Vec3::new(0.0, 0.65, 0.1), Vec3::new(0.6, 0.0, 0.0), Vec3::new(3.0, 0.7, 0.0)];
         let points: Vec<Vec3> = corners.into_iter().flat_map(sheet).collect();
         let cloud = FusedCloud { points, normals: Vec::new(), colors: Vec::new() };
         let numbers: Vec<Option<usize>> = (0..400).map(|i| Some(i / 100)).collect();

@@ -4,10 +4,12 @@
 //! where its surfaces then agree with those of the start much better than as stated: exact captures stay as they are.
 
 use super::bundle::{BundleConfig, median_depth, register_frames, register_states};
+use super::exposure::{self, Exposure};
 use super::frames::DepthFrame;
 use super::{AlignConfig, LEAST_FRAMES, mean_motion};
 use artgs_core::{Capture, PerState, Rigid, State, View};
 use glam::DVec3;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Correction of captures that share a frame.
@@ -58,6 +60,8 @@ pub struct Correction {
     pub poses: PerState<Option<[f64; 2]>>,
     /// Motion of the end state into the world of the start; none where the stated alignment was kept.
     pub end: Option<EndCorrection>,
+    /// Gains of the views that were removed; none where colours were kept.
+    pub exposure: Option<Exposure>,
 }
 
 /// Correction of the alignment of two states.
@@ -72,9 +76,9 @@ pub struct EndCorrection {
 }
 
 impl Correction {
-    /// True if the stated cameras were kept.
+    /// True if cameras and colours were kept.
     pub fn is_none(&self) -> bool {
-        self.end.is_none() && self.poses.iter().all(Option::is_none)
+        self.end.is_none() && self.exposure.is_none() && self.poses.iter().all(Option::is_none)
     }
 
     /// One sentence for each correction.
@@ -98,11 +102,11 @@ impl Correction {
                 100.0 * end.agreement[1]
             )
         });
-        poses.chain(end).collect()
+        poses.chain(end).chain(self.exposure.map(|e| e.sentence())).collect()
     }
 }
 
-/// Corrects the cameras of a capture. Captures without depth or with few views are left as they are.
+/// Corrects the cameras of a capture and equalises the exposure of its training views. Captures without depth or with few views are left as they are.
 pub fn correct(capture: &mut Capture, config: &AlignConfig) -> Correction {
     let mut done = Correction::default();
     let usable = |views: &[View]| views.iter().filter(|v| v.depth.is_some()).count() >= LEAST_FRAMES;
@@ -131,11 +135,24 @@ pub fn correct(capture: &mut Capture, config: &AlignConfig) -> Correction {
         for view in own.train.iter_mut().chain(&mut own.test) {
             view.camera.world_to_camera = view.camera.world_to_camera * end.motion.inverse();
         }
+        frames[State::END].iter_mut().for_each(|frame| frame.set_pose(end.motion * frame.pose()));
         let [start, before] = capture.frames.map_or([Rigid::IDENTITY; 2], |f| [f[State::START], f[State::END]]);
         capture.frames = Some(PerState::new(start, end.motion * before));
     }
+    done.exposure = equalise(capture, &frames, config);
     capture.warnings.extend(done.sentences());
     done
+}
+
+/// Equalises the colours of the training views, whose prepared frames are `frames`.
+fn equalise(capture: &mut Capture, frames: &PerState<Vec<DepthFrame>>, config: &AlignConfig) -> Option<Exposure> {
+    let all: Vec<&DepthFrame> = frames.iter().flatten().collect();
+    let (factors, done) = exposure::equalising(&all, config.exposure.explained_in_captures, &config.exposure)?;
+    let views = capture.states.iter_mut().flat_map(|s| &mut s.train);
+    for (view, factors) in views.zip(factors) {
+        view.rgba.par_iter_mut().for_each(|c| *c = exposure::applied(*c, factors));
+    }
+    Some(done)
 }
 
 /// Refines the poses of one state where that is clearly better. Returns the disagreement before and after if they were

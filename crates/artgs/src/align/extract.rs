@@ -2,9 +2,11 @@
 
 use super::cloud::FusedCloud;
 use super::consistent::factor_at;
+use super::exposure::applied;
 use super::frames::DepthFrame;
 use super::object::Selection;
 use artgs_core::{Camera, DepthMap, Intrinsics, PerState, RecordedFrame, State, View};
+use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +34,7 @@ impl Default for ExtractConfig {
 struct Labelled<'a> {
     recorded: &'a RecordedFrame,
     camera: Camera,
+    colors: Vec3,
     depth: DepthMap,
     labels: Vec<Label>,
     columns: [usize; 2],
@@ -43,6 +46,8 @@ pub(crate) struct StateFrames<'a> {
     pub(crate) recorded: &'a [RecordedFrame],
     pub(crate) frames: &'a [DepthFrame],
     pub(crate) factors: &'a [Vec<f32>],
+    /// Factors of red, green and blue that equalise the exposure of each frame.
+    pub(crate) colors: &'a [Vec3],
     /// Surface of the object in both states, one point per cube of edge `spacing`. A pixel without depth that may show what
     /// the other state shows must not count as empty.
     pub(crate) surface: &'a FusedCloud,
@@ -114,7 +119,15 @@ impl<'a> Labelled<'a> {
             rows = [rows[0].min(y), rows[1].max(y + 1)];
         }
         let large = count as f64 >= config.least_share * labels.len().max(1) as f64;
-        (large && count > 0).then_some(Self { recorded, camera, depth, labels, columns, rows })
+        (large && count > 0).then_some(Self {
+            recorded,
+            camera,
+            colors: state.colors[index],
+            depth,
+            labels,
+            columns,
+            rows,
+        })
     }
 
     /// The window of this size around the object; it stays in the image.
@@ -127,7 +140,7 @@ impl<'a> Labelled<'a> {
         let pixels = || (y0..y0 + height).flat_map(move |y| (x0..x0 + width).map(move |x| y * size.0 + x));
         let object = |i: usize| self.labels[i] == Label::Object;
         let color = |i: usize| {
-            let [r, g, b, _] = source.rgba[i];
+            let [r, g, b, _] = applied(source.rgba[i], self.colors);
             [r, g, b, if object(i) { 255 } else { 0 }]
         };
         let counts = pixels().map(|i| if object(i) { self.depth.counts()[i] } else { 0 }).collect();

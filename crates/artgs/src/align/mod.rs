@@ -13,6 +13,7 @@ mod cloud;
 mod components;
 mod consistent;
 mod correct;
+mod exposure;
 mod extract;
 mod features;
 pub(crate) mod frames;
@@ -25,6 +26,7 @@ pub use bundle::BundleConfig;
 pub use bystander::{Bystander, Seen};
 pub use consistent::ConsistentConfig;
 pub use correct::{CorrectConfig, Correction, EndCorrection, correct};
+pub use exposure::{Exposure, ExposureConfig};
 pub use extract::ExtractConfig;
 pub use frames::GridConfig;
 pub use global::GlobalConfig;
@@ -36,7 +38,7 @@ use artgs_core::{Capture, PerState, Recording, Rigid, State, StateViews};
 use bundle::{BundleReport, register_frames};
 use extract::StateFrames;
 use frames::DepthFrame;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use global::{Hypothesis, Scenes, seen_through};
 use object::Selection;
 use serde::{Deserialize, Serialize};
@@ -55,6 +57,8 @@ pub struct AlignConfig {
     pub consistent: ConsistentConfig,
     /// Correction of captures whose states share a frame.
     pub correct: CorrectConfig,
+    /// Equalisation of exposure and white balance.
+    pub exposure: ExposureConfig,
     /// Selection of the object.
     pub object: ObjectConfig,
     /// Views of the object.
@@ -73,6 +77,7 @@ impl Default for AlignConfig {
             global: GlobalConfig::default(),
             consistent: ConsistentConfig::default(),
             correct: CorrectConfig::default(),
+            exposure: ExposureConfig::default(),
             object: ObjectConfig::default(),
             extract: ExtractConfig::default(),
             least_score: 0.3,
@@ -181,6 +186,8 @@ pub struct AlignReport {
     pub score: f64,
     /// The same of the best clearly different alignment; none if there is none.
     pub runner_up: Option<f64>,
+    /// Gains of the frames that were removed; none where colours were kept.
+    pub exposure: Option<Exposure>,
     /// Box of the surfaces of the object in both states, world of the start recording, scene units.
     pub object: ObjectBox,
     /// The box that was given; none if the object was selected by what the cameras look at.
@@ -276,12 +283,16 @@ pub(crate) fn cut_out(
     let up = recordings[State::START].up;
     let (selection, object) = selected(&frames, unit, up, config, given, seed)?;
     let all: Vec<&DepthFrame> = frames.iter().flatten().collect();
+    let equalised = exposure::equalising(&all, config.exposure.explained, &config.exposure);
+    let (factors_of_colors, exposure) = equalised.unzip();
+    let colors = split(factors_of_colors.unwrap_or_else(|| vec![Vec3::ONE; all.len()]), &frames);
     let spacing = (0.5 * config.object.cube * unit) as f32;
     let surface = selection.surface(&all, spacing);
     let sources = PerState::from_fn(|state| StateFrames {
         recorded: &recordings[state].frames,
         frames: &frames[state],
         factors: &factors[state],
+        colors: &colors[state],
         surface: &surface,
         spacing,
     });
@@ -298,6 +309,7 @@ pub(crate) fn cut_out(
         disagreement,
         score: best.score,
         runner_up,
+        exposure,
         object,
         given: given.copied(),
         bystanders: bystander::find(&frames, &selection, unit, config),
@@ -308,6 +320,11 @@ pub(crate) fn cut_out(
         views: capture.states.as_ref().map(|s| s.train.len()),
     };
     Ok((capture, report))
+}
+
+/// Values of the frames of all states, in the order of states, for each state.
+fn split<T>(mut all: Vec<T>, frames: &PerState<Vec<DepthFrame>>) -> PerState<Vec<T>> {
+    frames.as_ref().map(|own| all.drain(..own.len()).collect())
 }
 
 /// The object and the box of its surfaces.

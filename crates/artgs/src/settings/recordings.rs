@@ -79,6 +79,18 @@ pub(super) const CORRECT: &[Entry] = &[
         "A stated alignment is right if this share of the surfaces that agree roughly agrees within the noise, 0 to 1"),
 ];
 
+/// Entries of `ExposureConfig`.
+#[rustfmt::skip]
+pub(super) const EXPOSURE: &[Entry] = &[
+    switch("enabled", "Whether exposure and white balance are equalised; otherwise colours are used as they were recorded"),
+    whole("least_points", 1, 100_000, "points", "Common points that two frames need to be compared"),
+    number("least_spread", 0.0, 10.0, "logarithm",
+        "Colours are left as they are if the gains spread by less than this (standard deviation of their logarithms)"),
+    number("explained", 0.0, 1.0, "share",
+        "Colours of recordings are left as they are unless their disagreement falls to this share, 0 to 1"),
+    number("explained_in_captures", 0.0, 1.0, "share", "The same of captures whose states share a frame"),
+];
+
 /// Entries of `ObjectConfig`.
 #[rustfmt::skip]
 pub(super) const OBJECT: &[Entry] = &[
