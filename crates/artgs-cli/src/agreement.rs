@@ -1,7 +1,7 @@
 //! What the consistency check of `artgs` found, as errors, warnings and lines of `inspect`.
 
 use crate::failure::Failure;
-use artgs::consistency::{Consistency, Finding, StateConsistency, check_capture, check_views};
+use artgs::consistency::{Consistency, Finding, StateConsistency, check_aligned, check_capture, check_views};
 use artgs_core::{Capture, PerState, Recording, State};
 
 /// Refuses a capture whose views or states contradict each other, and removes single views that contradict the others, unless
@@ -24,6 +24,12 @@ pub(crate) fn require_recordings(recordings: &mut PerState<Recording>, forced: b
         recordings[state].warnings.extend(warnings);
         recordings[state].frames.retain(|frame| forced || !found.ignores(&frame.view.name));
     }
+    Ok(())
+}
+
+/// Refuses aligned recordings of different objects, unless `forced`; warnings go to the capture.
+pub(crate) fn require_one_object(capture: &mut Capture, forced: bool) -> Result<(), Failure> {
+    capture.warnings.extend(accepted(check_aligned(capture), forced)?);
     Ok(())
 }
 

@@ -69,8 +69,9 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
         Source::Recordings(paths) => {
             let mut found = recordings::load(&paths, &args.recording, plan.longest_side)?;
             agreement::require_recordings(&mut found, args.force_input)?;
-            let (capture, report) = recordings::aligned(&found, &config.align, given.as_ref(), config.seed, style)?;
+            let (mut capture, report) = recordings::aligned(&found, &config.align, given.as_ref(), config.seed, style)?;
             drop(found);
+            agreement::require_one_object(&mut capture, args.force_input)?;
             let lock = folder::prepare(&run, args.earlier, COMMAND, style)?;
             let (capture, folder) = saved(&run, capture, &report)?;
             (capture, folder, lock)

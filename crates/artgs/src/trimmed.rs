@@ -1,4 +1,4 @@
-//! Ranges of numbers without their outermost values.
+//! Order statistics: ranges of numbers without their outermost values, quantiles, medians.
 
 use std::cmp::Ordering;
 
@@ -20,6 +20,12 @@ pub(crate) fn quantile(mut values: Vec<f32>, at: f32) -> Option<f32> {
     Some(*values.select_nth_unstable_by(index, f32::total_cmp).1)
 }
 
+/// Median of some numbers, the upper one of two; none without numbers. Reorders them.
+pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -37,5 +43,7 @@ mod tests {
         assert_eq!(quantile(vec![5.0, 1.0, 3.0], 0.5), Some(3.0));
         assert_eq!(quantile(vec![5.0, 1.0, 3.0], 1.0), Some(5.0));
         assert_eq!(quantile(Vec::new(), 0.5), None);
+        assert_eq!(median(&mut [5.0, 1.0, 3.0, 9.0]), Some(5.0));
+        assert_eq!(median(&mut []), None);
     }
 }

@@ -4,6 +4,7 @@
 //! see equal colours, with every backend.
 
 use super::frames::DepthFrame;
+use crate::trimmed::median;
 use glam::{DVec3, Vec3};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
@@ -184,9 +185,4 @@ fn log_gains(count: usize, pairs: &[Pair], channel: usize) -> Vec<f64> {
     }
     let mean = gains.sum() / count.max(1) as f64;
     gains.iter().map(|g| g - mean).collect()
-}
-
-fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

@@ -102,6 +102,25 @@ pub fn check_capture(capture: &Capture) -> Consistency {
     out
 }
 
+/// Checks whether two recordings that were aligned show the same object.
+pub fn check_aligned(capture: &Capture) -> Vec<Finding> {
+    let views = capture.states.as_ref().map(|s| coarse_views(s.train.iter()));
+    let both = between(&views, Reading::STATED);
+    let share = both.share_of_all();
+    if both.all() < LEAST_SHOWN || share >= LITTLE_ACROSS {
+        return Vec::new();
+    }
+    let stated = format!("{} of the object's surfaces agree between the two recordings", percent(share));
+    vec![if share < REFUSED_ACROSS {
+        Finding::Refused(format!(
+            "{stated}: they show different objects in the same place, or the object was moved as a whole; leave it where it is \
+             between the recordings, or select it by --box"
+        ))
+    } else {
+        Finding::Warning(format!("{stated}: most of the object moved, or the recordings show different objects"))
+    }]
+}
+
 /// Agreement of both states with each other, the end state under a reading.
 fn between(views: &PerState<Vec<CoarseView>>, end: Reading) -> Agreement {
     let (a, b) = (&views[State::START][..], &views[State::END][..]);

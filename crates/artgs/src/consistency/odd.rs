@@ -9,6 +9,10 @@ use serde::Serialize;
 
 /// Agreement of a view with the others below which it contradicts them. Right views of the project's captures reach 0.7.
 const CONTRADICTS: f64 = 0.3;
+/// The same as a share of the median of the views. Poses that jump by 0.3 m in a room leave half of a view in agreement.
+const OF_MEDIAN: f64 = 0.6;
+/// Most comparisons.
+const ROUNDS: usize = 4;
 /// Points of a view that the others must be able to show.
 const LEAST_SHOWN: usize = 60;
 /// Share of rough cells above which a depth image shows no surface.
@@ -46,23 +50,36 @@ pub struct OddViews {
 }
 
 impl OddViews {
-    /// Compares every view with the views `with`.
+    /// Compares every view with the views `with`. Wrong views lower the agreement of right ones, so that the comparison is
+    /// repeated without those that were found.
     pub(super) fn find<'v>(views: impl Iterator<Item = &'v View>, with: &[CoarseView]) -> Self {
         let all: Vec<&View> = views.filter(|v| v.depth.is_some()).collect();
-        let others: Vec<Posed<'_>> = with.iter().map(|v| Posed::new(v, Reading::STATED)).collect();
-        let odd = |view: &&View| {
-            let coarse = CoarseView::new(view);
-            let own = Posed::new(&coarse, Reading::STATED);
-            let name = || view.name.clone();
-            if coarse.inner >= LEAST_CELLS && coarse.rough as f64 > NOISE * coarse.inner as f64 {
-                return Some(OddView { name: name(), agreement: None });
+        let coarse: Vec<CoarseView> = all.par_iter().map(|v| CoarseView::new(v)).collect();
+        let own: Vec<Posed<'_>> = coarse.iter().map(|v| Posed::new(v, Reading::STATED)).collect();
+        let mut others: Vec<Posed<'_>> = with.iter().map(|v| Posed::new(v, Reading::STATED)).collect();
+        let is_noise = |v: &CoarseView| v.inner >= LEAST_CELLS && v.rough as f64 > NOISE * v.inner as f64;
+        let mut found: Vec<Option<OddView>> = all
+            .iter()
+            .zip(&coarse)
+            .map(|(view, v)| is_noise(v).then(|| OddView { name: view.name.clone(), agreement: None }))
+            .collect();
+        for _ in 0..ROUNDS {
+            let shares: Vec<Option<f64>> = own.par_iter().map(|view| agreement_with(view, &others)).collect();
+            let open = || shares.iter().zip(&found).filter(|(_, f)| f.is_none()).filter_map(|(share, _)| *share);
+            let mut right: Vec<f64> = open().collect();
+            let least = crate::trimmed::median(&mut right).map_or(CONTRADICTS, |m| CONTRADICTS.max(OF_MEDIAN * m));
+            let before = found.iter().flatten().count();
+            for ((found, share), view) in found.iter_mut().zip(&shares).zip(&all) {
+                let share = share.filter(|s| found.is_none() && *s < least);
+                *found = found.take().or(share.map(|s| OddView { name: view.name.clone(), agreement: Some(s) }));
             }
-            let there = |p: &&Posed<'_>| p.to_camera != own.to_camera;
-            let counts: Agreement = agreement_of(&own, others.iter().filter(there));
-            let contradicts = counts.shown() >= LEAST_SHOWN && counts.share() < CONTRADICTS;
-            contradicts.then(|| OddView { name: name(), agreement: Some(counts.share()) })
-        };
-        Self { of: all.len(), views: all.par_iter().filter_map(odd).collect() }
+            if found.iter().flatten().count() == before {
+                break;
+            }
+            let is_odd = |p: &Posed<'_>| found.iter().zip(&own).any(|(f, o)| f.is_some() && o.to_camera == p.to_camera);
+            others.retain(|p| !is_odd(p));
+        }
+        Self { of: all.len(), views: found.into_iter().flatten().collect() }
     }
 
     /// True if so many views contradict others that it cannot be decided which ones are right.
@@ -83,4 +100,11 @@ impl OddViews {
         let more = if self.views.len() > LISTED { ", ..." } else { "" };
         format!("{} of {} images: {}{more}", self.views.len(), self.of, names.join(", "))
     }
+}
+
+/// Share of the points of a view that others confirm; none if they show too few of them.
+fn agreement_with(view: &Posed<'_>, others: &[Posed<'_>]) -> Option<f64> {
+    let there = |p: &&Posed<'_>| p.to_camera != view.to_camera;
+    let counts: Agreement = agreement_of(view, others.iter().filter(there));
+    (counts.shown() >= LEAST_SHOWN).then(|| counts.share())
 }

@@ -181,3 +181,27 @@ fn images_copied_from_the_other_state_are_refused() {
     copied.states[State::END] = copied.states[State::START].clone();
     assert_eq!(check_capture(&copied).findings(), []);
 }
+
+#[test]
+fn aligned_recordings_of_different_objects_are_refused() {
+    assert_eq!(check_aligned(&capture()), []);
+    let other = changed(&[State::END], |view| scale_depth(view, 0.9));
+    let findings = check_aligned(&other);
+    let [Finding::Refused(text)] = &findings[..] else { panic!("{findings:?}") };
+    assert!(text.contains("different objects") && text.contains("--box"), "{text}");
+}
+
+#[test]
+fn all_views_whose_poses_jump_are_named_though_they_spoil_the_agreement_of_right_ones() {
+    let mut capture = capture();
+    let train = &mut capture.states[State::START].train;
+    let wrong: Vec<String> = train.iter().skip(1).step_by(4).map(|v| v.name.clone()).collect();
+    for (i, view) in train.iter_mut().skip(1).step_by(4).enumerate() {
+        let pose = view.camera.world_to_camera.inverse();
+        let shift = DVec3::new(0.12, -0.08, 0.05) * (1.0 + i as f64);
+        view.camera.world_to_camera = Rigid { translation: pose.translation + shift, ..pose }.inverse();
+    }
+    let found = check_capture(&capture);
+    let named: Vec<&str> = found.states[State::START].odd.views.iter().map(|v| &v.name[..]).collect();
+    assert_eq!(named, wrong);
+}
