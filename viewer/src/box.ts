@@ -5,6 +5,7 @@ import {
   BufferAttribute,
   BufferGeometry,
   CanvasTexture,
+  Color,
   EdgesGeometry,
   Group,
   LineBasicMaterial,
@@ -15,6 +16,7 @@ import {
   PointsMaterial,
   Quaternion,
   type Ray,
+  SRGBColorSpace,
   Vector2,
   Vector3,
 } from "three";
@@ -118,9 +120,12 @@ export class ObjectBox {
       new BufferGeometry(),
       new PointsMaterial({ size: 17, sizeAttenuation: false, vertexColors: true, map: disc(), alphaTest: 0.5, depthTest: false, transparent: true }),
     );
-    const colours = AXES.flatMap((_, k) => [...COLOURS[k], ...COLOURS[k]]);
+    const colours = COLOURS.flatMap(([r, g, b]) => {
+      const linear = new Color().setRGB(r / 255, g / 255, b / 255, SRGBColorSpace).toArray();
+      return [...linear, ...linear];
+    });
     this.handles.geometry.setAttribute("position", new BufferAttribute(new Float32Array(18), 3));
-    this.handles.geometry.setAttribute("color", new BufferAttribute(Uint8Array.from(colours), 3, true));
+    this.handles.geometry.setAttribute("color", new BufferAttribute(Float32Array.from(colours), 3));
     this.handles.frustumCulled = false;
     this.handles.renderOrder = 20;
     this.group.add(this.edges, this.body, this.handles);
@@ -148,7 +153,7 @@ export class ObjectBox {
     this.editor.append(table, this.inside, make("p", { className: "option" }, this.text), buttons);
     if (!file) this.editor.append(make("p", { className: "note" }, exported ? "This page cannot save files: copy the option." : `The box cannot be saved: ${refused}. Copy the option instead.`));
     this.editor.append(this.status);
-    const about = "The object is what is in the box, in both states: include open doors and drawers. Without a box, it is what the cameras look at. Frame and unit are those of this recording; give it as the first one.";
+    const about = "The object is what is in the box, in both states: include open doors and drawers. Without a box, it is what the cameras look at. Frame and unit are those of this recording; give it to artgs reconstruct as the first one.";
     return section("Object box", make("div", { className: "row" }, this.placing), this.editor, make("p", { className: "note" }, about));
   }
 

@@ -159,7 +159,7 @@ async function start(scene: SceneData) {
   const box = scene.object_box && scene.placement ? new ObjectBox(scene, stage, clouds) : null;
   if (box) {
     stage.add(box.group);
-    panel.append(box.element);
+    panel.lead(box.element);
     frameBox(stage, box, scene);
   }
   const counts = looks.count();

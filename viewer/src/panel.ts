@@ -59,6 +59,11 @@ export class Panel {
     this.root.append(part);
   }
 
+  /** Adds a section before all others. */
+  lead(part: HTMLElement): void {
+    this.root.querySelector("#facts")!.after(part);
+  }
+
   private show(): HTMLElement {
     const choices = make("div", { className: "choices" });
     for (const mode of MODES) {

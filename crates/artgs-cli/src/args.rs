@@ -292,11 +292,6 @@ pub(crate) struct Check {
 pub(crate) struct View {
     /// Folder that `reconstruct` made, also one that stopped before training; a capture; or a recording of one state
     pub(crate) what: PathBuf,
-    #[command(flatten)]
-    pub(crate) recording: RecordingArgs,
-    /// File in which the page of a recording saves the box of the object; object_box.json in its folder if absent
-    #[arg(long, value_name = "FILE", conflicts_with = "export", help_heading = "Recordings")]
-    pub(crate) save_box: Option<PathBuf>,
     /// Port on this machine; 8765 or any free one if absent
     #[arg(long, value_name = "N")]
     pub(crate) port: Option<u16>,
@@ -312,6 +307,11 @@ pub(crate) struct View {
     /// Write JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    pub(crate) recording: RecordingArgs,
+    /// File in which the page of a recording saves the box of the object; object_box.json in its folder if absent
+    #[arg(long, value_name = "FILE", conflicts_with = "export", help_heading = "Recordings")]
+    pub(crate) save_box: Option<PathBuf>,
 }
 
 /// A format as the value of a flag.
