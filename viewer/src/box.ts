@@ -23,7 +23,7 @@ import {
 import type { Clouds } from "./clouds";
 import { button, make, section } from "./dom";
 import { exported, post } from "./files";
-import type { SceneData, Triple } from "./scene";
+import { hasBothStates, type SceneData, type Triple } from "./scene";
 import type { Stage } from "./stage";
 
 const AXES = ["x", "y", "z"] as const;
@@ -153,7 +153,8 @@ export class ObjectBox {
     this.editor.append(table, this.inside, make("p", { className: "option" }, this.text), buttons);
     if (!file) this.editor.append(make("p", { className: "note" }, exported ? "This page cannot save files: copy the option." : `The box cannot be saved: ${refused}. Copy the option instead.`));
     this.editor.append(this.status);
-    const about = "The object is what is in the box, in both states: include open doors and drawers. Without a box, it is what the cameras look at. Frame and unit are those of this recording; give it to artgs reconstruct as the first one.";
+    const frame = hasBothStates(this.scene) ? "the first recording." : "this recording; give it to artgs reconstruct as the first one.";
+    const about = `The object is what is in the box, in both states: include open doors and drawers. Without a box, it is what the cameras look at. Frame and unit are those of ${frame}`;
     return section("Object box", make("div", { className: "row" }, this.placing), this.editor, make("p", { className: "note" }, about));
   }
 
