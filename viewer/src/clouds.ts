@@ -1,12 +1,23 @@
 /** Points of the observed states; points that moved can be marked. */
 
-import { Box3, BufferAttribute, BufferGeometry, Color, Group, type Matrix4, Object3D, Points, PointsMaterial, SRGBColorSpace } from "three";
+import { Box3, BufferAttribute, BufferGeometry, Color, Group, type Matrix4, Object3D, Points, PointsMaterial, SRGBColorSpace, Vector3 } from "three";
 import { bytes } from "./files";
 import type { Model } from "./model";
 import type { CloudData } from "./scene";
 
 /** Moved points, sRGB. */
 const MOVED = new Color("#d4366a");
+
+/** The grey, linear, that points outside of a box get, and its share in their colour. */
+const FADED = 0.4;
+const FADE = 0.8;
+
+/** An axis-aligned box in a frame, which a matrix leads to from that of the object. */
+export interface Highlight {
+  toBox: Matrix4;
+  lower: Vector3;
+  upper: Vector3;
+}
 
 /** Some of the points of a state. */
 interface Piece {
@@ -21,6 +32,8 @@ export class Clouds {
   private readonly pieces: Piece[] = [];
   private on = false;
   private state = 0;
+  private marks = false;
+  private highlighted: Highlight | null = null;
 
   /** `carried`: the points of both states are children of their links and move with them. */
   constructor(
@@ -103,11 +116,37 @@ export class Clouds {
   /** Shows one state, in the colours of the photos or with what moved marked. */
   show(state: number, moved: boolean): void {
     this.state = state;
+    this.marks = moved;
     this.place();
+    this.paint();
+  }
+
+  /** Fades points outside of a box, or none; returns the number of points inside. */
+  highlight(box: Highlight | null): number {
+    this.highlighted = box;
+    return this.paint();
+  }
+
+  private paint(): number {
+    let inside = 0;
+    const at = new Vector3();
     for (const { points, photo, marked } of this.pieces) {
       const colours = points.geometry.getAttribute("color") as BufferAttribute;
-      (colours.array as Float32Array).set(moved ? marked : photo);
+      const out = colours.array as Float32Array;
+      out.set(this.marks ? marked : photo);
       colours.needsUpdate = true;
+      if (!this.highlighted) continue;
+      const { toBox, lower, upper } = this.highlighted;
+      const places = points.geometry.getAttribute("position") as BufferAttribute;
+      for (let i = 0; i < places.count; i++) {
+        at.fromBufferAttribute(places, i).applyMatrix4(toBox);
+        if (at.x >= lower.x && at.y >= lower.y && at.z >= lower.z && at.x <= upper.x && at.y <= upper.y && at.z <= upper.z) {
+          inside++;
+          continue;
+        }
+        for (let c = 0; c < 3; c++) out[3 * i + c] += FADE * (FADED - out[3 * i + c]);
+      }
     }
+    return inside;
   }
 }

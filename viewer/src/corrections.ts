@@ -3,6 +3,7 @@
 import { Group, Mesh, MeshBasicMaterial, Plane, Quaternion, SphereGeometry, SRGBColorSpace, Vector3 } from "three";
 import { Cut } from "./cut";
 import { button, check, make, section } from "./dom";
+import { post } from "./files";
 import type { Link, Model } from "./model";
 import { type AlternativeData, isFound, type MarkedJoint, type SceneData, type Triple } from "./scene";
 import type { Stage } from "./stage";
@@ -302,19 +303,6 @@ function give(centre: Centre, joint: MarkedJoint | null): void {
   const same = (other: MarkedJoint) => joint !== null && JSON.stringify([joint.axis, joint.origin]) === JSON.stringify([other.axis, other.origin]);
   for (const { data, use } of centre.offers) {
     use.setAttribute("aria-pressed", `${data.kind === centre.type!.value && same(data.joint)}`);
-  }
-}
-
-/** Why the server refused the data; null if it accepted. */
-async function post(path: string, data: object): Promise<string | null> {
-  const headers = { "Content-Type": "application/json" };
-  try {
-    const answer = await fetch(path, { method: "POST", headers, body: JSON.stringify(data) });
-    // Read the whole answer: leaving the page earlier would break the connection.
-    const words = (await answer.text()).trim();
-    return answer.ok ? null : words;
-  } catch (error) {
-    return error instanceof Error ? error.message : String(error);
   }
 }
 

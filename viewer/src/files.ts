@@ -1,4 +1,4 @@
-/** Files of the scene: from the server, or from elements of an exported page. */
+/** Files of the scene: from the server, or from elements of an exported page. Data for the server. */
 
 const inlined = new Map<string, Element>();
 for (const element of document.querySelectorAll("script[data-file]")) {
@@ -32,4 +32,17 @@ export async function text(name: string): Promise<string> {
 export async function address(name: string): Promise<string> {
   const type = name.endsWith(".png") ? "image/png" : "image/jpeg";
   return URL.createObjectURL(new Blob([await bytes(name)], { type }));
+}
+
+/** Why the server refused the data; null if it accepted. */
+export async function post(path: string, data: object): Promise<string | null> {
+  const headers = { "Content-Type": "application/json" };
+  try {
+    const answer = await fetch(path, { method: "POST", headers, body: JSON.stringify(data) });
+    // Read the whole answer: leaving the page earlier would break the connection.
+    const words = (await answer.text()).trim();
+    return answer.ok ? null : words;
+  } catch (error) {
+    return error instanceof Error ? error.message : String(error);
+  }
 }

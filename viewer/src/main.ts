@@ -1,7 +1,8 @@
 /** Entry point: loads and draws the scene and connects controls, pointer and test functions. */
 
 import "./style.css";
-import { Quaternion, Vector3 } from "three";
+import { Box3, Quaternion, Vector3 } from "three";
+import { ObjectBox } from "./box";
 import { Frustums, Wipe } from "./cameras";
 import { Clouds } from "./clouds";
 import { Corrections } from "./corrections";
@@ -13,7 +14,7 @@ import { startLive } from "./live";
 import { Model, motion } from "./model";
 import { Panel } from "./panel";
 import { Player } from "./player";
-import { checkScene, isFound, type SceneData } from "./scene";
+import { checkScene, hasBothStates, isFound, type SceneData } from "./scene";
 import { Stage } from "./stage";
 
 const message = document.querySelector<HTMLElement>("#message")!;
@@ -43,6 +44,16 @@ function frontOf(model: Model, found: boolean): Vector3 {
     front.addScaledVector(way, found && way.dot(out) < 0 ? -1 : 1);
   }
   return front;
+}
+
+/** Shows a recording: the box of the object, seen from where the cameras were. */
+function frameBox(stage: Stage, box: ObjectBox, scene: SceneData): void {
+  const extent = new Box3().setFromObject(box.group);
+  const centre = extent.getCenter(new Vector3());
+  const eyes = (scene.cameras ?? []).map(({ pose }) => new Vector3(pose[0][3], pose[1][3], pose[2][3]));
+  const front = eyes.reduce((sum, eye) => sum.add(eye).sub(centre), new Vector3()).setZ(0);
+  // The surroundings are in view, too.
+  stage.frameObject(extent.expandByVector(extent.getSize(new Vector3()).multiplyScalar(0.25)), front);
 }
 
 function openStage(scene: SceneData): Stage {
@@ -145,11 +156,17 @@ async function start(scene: SceneData) {
   await Promise.all([looks.loadSplats(), found ? undefined : clouds.load()]);
   clouds.show(state, marked);
   if (extent.isEmpty()) stage.frameObject(clouds.extent(), new Vector3());
+  const box = scene.object_box && scene.placement ? new ObjectBox(scene, stage, clouds) : null;
+  if (box) {
+    stage.add(box.group);
+    panel.lead(box.element);
+    frameBox(stage, box, scene);
+  }
   const counts = looks.count();
   panel.allow("splats", counts.splats > 0);
   const facts = [`${scene.links.length} links`, `${counts.triangles.toLocaleString("en")} triangles`];
   if (counts.splats > 0) facts.push(`${counts.splats.toLocaleString("en")} Gaussians`);
-  panel.facts(found ? "Discovered parts, before training" : scene.links.length > 0 ? facts.join(" · ") : "Capture before reconstruction");
+  panel.facts(found ? "Discovered parts, before training" : scene.links.length > 0 ? facts.join(" · ") : hasBothStates(scene) ? "Capture before reconstruction" : "Recording of one state");
   if (found) say("Check the parts and their motions. Correct what is wrong, then save and continue.");
   else say(exported || !model.movable().length ? "" : "Drag a part to move it. Drag the background to turn the view.");
   setTimeout(() => message.classList.contains("wrong") || say(""), 6000);
@@ -178,6 +195,8 @@ async function start(scene: SceneData) {
       return [p.x, p.y];
     },
     counts,
+    /** The box of the object; null on pages without one. */
+    box,
     /** Frames per second while a joint moves. */
     fps: (seconds: number, moving = true) =>
       new Promise<number>((done) => {

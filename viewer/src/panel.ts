@@ -3,7 +3,7 @@
 import { button, check, make, section } from "./dom";
 import { MODES, type Mode } from "./looks";
 import type { Link, Model } from "./model";
-import { type AlternativeData, isFound, readable, type SceneData } from "./scene";
+import { type AlternativeData, hasBothStates, isFound, readable, type SceneData } from "./scene";
 import { rows, table } from "./scores";
 
 /** What the controls do. */
@@ -59,6 +59,11 @@ export class Panel {
     this.root.append(part);
   }
 
+  /** Adds a section before all others. */
+  lead(part: HTMLElement): void {
+    this.root.querySelector("#facts")!.after(part);
+  }
+
   private show(): HTMLElement {
     const choices = make("div", { className: "choices" });
     for (const mode of MODES) {
@@ -76,13 +81,13 @@ export class Panel {
         this.axesShown,
       );
     }
-    if (this.scene.clouds?.length) {
+    if (this.scene.clouds?.length && hasBothStates(this.scene)) {
       const found = isFound(this.scene);
       const marks = check(found ? "Colour points by part" : "Mark points that moved", (on) => this.act.moved(on));
       marks.querySelector("input")!.checked = found;
       out.append(marks);
     }
-    if (this.scene.clouds?.length && this.model.movable().length === 0) out.append(make("div", { className: "row" }, ...this.states()));
+    if (this.scene.clouds?.length && hasBothStates(this.scene) && this.model.movable().length === 0) out.append(make("div", { className: "row" }, ...this.states()));
     out.append(make("div", { className: "row" }, button("Reset view", () => this.act.home())));
     return out;
   }
@@ -141,9 +146,10 @@ export class Panel {
   private cameras(): HTMLElement {
     const views = this.scene.cameras!;
     const choice = make("select", { id: "camera", ariaLabel: "Camera to look through" }, make("option", { value: "" }, "Free view"));
-    views.forEach((v, i) => choice.append(make("option", { value: `${i}` }, `${v.name} (state ${"AB"[v.state]})`)));
+    const both = hasBothStates(this.scene);
+    views.forEach((v, i) => choice.append(make("option", { value: `${i}` }, both ? `${v.name} (state ${"AB"[v.state]})` : v.name)));
     const wipe = make("input", { type: "range", min: "0", max: "1", step: "0.005", value: "0.5", id: "wipe" });
-    const bar = make("label", { className: "slider", hidden: true }, make("span", { className: "ends" }, make("span", {}, "Replica"), make("span", {}, "Photo")), wipe);
+    const bar = make("label", { className: "slider", hidden: true }, make("span", { className: "ends" }, make("span", {}, this.scene.links.length > 0 ? "Replica" : "Points"), make("span", {}, "Photo")), wipe);
     wipe.addEventListener("input", () => this.act.wipe(wipe.valueAsNumber));
     choice.addEventListener("change", () => {
       bar.hidden = choice.value === "";

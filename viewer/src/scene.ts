@@ -82,6 +82,8 @@ export interface SceneData {
   returns?: boolean;
   /** Why a run cannot be started; null if it can. Missing if the server starts no runs. */
   rerun?: { refused: string | null };
+  /** The box of the object to begin with, capture's frame; `file`: where the server saves it, null if it does not. */
+  object_box?: { lower: Triple; upper: Triple; saved: boolean; file: string | null; refused?: string };
 }
 
 /** Throws if another version of the program wrote the scene. */
@@ -101,4 +103,9 @@ export function isFound(scene: SceneData): boolean {
 export function readable(joint: JointData, value: number): string {
   if (joint.kind === "prismatic") return `${(value * 1000).toFixed(0)} mm`;
   return `${((value * 180) / Math.PI).toFixed(1)}°`;
+}
+
+/** True if both states were observed; a recording has one of them. */
+export function hasBothStates(scene: SceneData): boolean {
+  return new Set([...(scene.clouds ?? []), ...(scene.cameras ?? [])].map((c) => c.state)).size > 1;
 }

@@ -62,7 +62,7 @@ pub(crate) enum Command {
     /// Open every export of a replica with another reader, and drive its joints in a physics engine
     #[cfg(feature = "check")]
     Check(Check),
-    /// Show a replica, or a capture before any reconstruction, in the browser
+    /// Show a replica, or a capture or recording before any reconstruction, in the browser
     View(View),
     /// Score a replica against the ground truth, against held-out photos, or both
     Evaluate(Evaluate),
@@ -117,8 +117,14 @@ pub(crate) struct Reconstruct {
     #[command(flatten)]
     pub(crate) recording: RecordingArgs,
     /// Two recordings: the object is what is in this box, in the world and unit of the first recording, instead of what
-    /// the cameras look at; floor and walls in it are left out. A run prints the box of its object in this form
-    #[arg(long = "box", value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true, help_heading = "Recordings")]
+    /// the cameras look at; floor and walls in it are left out. A run prints the box of its object in this form; the
+    /// page of `artgs view RECORDING` shows a box, and saves it in a FILE
+    #[arg(
+        long = "box",
+        value_name = "X0,Y0,Z0,X1,Y1,Z1|FILE",
+        allow_hyphen_values = true,
+        help_heading = "Recordings"
+    )]
     pub(crate) object_box: Option<String>,
     /// Folder for the replica; made if missing
     #[arg(short, long, value_name = "DIR")]
@@ -284,7 +290,7 @@ pub(crate) struct Check {
 
 #[derive(Debug, Args)]
 pub(crate) struct View {
-    /// Folder that `reconstruct` made, also one that stopped before training, or a capture
+    /// Folder that `reconstruct` made, also one that stopped before training; a capture; or a recording of one state
     pub(crate) what: PathBuf,
     /// Port on this machine; 8765 or any free one if absent
     #[arg(long, value_name = "N")]
@@ -301,6 +307,11 @@ pub(crate) struct View {
     /// Write JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    pub(crate) recording: RecordingArgs,
+    /// File in which the page of a recording saves the box of the object; object_box.json in its folder if absent
+    #[arg(long, value_name = "FILE", conflicts_with = "export", help_heading = "Recordings")]
+    pub(crate) save_box: Option<PathBuf>,
 }
 
 /// A format as the value of a flag.

@@ -19,6 +19,7 @@ mod folder;
 mod gpu;
 mod live;
 mod memory;
+mod object_box;
 mod output;
 mod pace;
 mod parts_table;
@@ -31,6 +32,7 @@ mod settings;
 mod suites;
 mod synth;
 mod view;
+mod view_recording;
 
 use clap::Parser;
 use std::process::ExitCode;

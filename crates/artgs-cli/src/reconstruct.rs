@@ -10,7 +10,7 @@ use crate::memory::Plan;
 use crate::output::{Report, say};
 use crate::recordings::{self, Source};
 use crate::settings::configure;
-use crate::{agreement, doubts, live, parts_table, progress, rerun};
+use crate::{agreement, doubts, live, object_box, parts_table, progress, rerun};
 use anyhow::Context;
 use artgs::align::correct;
 use artgs::fit::FitError;
@@ -45,7 +45,7 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
         require_corrections(&run)?;
     }
     let source = Source::new(&args.capture)?;
-    let given = args.object_box.as_deref().map(|text| recordings::object_box(text, &source)).transpose()?;
+    let given = args.object_box.as_deref().map(|text| object_box::given(text, &source)).transpose()?;
     let device = device::choose(args.method.device, &config)?;
     let plan = match &source {
         Source::Capture(folder) => Plan::of_capture(folder, args.memory)?,

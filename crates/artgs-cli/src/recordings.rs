@@ -27,14 +27,14 @@ impl Source {
     /// One path is a capture, two are recordings.
     pub(crate) fn new(paths: &[PathBuf]) -> Result<Self, Failure> {
         match paths {
-            [capture] => match RecordingFormat::detect(capture).or_else(|| RecordingFormat::by_name(capture)) {
-                Some(format) if !is_capture(capture) => Err(Failure::bad(format!(
+            [capture] => match format_of(capture) {
+                Some(format) => Err(Failure::bad(format!(
                     "{}: a recording of one state ({}); give the recordings of both states: artgs reconstruct CLOSED OPEN \
                      -o OUT",
                     capture.display(),
                     format.name()
                 ))),
-                _ => Ok(Self::Capture(capture.clone())),
+                None => Ok(Self::Capture(capture.clone())),
             },
             [start, end] => Ok(Self::Recordings(PerState::new(start.clone(), end.clone()))),
             _ => Err(Failure::bad("give one capture, or the recordings of two states")),
@@ -42,15 +42,12 @@ impl Source {
     }
 }
 
-/// The box of `--box`, which only recordings have.
-pub(crate) fn object_box(text: &str, source: &Source) -> Result<ObjectBox, Failure> {
-    if let Source::Capture(folder) = source {
-        return Err(Failure::bad(format!(
-            "--box selects the object in two recordings; {} is one capture, whose masks select it",
-            folder.display()
-        )));
+/// The format of a recording of one state; none for a capture and anything else.
+pub(crate) fn format_of(path: &Path) -> Option<RecordingFormat> {
+    if is_capture(path) {
+        return None;
     }
-    text.parse().map_err(|reason| Failure::bad(format!("--box {text}: {reason}")))
+    RecordingFormat::detect(path).or_else(|| RecordingFormat::by_name(path))
 }
 
 /// True for a folder with the camera files of two states.
@@ -58,9 +55,9 @@ fn is_capture(folder: &Path) -> bool {
     ["transforms_train_start.json", "start/camera_train.json"].iter().any(|file| folder.join(file).is_file())
 }
 
-/// Refuses options of recordings where there is a capture.
-pub(crate) fn require_none(args: &RecordingArgs, capture: &Path) -> Result<(), Failure> {
-    let given = [
+/// An option of recordings that is given.
+pub(crate) fn given_option(args: &RecordingArgs) -> Option<&'static str> {
+    let all = [
         ("--format", args.format.is_some()),
         ("--frames", args.frames.is_some()),
         ("--intrinsics", args.intrinsics.is_some()),
@@ -68,8 +65,13 @@ pub(crate) fn require_none(args: &RecordingArgs, capture: &Path) -> Result<(), F
         ("--every", args.every != 1),
         ("--offset", !args.offset.is_empty()),
     ];
-    match given.iter().find(|(_, given)| *given && is_capture(capture)) {
-        Some((option, _)) => {
+    all.into_iter().find_map(|(option, given)| given.then_some(option))
+}
+
+/// Refuses options of recordings where there is a capture.
+pub(crate) fn require_none(args: &RecordingArgs, capture: &Path) -> Result<(), Failure> {
+    match given_option(args).filter(|_| is_capture(capture)) {
+        Some(option) => {
             Err(Failure::bad(format!("{option} is for the recordings of two states, and this is a capture")))
         }
         None => Ok(()),

@@ -1,4 +1,4 @@
-//! `artgs view`: a replica, or a capture before any reconstruction, in the browser.
+//! `artgs view`: a replica, or a capture or recording before any reconstruction, in the browser.
 
 use crate::args::View;
 use crate::commands::Style;
@@ -6,18 +6,19 @@ use crate::export::export_locked;
 use crate::failure::Failure;
 use crate::folder::{load_capture, lock, photos_of};
 use crate::output::{note, say};
-use crate::rerun;
+use crate::recordings::{format_of, given_option};
+use crate::{object_box, rerun, view_recording};
 use anyhow::Context;
 use artgs::discover::{DiscoverConfig, moved_points};
-use artgs_core::{Alternative, Capture, JointEstimate, State};
-use artgs_io::RunFolder;
+use artgs_core::{Alternative, Capture, JointEstimate, State, View as SourceView};
 use artgs_io::asset::Format;
 use artgs_io::export_report::ExportReport;
+use artgs_io::{BoxBounds, RunFolder};
 use artgs_physical::Up;
 use artgs_physical::export::ExportOptions;
 use artgs_view::{CameraView, Cloud, FoundJoint, Page, Placement, Server, export_page};
 use serde_json::json;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -26,25 +27,58 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const CAMERAS: usize = 16;
 
 pub(crate) fn run(args: &View, style: Style) -> Result<(), Failure> {
-    if !args.what.is_dir() {
-        return Err(Failure::bad(format!("{}: no such folder; give a replica or a capture", args.what.display())));
-    }
     let run = RunFolder::new(&args.what);
-    let page = page_of(&run, args.capture.as_deref(), style)?;
+    let is_run = run.has_replica() || run.has_found_parts();
+    let is_recording =
+        !is_run && args.what.exists() && (args.recording.format.is_some() || format_of(&args.what).is_some());
+    if !is_recording && !args.what.is_dir() {
+        let shown = args.what.display();
+        return Err(Failure::bad(format!("{shown}: no such folder; give a replica, a capture or a recording")));
+    }
+    let aligned = if is_run || is_recording { None } else { object_box::of_alignment(&args.what) };
+    let box_file = box_file(args, is_recording, aligned.is_some())?;
+    let saved = box_file.iter().flatten().find_map(|file| BoxBounds::read(file).ok());
+    let mut page = if is_recording {
+        view_recording::page(&args.what, &args.recording, saved, style)?
+    } else {
+        page_of(&run, args.capture.as_deref(), style)?
+    };
+    if let Some(bounds) = saved.or(aligned).filter(|_| !is_recording) {
+        page.scene.object_box = Some(view_recording::scene_box(bounds, saved.is_some()));
+    }
     if let Some(file) = &args.export {
         export_page(&page, file).map_err(Failure::bad_input)?;
         return if style.quiet { Ok(()) } else { say(format!("page in {}", file.display())) };
     }
-    let is_run = run.has_replica() || run.has_found_parts();
     let mut server = Server::bind(page, args.port, is_run.then(|| args.what.clone())).map_err(Failure::bad_input)?;
     if is_run {
         server = server.with_rerun(rerun::rerun_of(&run, args.capture.as_deref(), style));
+    }
+    if let Some(file) = box_file {
+        server = server.with_box(file);
     }
     let server = Arc::new(server);
     announce(&server.url(), !args.no_open, style)?;
     let stop = stopped(&server)?;
     server.run(&stop);
     Ok(())
+}
+
+/// Where the page of a recording, or of two that a run aligned, saves the box, or why it does not; none for pages without
+/// a box.
+fn box_file(args: &View, is_recording: bool, is_aligned: bool) -> Result<Option<Result<PathBuf, String>>, Failure> {
+    let (shown, named) = (args.what.display(), args.save_box.as_deref());
+    if let Some(option) = given_option(&args.recording).filter(|_| !is_recording) {
+        return Err(Failure::bad(format!("{option} is for a recording of one state, and {shown} is none")));
+    }
+    if is_recording || is_aligned {
+        let file = is_recording.then(|| object_box::file_of(&args.what));
+        return object_box::file_to_save(file, named).map(Some);
+    }
+    match named {
+        Some(_) => Err(Failure::bad(format!("--save-box is for a recording of one state, and {shown} is none"))),
+        None => Ok(None),
+    }
 }
 
 /// Becomes true at Ctrl-C. A run in progress then ends at once: its files are complete, and it can be resumed.
@@ -167,8 +201,7 @@ fn points(state: State, cloud: &artgs::discover::Cloud, marks: Vec<u8>) -> Cloud
 /// Page of a capture: its cameras and the surface points of both states.
 fn capture(folder: &Path, style: Style) -> Result<Page, Failure> {
     let capture = load_capture(folder)?;
-    let name = folder.file_name().map_or("capture".into(), |n| n.to_string_lossy().into_owned());
-    let mut page = Page::empty(&name);
+    let mut page = Page::empty(&name_of(folder, "capture"));
     let placement = Placement::default();
     page.place(placement);
     page.add_cameras(&cameras(&capture, folder), placement).map_err(Failure::bad_input)?;
@@ -183,24 +216,40 @@ fn capture(folder: &Path, style: Style) -> Result<Page, Failure> {
     Ok(page)
 }
 
+/// Name of a folder, or of a file without its extension; `other` for one without a name.
+pub(crate) fn name_of(path: &Path, other: &str) -> String {
+    let name = if path.is_dir() { path.file_name() } else { path.file_stem() };
+    name.map_or_else(|| other.into(), |n| n.to_string_lossy().into_owned())
+}
+
 fn cameras(capture: &Capture, folder: &Path) -> Vec<CameraView> {
     let mut out = Vec::new();
     for (state, views) in capture.states.enumerate() {
-        let step = views.train.len().div_ceil(CAMERAS).max(1);
-        out.extend(views.train.iter().step_by(step).map(|view| CameraView {
-            name: format!("{} {}", state.name(), stem(&view.name)),
-            state,
-            camera: view.camera,
-            photo: Some(folder.join(&view.name)).filter(|file| file.is_file()),
-            rendering: None,
-            mask: None,
-        }));
+        for (camera, view) in camera_views(&views.train, state, &format!("{} ", state.name())) {
+            let photo = Some(folder.join(&view.name)).filter(|file| file.is_file());
+            out.push(CameraView { photo, ..camera });
+        }
     }
     out
 }
 
-fn stem(name: &str) -> String {
-    Path::new(name).file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy().into_owned())
+/// Some of the cameras, without pictures; `before` begins their names.
+pub(crate) fn camera_views<'a>(
+    views: &'a [SourceView],
+    state: State,
+    before: &str,
+) -> Vec<(CameraView, &'a SourceView)> {
+    let step = views.len().div_ceil(CAMERAS).max(1);
+    let shown = views.iter().step_by(step);
+    let camera = |view: &SourceView| CameraView {
+        name: format!("{before}{}", name_of(Path::new(&view.name), &view.name)),
+        state,
+        camera: view.camera,
+        photo: None,
+        rendering: None,
+        mask: None,
+    };
+    shown.map(|view| (camera(view), view)).collect()
 }
 
 /// How the export turned and scaled the capture; metres and +Z up where it does not say.

@@ -60,6 +60,13 @@ fn wrong_usage_exits_2_and_says_what_is_wrong() {
             "the upper y (0) must be above the lower one (0)",
         ),
         (&["reconstruct", "a", "b", "-o", "y", "--box", "0,0,0,1,1,inf"], "`inf` is not a finite number"),
+        (
+            &["reconstruct", "a", "b", "-o", "y", "--box", "absent.json"],
+            "--box absent.json: cannot be read: No such file or directory (os error 2); give six numbers",
+        ),
+        (&["view", "absent"], "give a replica, a capture or a recording"),
+        (&["view", "tests", "--frames", "3"], "--frames is for a recording of one state, and tests is none"),
+        (&["view", "tests", "--save-box", "x"], "--save-box is for a recording of one state, and tests is none"),
         (&["demo", "--threads", "0"], "--threads"),
         (&["export", "x", "--scale", "1e30"], "a number from"),
         (&["export", "x", "--scale", "nan"], "a number from"),

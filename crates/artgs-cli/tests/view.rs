@@ -2,9 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use artgs_core::JointKind;
-use artgs_io::read_replica;
+use artgs_core::{Camera, DepthMap, Intrinsics, JointKind, RecordedFrame, Recording, View};
+use artgs_io::{BoxBounds, RecordingFormat, read_replica, write_recording};
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
+use glam::DVec3;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -26,11 +27,13 @@ struct Viewer {
 
 impl Viewer {
     fn open(out: &Path) -> Self {
-        let mut child = artgs(&["view", out.to_str().unwrap(), "--no-open", "--port", "0", "--json"])
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
+        Self::open_with(out, &[])
+    }
+
+    fn open_with(out: &Path, options: &[&str]) -> Self {
+        let fixed = ["view", out.to_str().unwrap(), "--no-open", "--port", "0", "--json"];
+        let mut child =
+            artgs(&[&fixed[..], options].concat()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         let first: Value = serde_json::from_str(&lines.next().unwrap().unwrap()).unwrap();
         let port = first["url"].as_str().unwrap().trim_end_matches('/').rsplit(':').next().unwrap().to_string();
@@ -136,4 +139,65 @@ fn parts_are_corrected_before_the_rest_is_made_and_the_page_makes_it() {
     let refused = viewer.json("/scene.json")["rerun"]["refused"].clone();
     assert!(refused.as_str().unwrap().contains("--capture"), "{refused}");
     assert_eq!(viewer.post("/rerun", "{ }"), "403");
+}
+
+/// Frames about a point at the origin of a world with +Y up, with depth of a wall behind it.
+fn recorded() -> Recording {
+    let intrinsics = Intrinsics { fx: 40.0, fy: 40.0, cx: 24.0, cy: 16.0, width: 48, height: 32 };
+    let frame = |k: usize| {
+        let eye = DVec3::new(-0.8 + 0.4 * k as f64, 0.6, 2.0);
+        let camera = Camera::look_at(intrinsics, eye, DVec3::ZERO, DVec3::Y);
+        let rgba = (0..48 * 32).map(|i| [(40 * k) as u8, (i % 48 * 5) as u8, (i / 48 * 7) as u8, 255]).collect();
+        let depth = Some(DepthMap::nearest(&[2.1; 48 * 32]));
+        let view = View { name: format!("{k}.png"), camera, rgba, depth };
+        RecordedFrame { view, time: None, depth_step: 1.0 }
+    };
+    Recording {
+        up: Some(DVec3::Y),
+        metric: true,
+        frames: (0..5).map(frame).collect(),
+        recorded: 5,
+        ..Recording::default()
+    }
+}
+
+#[test]
+fn a_recording_is_shown_and_its_box_saved_for_reconstruct() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = root.path().join("closed");
+    write_recording(&folder, &recorded(), RecordingFormat::Nerfstudio).unwrap();
+    let names = || {
+        let all = std::fs::read_dir(&folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
+        all.collect::<std::collections::BTreeSet<String>>()
+    };
+    let before = names();
+    let viewer = Viewer::open(&folder);
+    let scene = viewer.json("/scene.json");
+    let count = |key: &str| scene[key].as_array().unwrap().len();
+    assert_eq!((count("links"), count("cameras"), count("clouds")), (0, 5, 1));
+    assert!(scene["clouds"][0]["count"].as_u64().unwrap() > 300 && scene["cameras"][0]["photo"].is_string());
+    assert_eq!((&scene["name"], &scene["corrections"]), (&"closed".into(), &false.into()));
+    let begun = &scene["object_box"];
+    let file = folder.join("object_box.json");
+    assert_eq!((&begun["saved"], &begun["file"]), (&false.into(), &file.to_str().unwrap().into()));
+    assert!(begun["lower"][0].as_f64().unwrap() < -0.1 && begun["upper"][0].as_f64().unwrap() > 0.1, "{begun}");
+    assert_eq!(names(), before, "nothing is written before the user saves");
+    let good = r#"{"format":"artgs-box","version":1,"lower":[5,5,5],"upper":[6,6,6] }"#;
+    assert_eq!(viewer.post("/box", &good.replace("6,6,6", "6,6,4")), "400");
+    assert_eq!(viewer.post("/box", good), "200");
+    drop(viewer);
+    let saved = BoxBounds { lower: [5.0; 3], upper: [6.0; 3] };
+    assert_eq!(BoxBounds::read(&file).unwrap(), saved);
+    let added: Vec<String> = names().difference(&before).cloned().collect();
+    assert_eq!(added, ["object_box.json"]);
+
+    // The recording is still read, and its page begins with the saved box; another file can be named.
+    let elsewhere = root.path().join("other.json");
+    let viewer = Viewer::open_with(&folder, &["--save-box", elsewhere.to_str().unwrap(), "--frames", "3"]);
+    let scene = viewer.json("/scene.json");
+    assert_eq!((scene["cameras"].as_array().unwrap().len(), &scene["object_box"]["saved"]), (3, &false.into()));
+    assert_eq!((viewer.post("/box", good), elsewhere.exists()), ("200".to_string(), true));
+    drop(viewer);
+    let viewer = Viewer::open(&folder);
+    assert_eq!(viewer.json("/scene.json")["object_box"]["lower"], serde_json::json!([5.0, 5.0, 5.0]));
 }

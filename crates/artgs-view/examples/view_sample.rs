@@ -5,6 +5,8 @@
 //! `hold` exists in DIR. `view_sample DIR --found` first shows discovered parts before training. With `view_sample DIR
 //! --unable` no run can be started.
 //!
+//! `view_sample DIR --recording`: serves a recording whose box is saved in DIR/object_box.json, or in no file with `--unable`.
+//!
 //! `view_sample OUT --exported`: the same for an existing, exported replica folder.
 //!
 //! `view_sample DIR --live`: serves a run controlled by lines on standard input: `steps STAGE FROM TO`, `splats COUNT`
@@ -29,6 +31,9 @@ fn main() {
     if std::env::args().any(|a| a == "--live") {
         return follow();
     }
+    if std::env::args().any(|a| a == "--recording") {
+        return record(&out);
+    }
     let page = if std::env::args().any(|a| a == "--exported") {
         Page::of_replica(&out).unwrap()
     } else {
@@ -48,7 +53,19 @@ fn main() {
     let again = move |live: &Arc<Live>| made_again(live, &folder, &page);
     let rerun: Result<Box<Rerun<'static>>, String> =
         if has_flag("--unable") { Err("there are no photos".into()) } else { Ok(Box::new(again)) };
-    let server = Server::bind(shown, Some(0), Some(out)).unwrap().with_rerun(rerun);
+    serve(&Server::bind(shown, Some(0), Some(out)).unwrap().with_rerun(rerun));
+}
+
+fn record(folder: &Path) {
+    let page = common::recording_page();
+    export_page(&page, &folder.join("page.html")).unwrap();
+    let unable = std::env::args().any(|a| a == "--unable");
+    let file = if unable { Err("the folder is read-only".into()) } else { Ok(folder.join("object_box.json")) };
+    serve(&Server::bind(page, Some(0), None).unwrap().with_box(file));
+}
+
+/// Serves until standard input ends.
+fn serve(server: &Server) {
     println!("{}", server.url());
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {

@@ -23,6 +23,8 @@ pub use cloud::Cloud;
 pub use error::ViewError;
 pub use live::Live;
 pub use page::{FoundJoint, Page, Source};
-pub use scene::{Scene, SceneAlternative, SceneCamera, SceneCloud, SceneJoint, SceneLink, SceneMesh, SceneRerun};
+pub use scene::{
+    Scene, SceneAlternative, SceneBox, SceneCamera, SceneCloud, SceneJoint, SceneLink, SceneMesh, SceneRerun,
+};
 pub use server::{Rerun, Server};
 pub use single::export_page;

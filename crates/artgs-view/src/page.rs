@@ -80,6 +80,7 @@ impl Page {
             live: false,
             returns: false,
             rerun: None,
+            object_box: None,
         };
         Self { scene, files: BTreeMap::new(), corrected: None }
     }

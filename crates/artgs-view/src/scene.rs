@@ -46,6 +46,25 @@ pub struct Scene {
     /// Whether the server can start a run that applies corrections; none for a server without runs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rerun: Option<SceneRerun>,
+    /// Box of the object that the page edits; none if it edits none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub object_box: Option<SceneBox>,
+}
+
+/// The box of the object in a recording.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SceneBox {
+    /// Lowest x, y, z of the box to begin with, capture's frame and unit.
+    pub lower: [f64; 3],
+    /// Highest x, y, z.
+    pub upper: [f64; 3],
+    /// True if the box was saved before, false if it is a guess.
+    pub saved: bool,
+    /// File that the server writes; none if it writes none.
+    pub file: Option<String>,
+    /// Why the server writes none, if there is more to say than that the page has no server.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub refused: Option<String>,
 }
 
 /// Whether a run can be started from the page.

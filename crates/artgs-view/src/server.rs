@@ -1,8 +1,8 @@
 //! Serves the page over HTTP, on loopback only.
 //!
 //! `GET` of `/`, the script, the style, `/scene.json` and the files that the scene names; of a run, `/live.json`,
-//! `/live/splats.spz` and `/live/parts.spz`; `GET` and `POST` of `/corrections` and, to start a run, `POST` of `/rerun`. Paths
-//! are looked up among those names, so no request path reaches the file system.
+//! `/live/splats.spz` and `/live/parts.spz`; `GET` and `POST` of `/corrections`; `POST` of `/rerun` to start a run, and of
+//! `/box` to save the box of the object. Paths are looked up among those names, so no request path reaches the file system.
 
 use crate::bundle::{HTML, POLICY, SCRIPT, STYLE};
 use crate::connections::{Admitted, Connections};
@@ -12,7 +12,7 @@ use crate::live::{Live, Tint};
 use crate::pending::pending;
 use crate::{Page, SceneRerun, Source, ViewError};
 use artgs_io::folder_lock::LockError;
-use artgs_io::{Corrections, FolderLock, read_corrections, write_corrections};
+use artgs_io::{BoxBounds, Corrections, FolderLock, read_corrections, write_corrections};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
@@ -40,6 +40,8 @@ pub struct Server {
     corrections: Option<PathBuf>,
     /// The run that the page can start, or why it cannot.
     rerun: Option<Result<Box<Rerun<'static>>, String>>,
+    /// File of the box that the page edits.
+    box_file: Option<PathBuf>,
 }
 
 /// Content that the server shows.
@@ -63,7 +65,7 @@ impl Server {
         let port = listener.local_addr().map_err(refused(port.unwrap_or(DEFAULT_PORT)))?.port();
         page.scene.corrections = corrections.is_some();
         let shown = Mutex::new(Shown { page: Arc::new(page), live: None });
-        Ok(Self { listener, port, shown, corrections, rerun: None })
+        Ok(Self { listener, port, shown, corrections, rerun: None, box_file: None })
     }
 
     /// Listens like [`Server::bind`] with a page that follows a run, without corrections.
@@ -80,6 +82,18 @@ impl Server {
     pub fn with_rerun(mut self, rerun: Result<Box<Rerun<'static>>, String>) -> Self {
         self.rerun = Some(rerun);
         let page = Page::clone(&self.shown().page);
+        self.show(page);
+        self
+    }
+
+    /// Lets the page save the box of the object in a file; `Err` says why it cannot. Only for pages with a box.
+    pub fn with_box(mut self, file: Result<PathBuf, String>) -> Self {
+        let mut page = Page::clone(&self.shown().page);
+        if let Some(edited) = &mut page.scene.object_box {
+            edited.file = file.as_ref().ok().map(|path| path.display().to_string());
+            edited.refused = file.as_ref().err().cloned();
+            self.box_file = file.ok();
+        }
         self.show(page);
         self
     }
@@ -219,7 +233,8 @@ impl Server {
             }
             ("POST", "/corrections") => self.correct(request),
             ("POST", "/rerun") => self.start(request, started),
-            _ => Answer::text(405, "only GET, POST /corrections and POST /rerun"),
+            ("POST", "/box") => self.save_box(request),
+            _ => Answer::text(405, "only GET, POST /corrections, POST /rerun and POST /box"),
         }
     }
 
@@ -281,6 +296,27 @@ impl Server {
             .map_err(|reason| Answer::text(400, &reason))
             .and_then(|c| write_corrections(folder, &c).map_err(|e| Answer::text(500, &e.to_string())));
         written.map_or_else(|refused| refused, |()| Answer::text(200, "saved"))
+    }
+
+    fn save_box(&self, request: &Request) -> Answer {
+        let Some(file) = &self.box_file else { return Answer::text(403, "this server saves no box") };
+        if !is_json(request) {
+            return Answer::text(415, "a box is application/json");
+        }
+        let bounds = match BoxBounds::parse(&request.body) {
+            Ok(bounds) => bounds,
+            Err(reason) => return Answer::text(400, &reason),
+        };
+        if let Err(error) = bounds.write(file) {
+            return Answer::text(500, &error.to_string());
+        }
+        // A page that is loaded again begins with what was saved.
+        let mut page = Page::clone(&self.shown().page);
+        if let Some(edited) = &mut page.scene.object_box {
+            (edited.lower, edited.upper, edited.saved) = (bounds.lower, bounds.upper, true);
+        }
+        self.show(page);
+        Answer::text(200, "saved")
     }
 }
 

@@ -364,6 +364,79 @@ fn corrections_are_checked_and_written_whole() {
     });
 }
 
+/// Runs a server of a recording whose box is saved in `object_box.json`, or of one that saves none for this reason.
+fn with_box(refused: Option<&str>, ask: impl FnOnce(&Path, &dyn Fn(&str) -> String)) {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("object_box.json");
+    let server = Server::bind(common::recording_page(), Some(0), None).unwrap();
+    let server = server.with_box(refused.map_or(Ok(file.clone()), |reason| Err(reason.into())));
+    asking(&server, |send| ask(&file, send));
+}
+
+#[test]
+fn a_box_is_checked_and_written_whole() {
+    const JSON: &str = "Content-Type: application/json\r\n";
+    let good = r#"{"format":"artgs-box","version":1,"lower":[-0.5,-1,0],"upper":[0.5,1e-3,2.25]}"#;
+    with_box(None, |file, send| {
+        let shown = || -> serde_json::Value {
+            let answer = send(&get("/scene.json"));
+            serde_json::from_str::<serde_json::Value>(answer.split_once("\r\n\r\n").unwrap().1).unwrap()["object_box"]
+                .clone()
+        };
+        let begun = shown();
+        assert_eq!((&begun["saved"], &begun["file"]), (&false.into(), &file.to_str().unwrap().into()));
+        for (headers, code) in [
+            ("Content-Type: text/plain\r\n".to_string(), "415"),
+            (String::new(), "415"),
+            (format!("{JSON}Origin: http://evil.example\r\n"), "403"),
+            (format!("{JSON}Origin: null\r\n"), "403"),
+            (format!("{JSON}Sec-Fetch-Site: same-site\r\n"), "403"),
+            (format!("{JSON}Transfer-Encoding: chunked\r\n"), "411"),
+        ] {
+            assert_eq!(status(&send(&post("/box", &headers, good))), code, "{headers}");
+        }
+        assert_eq!(status(&send(&post("/box", JSON, good).replace("127.0.0.1", "evil.example"))), "403");
+        assert_eq!(status(&send(&post("/box", JSON, &format!("{good}{}", " ".repeat(70_000))))), "413");
+        assert_eq!(status(&send(&get("/box"))), "404");
+        for (from, to, part) in [
+            ("[-0.5,-1,0]", "[-0.5,-1]", "field `lower` has 2 numbers"),
+            ("[-0.5,-1,0]", "[-0.5,-1,null]", "field `lower`: a number is missing or not finite"),
+            ("2.25", "1e999", "out of range"),
+            ("2.25", "NaN", "line 1"),
+            ("2.25", "0", "field `upper`: z (0) must be above"),
+            ("artgs-box", "artgs-corrections", "expected \"artgs-box\" version 1"),
+            ("\"version\":1", "\"version\":1,\"file\":\"/etc/passwd\"", "unknown field `file`"),
+        ] {
+            let answer = send(&post("/box", JSON, &good.replace(from, to)));
+            assert!(status(&answer) == "400" && answer.contains(part), "{answer}");
+        }
+        assert!(!file.exists() && shown() == begun);
+
+        let own = format!("{JSON}Origin: http://127.0.0.1:{{}}\r\n");
+        assert_eq!(status(&send(&post("/box", &own, good))), "200");
+        let saved = artgs_io::BoxBounds { lower: [-0.5, -1.0, 0.0], upper: [0.5, 1e-3, 2.25] };
+        assert_eq!(artgs_io::BoxBounds::read(file).unwrap(), saved);
+        assert_eq!(std::fs::read_dir(file.parent().unwrap()).unwrap().count(), 1);
+        // A page that is loaded again begins with it.
+        let again = shown();
+        assert_eq!((&again["saved"], &again["upper"]), (&true.into(), &serde_json::json!(saved.upper)));
+        // A file of something else is not replaced.
+        std::fs::write(file, "mine").unwrap();
+        let answer = send(&post("/box", JSON, good));
+        assert!(status(&answer) == "500" && answer.contains("object_box.json: exists and is not a box"), "{answer}");
+        assert_eq!(std::fs::read_to_string(file).unwrap(), "mine");
+    });
+    with_box(Some("the folder is read-only"), |file, send| {
+        assert!(send(&get("/scene.json")).contains(r#""file":null,"refused":"the folder is read-only""#));
+        assert_eq!(status(&send(&post("/box", JSON, good))), "403");
+        assert!(!file.exists());
+    });
+    with_server(true, |_, send| {
+        assert!(!send(&get("/scene.json")).contains("object_box"));
+        assert_eq!(status(&send(&post("/box", JSON, good))), "403");
+    });
+}
+
 #[test]
 fn corrections_that_cannot_be_saved_are_refused_with_the_reason() {
     let body = r#"{"format":"artgs-corrections","version":1,"joints":[{"part":2,"type":"prismatic"}]}"#;

@@ -5,7 +5,7 @@ use artgs_core::{
     PerState, Replica, Rigid, Splats, State, Texture, TexturedMesh,
 };
 use artgs_io::asset::{export_urdf, splats::export_splats};
-use artgs_view::{CameraView, Cloud, FoundJoint, Page, Placement};
+use artgs_view::{CameraView, Cloud, FoundJoint, Page, Placement, SceneBox};
 use glam::DVec3;
 use std::path::Path;
 
@@ -198,18 +198,59 @@ pub(crate) fn found_page() -> Page {
     page
 }
 
-fn add_clouds(page: &mut Page) {
-    let asset = cabinet();
-    for state in State::ALL {
-        let poses: Vec<Rigid> = asset.poses(&asset.observed(state));
-        let mut cloud = Cloud { state, points: vec![], colors: vec![], marks: vec![] };
-        for (i, (link, pose)) in asset.links.iter().zip(&poses).enumerate() {
-            for mean in link.splats.iter().flat_map(|s| &s.means) {
-                cloud.points.push(pose.apply(DVec3::from_array(mean.map(f64::from))).as_vec3().to_array());
-                cloud.colors.push(link.visual.mesh.colors[0]);
-                cloud.marks.push(i as u8);
-            }
-        }
-        page.add_cloud(&cloud, Placement::default());
+/// The sample as a recording of its start state whose world has +Y up, and a box around it.
+pub(crate) fn recording_page() -> Page {
+    let rotation = glam::DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    let placement = Placement { scale: 1.0, rotation };
+    let recorded = |p: DVec3| placement.rotation.inverse() * p;
+    let mut cloud = observed(State::START);
+    cloud.points.iter_mut().for_each(|p| *p = recorded(DVec3::from_array(p.map(f64::from))).as_vec3().to_array());
+    cloud.marks.clear();
+    // A floor around the object.
+    for i in 0..60 * 60 {
+        let at = DVec3::new(f64::from(i % 60) * 0.05 - 1.5, f64::from(i / 60) * 0.05 - 1.5, -0.05);
+        cloud.points.push(recorded(at).as_vec3().to_array());
+        cloud.colors.push([120, 100, 80]);
     }
+    let mut page = Page::empty("recording");
+    let intrinsics = Intrinsics { fx: 140.0, fy: 140.0, cx: 84.0, cy: 60.0, width: 160, height: 120 };
+    let views = [-1.2, 0.0, 1.2].map(|x| CameraView {
+        name: format!("frame {x}"),
+        state: State::START,
+        camera: Camera::look_at(
+            intrinsics,
+            recorded(DVec3::new(x, -2.4, 1.3)),
+            recorded(DVec3::new(0.0, 0.0, 0.5)),
+            DVec3::Y,
+        ),
+        photo: None,
+        rendering: None,
+        mask: None,
+    });
+    page.add_cameras(&views, placement).unwrap();
+    page.add_cloud(&cloud, placement);
+    let (lower, upper) = ([-0.6, -0.1, -0.4], [0.6, 1.1, 0.4]);
+    page.scene.object_box = Some(SceneBox { lower, upper, saved: false, file: None, refused: None });
+    page
+}
+
+fn add_clouds(page: &mut Page) {
+    for state in State::ALL {
+        page.add_cloud(&observed(state), Placement::default());
+    }
+}
+
+/// Points of the sample in a state.
+fn observed(state: State) -> Cloud {
+    let asset = cabinet();
+    let poses: Vec<Rigid> = asset.poses(&asset.observed(state));
+    let mut cloud = Cloud { state, points: vec![], colors: vec![], marks: vec![] };
+    for (i, (link, pose)) in asset.links.iter().zip(&poses).enumerate() {
+        for mean in link.splats.iter().flat_map(|s| &s.means) {
+            cloud.points.push(pose.apply(DVec3::from_array(mean.map(f64::from))).as_vec3().to_array());
+            cloud.colors.push(link.visual.mesh.colors[0]);
+            cloud.marks.push(i as u8);
+        }
+    }
+    cloud
 }
