@@ -113,6 +113,9 @@ def report_drops(found, report):
     """Adds a finding per link; `found` holds (place, lowest height of the ball's centre while it was above the place)."""
     for link in sorted({place.link for place, _ in found}):
         own = [(place, low) for place, low in found if place.link == link]
-        fell = [place for place, low in own if low < place.height + RADIUS - SINKS]
+        fell = [place for place, low in own if low < place.height - RADIUS]
+        sank = sum(low < place.height + RADIUS - SINKS for place, low in own) - len(fell)
         note = "" if not fell else "at " + ", ".join(f"({p.start[0]:.2f}, {p.start[1]:.2f}, {p.height:.2f})" for p in fell)
+        if sank:
+            note += f" {sank} sink more than {1000 * SINKS:.0f} mm"
         report.add(link, "balls stay", not fell, len(own) - len(fell), f"of {len(own)}", note)

@@ -85,6 +85,12 @@ pub(crate) fn link(
         out.problems
             .push(format!("{} of {} balls and boxes fall through the {} places", out.fell, out.dropped, out.places));
     }
+    if out.sank > 0 {
+        out.warnings.push(format!(
+            "{} of {} balls and boxes sink more than 10 mm below the surface that is drawn",
+            out.sank, out.dropped
+        ));
+    }
     Some(out)
 }
 
@@ -99,8 +105,10 @@ fn drop(
 ) {
     /// Seconds.
     const TIME: f64 = 1.0;
-    /// How far a thing may sink in.
+    /// How far a thing may sink below the surface that is drawn.
     const SINKS: f64 = 0.01;
+    /// Depth at which it is below the surface as a whole.
+    const THROUGH: f64 = 2.0 * RADIUS;
     let mut world = PhysicsWorld { gravity: Vector::Z * -9.81, ..PhysicsWorld::default() };
     world.integration_parameters.dt = options.step as Real;
     // Things touch hulls only, not each other.
@@ -113,7 +121,7 @@ fn drop(
             world.insert_collider(collider, Some(ground));
         }
     }
-    let mut things: Vec<(usize, RigidBodyHandle, bool)> = Vec::new();
+    let mut things: Vec<(usize, RigidBodyHandle, f64)> = Vec::new();
     for (place, start) in starts {
         for shape in
             [SharedShape::ball(RADIUS as Real), SharedShape::cuboid(RADIUS as Real, RADIUS as Real, RADIUS as Real)]
@@ -128,19 +136,21 @@ fn drop(
             let groups = InteractionGroups::new(thing, solid, InteractionTestMode::And);
             let collider = ColliderBuilder::new(shape).density(500.0).friction(0.6).collision_groups(groups);
             world.insert_collider(collider, Some(body));
-            things.push((*place, body, false));
+            things.push((*place, body, 0.0));
         }
     }
     for _ in 0..(TIME / options.step).ceil() as usize {
         world.step_with_events(&(), &());
-        for (place, body, fell) in &mut things {
+        for (place, body, deepest) in &mut things {
             let Some(body) = world.bodies.get(*body) else { continue };
             let at = DVec3::from_array(body.translation().to_array().map(f64::from));
             // A thing that rolls over the border of a place may fall there.
-            if places[*place].below(at).is_some_and(|z| at.z < z + RADIUS - SINKS) {
-                *fell = true;
+            if let Some(z) = places[*place].below(at) {
+                *deepest = deepest.max(z + RADIUS - at.z);
             }
         }
     }
-    out.fell = things.iter().filter(|(.., fell)| *fell).count();
+    let deeper = |than: f64| things.iter().filter(|(.., deepest)| *deepest > than).count();
+    out.fell = deeper(THROUGH);
+    out.sank = deeper(SINKS) - out.fell;
 }

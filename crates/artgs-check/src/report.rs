@@ -122,8 +122,12 @@ pub struct DropFinding {
     pub blocked: usize,
     /// Those that fall through.
     pub fell: usize,
+    /// Those that sink more than 10 mm below the surface and stay there.
+    pub sank: usize,
     /// Problems, one sentence each.
     pub problems: Vec<String>,
+    /// Findings that do not fail the check.
+    pub warnings: Vec<String>,
 }
 
 /// A joint of the URDF.
@@ -193,7 +197,8 @@ impl CheckReport {
         let drops = self.drops.iter().map(|d| d.problems.len());
         let joints = self.joints.iter().map(|j| j.problems.len());
         let states = self.states.iter().map(|s| s.problems.len());
-        self.warnings = self.coverage.iter().map(|c| c.warnings.len()).sum();
+        let warnings = self.coverage.iter().map(|c| &c.warnings).chain(self.drops.iter().map(|d| &d.warnings));
+        self.warnings = warnings.map(Vec::len).sum();
         self.failures =
             files.chain(formats).chain(links).chain(coverage).chain(drops).chain(joints).chain(states).sum();
     }

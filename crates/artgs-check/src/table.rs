@@ -72,12 +72,12 @@ fn warned(problems: &[String], warnings: &[String]) -> Vec<String> {
     problems.iter().cloned().chain(warnings.iter().map(|w| format!("warning: {w}"))).collect()
 }
 
+fn graded(problems: &[String], warnings: &[String]) -> &'static str {
+    if problems.is_empty() && !warnings.is_empty() { "warning" } else { verdict(problems) }
+}
+
 fn coverage_row(found: &CoverageFinding) -> Vec<String> {
-    let verdict = match (found.problems.len(), found.warnings.len()) {
-        (0, 0) => "ok",
-        (0, _) => "warning",
-        _ => "FAILED",
-    };
+    let verdict = graded(&found.problems, &found.warnings);
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let mm = |length: f64| format!("{:.0} mm", 1e3 * length);
     vec![
@@ -160,11 +160,17 @@ impl fmt::Display for CheckReport {
         }
         if !self.drops.is_empty() {
             let mut drops =
-                Table::new(&["drops onto", "", "flat places", "balls and boxes", "in the way", "fall through"]);
+                Table::new(&["drops onto", "", "flat places", "balls and boxes", "in the way", "sink", "fall through"]);
             for found in &self.drops {
-                let counts = [found.places, found.dropped, found.blocked, found.fell].map(|n| n.to_string());
-                let cells = [found.link.clone(), verdict(&found.problems).into()].into_iter().chain(counts).collect();
-                drops.push(cells, &found.problems);
+                let counts =
+                    [found.places, found.dropped, found.blocked, found.sank, found.fell].map(|n| n.to_string());
+                let verdict = if found.problems.is_empty() && !found.warnings.is_empty() {
+                    "warning"
+                } else {
+                    verdict(&found.problems)
+                };
+                let cells = [found.link.clone(), verdict.into()].into_iter().chain(counts).collect();
+                drops.push(cells, &warned(&found.problems, &found.warnings));
             }
             write!(f, "\n{drops}")?;
         }
