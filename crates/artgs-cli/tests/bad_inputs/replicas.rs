@@ -225,7 +225,10 @@ fn views() {
         bad("port 0 to 65535", "tiny", "view IN --port 99999", &["--port"], |_| {}),
         bad("a negative port", "tiny", "view IN --port=-1", &["--port"], |_| {}),
         bad("a page and a port", "tiny", "view IN --port 1 --export OUT", &["--port"], |_| {}),
-        bad("a recording", "nerfstudio", "view IN/start --export OUT/page.html", &["start"], |_| {}),
+        odd("a recording", "nerfstudio", "view IN/start --export OUT/page.html", &["page.html"], |_| {}),
+        bad("a damaged recording", "nerfstudio", "view IN/start --export OUT/page.html", &["transforms.json"], |f| {
+            f.write("start/transforms.json", "{")
+        }),
         bad("stages that are damaged", "found", "view IN/out --export OUT/page.html", &["stages"], |f| {
             f.names("out/stages").iter().filter(|n| !n.ends_with(".txt")).for_each(|n| {
                 if f.path(n).is_file() {

@@ -192,7 +192,7 @@ fn aligned_recordings_of_different_objects_are_refused() {
 }
 
 #[test]
-fn all_views_whose_poses_jump_are_named_though_they_spoil_the_agreement_of_right_ones() {
+fn all_views_whose_poses_jump_are_named_though_they_lower_the_agreement_of_right_ones() {
     let mut capture = capture();
     let train = &mut capture.states[State::START].train;
     let wrong: Vec<String> = train.iter().skip(1).step_by(4).map(|v| v.name.clone()).collect();
