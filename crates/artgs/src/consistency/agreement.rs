@@ -43,6 +43,18 @@ impl Agreement {
         self.agree + self.differ
     }
 
+    /// One vote of a point: whether most of the views that show its place agree, or else that it is hidden or outside.
+    fn vote(&self) -> Self {
+        let mut vote = Self::default();
+        match self {
+            _ if self.agree > self.differ => vote.agree = 1,
+            _ if self.differ > 0 => vote.differ = 1,
+            _ if self.hidden > 0 => vote.hidden = 1,
+            _ => vote.outside = usize::from(self.outside > 0),
+        }
+        vote
+    }
+
     fn plus(self, other: Self) -> Self {
         let (agree, differ) = (self.agree + other.agree, self.differ + other.differ);
         Self { agree, differ, hidden: self.hidden + other.hidden, outside: self.outside + other.outside }
@@ -70,6 +82,23 @@ pub(super) fn agreement_of<'p, 'v: 'p>(view: &Posed<'_>, others: impl Iterator<I
         points.iter().for_each(|(p, n)| compare(other, *p, *n, &mut counts));
     }
     counts
+}
+
+/// Points of the views `of`, each counted once by what most of the views `with` show of it.
+pub(super) fn votes(of: &[CoarseView], with: &[CoarseView]) -> Agreement {
+    let other: Vec<Posed<'_>> = with.iter().map(|v| Posed::new(v, Reading::STATED)).collect();
+    let votes_of = |view: &CoarseView| {
+        let posed = Posed::new(view, Reading::STATED);
+        let to_world = posed.to_camera.inverse();
+        let voted = posed.points().map(|(p, n)| {
+            let (p, n) = (to_world.apply(p), to_world.turn(n));
+            let mut counts = Agreement::default();
+            other.iter().for_each(|view| compare(view, p, n, &mut counts));
+            counts.vote()
+        });
+        voted.fold(Agreement::default(), Agreement::plus)
+    };
+    of.par_iter().map(votes_of).reduce(Agreement::default, Agreement::plus)
 }
 
 fn compare(view: &Posed<'_>, p: DVec3, n: DVec3, counts: &mut Agreement) {
