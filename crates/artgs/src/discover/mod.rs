@@ -204,6 +204,8 @@ fn best_parts(
     }
     remaining.borrow_mut().1(1.0);
     let found = evidence.result(scene, &clouds, found, warnings, &pool, &settings);
+    let result = |parts: Parts| evidence.result(scene, &clouds, parts, Vec::new(), &pool, &settings);
+    let found = without_doubtful(found, &work, *movable.start(), &result);
     let quality = found.quality(evidence.total());
     if quality > settings.bodies.doubtful || !config.decide_joints || evidence.is_scarce() {
         return Ok(found);
@@ -215,9 +217,47 @@ fn best_parts(
     if bodies.is_empty() {
         return Ok(found);
     }
-    let others = evidence.result(scene, &clouds, work.of_bodies(bodies), Vec::new(), &pool, &settings);
+    let others = result(work.of_bodies(bodies));
     let better = others.quality(evidence.total()) > quality + settings.bodies.better;
     Ok(if better && movable.contains(&others.parts.len()) { others } else { found })
+}
+
+/// Without parts of low confidence, but at least `least` parts, while the others then explain more for certain: where depth is
+/// noisy, a wrong motion takes points from the part that they belong to.
+fn without_doubtful(
+    mut found: Discovery,
+    work: &Refinement<'_>,
+    least: usize,
+    result: &dyn Fn(Parts) -> Discovery,
+) -> Discovery {
+    /// Confidence below which a part is doubtful: among joints of captures with ground truth, one in ten was correct.
+    const DOUBTFUL: f64 = 0.3;
+    /// Parts that are tried at most: each needs a refinement of the others.
+    const TRIALS: usize = 4;
+    let total = work.evidence.total();
+    let confidence = |found: &Discovery, k: usize| found.parts[k].confidence.unwrap_or(0.0);
+    let mut tried = 0;
+    'removed: loop {
+        let count = found.parts.len();
+        if count <= least.max(1) {
+            return found;
+        }
+        let mut doubtful: Vec<usize> = (0..count).filter(|&k| confidence(&found, k) < DOUBTFUL).collect();
+        doubtful.sort_by(|a, b| confidence(&found, *a).total_cmp(&confidence(&found, *b)));
+        for k in doubtful {
+            if tried == TRIALS {
+                return found;
+            }
+            tried += 1;
+            let motions: Vec<Rigid> = (0..count).filter(|&other| other != k).map(|k| found.parts[k].motion).collect();
+            let others = result(work.parts(&motions, &(least.max(1)..=count - 1)));
+            if !others.parts.is_empty() && others.parts.len() < count && others.quality(total) > found.quality(total) {
+                found = others;
+                continue 'removed;
+            }
+        }
+        return found;
+    }
 }
 
 /// What the depth maps of the other state show at the points of each state.

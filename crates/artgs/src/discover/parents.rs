@@ -170,13 +170,11 @@ impl Carriers<'_> {
         })
     }
 
-    /// True if enough points of one cloud are closer to the other than a share of the diagonal.
+    /// True if enough points of two clouds are closer to each other than a share of the diagonal.
     fn are_near(&self, own: &Cloud, other: &Cloud, share: f64) -> bool {
         let reach = (share * f64::from(self.fit.lengths.diagonal)) as f32;
-        let other = IndexedCloud::new(other);
-        let near = own.points.iter().filter(|p| other.nearest_within(**p, reach * reach).is_some()).count();
         let least = self.settings.least_points.max((self.settings.least_share * own.len() as f64) as usize);
-        near >= least
+        meet(own, other, reach, least)
     }
 
     /// True if the axis of a motion passes through its part or near it, as that of a screw does.
@@ -188,6 +186,16 @@ impl Carriers<'_> {
         let mean = distances().sum::<f64>() / own.len().max(1) as f64;
         from_axis(own.middle().as_dvec3()) < 0.5 * mean || distances().fold(f64::INFINITY, f64::min) < reach
     }
+}
+
+/// True if at least so many points of each cloud are within reach of the other: a few points with a wrong label are near many
+/// points, and are not a surface.
+fn meet(a: &Cloud, b: &Cloud, reach: f32, least: usize) -> bool {
+    let near = |own: &Cloud, other: &Cloud| {
+        let other = IndexedCloud::new(other);
+        own.points.iter().filter(|p| other.nearest_within(**p, reach * reach).is_some()).take(least).count() >= least
+    };
+    near(a, b) && near(b, a)
 }
 
 fn mean_motion(cloud: &Cloud, motion: &Rigid) -> f64 {
@@ -221,6 +229,21 @@ pub(super) fn parents_first(parts: &mut Vec<JointEstimate>, labels: &mut PerStat
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn stray_points_near_a_part_are_not_a_surface_that_it_touches() {
+        let cloud = |points: Vec<glam::Vec3>| Cloud {
+            normals: vec![glam::Vec3::Z; points.len()],
+            colors: vec![glam::Vec3::ONE; points.len()],
+            points,
+            ..Cloud::default()
+        };
+        let sheet = |z: f32| (0..400).map(|i| glam::Vec3::new((i % 20) as f32, (i / 20) as f32, z) * 0.01).collect();
+        let (own, far) = (cloud(sheet(0.0)), sheet(30.0));
+        let strays = cloud([far, vec![glam::Vec3::splat(0.02); 4]].concat());
+        assert!(!meet(&own, &strays, 0.05, 8));
+        assert!(meet(&own, &cloud(sheet(1.0)), 0.05, 8));
+    }
 
     #[test]
     fn parts_come_after_what_carries_them() {
