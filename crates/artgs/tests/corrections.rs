@@ -58,7 +58,7 @@ fn parts_are_deleted_added_and_given_their_types() {
     let (same, made) = resume(&capture, &out, &config);
     assert!(same == first && !made.iter().any(|stage| stage == "correct"), "{made:?}");
 
-    let delete = Corrections { centres: vec![CentreEdit::Delete { part: drawer }], joints: vec![] };
+    let delete = Corrections { centres: vec![CentreEdit::Delete { part: drawer }], ..Corrections::default() };
     write_corrections(&out, &delete).unwrap();
     let (less, made) = resume(&capture, &out, &config);
     assert_eq!(kinds(&less), [JointKind::Revolute]);
@@ -87,14 +87,16 @@ fn parts_are_deleted_added_and_given_their_types() {
     let (doubted, _) = resume(&capture, &out, &config);
     assert!(sure(&doubted, door) < 0.7 && sure(&doubted, drawer) > 0.8, "{}", sure(&doubted, door));
 
-    let marked =
-        Corrections { centres: vec![], joints: vec![JointMark { part: door, kind: JointKind::Screw, joint: None }] };
+    let marked = Corrections {
+        joints: vec![JointMark { part: door, kind: JointKind::Screw, joint: None }],
+        ..Corrections::default()
+    };
     write_corrections(&out, &marked).unwrap();
     let (marked, _) = resume(&capture, &out, &config);
     assert_eq!(marked.joint(door).unwrap().kind, JointKind::Screw);
     assert_eq!(marked.parts.len(), 3);
 
-    let wrong = Corrections { centres: vec![CentreEdit::Delete { part: 7 }], joints: vec![] };
+    let wrong = Corrections { centres: vec![CentreEdit::Delete { part: 7 }], ..Corrections::default() };
     let applied = || std::fs::read(run.applied_corrections()).unwrap();
     let before = applied();
     write_corrections(&out, &wrong).unwrap();
