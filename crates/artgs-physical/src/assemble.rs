@@ -74,7 +74,12 @@ pub(crate) fn assemble(
     };
     let known = |name: &String| names.contains(name) || replica.parts.iter().any(|part| part.name == *name);
     if let Some((name, _)) = config.densities.iter().find(|(name, _)| !known(name)) {
-        return Err(format!("--density names `{name}`, but the parts are {}", names.join(", ")));
+        let shown = names.iter().zip(&replica.parts).map(|(name, part)| match part.name == *name {
+            true => name.clone(),
+            false => format!("{name} ({})", part.name),
+        });
+        let shown = shown.collect::<Vec<_>>().join(", ");
+        return Err(format!("--density names `{name}`, but the parts are {shown}"));
     }
     let mut links: Vec<AssetLink> = (0..replica.parts.len()).into_par_iter().map(link).collect();
     weigh(&mut links, config);

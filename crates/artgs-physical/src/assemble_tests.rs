@@ -199,7 +199,11 @@ fn densities_and_masses_are_those_asked_for_and_a_hand_moves_every_part() {
     let share = |asset: &Asset| asset.links[2].inertial.mass / asset.links[1].inertial.mass;
     assert!((share(&asked) / share(&plain) - 2.0).abs() < 1e-9);
     let wrong = PhysicalConfig { densities: vec![("wing".into(), 1300.0)], ..config };
-    assert!(built(&wrong).unwrap_err().contains("`wing`, but the parts are base, drawer_lower, world_2"));
+    assert!(
+        built(&wrong)
+            .unwrap_err()
+            .contains("`wing`, but the parts are base, drawer_lower (Drawer, lower), world_2 (world)")
+    );
     for asset in [&plain, &asked] {
         // The door is 90 cm wide.
         for (_, _, joint) in asset.movable() {

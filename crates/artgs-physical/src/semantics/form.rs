@@ -88,7 +88,7 @@ pub(crate) struct Form {
 
 impl Form {
     /// None for a link without joint or without a surface. `diagonal` is that of the object.
-    pub fn of(link: &AssetLink, diagonal: f64) -> Option<Self> {
+    pub(super) fn of(link: &AssetLink, diagonal: f64) -> Option<Self> {
         /// Distance of samples as a share of the object's diagonal.
         const SPACING: f64 = 0.01;
         let joint = link.joint.as_ref()?;
@@ -125,7 +125,7 @@ impl Form {
     }
 
     /// Mean outward normal of the faces that look where the part opens; [`Form::opens`] if there is none.
-    pub fn facing(&self) -> DVec3 {
+    pub(super) fn facing(&self) -> DVec3 {
         /// Cosine of the largest angle between such a face and the motion.
         const ALIGNED: f64 = 0.9;
         let fits = self.surface.iter().filter(|s| s.normal.dot(self.opens) > ALIGNED);
