@@ -26,7 +26,7 @@ impl Up {
 /// Where the front of the object is, which is along -Y in exports.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Front {
-    /// Where drawers come out and doors open to; if no part tells it, the object is not turned.
+    /// Where drawers come out and doors open to; if no part shows it, the object is not turned.
     #[default]
     Found,
     /// In this horizontal direction of the upright capture (+Z up).

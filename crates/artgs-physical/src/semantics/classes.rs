@@ -81,10 +81,10 @@ fn slides(form: &Form, place: &Place) -> PartSemantics {
     if margin.aligned(form.axis.z, UPRIGHT) {
         return margin.of(PartClass::Slider, None, place);
     }
-    // A sheet that stays within the carrier while it slides is a sliding door, also where it is long.
-    let sheet = wide < PANEL * along.min(tall);
-    if sheet && !margin.above(sticks_out(form, place), STICKS_OUT) {
-        margin.above(wide / along.min(tall), PANEL);
+    // What is thinnest across its way and stays within the carrier is no drawer. A handle makes a sheet thick.
+    let thinnest = along.min(tall);
+    if wide < thinnest && !margin.above(sticks_out(form, place), STICKS_OUT) {
+        margin.above(thinnest / wide.max(1e-12), 1.0);
         return margin.of(PartClass::SlidingDoor, None, place);
     }
     let long = margin.above(along / tall.max(wide), LONG);

@@ -4,7 +4,7 @@ use super::form::{Form, samples};
 use artgs_core::{Asset, PartClass, PartSemantics, Rigid};
 use glam::DVec3;
 
-/// Horizontal unit direction of the front in the asset's frame (+Z up); none if no part tells it. Every part votes with its
+/// Horizontal unit direction of the front in the asset's frame (+Z up); none if no part shows it. Every part votes with its
 /// area: drawers by their axis, upright panels by their outer face, lying ones by the side that is away from their hinge.
 pub(crate) fn front(asset: &Asset, classes: &[PartSemantics]) -> Option<DVec3> {
     let diagonal = asset.bounds_diagonal();
