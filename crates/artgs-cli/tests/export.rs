@@ -139,9 +139,10 @@ fn names_frames_and_what_is_asked_for_are_in_the_files() {
     let (names, report) = export(&[]);
     assert_eq!(names, ["base", "door", "drawer"]);
     assert_eq!((&report["links"][1]["part"], &report["links"][1]["hinge"]), (&json!("part_1"), &json!("left")));
-    // The front is along -Y already; the cabinet is 0.56 m deep from y = -0.06, without a turn.
+    // The front is along -Y already, and the cabinet is 0.56 m deep from y = -0.06. Smoothing moves corners by up to 2 cm,
+    // because these meshes have few triangles.
     let shift = &report["frame"]["translation"];
-    assert!((shift[1].as_f64().unwrap() + 0.22).abs() < 0.01 && shift[2].as_f64().unwrap().abs() < 0.01, "{shift}");
+    assert!((shift[1].as_f64().unwrap() + 0.22).abs() < 0.03 && shift[2].as_f64().unwrap().abs() < 0.03, "{shift}");
     assert_eq!(read("urdf/semantics.txt"), "base heavy body\ndoor hinge door\ndrawer slider drawer\n");
     assert_eq!(read("partnet/semantics.txt"), "link_0 heavy body\nlink_1 hinge door\nlink_2 slider drawer\n");
     let mjcf = read("mjcf/replica.xml");
