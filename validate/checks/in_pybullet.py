@@ -134,7 +134,12 @@ def check_urdf(path, states, report):
         report.add("-", "has joints", False)
         return
     report.add("-", "joints limited", (engine.lower < engine.upper).all(), len(engine.names), "joints")
-    masses = [bullet.getDynamicsInfo(body, i, client)[0] for i in range(bullet.getNumJoints(body, client))]
+    # Frames of handles are links without mass and shapes on fixed joints.
+    fixed = {i for i in range(bullet.getNumJoints(body, client)) if bullet.getJointInfo(body, i, client)[2] == bullet.JOINT_FIXED}
+    empty = {i for i in fixed if not bullet.getCollisionShapeData(body, i, client)}
+    shown = {shape[1] for shape in bullet.getVisualShapeData(body, physicsClientId=client)}
+    links = [i for i in range(bullet.getNumJoints(body, client)) if i not in empty - shown]
+    masses = [bullet.getDynamicsInfo(body, i, client)[0] for i in links]
     report.add("-", "masses above 0", min(masses) > 0, sum(masses), "kg")
     check_motion(engine, states, report)
     _drop(path, client, body, engine, report)

@@ -1,5 +1,6 @@
 """Observed states of an export, from the keyframes of its MJCF."""
 
+import json
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -19,9 +20,8 @@ def observed_states(folder):
 
 def partnet_states(folder, states):
     """The same with the joint names of the PartNet folder."""
-    path = Path(folder, "partnet", "semantics.txt")
+    path = Path(folder, "partnet", "mobility_v2.json")
     if not path.is_file():
         return {}
-    rows = [line.split(maxsplit=2) for line in path.read_text().splitlines() if line.strip()]
-    other = {f"{name}_joint": f"{link}_joint" for link, _, name in rows}
+    other = {f"{link['artgs_name']}_joint": f"link_{link['id']}_joint" for link in json.loads(path.read_text())}
     return {state: {other.get(joint, joint): value for joint, value in at.items()} for state, at in states.items()}

@@ -109,9 +109,10 @@ export class ObjectBox {
   ) {
     const { lower, upper, saved } = scene.object_box!;
     this.bounds = { lower: [...lower], upper: [...upper] };
-    const { scale, rotation } = scene.placement!;
+    const { scale, rotation, translation } = scene.placement!;
     this.group.scale.setScalar(scale);
     this.group.quaternion.copy(new Quaternion(...rotation));
+    this.group.position.set(...translation);
     const cube = new BoxGeometry(1, 1, 1);
     const accent = "#e0402a";
     this.edges = new LineSegments(new EdgesGeometry(cube), new LineBasicMaterial({ color: accent }));

@@ -5,10 +5,10 @@ import { Cut } from "./cut";
 import { button, check, make, section } from "./dom";
 import { post } from "./files";
 import type { Link, Model } from "./model";
-import { type AlternativeData, isFound, type MarkedJoint, type SceneData, type Triple } from "./scene";
+import { type AlternativeData, CLASSES, isFound, type MarkedJoint, type SceneData, type Triple } from "./scene";
 import type { Stage } from "./stage";
 
-const SAVED = "Saved. The next artgs reconstruct --resume recomputes what depends on them.";
+const SAVED = "Saved. The next artgs reconstruct --resume recomputes what depends on them; the next artgs export uses the classes.";
 
 interface Centre {
   /** Index of the part; null for an added part. */
@@ -19,6 +19,8 @@ interface Centre {
    * part. */
   choice: HTMLSelectElement | null;
   type: HTMLSelectElement | null;
+  /** What the part is; "" for what was found; null for an added part. */
+  kind: HTMLSelectElement | null;
   /** Where a part is split; null for an added part. */
   cut: Cut | null;
   /** The joint to begin with; null if only its type is given. */
@@ -38,6 +40,7 @@ type Edit =
 interface Saved {
   centres: Edit[];
   joints: { part: number; type: string; joint?: MarkedJoint }[];
+  classes?: { part: number; class: string }[];
 }
 
 export class Corrections {
@@ -108,9 +111,12 @@ export class Corrections {
     }
     const type = make("select", { ariaLabel: `Type of ${name}` }, option("", "as found"));
     for (const kind of ["revolute", "prismatic", "screw"]) type.append(option(kind, kind));
+    const kind = make("select", { ariaLabel: `Class of ${name}` }, option("", "class as found"));
+    for (const word of CLASSES) kind.append(option(word, word.replaceAll("_", " ")));
+    if (link.data.semantics?.given) kind.value = link.data.semantics.class;
     const cut = new Cut(link, this.group, () => this.stage.invalidate());
     const ball = this.ball(link.data.colour);
-    const centre: Centre = { part: link.index, ball, moved: false, choice, type, cut, joint: null, offers: [] };
+    const centre: Centre = { part: link.index, ball, moved: false, choice, type, kind, cut, joint: null, offers: [] };
     type.addEventListener("change", () => give(centre, null));
     choice.addEventListener("change", () => {
       // A centre to be moved starts at the middle of the part.
@@ -121,7 +127,7 @@ export class Corrections {
     this.centres.push(centre);
     const dot = make("span", { className: "dot" });
     dot.style.background = `rgb(${link.data.colour.join(" ")})`;
-    this.list.append(make("div", { className: "edit" }, make("span", {}, dot, name), choice, type), cut.element);
+    this.list.append(make("div", { className: "edit" }, make("span", {}, dot, name), choice, type, kind), cut.element);
   }
 
   /** Adds a button that gives a part another joint. */
@@ -141,7 +147,7 @@ export class Corrections {
   /** Adds a part at `at`, by default in the middle of the object. */
   private add(at = this.model.extent().getCenter(new Vector3())): void {
     const ball = this.ball([120, 60, 200]);
-    const centre: Centre = { part: null, ball, moved: true, choice: null, type: null, cut: null, joint: null, offers: [] };
+    const centre: Centre = { part: null, ball, moved: true, choice: null, type: null, kind: null, cut: null, joint: null, offers: [] };
     centre.ball.position.copy(at);
     this.centres.push(centre);
     const row = make("div", { className: "edit" }, make("span", {}, "New part"), make("span", { className: "kind" }, "drag its ball"));
@@ -192,14 +198,14 @@ export class Corrections {
 
   /** From the object's frame to the capture's frame. */
   private inCapture(point: Vector3): Triple {
-    const { scale, rotation } = this.scene.placement!;
-    return point.clone().applyQuaternion(new Quaternion(...rotation).invert()).divideScalar(scale).toArray() as Triple;
+    const { scale, rotation, translation } = this.scene.placement!;
+    return point.clone().sub(new Vector3(...translation)).applyQuaternion(new Quaternion(...rotation).invert()).divideScalar(scale).toArray() as Triple;
   }
 
   /** From the capture's frame to the object's frame. */
   private inObject(point: Triple): Vector3 {
-    const { scale, rotation } = this.scene.placement!;
-    return new Vector3(...point).multiplyScalar(scale).applyQuaternion(new Quaternion(...rotation));
+    const { scale, rotation, translation } = this.scene.placement!;
+    return new Vector3(...point).multiplyScalar(scale).applyQuaternion(new Quaternion(...rotation)).add(new Vector3(...translation));
   }
 
   /** Directions from the capture's frame to the object's frame, and back. */
@@ -217,8 +223,12 @@ export class Corrections {
     try {
       const answer = await fetch("corrections");
       if (!answer.ok) throw new Error((await answer.text()).trim());
-      const { centres, joints } = (await answer.json()) as Saved;
-      const unknown = [...centres.filter((edit) => !this.edit(edit)), ...joints.filter((mark) => !this.mark(mark))];
+      const { centres, joints, classes = [] } = (await answer.json()) as Saved;
+      const unknown = [
+        ...centres.filter((edit) => !this.edit(edit)),
+        ...joints.filter((mark) => !this.mark(mark)),
+        ...classes.filter((mark) => !this.classed(mark)),
+      ];
       if (unknown.length > 0) this.status.textContent = notShown(unknown.map((s) => JSON.stringify(s)).join(", "));
       else if (centres.length + joints.length > 0) this.status.textContent = "Corrections were saved earlier and are not applied yet.";
     } catch (error) {
@@ -249,6 +259,13 @@ export class Corrections {
     return true;
   }
 
+  private classed(mark: { part: number; class: string }): boolean {
+    const kind = this.centres.find((c) => c.part === mark.part)?.kind;
+    if (!kind) return false;
+    kind.value = mark.class;
+    return kind.value === mark.class;
+  }
+
   /**
    * The corrections to save. Order: a part is moved before others are merged into it, merged before it is split, and all
    * precede deletions.
@@ -269,7 +286,9 @@ export class Corrections {
     const joints = this.centres.flatMap(({ part, type, joint }) =>
       part !== null && type!.value !== "" && !type!.disabled ? [{ part, type: type!.value, ...(joint && { joint }) }] : [],
     );
-    return { centres, joints };
+    const kept = ({ part, kind, choice }: Centre) => part !== null && kind!.value !== "" && (choice!.value === "" || choice!.value === "move");
+    const classes = this.centres.filter(kept).map(({ part, kind }) => ({ part: part!, class: kind!.value }));
+    return { centres, joints, ...(classes.length > 0 && { classes }) };
   }
 
   private async save(): Promise<boolean> {

@@ -50,10 +50,11 @@ class Swapped {
 
   constructor(
     private readonly stage: Stage,
-    { scale, rotation }: NonNullable<SceneData["placement"]>,
+    { scale, rotation, translation }: NonNullable<SceneData["placement"]>,
   ) {
     this.group.scale.setScalar(scale);
     this.group.quaternion.copy(new Quaternion().fromArray(rotation));
+    this.group.position.set(...translation);
     stage.add(this.group);
     stage.drawSplats(true);
   }
@@ -158,7 +159,7 @@ class Words {
 
 /** Follows the run until it ends. `say` shows a message; an empty text hides it. */
 export function startLive(scene: SceneData, stage: Stage, say: (words: string, wrong?: boolean) => void) {
-  const placement = scene.placement ?? { scale: 1, rotation: [0, 0, 0, 1] as [number, number, number, number] };
+  const placement: NonNullable<SceneData["placement"]> = scene.placement ?? { scale: 1, rotation: [0, 0, 0, 1], translation: [0, 0, 0] };
   const [swapped, numbers, words] = [new Swapped(stage, placement), new Numbers(), new Words()];
   let tint: Tint = "splats";
   let latest: LiveData | null = null;

@@ -44,8 +44,27 @@ export interface LinkData {
   mesh: { file: string; texture: string | null; closed: boolean } | null;
   collision: string[];
   splats: string | null;
+  /** What the link is; missing if unknown. */
+  semantics?: { class: string; confidence: number; given: boolean };
   colour: Triple;
 }
+
+/** Classes of moving parts. */
+export const CLASSES = [
+  "drawer",
+  "door",
+  "sliding_door",
+  "flap",
+  "lid",
+  "seat",
+  "knob",
+  "wheel",
+  "cap",
+  "button",
+  "slider",
+  "arm",
+  "part",
+];
 
 export interface CameraData {
   name: string;
@@ -74,7 +93,8 @@ export interface SceneData {
   cameras?: CameraData[];
   clouds?: CloudData[];
   scores?: unknown;
-  placement?: { scale: number; rotation: [number, number, number, number] };
+  /** `object = rotation * (scale * capture) + translation`. */
+  placement?: { scale: number; rotation: [number, number, number, number]; translation: Triple };
   corrections: boolean;
   /** The page follows a run. */
   live?: boolean;

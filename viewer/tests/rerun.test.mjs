@@ -69,7 +69,7 @@ test("saved corrections are loaded with the page and stay when saved again", asy
   const read = () => JSON.parse(readFileSync(file, "utf8"));
   try {
     const { page, complaints } = await open(browser, served.url);
-    const values = () => page.locator(".edit select").evaluateAll((all) => all.map((s) => s.value));
+    const values = () => page.locator(".edit select:not([aria-label^=Class])").evaluateAll((all) => all.map((s) => s.value));
     const again = async () => {
       await page.reload();
       await page.evaluate(() => artgs.ready);
@@ -80,6 +80,7 @@ test("saved corrections are loaded with the page and stay when saved again", asy
     };
     assert.equal(await page.getByText("--resume").count(), 0);
     await page.getByLabel("Type of door").selectOption("screw");
+    await page.getByLabel("Class of door").selectOption("sliding_door");
     await page.getByLabel("Centre of door").selectOption("move");
     await page.getByLabel("Centre of drawer").selectOption("delete");
     await page.getByLabel("Centre of knob").selectOption("1");
@@ -88,6 +89,7 @@ test("saved corrections are loaded with the page and stay when saved again", asy
     const first = read();
     assert.deepEqual(first.centres.map((c) => c.action), ["move", "merge", "delete", "add"]);
     assert.deepEqual(first.joints, [{ part: 1, type: "screw" }]);
+    assert.deepEqual(first.classes, [{ part: 1, class: "sliding_door" }]);
     const middle = [-0.005, -0.27, 0.75];
     assert.ok(middle.every((x, k) => Math.abs(x - first.centres[0].position[k]) < 1e-6), `${first.centres[0].position}`);
     // Positions other than the default ones of the page.
@@ -95,6 +97,7 @@ test("saved corrections are loaded with the page and stay when saved again", asy
     writeFileSync(file, JSON.stringify(first));
     await again();
     assert.deepEqual(await values(), ["move", "screw", "delete", "", "1", ""]);
+    assert.equal(await page.getByLabel("Class of door").inputValue(), "sliding_door");
     assert.ok(await page.getByLabel("Type of drawer").isDisabled());
     await page.getByText("Corrections were saved earlier and are not applied yet.").waitFor();
     await page.getByLabel("Show part centres").check();

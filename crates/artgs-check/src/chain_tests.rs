@@ -2,7 +2,7 @@
 
 use crate::readers::open_all;
 use artgs_core::{Asset, AssetJoint, AssetLink, JointKind, Mesh, PerState, Rigid, TexturedMesh};
-use artgs_io::asset::Format;
+use artgs_io::asset::{Format, WriteOptions};
 use glam::DVec3;
 
 fn link(name: &str, parent: Option<usize>, origin: DVec3, joint: Option<AssetJoint>) -> AssetLink {
@@ -55,7 +55,7 @@ fn links_of_a_chain_are_at_the_same_places_in_every_format() {
     let dir = tempfile::tempdir().unwrap();
     let formats = [Format::Urdf, Format::Mjcf, Format::Usd, Format::Usdz, Format::Glb, Format::Sdf, Format::Partnet];
     for format in formats {
-        format.write(&dir.path().join(format.name()), &asset).unwrap();
+        format.write(&dir.path().join(format.name()), &asset, &WriteOptions::default()).unwrap();
     }
     let mut read = Vec::new();
     for opened in open_all(dir.path()) {

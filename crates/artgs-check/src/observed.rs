@@ -49,11 +49,12 @@ pub(crate) fn all(run: &RunFolder, replica: &Replica, exported: &ExportReport, m
         "y" => DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2),
         _ => DQuat::IDENTITY,
     };
-    let upright = Rigid { rotation: upright, translation: DVec3::ZERO };
+    // Exports of earlier versions only turned the upward axis.
+    let object = exported.frame.unwrap_or(Rigid { rotation: upright, translation: DVec3::ZERO });
     let poses = model.poses(&values);
     let of_link = |(link, pose): (&crate::model::Link, &Rigid)| {
         let part = exported.links.iter().position(|l| l.name == link.name)?;
-        Observed::new(meshes.get(part)?, exported.scale, &(pose.inverse() * upright))
+        Observed::new(meshes.get(part)?, exported.scale, &(pose.inverse() * object))
     };
     model.links.iter().zip(&poses).map(of_link).collect()
 }

@@ -2,8 +2,9 @@
 
 use crate::device::DeviceChoice;
 use artgs::{PartCount, PartCountError};
+use artgs_io::asset::Actuators;
 use artgs_io::asset::Format;
-use artgs_physical::export::ExportOptions;
+use artgs_physical::export::{ExportOptions, FrontAxis};
 use artgs_synth::recording::Drift;
 use bytesize::ByteSize;
 use clap::builder::PossibleValue;
@@ -252,6 +253,22 @@ pub(crate) struct Export {
     /// Upward axis of the capture
     #[arg(long, value_enum, default_value_t = UpAxis::Z)]
     pub(crate) up: UpAxis,
+    /// Front of the object in the capture's frame, which is along -Y in exports: `auto` (where drawers come out and doors open
+    /// to), x, -x, y, -y, z, -z, or `capture` to keep the frame of the capture
+    #[arg(long, value_name = "AXIS", default_value = "auto", allow_hyphen_values = true, value_parser = front)]
+    pub(crate) front: FrontAxis,
+    /// Links keep the names `part_1`, `part_2`, ... instead of names by their classes such as `door_left`
+    #[arg(long)]
+    pub(crate) part_names: bool,
+    /// MJCF: an actuator per joint, whose control is a force or the value of the joint
+    #[arg(long, value_name = "motor|position", value_parser = actuators)]
+    pub(crate) actuators: Option<Actuators>,
+    /// MJCF: the base moves freely instead of being fixed to the world
+    #[arg(long)]
+    pub(crate) free_base: bool,
+    /// URDF: mesh paths begin with package://NAME/, the folder `urdf` being the package
+    #[arg(long, value_name = "NAME", value_parser = package)]
+    pub(crate) package: Option<String>,
     /// Kilograms per cubic metre, of all parts or of one; may be repeated; 650 if absent
     #[arg(long, value_name = "KG|PART=KG", value_parser = density)]
     pub(crate) density: Vec<(Option<String>, f64)>,
@@ -514,6 +531,21 @@ fn density(text: &str) -> Result<(Option<String>, f64), String> {
 /// Masses from a gram to a ship.
 fn mass(text: &str) -> Result<f64, String> {
     number_in(text, 1e-3, 1e6)
+}
+
+fn front(text: &str) -> Result<FrontAxis, String> {
+    text.parse()
+}
+
+fn actuators(text: &str) -> Result<Actuators, String> {
+    Actuators::ALL.into_iter().find(|kind| kind.name() == text).ok_or_else(|| "motor or position".into())
+}
+
+/// Names of ROS packages.
+fn package(text: &str) -> Result<String, String> {
+    let usable = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_' || c == '-';
+    let valid = text.starts_with(|c: char| c.is_ascii_lowercase()) && text.chars().all(usable) && text.len() <= 100;
+    if valid { Ok(text.into()) } else { Err("lower case letters, digits, `_` and `-`, a letter first".into()) }
 }
 
 /// Names that a file can have.

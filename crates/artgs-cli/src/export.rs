@@ -7,6 +7,7 @@ use crate::folder::{load_capture, lock, photos_of, require_replica};
 use crate::output::{Report, note};
 use artgs_core::Capture;
 use artgs_io::RunFolder;
+use artgs_io::asset::WriteOptions;
 use artgs_physical::Up;
 use artgs_physical::export::{CollisionSource, ExportError, ExportOptions};
 use std::path::Path;
@@ -46,6 +47,9 @@ fn options(args: &Export) -> ExportOptions {
         hulls: args.hulls,
         observed_limits: args.observed_limits,
         triangles: args.triangles,
+        front: args.front,
+        part_names: args.part_names,
+        write: WriteOptions { actuators: args.actuators, free_base: args.free_base, package: args.package.clone() },
     }
 }
 
@@ -61,6 +65,7 @@ pub(crate) fn export_locked(run: &RunFolder, options: &ExportOptions, style: Sty
 fn failure(error: ExportError) -> Failure {
     match error {
         ExportError::Setting { name, value } => Failure::bad(format!("--{name} is {value}; give a number above 0")),
+        ExportError::Front(_) => Failure::bad(format!("--front: {error}")),
         error if error.is_bad_input() => Failure::bad_input(error),
         error => Failure::failed(error),
     }

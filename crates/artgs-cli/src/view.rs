@@ -10,13 +10,14 @@ use crate::recordings::{format_of, given_option};
 use crate::{object_box, rerun, view_recording};
 use anyhow::Context;
 use artgs::discover::{DiscoverConfig, moved_points};
-use artgs_core::{Alternative, Capture, JointEstimate, State, View as SourceView};
+use artgs_core::{Alternative, Capture, JointEstimate, Rigid, State, View as SourceView};
 use artgs_io::asset::Format;
 use artgs_io::export_report::ExportReport;
 use artgs_io::{BoxBounds, RunFolder};
 use artgs_physical::Up;
 use artgs_physical::export::ExportOptions;
 use artgs_view::{CameraView, Cloud, FoundJoint, Page, Placement, Server, export_page};
+use glam::DVec3;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -257,7 +258,9 @@ fn placement(run: &RunFolder) -> Result<Placement, Failure> {
     let report = ExportReport::load(run).map_err(Failure::bad_input)?.unwrap_or_default();
     let scale = Some(report.scale).filter(|s| s.is_finite() && *s > 0.0).unwrap_or(1.0);
     let up = if report.up == "y" { Up::Y } else { Up::Z };
-    Ok(Placement { scale, rotation: up.upright() })
+    // Exports of earlier versions only turned the upward axis.
+    let frame = report.frame.unwrap_or(Rigid { rotation: up.upright(), translation: DVec3::ZERO });
+    Ok(Placement { scale, rotation: frame.rotation, translation: frame.translation })
 }
 
 /// Says where a page is, and shows it if asked to.

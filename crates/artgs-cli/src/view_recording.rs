@@ -34,7 +34,7 @@ pub(crate) fn page(path: &Path, args: &RecordingArgs, saved: Option<BoxBounds>, 
     let views: Vec<View> = recording.frames.into_iter().map(|frame| frame.view).collect();
     let rotation =
         recording.up.map_or(DQuat::IDENTITY, |up| DQuat::from_rotation_arc(up.normalize_or(DVec3::Z), DVec3::Z));
-    let placement = Placement { scale: 1.0, rotation };
+    let placement = Placement { rotation, ..Placement::default() };
     let mut page = Page::empty(&name_of(path, "recording"));
     page.place(placement);
     add_cameras(&mut page, &views, placement)?;

@@ -3,6 +3,7 @@
 use artgs_core::{Joint, JointKind, Mesh, Replica, Rigid};
 use artgs_io::{write_mesh_ply, write_replica};
 use glam::DVec3;
+use serde_json::json;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -62,7 +63,7 @@ fn every_format_is_written_and_passes_the_check() {
     let done = artgs(&["export", shown, "--name", "My cabinet"]);
     let (said, noted) = (text(&done.stdout), text(&done.stderr));
     assert_eq!(done.status.code(), Some(0), "{said}{noted}");
-    assert!(said.contains("part_1: 0 = closed (start)") && said.contains("urdf/my_cabinet.urdf"), "{said}");
+    assert!(said.contains("door: 0 = closed (start)") && said.contains("urdf/my_cabinet.urdf"), "{said}");
     assert!(noted.contains("--capture"), "{noted}");
     let exports = out.join("exports");
     for file in [
@@ -118,6 +119,57 @@ fn a_broken_export_fails_the_check() {
     let checked = artgs(&["check", shown]);
     assert_eq!(checked.status.code(), Some(3), "{}", text(&checked.stdout));
     assert!(text(&checked.stdout).contains("replica.glb"), "{}", text(&checked.stdout));
+}
+
+#[test]
+fn names_frames_and_what_is_asked_for_are_in_the_files() {
+    let dir = tempfile::tempdir().unwrap();
+    let shown = dir.path().to_str().unwrap();
+    write(dir.path());
+    let exports = dir.path().join("exports");
+    let export = |args: &[&str]| {
+        let done = artgs(&[&["export", shown, "--to", "urdf,mjcf,partnet"], args].concat());
+        assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+        let report = fs::read(exports.join("export.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+        let names = report["links"].as_array().unwrap().iter().map(|l| l["name"].as_str().unwrap().to_owned());
+        (names.collect::<Vec<_>>(), report)
+    };
+    let read = |file: &str| fs::read_to_string(exports.join(file)).unwrap();
+    let (names, report) = export(&[]);
+    assert_eq!(names, ["base", "door", "drawer"]);
+    assert_eq!((&report["links"][1]["part"], &report["links"][1]["hinge"]), (&json!("part_1"), &json!("left")));
+    // The front is along -Y already, and the cabinet is 0.56 m deep from y = -0.06. Smoothing moves corners by up to 2 cm,
+    // because these meshes have few triangles.
+    let shift = &report["frame"]["translation"];
+    assert!((shift[1].as_f64().unwrap() + 0.22).abs() < 0.03 && shift[2].as_f64().unwrap().abs() < 0.03, "{shift}");
+    assert_eq!(read("urdf/semantics.txt"), "base heavy body\ndoor hinge door\ndrawer slider drawer\n");
+    assert_eq!(read("partnet/semantics.txt"), "link_0 heavy body\nlink_1 hinge door\nlink_2 slider drawer\n");
+    let mjcf = read("mjcf/replica.xml");
+    assert!(mjcf.contains("<jointpos name=\"door_joint_position\"") && !mjcf.contains("<actuator>"));
+
+    let asked = ["--actuators", "motor", "--free-base", "--package", "my_cabinet", "--part-names", "--front", "x"];
+    let (names, report) = export(&asked);
+    assert_eq!(names, ["base", "part_1", "part_2"]);
+    assert_eq!(report["options"]["front"], "x");
+    assert!(read("urdf/replica.urdf").contains("package://my_cabinet/meshes/part_1_visual.obj"));
+    let mjcf = read("mjcf/replica.xml");
+    assert!(mjcf.contains("<motor name=\"part_1_motor\"") && mjcf.contains("<freejoint"));
+    let checked = artgs(&["check", shown]);
+    assert_eq!(checked.status.code(), Some(0), "{}{}", text(&checked.stdout), text(&checked.stderr));
+    let page = dir.path().join("page.html");
+    let viewed = artgs(&["view", shown, "--export", page.to_str().unwrap()]);
+    assert_eq!(viewed.status.code(), Some(0), "{}", text(&viewed.stderr));
+
+    // Another person knows better, and a part keeps a name of its own.
+    let classes = r#"{"format": "artgs-corrections", "version": 1, "classes": [{"part": 1, "class": "flap"}]}"#;
+    fs::write(dir.path().join("corrections.json"), classes).unwrap();
+    let (names, report) = export(&[]);
+    assert_eq!(names, ["base", "flap", "drawer"]);
+    assert_eq!(
+        (&report["links"][1]["class_given"], &report["links"][1]["class_confidence"]),
+        (&json!(true), &json!(1.0))
+    );
 }
 
 #[test]

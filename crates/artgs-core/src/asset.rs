@@ -2,7 +2,7 @@
 //!
 //! The object's frame has +Z up. Link frames are parallel to it at the zero pose; link 0 is fixed to the world.
 
-use crate::{Joint, JointKind, Mesh, PerState, Rigid, Splats, State};
+use crate::{Handle, Joint, JointKind, Mesh, PartSemantics, PerState, Rigid, Splats, State};
 use glam::DVec3;
 
 /// Says what is wrong with the size of an object, the length of the diagonal of its box in metres; none if simulators can
@@ -49,6 +49,10 @@ pub struct AssetLink {
     pub inertial: Inertial,
     /// Gaussians of the link, link frame.
     pub splats: Option<Splats>,
+    /// What it is; none if unknown.
+    pub semantics: Option<PartSemantics>,
+    /// Where a gripper holds it.
+    pub handles: Vec<Handle>,
 }
 
 /// A joint of an asset; its frame is that of the child link at value 0.

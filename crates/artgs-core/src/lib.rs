@@ -12,6 +12,7 @@ pub mod random;
 pub mod recording;
 pub mod replica;
 mod rigid;
+mod semantics;
 mod splats;
 pub mod state;
 
@@ -24,5 +25,6 @@ pub use mesh::Mesh;
 pub use recording::{RecordedFrame, Recording};
 pub use replica::{Alternative, Replica, ReplicaError};
 pub use rigid::Rigid;
+pub use semantics::{Handle, HingeSide, PartClass, PartSemantics};
 pub use splats::Splats;
 pub use state::{PerState, State};

@@ -6,15 +6,16 @@
 //!              {"action": "delete", "part": 2}, {"action": "merge", "part": 3, "into": 1},
 //!              {"action": "split", "part": 4, "plane": {"point": [0, 0, 0.3], "normal": [0, 0, 1]}}],
 //!  "joints": [{"part": 1, "type": "revolute"},
-//!             {"part": 4, "type": "prismatic", "joint": {"axis": [0, -1, 0], "origin": [0, 0, 0], "value": 0.2}}]}
+//!             {"part": 4, "type": "prismatic", "joint": {"axis": [0, -1, 0], "origin": [0, 0, 0], "value": 0.2}}],
+//!  "classes": [{"part": 1, "class": "door"}]}
 //! ```
 //! Positions are in the capture's frame and unit, parts at the start state; `part` is the `id` of the `replica.json` that
 //! was made without corrections. Parts that are added, also by a split, have the numbers after those, in the order in which
-//! they are added.
+//! they are added. Classes are applied by the next export, the others by the next run that resumes.
 
 use crate::error::read_bytes;
 use crate::{FileError, without_mark, write_atomic};
-use artgs_core::JointKind;
+use artgs_core::{JointKind, PartClass};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -33,6 +34,8 @@ pub struct Corrections {
     pub centres: Vec<CentreEdit>,
     /// Types of joints, at most one per part.
     pub joints: Vec<JointMark>,
+    /// Classes of parts, at most one per part; exports use them.
+    pub classes: Vec<ClassMark>,
 }
 
 /// A change of the part centres. Parts are movable ones, so counted from 1; added ones have the next numbers.
@@ -139,6 +142,16 @@ impl CentreEdit {
     }
 }
 
+/// The class that a part is known to have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ClassMark {
+    /// The part.
+    pub part: usize,
+    /// What it is.
+    pub class: PartClass,
+}
+
 /// The type that a joint is known to have, and where the joint is if that is known, too.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -190,27 +203,29 @@ struct Document {
     centres: Vec<CentreEdit>,
     #[serde(default)]
     joints: Vec<JointMark>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    classes: Vec<ClassMark>,
 }
 
 impl Corrections {
     /// From the text of the file; the error says which field is wrong.
     pub fn parse(text: &[u8]) -> Result<Self, String> {
-        let Document { format, version, centres, joints } =
+        let Document { format, version, centres, joints, classes } =
             serde_json::from_slice(without_mark(text)?).map_err(|e| e.to_string())?;
         if format != FORMAT || version != VERSION {
             return Err(format!(
                 "field `format` is {format:?} version {version}; expected {FORMAT:?} version {VERSION}"
             ));
         }
-        let corrections = Self { centres, joints };
+        let corrections = Self { centres, joints, classes };
         corrections.check()?;
         Ok(corrections)
     }
 
     /// The text of the file; an error if a position is not finite.
     pub fn text(&self) -> Result<String, FileError> {
-        let Self { centres, joints } = self.clone();
-        let document = Document { format: FORMAT.into(), version: VERSION, centres, joints };
+        let Self { centres, joints, classes } = self.clone();
+        let document = Document { format: FORMAT.into(), version: VERSION, centres, joints, classes };
         let unwritable = |reason: String| FileError::malformed(Path::new(CORRECTIONS_FILE), reason);
         self.check().map_err(unwritable)?;
         serde_json::to_string_pretty(&document).map(|t| t + "\n").map_err(|e| unwritable(e.to_string()))
@@ -218,7 +233,19 @@ impl Corrections {
 
     /// True if nothing is changed.
     pub fn is_empty(&self) -> bool {
-        self.centres.is_empty() && self.joints.is_empty()
+        self.centres.is_empty() && self.joints.is_empty() && self.classes.is_empty()
+    }
+
+    /// Those that change what a run computes: all but the classes.
+    pub fn without_classes(self) -> Self {
+        Self { classes: Vec::new(), ..self }
+    }
+
+    /// Number that a part has in a replica made with these corrections; none if they remove it.
+    pub fn number_after(&self, part: usize) -> Option<usize> {
+        let removed: Vec<usize> = self.centres.iter().filter_map(CentreEdit::removed_part).collect();
+        let before = (1..part).filter(|other| removed.contains(other)).count();
+        (!removed.contains(&part)).then(|| part - before)
     }
 
     /// These, which are of the parts that `earlier` ones left of `found` movable parts, as further ones of what was found.
@@ -239,7 +266,10 @@ impl Corrections {
         let marks: Vec<JointMark> = self.joints.iter().map(|m| JointMark { part: renumber(m.part), ..*m }).collect();
         let kept = |m: &&JointMark| !removed(&centres, m.part) && marks.iter().all(|new| new.part != m.part);
         let joints = earlier.joints.iter().filter(kept).copied().chain(marks.iter().copied()).collect();
-        Self { centres, joints }
+        // The page sends all classes that are given.
+        let class = |m: &ClassMark| ClassMark { part: renumber(m.part), ..*m };
+        let classes = self.classes.iter().map(class).filter(|m| !removed(&centres, m.part)).collect();
+        Self { centres, joints, classes }
     }
 
     /// Refuses parts that do not exist where `found` movable parts were found: numbers above those of found and added parts.
@@ -254,8 +284,11 @@ impl Corrections {
             }
             known += usize::from(edit.adds_part());
         }
-        match self.joints.iter().enumerate().find(|(_, mark)| mark.part > known) {
-            Some((i, mark)) => absent(format!("joints[{i}]"), mark.part, known),
+        if let Some((i, mark)) = self.joints.iter().enumerate().find(|(_, mark)| mark.part > known) {
+            return absent(format!("joints[{i}]"), mark.part, known);
+        }
+        match self.classes.iter().enumerate().find(|(_, mark)| mark.part > known) {
+            Some((i, mark)) => absent(format!("classes[{i}]"), mark.part, known),
             None => Ok(()),
         }
     }
@@ -263,8 +296,8 @@ impl Corrections {
     /// Part numbers above 0, finite positions, no part changed after it was removed, one type per joint, axes with a
     /// direction.
     pub fn check(&self) -> Result<(), String> {
-        let Self { centres, joints } = self;
-        if centres.len() > MOST || joints.len() > MOST {
+        let Self { centres, joints, classes } = self;
+        if centres.len() > MOST || joints.len() > MOST || classes.len() > MOST {
             return Err(format!("more than {MOST} corrections"));
         }
         let mut removed: Vec<usize> = Vec::new();
@@ -289,6 +322,11 @@ impl Corrections {
             }
             if mark.joint.is_some_and(|joint| !joint.is_usable()) {
                 return Err(format!("field `joints[{i}].joint`: `axis` has no direction, or a number is not finite"));
+            }
+        }
+        for (i, ClassMark { part, .. }) in classes.iter().enumerate() {
+            if *part == 0 || classes[..i].iter().any(|m| m.part == *part) {
+                return Err(format!("field `classes[{i}]`: part {part} is static or named twice"));
             }
         }
         Ok(())
@@ -340,6 +378,7 @@ mod tests {
                 JointMark { part: 1, kind: JointKind::Prismatic, joint: None },
                 JointMark { part: 4, kind: JointKind::Screw, joint: Some(joint()) },
             ],
+            classes: vec![ClassMark { part: 1, class: PartClass::SlidingDoor }],
         };
         write_corrections(dir.path(), &corrections).unwrap();
         assert_eq!(read_corrections(dir.path()).unwrap(), Some(corrections));
@@ -348,14 +387,17 @@ mod tests {
     #[test]
     fn parts_that_do_not_exist_are_named() {
         let add = CentreEdit::Add { position: [0.0; 3] };
-        let corrections = |centres| Corrections { centres, joints: vec![] };
+        let corrections = |centres| Corrections { centres, ..Corrections::default() };
         let check = |centres| corrections(centres).check_parts(2);
         assert!(check(vec![CentreEdit::Delete { part: 2 }, add.clone(), CentreEdit::Delete { part: 3 }]).is_ok());
         let text = check(vec![CentreEdit::Delete { part: 3 }, add]).unwrap_err();
         assert!(text.contains("centres[0]") && text.contains("part 3"), "{text}");
         let joints = vec![JointMark { part: 4, kind: JointKind::Screw, joint: None }];
-        let text = Corrections { centres: vec![], joints }.check_parts(2).unwrap_err();
+        let text = Corrections { joints, ..Corrections::default() }.check_parts(2).unwrap_err();
         assert!(text.contains("joints[0]") && text.contains("part 4"), "{text}");
+        let classes = vec![ClassMark { part: 5, class: PartClass::Lid }];
+        let text = Corrections { classes, ..Corrections::default() }.check_parts(2).unwrap_err();
+        assert!(text.contains("classes[0]") && text.contains("part 5"), "{text}");
     }
 
     #[test]
@@ -365,6 +407,7 @@ mod tests {
         let earlier = Corrections {
             centres: vec![CentreEdit::Delete { part: 1 }, CentreEdit::Add { position: at(1.0) }],
             joints: vec![mark(2, JointKind::Screw), mark(3, JointKind::Prismatic)],
+            ..Corrections::default()
         };
         // Three were found; left are 2, 3 and the added 4, which a run numbers 1, 2 and 3.
         let later = Corrections {
@@ -375,6 +418,7 @@ mod tests {
                 CentreEdit::Delete { part: 4 },
             ],
             joints: vec![mark(2, JointKind::Revolute), mark(3, JointKind::Screw)],
+            classes: vec![ClassMark { part: 2, class: PartClass::Door }],
         };
         let both = later.after(&earlier, 3);
         let expected = Corrections {
@@ -387,9 +431,12 @@ mod tests {
                 CentreEdit::Delete { part: 5 },
             ],
             joints: vec![mark(3, JointKind::Revolute), mark(4, JointKind::Screw)],
+            classes: vec![ClassMark { part: 3, class: PartClass::Door }],
         };
         assert_eq!(both, expected);
         assert_eq!(both.check(), Ok(()));
+        assert_eq!([1, 2, 3, 4].map(|part| both.number_after(part)), [None, None, Some(1), Some(2)]);
+        assert!(both.without_classes().classes.is_empty());
         assert_eq!(Corrections::default().after(&earlier, 3), earlier);
         assert_eq!(later.after(&Corrections::default(), 3), later);
         let nobody = Corrections { centres: vec![CentreEdit::Delete { part: 0 }], ..Corrections::default() };
@@ -399,7 +446,7 @@ mod tests {
     #[test]
     fn what_is_cut_off_is_a_further_part() {
         let split = |part| CentreEdit::Split { part, plane: Some(plane()), points: vec![] };
-        let corrections = |centres| Corrections { centres, joints: vec![] };
+        let corrections = |centres| Corrections { centres, ..Corrections::default() };
         // Two were found; the split makes 3, which is then deleted by the number that the next run gives it.
         let earlier = corrections(vec![split(1)]);
         let later = corrections(vec![CentreEdit::Delete { part: 3 }, split(2), CentreEdit::Merge { part: 4, into: 1 }]);
@@ -408,7 +455,7 @@ mod tests {
         assert_eq!(both.centres, [split(1), CentreEdit::Delete { part: 3 }, split(2), merged]);
         assert_eq!(both.check(), Ok(()));
         let marked = JointMark { part: 3, kind: JointKind::Screw, joint: Some(joint()) };
-        let marks = Corrections { centres: vec![], joints: vec![marked] };
+        let marks = Corrections { joints: vec![marked], ..Corrections::default() };
         assert_eq!(marks.after(&earlier, 2).joints, [marked]);
     }
 
@@ -442,6 +489,8 @@ mod tests {
                 r#""version":1,"joints":[{"part":1,"type":"screw","joint":{"axis":[0,0,0],"origin":[0,0,0]}}]"#,
                 "`joints[0].joint`: `axis`",
             ),
+            (r#""version":1,"classes":[{"part":1,"class":"gate"}]"#, "unknown variant `gate`"),
+            (r#""version":1,"classes":[{"part":1,"class":"door"},{"part":1,"class":"lid"}]"#, "`classes[1]`: part 1"),
             (r#""version":1,"centers":[]"#, "unknown field `centers`"),
             (r#""version":1,"joints":[{"part":1,"type":"fixed"}]"#, "unknown variant `fixed`"),
             (r#""version":1,"joints":[{"part":1,"type":"screw"},{"part":1,"type":"screw"}]"#, "named twice"),

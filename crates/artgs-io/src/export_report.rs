@@ -3,7 +3,8 @@
 use crate::asset::Format;
 use crate::run_folder::{RunFolder, load_json, save_json};
 use crate::{FileDigest, FileError};
-use artgs_core::JointKind;
+use artgs_core::{Handle, HingeSide, JointKind, PartClass, Rigid};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -32,6 +33,16 @@ pub struct RequestedOptions {
     pub observed_limits: bool,
     /// Triangles per link, about.
     pub triangles: Option<usize>,
+    /// Front in the frame of the capture, as on the command line.
+    pub front: Option<String>,
+    /// Links keep the names of the replica's parts.
+    pub part_names: bool,
+    /// The base is not fixed to the world.
+    pub free_base: bool,
+    /// Actuators of the MJCF: `motor` or `position`.
+    pub actuators: Option<String>,
+    /// ROS package that the mesh paths of the URDF begin with.
+    pub package: Option<String>,
 }
 
 /// What an export decided.
@@ -44,6 +55,10 @@ pub struct ExportReport {
     pub scale: f64,
     /// Upward axis of the capture, `z` or `y`.
     pub up: String,
+    /// Motion from the scaled frame of the capture to the object's frame of the export; none in reports of versions that
+    /// only turned the upward axis.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame: Option<Rigid>,
     /// One entry per link.
     pub links: Vec<LinkReport>,
     /// Deepest penetration of convex pieces before and after cutting, metres.
@@ -69,6 +84,18 @@ pub struct ExportReport {
 pub struct LinkReport {
     /// Its name in every format.
     pub name: String,
+    /// Name of the part in `replica.json`; none in reports of versions in which links had these names.
+    pub part: Option<String>,
+    /// What it is.
+    pub class: Option<PartClass>,
+    /// Confidence of the class, 0 to 1.
+    pub class_confidence: Option<f64>,
+    /// True if a person gave the class.
+    pub class_given: bool,
+    /// Edge of the hinge seen from the front; only of doors and flaps.
+    pub hinge: Option<HingeSide>,
+    /// Where a gripper holds it.
+    pub handles: Vec<HandleReport>,
     /// Kilograms.
     pub mass: f64,
     /// Number of convex pieces.
@@ -106,7 +133,51 @@ pub struct LinkReport {
     pub stops: Option<[String; 2]>,
 }
 
+/// A handle of a link; lengths in metres.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct HandleReport {
+    /// Its name in every format.
+    pub name: String,
+    /// Origin of the grasp frame, link frame.
+    pub position: [f64; 3],
+    /// Orientation of the grasp frame in the link frame, x y z w: Z is the direction of approach, fingers close along Y.
+    pub orientation: [f64; 4],
+    /// Direction of approach, link frame.
+    pub approach: [f64; 3],
+    /// Direction in which the fingers close, link frame.
+    pub closing: [f64; 3],
+    /// Opening that the handle needs.
+    pub width: f64,
+    /// Extent of the handle across opening and approach.
+    pub length: f64,
+    /// How far the handle stands out.
+    pub depth: f64,
+}
+
+impl From<&Handle> for HandleReport {
+    fn from(handle: &Handle) -> Self {
+        let Handle { name, frame, width, length, depth } = handle.clone();
+        Self {
+            name,
+            position: frame.translation.to_array(),
+            orientation: frame.rotation.to_array(),
+            approach: frame.turn(DVec3::Z).to_array(),
+            closing: frame.turn(DVec3::Y).to_array(),
+            width,
+            length,
+            depth,
+        }
+    }
+}
+
 impl ExportReport {
+    /// Name of the part of the replica that a link shows.
+    pub fn part_of(&self, link: &str) -> Option<&str> {
+        let found = self.links.iter().find(|l| l.name == link)?;
+        Some(found.part.as_deref().unwrap_or(&found.name))
+    }
+
     /// Writes it into a run's folder.
     pub fn save(&self, folder: &RunFolder) -> Result<(), FileError> {
         let path = folder.export_report();
@@ -167,12 +238,21 @@ fn is_of(name: &str, format: Format) -> bool {
 
 impl fmt::Display for ExportReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{:<16} {:>9} {:>6} {:>10} {:>7}  closed surface", "link", "kg", "hulls", "triangles", "photos")?;
+        writeln!(
+            f,
+            "{:<16} {:<9} {:<18} {:>9} {:>6} {:>10} {:>7}  closed surface",
+            "link", "part", "class", "kg", "hulls", "triangles", "photos"
+        )?;
         for link in &self.links {
             let photos = link.textured_share.map_or("-".into(), |p| format!("{:.0} %", 100.0 * p));
             let closed = if link.watertight { "yes" } else { "no" };
             let LinkReport { name, mass, hulls, triangles, .. } = link;
-            writeln!(f, "{name:<16} {mass:>9.3} {hulls:>6} {triangles:>10} {photos:>7}  {closed}")?;
+            let part = link.part.as_deref().unwrap_or("-");
+            let class = class_of(link);
+            writeln!(
+                f,
+                "{name:<16} {part:<9} {class:<18} {mass:>9.3} {hulls:>6} {triangles:>10} {photos:>7}  {closed}"
+            )?;
         }
         writeln!(f)?;
         for link in &self.links {
@@ -183,6 +263,11 @@ impl fmt::Display for ExportReport {
             writeln!(f, "{}: 0 = {zero}, observed {start:.3} to {end:.3}", link.name)?;
             writeln!(f, "  from {low:.3}, {}, to {high:.3}, {}", stops[0], stops[1])?;
         }
+        for handle in self.links.iter().flat_map(|link| &link.handles) {
+            let HandleReport { name, width, length, depth, .. } = handle;
+            let [width, length, depth] = [width, length, depth].map(|x| 1000.0 * x);
+            writeln!(f, "{name}: {width:.0} mm between the fingers, {length:.0} mm long, stands out {depth:.0} mm")?;
+        }
         let [before, after] = self.penetration.map(|p| 1000.0 * p);
         writeln!(
             f,
@@ -191,6 +276,16 @@ impl fmt::Display for ExportReport {
         )?;
         writeln!(f)?;
         self.files.iter().filter(|file| is_main(file)).try_for_each(|file| writeln!(f, "{}", file.display()))
+    }
+}
+
+/// Class and confidence in percent.
+fn class_of(link: &LinkReport) -> String {
+    let name = link.class.map_or("-", PartClass::name);
+    match link.class_confidence {
+        _ if link.class_given => format!("{name} (given)"),
+        Some(confidence) if link.parent.is_some() => format!("{name} ({:.0} %)", 100.0 * confidence),
+        _ => name.into(),
     }
 }
 
@@ -215,6 +310,26 @@ mod tests {
         assert_eq!(ExportReport::load(&folder).unwrap(), Some(report));
         std::fs::write(folder.export_report(), r#"{"scale": 2.0, "later": 1}"#).unwrap();
         assert_eq!(ExportReport::load(&folder).unwrap().unwrap().scale, 2.0);
+    }
+
+    #[test]
+    fn names_of_classes_are_those_of_files_and_links_know_their_parts() {
+        for class in PartClass::ALL {
+            assert_eq!(serde_json::to_value(class).unwrap(), class.name());
+        }
+        for side in [HingeSide::Left, HingeSide::Right, HingeSide::Bottom, HingeSide::Top] {
+            assert_eq!(serde_json::to_value(side).unwrap(), side.name());
+        }
+        let named = |name: &str, part: Option<&str>| {
+            let class = Some(PartClass::Door);
+            LinkReport { name: name.into(), part: part.map(Into::into), class, ..LinkReport::default() }
+        };
+        let links = vec![named("door", Some("part_2")), named("part_1", None)];
+        let report = ExportReport { links, ..ExportReport::default() };
+        assert_eq!([report.part_of("door"), report.part_of("part_1")], [Some("part_2"), Some("part_1")]);
+        assert_eq!(report.part_of("lid"), None);
+        let json = serde_json::to_value(&report).unwrap();
+        assert_eq!(json["links"][0]["class"], "door");
     }
 
     #[test]

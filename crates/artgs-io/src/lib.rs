@@ -28,7 +28,9 @@ mod text;
 
 pub use atomic::write_atomic;
 pub use capture::{CaptureError, CaptureOptions, load_capture, load_capture_with};
-pub use corrections::{CentreEdit, Corrections, CutPlane, JointMark, MarkedJoint, read_corrections, write_corrections};
+pub use corrections::{
+    CentreEdit, ClassMark, Corrections, CutPlane, JointMark, MarkedJoint, read_corrections, write_corrections,
+};
 pub use digest::FileDigest;
 pub use error::FileError;
 pub use folder_lock::FolderLock;

@@ -3,19 +3,19 @@
 use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest, uncovered};
 use crate::config::{Collision, PhysicalConfig};
 use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with, patches, seen_points};
+use crate::describe::{Described, describe, diagonal, to_identifier};
 use crate::hull::Hull;
 use crate::looks::PartSurface;
 use crate::mass::{inertial, walls};
-use crate::stance::{Range, closed_state, extend};
-use crate::topology::{bounds, points};
-use artgs_core::{
-    Asset, AssetJoint, AssetLink, Inertial, Joint, JointKind, Mesh, PerState, Replica, Rigid, State, TexturedMesh,
-};
+use crate::semantics;
+use crate::stance::{Range, extend};
+use crate::topology::points;
+use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, Replica, Rigid, State, TexturedMesh};
 use glam::DVec3;
 use rayon::prelude::*;
 
 /// Decisions about an asset that the asset itself does not contain.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Decisions {
     /// State in which each part is closed; none if unknown.
     pub closed_state: Vec<Option<State>>,
@@ -29,6 +29,8 @@ pub(crate) struct Decisions {
     pub penetration: f64,
     /// Scale from the capture's frame at the start state to each link's frame; applied before `to_link`.
     pub scale: f64,
+    /// Motion from the scaled capture's frame to the object's frame.
+    pub object: Rigid,
     /// Motion from the scaled capture's frame to each link's frame.
     pub to_link: Vec<Rigid>,
 }
@@ -52,10 +54,7 @@ pub(crate) fn assemble(
 ) -> Result<(Asset, Decisions), String> {
     let meshes: Vec<&Mesh> = surfaces.iter().map(|s| &s.visual.mesh).collect();
     let diagonal = config.scale * diagonal(&meshes);
-    let closed: Vec<Option<State>> =
-        (0..replica.parts.len()).map(|part| closed_state_of(replica, &meshes, part)).collect();
-    let frames = frames(replica, &closed, config);
-    let names = names(replica);
+    let Described { closed, frames, names, semantics: classes, object } = describe(replica, &meshes, config);
     let wall = config.wall_share * diagonal;
     let link = |part: usize| {
         let to_link = Rigid::shift(-frames[part].origin) * frames[part].from_start;
@@ -64,15 +63,23 @@ pub(crate) fn assemble(
         let seen = surfaces[part].observed.as_ref();
         let observed = |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / config.scale));
         let walls = walls(&visual.mesh, &observed, wall);
-        let own = config.densities.iter().find(|(name, _)| *name == names[part]).map(|(_, density)| *density);
+        let is_named = |name: &str| name == names[part] || name == replica.parts[part].name;
+        let own = config.densities.iter().find(|(name, _)| is_named(name)).map(|(_, density)| *density);
         let density = own.unwrap_or(config.density);
         let inertial = inertial(&visual.mesh, surfaces[part].closed, &walls, density, config.least_mass);
         let joint = frames[part].joint;
         let (name, parent, origin) = (names[part].clone(), replica.parts[part].parent, frames[part].origin);
-        AssetLink { name, parent, joint, origin, visual, collision: Vec::new(), inertial, splats: None }
+        let semantics = Some(classes[part]);
+        AssetLink { name, parent, joint, origin, visual, inertial, semantics, ..AssetLink::default() }
     };
-    if let Some((name, _)) = config.densities.iter().find(|(name, _)| !names.contains(name)) {
-        return Err(format!("--density names `{name}`, but the parts are {}", names.join(", ")));
+    let known = |name: &String| names.contains(name) || replica.parts.iter().any(|part| part.name == *name);
+    if let Some((name, _)) = config.densities.iter().find(|(name, _)| !known(name)) {
+        let shown = names.iter().zip(&replica.parts).map(|(name, part)| match part.name == *name {
+            true => name.clone(),
+            false => format!("{name} ({})", part.name),
+        });
+        let shown = shown.collect::<Vec<_>>().join(", ");
+        return Err(format!("--density names `{name}`, but the parts are {shown}"));
     }
     let mut links: Vec<AssetLink> = (0..replica.parts.len()).into_par_iter().map(link).collect();
     weigh(&mut links, config);
@@ -81,8 +88,19 @@ pub(crate) fn assemble(
         link.joint = link.joint.map(|joint| dynamics(joint, &link.inertial, arm, config));
     }
     let mut asset = Asset { name: to_identifier(name, "replica"), links };
+    let handles = semantics::handles(&asset);
+    asset.links.iter_mut().zip(handles).for_each(|(link, handles)| link.handles = handles);
     let to_link = frames.iter().map(|f| Rigid::shift(-f.origin) * f.from_start).collect();
-    let mut decisions = Decisions { closed_state: closed, scale: config.scale, to_link, ..Decisions::default() };
+    let mut decisions = Decisions {
+        closed_state: closed,
+        ranges: Vec::new(),
+        clearance: Clearance::default(),
+        lost: Vec::new(),
+        penetration: 0.0,
+        scale: config.scale,
+        object,
+        to_link,
+    };
     collide(&mut asset, &mut decisions, surfaces, diagonal, config, decomposer)?;
     Ok((asset, decisions))
 }
@@ -189,67 +207,6 @@ pub(crate) fn stances(asset: &Asset) -> Vec<Vec<Rigid>> {
     out
 }
 
-/// Frame and joint of a link.
-struct Frame {
-    /// From the scaled capture at the start state to the object's frame at the zero pose.
-    from_start: Rigid,
-    /// Object's frame, zero pose.
-    origin: DVec3,
-    joint: Option<AssetJoint>,
-}
-
-fn frames(replica: &Replica, closed: &[Option<State>], config: &PhysicalConfig) -> Vec<Frame> {
-    let upright = Rigid { rotation: config.up.upright(), translation: DVec3::ZERO };
-    let mut out: Vec<Frame> = Vec::new();
-    for (i, part) in replica.parts.iter().enumerate() {
-        let carried = part.parent.map_or(upright, |p| out[p].from_start);
-        let Some(joint) = replica.joint(i) else {
-            out.push(Frame { from_start: carried, origin: DVec3::ZERO, joint: None });
-            continue;
-        };
-        let joint = metric(joint, config.scale);
-        let zero_state = closed[i].unwrap_or(State::START);
-        let zero = joint.state_values[zero_state];
-        // Positive values open: from the closed state towards the other.
-        let away = joint.state_values[zero_state.other()] - zero;
-        let sign = if away < 0.0 { -1.0 } else { 1.0 };
-        let from_start = carried * joint.motion(zero - joint.state_values[State::START]);
-        let ordered = |[a, b]: [f64; 2]| [a.min(b), a.max(b)];
-        // Adding zero converts -0 to 0.
-        let observed = joint.state_values.map(|v| sign * (v - zero) + 0.0);
-        let given = ordered(joint.limits.map(|v| sign * (v - zero)));
-        let seen = ordered([observed[State::START], observed[State::END]]);
-        /// Least range of a joint, radians or metres: engines refuse `lower = upper`.
-        const NARROWEST: f64 = 1e-4;
-        let limits = [given[0].min(seen[0]).min(0.0), given[1].max(seen[1]).max(seen[0] + NARROWEST)];
-        let asset_joint = AssetJoint {
-            kind: joint.kind,
-            axis: from_start.turn(joint.axis * sign).normalize_or(DVec3::Z),
-            pitch: joint.pitch,
-            limits,
-            observed,
-            effort: 0.0,
-            velocity: 0.0,
-            damping: 0.0,
-            friction: 0.0,
-        };
-        out.push(Frame { from_start, origin: from_start.apply(joint.origin), joint: Some(asset_joint) });
-    }
-    out
-}
-
-/// A joint in metres.
-fn metric(joint: Joint, scale: f64) -> Joint {
-    let value = |v: f64| if joint.kind == JointKind::Prismatic { v * scale } else { v };
-    Joint {
-        origin: joint.origin * scale,
-        pitch: joint.pitch * scale,
-        state_values: joint.state_values.map(value),
-        limits: joint.limits.map(value),
-        ..joint
-    }
-}
-
 /// Scales the masses to the total that was asked for.
 fn weigh(links: &mut [AssetLink], config: &PhysicalConfig) {
     let total: f64 = links.iter().map(|link| link.inertial.mass).sum();
@@ -291,27 +248,6 @@ fn dynamics(joint: AssetJoint, inertial: &Inertial, arm: f64, config: &PhysicalC
     }
 }
 
-fn closed_state_of(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<State> {
-    /// Least difference, as a share of the diagonal, that is significant, ...
-    const SIGNIFICANT: f64 = 0.01;
-    /// ... or as a share of the mean motion of the part, whichever is smaller.
-    const SIGNIFICANT_OF_MOTION: f64 = 0.15;
-    let parent = replica.parts[part].parent?;
-    // Compared with its parent, in the parent's frame.
-    let joint = replica.joint(part)?;
-    let end = meshes[part].moved(&joint.start_to_end());
-    let distances = points(meshes[part]).zip(points(&end)).map(|(a, b)| a.distance(b));
-    let mean_motion = distances.sum::<f64>() / end.vertices.len().max(1) as f64;
-    let significant = (SIGNIFICANT * diagonal(meshes)).min(SIGNIFICANT_OF_MOTION * mean_motion);
-    closed_state(PerState::new(meshes[part], &end), PerState::new(meshes[parent], meshes[parent]), significant)
-}
-
-/// Diagonal of the box around all meshes.
-fn diagonal(meshes: &[&Mesh]) -> f64 {
-    let boxes = meshes.iter().filter_map(|m| bounds(m));
-    boxes.reduce(|[l, h], [low, high]| [l.min(low), h.max(high)]).map_or(0.0, |[low, high]| low.distance(high))
-}
-
 /// A textured mesh scaled, then moved.
 fn moved(visual: &TexturedMesh, motion: &Rigid, scale: f64) -> TexturedMesh {
     let mut out = visual.clone();
@@ -322,36 +258,6 @@ fn moved(visual: &TexturedMesh, motion: &Rigid, scale: f64) -> TexturedMesh {
         *n = motion.turn(DVec3::from_array(n.map(f64::from))).as_vec3().to_array();
     }
     out
-}
-
-/// Unique names that are valid in every format.
-fn names(replica: &Replica) -> Vec<String> {
-    let mut out: Vec<String> = Vec::new();
-    for (i, part) in replica.parts.iter().enumerate() {
-        let wanted = to_identifier(&part.name, "part");
-        let taken = |name: &String| out.contains(name) || name == "world";
-        let name = if taken(&wanted) { format!("{wanted}_{i}") } else { wanted };
-        out.push(if taken(&name) { format!("link_{i}") } else { name });
-    }
-    out
-}
-
-/// Lower case letters, digits and `_`, a letter first.
-pub(crate) fn to_identifier(text: &str, otherwise: &str) -> String {
-    let mut out = String::new();
-    for c in text.chars().map(|c| c.to_ascii_lowercase()) {
-        match c {
-            'a'..='z' | '0'..='9' => out.push(c),
-            _ if !out.ends_with('_') => out.push('_'),
-            _ => {}
-        }
-    }
-    let out = out.trim_matches('_').to_string();
-    match out.chars().next() {
-        None => otherwise.into(),
-        Some('a'..='z') => out,
-        Some(_) => format!("{otherwise}_{out}"),
-    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 use super::*;
-use crate::config::Up;
+use crate::config::{Front, Up};
 use crate::looks::surfaces;
+use artgs_core::{Joint, PerState};
 
 fn cuboid(low: DVec3, high: DVec3) -> Mesh {
     let [low, high] = [low, high].map(|p| p.as_vec3().to_array());
@@ -58,7 +59,7 @@ fn placed(asset: &Asset, decisions: &Decisions, link: usize, point: DVec3, value
 fn observed_states_keep_their_positions_and_positive_values_open() {
     let (replica, meshes) = replica();
     for (up, scale) in [(Up::Z, 1.0), (Up::Y, 2.5)] {
-        let config = PhysicalConfig { up, scale, ..PhysicalConfig::default() };
+        let config = PhysicalConfig { up, scale, front: Front::Captured, ..PhysicalConfig::default() };
         let surfaces = surfaces(&replica, &meshes, None, &config);
         let (asset, decisions) = assemble("A cabinet", &replica, &surfaces, &config, None).unwrap();
         assert_eq!(asset.name, "a_cabinet");
@@ -116,7 +117,7 @@ fn a_carried_part_and_a_screw_keep_their_places() {
         meshes.push(mesh);
     }
     replica.validate().unwrap();
-    let config = PhysicalConfig { scale: 2.5, ..PhysicalConfig::default() };
+    let config = PhysicalConfig { scale: 2.5, front: Front::Captured, ..PhysicalConfig::default() };
     let (asset, decisions) =
         assemble("a", &replica, &surfaces(&replica, &meshes, None, &config), &config, None).unwrap();
     assert_eq!(asset.links.iter().map(|l| l.parent).collect::<Vec<_>>(), [None, Some(0), Some(0), Some(2), Some(2)]);
@@ -198,7 +199,11 @@ fn densities_and_masses_are_those_asked_for_and_a_hand_moves_every_part() {
     let share = |asset: &Asset| asset.links[2].inertial.mass / asset.links[1].inertial.mass;
     assert!((share(&asked) / share(&plain) - 2.0).abs() < 1e-9);
     let wrong = PhysicalConfig { densities: vec![("wing".into(), 1300.0)], ..config };
-    assert!(built(&wrong).unwrap_err().contains("`wing`, but the parts are base, drawer_lower, world_2"));
+    assert!(
+        built(&wrong)
+            .unwrap_err()
+            .contains("`wing`, but the parts are base, drawer_lower (Drawer, lower), world_2 (world)")
+    );
     for asset in [&plain, &asked] {
         // The door is 90 cm wide.
         for (_, _, joint) in asset.movable() {

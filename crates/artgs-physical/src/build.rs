@@ -18,7 +18,7 @@ pub(crate) struct Parts<'a> {
 }
 
 /// An asset with the decisions and surfaces behind it.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct BuiltAsset {
     /// The asset to export.
     pub asset: Asset,

@@ -1,6 +1,7 @@
 //! Physical properties that a capture does not contain. All their defaults are here.
 
-use glam::DQuat;
+use artgs_core::PartClass;
+use glam::{DQuat, DVec3};
 
 /// Which axis of the capture points up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,6 +23,27 @@ impl Up {
     }
 }
 
+/// Where the front of the object is, which is along -Y in exports.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Front {
+    /// Where drawers come out and doors open to; if no part shows it, the object is not turned.
+    #[default]
+    Found,
+    /// In this horizontal direction of the upright capture (+Z up).
+    Towards(DVec3),
+    /// The frame of the capture stays as it is: neither turned nor moved.
+    Captured,
+}
+
+/// A class that a person gave a part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GivenClass {
+    /// The part, its place in the replica.
+    pub part: usize,
+    /// What it is.
+    pub class: PartClass,
+}
+
 /// How parts collide.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Collision {
@@ -40,6 +62,12 @@ pub struct PhysicalConfig {
     pub scale: f64,
     /// Upward axis of the capture.
     pub up: Up,
+    /// Front of the object.
+    pub front: Front,
+    /// Links keep the names of the parts of the replica instead of names by their classes.
+    pub part_names: bool,
+    /// Classes that a person gave.
+    pub classes: Vec<GivenClass>,
     /// Density of the material, kg/m^3; the default is that of particle board.
     pub density: f64,
     /// Densities of parts by their names in the exports, kg/m^3.
@@ -108,6 +136,9 @@ impl Default for PhysicalConfig {
         Self {
             scale: 1.0,
             up: Up::Z,
+            front: Front::Found,
+            part_names: false,
+            classes: Vec::new(),
             density: 650.0,
             densities: Vec::new(),
             mass: None,

@@ -3,12 +3,14 @@
 use crate::build::{BuiltAsset, Parts, build};
 use crate::coacd;
 use crate::stance::Stop;
-use crate::{Collision, PhysicalConfig, Up};
-use artgs_core::{AssetLink, Capture, JointKind, Mesh, State, odd_size};
-use artgs_io::asset::{Format, check_asset};
-use artgs_io::export_report::{ExportReport, LinkReport, RequestedOptions};
+use crate::{Collision, Front, GivenClass, PhysicalConfig, Up};
+use artgs_core::{Capture, JointKind, Mesh, Replica, State, odd_size};
+use artgs_io::asset::{Actuators, Format, WriteOptions, check_asset};
+use artgs_io::export_report::{ExportReport, HandleReport, LinkReport, RequestedOptions};
 use artgs_io::replica::ReplicaFileError;
-use artgs_io::{FileError, RunFolder};
+use artgs_io::run_folder::load_text;
+use artgs_io::{Corrections, FileError, RunFolder, read_corrections};
+use glam::DVec3;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -47,6 +49,67 @@ impl FromStr for CollisionSource {
     }
 }
 
+/// Front of the object in the frame of the capture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FrontAxis {
+    /// Where drawers come out and doors open to.
+    #[default]
+    Auto,
+    /// Along this axis, 0 to 2 for X to Z, in the positive or negative direction.
+    Axis(usize, bool),
+    /// The frame of the capture stays as it is.
+    Capture,
+}
+
+impl FrontAxis {
+    /// Every value.
+    pub const ALL: [Self; 8] = [
+        Self::Auto,
+        Self::Axis(0, true),
+        Self::Axis(0, false),
+        Self::Axis(1, true),
+        Self::Axis(1, false),
+        Self::Axis(2, true),
+        Self::Axis(2, false),
+        Self::Capture,
+    ];
+
+    /// Name on the command line and in `export.json`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Axis(0, true) => "x",
+            Self::Axis(0, false) => "-x",
+            Self::Axis(1, true) => "y",
+            Self::Axis(1, false) => "-y",
+            Self::Axis(_, true) => "z",
+            Self::Axis(_, false) => "-z",
+            Self::Capture => "capture",
+        }
+    }
+
+    /// The front for an upward axis; none if it is that axis.
+    fn in_upright_frame(self, up: Up) -> Option<Front> {
+        match self {
+            Self::Auto => Some(Front::Found),
+            Self::Capture => Some(Front::Captured),
+            Self::Axis(axis, positive) => {
+                let direction = up.upright() * DVec3::AXES[axis.min(2)] * if positive { 1.0 } else { -1.0 };
+                (direction.z.abs() < 0.5).then_some(Front::Towards(direction))
+            }
+        }
+    }
+}
+
+impl FromStr for FrontAxis {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|front| front.name() == text);
+        found.ok_or_else(|| format!("no front is called `{text}`; there are {}", Self::ALL.map(Self::name).join(", ")))
+    }
+}
+
 /// What to export and how.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExportOptions {
@@ -74,6 +137,12 @@ pub struct ExportOptions {
     pub observed_limits: bool,
     /// Triangles per link, about, for drawing; none for the default of [`PhysicalConfig`].
     pub triangles: Option<usize>,
+    /// Front of the object in the frame of the capture.
+    pub front: FrontAxis,
+    /// Links keep the names of the replica's parts instead of names by their classes.
+    pub part_names: bool,
+    /// What some formats write only if asked to.
+    pub write: WriteOptions,
 }
 
 impl Default for ExportOptions {
@@ -92,6 +161,9 @@ impl Default for ExportOptions {
             hulls: None,
             observed_limits: false,
             triangles: None,
+            front: FrontAxis::Auto,
+            part_names: false,
+            write: WriteOptions::default(),
         }
     }
 }
@@ -107,8 +179,12 @@ impl ExportOptions {
     /// default ones if nothing was exported.
     pub fn of_last_export(folder: &RunFolder) -> Result<Self, FileError> {
         let report = ExportReport::load(folder)?.unwrap_or_default();
-        let RequestedOptions { name, capture, density, densities, mass, collision, hulls, observed_limits, triangles } =
-            report.options;
+        let asked = report.options;
+        let malformed = |reason: String| FileError::malformed(&folder.export_report(), reason);
+        let front = asked.front.as_deref().map(FrontAxis::from_str).transpose().map_err(malformed)?;
+        let RequestedOptions { name, capture, density, densities, mass, collision, hulls, .. } = asked;
+        let actuators = Actuators::ALL.into_iter().find(|kind| asked.actuators.as_deref() == Some(kind.name()));
+        let write = WriteOptions { actuators, free_base: asked.free_base, package: asked.package };
         let defaults = Self::default();
         let wanted = |format: &Format| Self::SHOWN.contains(format) || folder.has_export(*format);
         let collision =
@@ -124,8 +200,11 @@ impl ExportOptions {
             mass,
             collision: collision.transpose()?.unwrap_or_default(),
             hulls,
-            observed_limits,
-            triangles,
+            observed_limits: asked.observed_limits,
+            triangles: asked.triangles,
+            front: front.unwrap_or_default(),
+            part_names: asked.part_names,
+            write,
         })
     }
 
@@ -142,6 +221,8 @@ impl ExportOptions {
             most_hulls: self.hulls.unwrap_or(defaults.most_hulls),
             extend_limits: !self.observed_limits,
             triangles: self.triangles.unwrap_or(defaults.triangles),
+            front: self.front.in_upright_frame(self.up).ok_or(ExportError::Front(self.front))?,
+            part_names: self.part_names,
             ..defaults
         };
         let densities = config.densities.iter().map(|(_, density)| ("density", *density));
@@ -166,6 +247,11 @@ impl ExportOptions {
             hulls: self.hulls,
             observed_limits: self.observed_limits,
             triangles: self.triangles,
+            front: (self.front != FrontAxis::Auto).then(|| self.front.name().into()),
+            part_names: self.part_names,
+            free_base: self.write.free_base,
+            actuators: self.write.actuators.map(|kind| kind.name().into()),
+            package: self.write.package.clone(),
         }
     }
 }
@@ -182,6 +268,9 @@ pub enum ExportError {
         /// Its value.
         value: f64,
     },
+    /// A front that is the upward or downward axis.
+    #[error("the front {} is the upward axis of the capture or opposite to it; give a horizontal direction", .0.name())]
+    Front(FrontAxis),
     /// A format whose writer is not built in.
     #[error("format {0} is not built into this program")]
     NotBuiltIn(Format),
@@ -222,11 +311,12 @@ pub fn export(
     capture: Option<&Capture>,
     mut warn: impl FnMut(&str),
 ) -> Result<ExportReport, ExportError> {
-    let config = options.config()?;
+    let mut config = options.config()?;
     if let Some(format) = options.formats.iter().find(|format| !format.is_available()) {
         return Err(ExportError::NotBuiltIn(*format));
     }
     let replica = artgs_io::read_replica(folder.root())?;
+    config.classes = given_classes(folder, replica.parts.len())?;
     let meshes = folder.load_meshes(&replica, State::START).map_err(ExportError::Input)?;
     let splats = folder.load_part_splats(replica.parts.len()).map_err(ExportError::Input)?;
     let parts = Parts { replica: &replica, meshes: &meshes, splats: splats.as_deref() };
@@ -239,24 +329,47 @@ pub fn export(
     check_asset(&built.asset).map_err(|reason| ExportError::Asset { path: folder.replica(), reason })?;
     let mut files = Vec::new();
     for format in &options.formats {
-        files.extend(format.replace(&folder.exports(), &built.asset).map_err(ExportError::Output)?);
+        files
+            .extend(format.replace_with(&folder.exports(), &built.asset, &options.write).map_err(ExportError::Output)?);
     }
-    let decided = report(&built, config.up, &options.formats);
+    let decided = report(&built, &replica, config.up, &options.formats);
     let mut report = ExportReport { options: options.requested(), files, ..decided };
     report.record_digests(folder, &options.formats).map_err(ExportError::Output)?;
     report.save(folder).map_err(ExportError::Output)?;
     Ok(report)
 }
 
+/// Classes in `corrections.json`, by the parts of the replica. The file counts parts as they were found.
+fn given_classes(folder: &RunFolder, parts: usize) -> Result<Vec<GivenClass>, ExportError> {
+    let wanted = read_corrections(folder.root()).map_err(ExportError::Input)?.unwrap_or_default().classes;
+    let applied = load_text(&folder.replica_corrections()).map_err(ExportError::Input)?;
+    let applied = applied.and_then(|text| Corrections::parse(text.as_bytes()).ok()).unwrap_or_default();
+    let mut out = Vec::new();
+    for (i, mark) in wanted.iter().enumerate() {
+        match applied.number_after(mark.part) {
+            Some(part) if part < parts => out.push(GivenClass { part, class: mark.class }),
+            Some(part) => {
+                let reason =
+                    format!("field `classes[{i}]`: there is no part {part}, the largest number is {}", parts - 1);
+                return Err(ExportError::Input(FileError::malformed(&folder.corrections(), reason)));
+            }
+            // The part was removed after its class was given.
+            None => {}
+        }
+    }
+    Ok(out)
+}
+
 /// What was decided about an asset.
-fn report(built: &BuiltAsset, up: Up, formats: &[Format]) -> ExportReport {
+fn report(built: &BuiltAsset, replica: &Replica, up: Up, formats: &[Format]) -> ExportReport {
     let BuiltAsset { asset, decisions, .. } = built;
     let [before, after] = decisions.clearance.volume;
     ExportReport {
         options: RequestedOptions::default(),
         scale: decisions.scale,
         up: if up == Up::Z { "z" } else { "y" }.into(),
-        links: asset.links.iter().enumerate().map(|(i, link)| link_report(built, i, link, formats)).collect(),
+        frame: Some(decisions.object),
+        links: (0..asset.links.len()).map(|i| link_report(built, &replica.parts[i].name, i, formats)).collect(),
         penetration: [decisions.clearance.deepest, decisions.penetration],
         lost_pieces: decisions.clearance.lost,
         cut_share: if before > 0.0 { 1.0 - after / before } else { 0.0 },
@@ -264,13 +377,19 @@ fn report(built: &BuiltAsset, up: Up, formats: &[Format]) -> ExportReport {
     }
 }
 
-fn link_report(built: &BuiltAsset, i: usize, link: &AssetLink, formats: &[Format]) -> LinkReport {
-    let (surface, decisions) = (&built.surfaces[i], &built.decisions);
+fn link_report(built: &BuiltAsset, part: &str, i: usize, formats: &[Format]) -> LinkReport {
+    let (link, surface, decisions) = (&built.asset.links[i], &built.surfaces[i], &built.decisions);
     let is_screw = link.joint.is_some_and(|j| j.kind == JointKind::Screw);
     let hinge_in = formats.iter().filter(|format| is_screw && !format.has_screws());
     let [texels, seen] = surface.texels;
     LinkReport {
         name: link.name.clone(),
+        part: Some(part.into()),
+        class: link.semantics.map(|s| s.class),
+        class_confidence: link.semantics.map(|s| s.confidence),
+        class_given: link.semantics.is_some_and(|s| s.given),
+        hinge: link.semantics.and_then(|s| s.hinge),
+        handles: link.handles.iter().map(HandleReport::from).collect(),
         mass: link.inertial.mass,
         hulls: link.collision.len(),
         lost_pieces: decisions.lost.get(i).copied().unwrap_or(0),

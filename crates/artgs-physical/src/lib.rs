@@ -7,15 +7,17 @@ mod clearance;
 mod coacd;
 mod config;
 pub mod decompose;
+mod describe;
 pub mod export;
 mod hull;
 pub mod looks;
 mod mass;
 mod repair;
+mod semantics;
 mod shade;
 mod simplify;
 mod stance;
 mod topology;
 mod unwrap;
 
-pub use config::{Collision, PhysicalConfig, Up};
+pub use config::{Collision, Front, GivenClass, PhysicalConfig, Up};

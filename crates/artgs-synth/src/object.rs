@@ -143,6 +143,11 @@ impl Object {
         self.pose(part, State::END) * self.pose(part, State::START).inverse()
     }
 
+    /// The part that carries a part, 0 for the static one and its direct children.
+    pub fn parent(&self, part: usize) -> usize {
+        self.parts[part].parent.unwrap_or(0)
+    }
+
     /// The joint of a movable part in the world frame, where the part is in the start state. A child's world motion is
     /// `parent's start_to_end * joint.start_to_end()`.
     pub fn world_joint(&self, part: usize) -> Option<Joint> {

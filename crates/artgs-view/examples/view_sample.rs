@@ -99,7 +99,7 @@ fn made_again(live: &Live, folder: &Path, page: &Page) -> Result<Page, String> {
 fn follow() {
     // A unit of the capture is half a metre of the sample, and the capture lies on its side.
     let rotation = glam::DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
-    let placement = Placement { scale: 0.5, rotation };
+    let placement = Placement { scale: 0.5, rotation, ..Placement::default() };
     let live = Arc::new(Live::new("cabinet", placement));
     let server = Server::bind_live(Arc::clone(&live), Some(0)).unwrap();
     println!("{}", server.url());

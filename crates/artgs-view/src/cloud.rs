@@ -23,7 +23,7 @@ impl Cloud {
     pub(crate) fn bytes(&self, placement: &Placement) -> Vec<u8> {
         let mut out = Vec::with_capacity(self.points.len() * 16);
         for p in &self.points {
-            let at = placement.rotation * (placement.scale * DVec3::from_array(p.map(f64::from)));
+            let at = placement.apply(DVec3::from_array(p.map(f64::from)));
             at.as_vec3().to_array().iter().for_each(|v| out.extend(v.to_le_bytes()));
         }
         for i in 0..self.points.len() {

@@ -2,7 +2,7 @@
 
 use crate::camera::{CameraView, Placement};
 use crate::obj;
-use crate::scene::{self, Scene, SceneAlternative, SceneCloud, SceneJoint, SceneLink, SceneMesh};
+use crate::scene::{self, Scene, SceneAlternative, SceneCloud, SceneJoint, SceneLink, SceneMesh, SceneSemantics};
 use crate::urdf::{self, Link};
 use crate::{Cloud, ViewError};
 use artgs_core::{Alternative, Joint, JointKind};
@@ -100,13 +100,16 @@ impl Page {
         let path = first_urdf(&folder).ok_or_else(|| missing("exports/urdf/*.urdf"))?;
         let (name, links) = urdf::read(&path)?;
         let mut page = Self::empty(&name);
-        let closed = closed_links(run)?;
+        let report = ExportReport::load(run)?.unwrap_or_default();
         for (i, link) in links.into_iter().enumerate() {
             let mut link = page.link(run, &folder, i, link)?;
             if let Some(mesh) = &mut link.mesh {
-                mesh.closed = closed.contains(&link.name);
+                // As the export calls it; none without its report.
+                mesh.closed = report.links.iter().any(|l| l.watertight && l.name == link.name);
             }
-            let part = replica.parts.iter().find(|part| part.name == link.name);
+            let name = report.part_of(&link.name).unwrap_or(&link.name);
+            let part = replica.parts.iter().find(|part| part.name == name);
+            link.semantics = report.links.iter().find(|l| l.name == link.name).and_then(SceneSemantics::of);
             if let Some(joint) = &mut link.joint {
                 joint.confidence = part.and_then(|part| part.confidence);
                 let others = part.map_or(&[][..], |part| part.alternatives.as_slice());
@@ -135,6 +138,7 @@ impl Page {
             mesh: None,
             collision: Vec::new(),
             splats: None,
+            semantics: None,
             colour: colour(index),
         };
         page.scene.links.push(link(0, None, DVec3::ZERO, None));
@@ -150,7 +154,7 @@ impl Page {
                 confidence: *confidence,
                 alternatives: alternatives.iter().map(SceneAlternative::from).collect(),
             };
-            let origin = placement.rotation * (placement.scale * joint.origin);
+            let origin = placement.apply(joint.origin);
             page.scene.links.push(link(k + 1, Some(*parent), origin, Some(scene_joint)));
         }
         page
@@ -226,7 +230,8 @@ impl Page {
             alternatives: Vec::new(),
         });
         let (name, parent, origin) = (link.name, link.parent, link.origin.to_array());
-        Ok(SceneLink { name, parent, origin, joint, mesh, collision, splats, colour: colour(index) })
+        let colour = colour(index);
+        Ok(SceneLink { name, parent, origin, joint, mesh, collision, splats, semantics: None, colour })
     }
 
     fn add(&mut self, path: &Path, name: &str) -> Result<String, ViewError> {
@@ -251,12 +256,6 @@ impl Page {
         }
         self.add(path, &format!("{name}.{extension}")).map(Some)
     }
-}
-
-/// Names of the links that the export calls watertight; none without its report.
-fn closed_links(run: &RunFolder) -> Result<Vec<String>, FileError> {
-    let links = ExportReport::load(run)?.unwrap_or_default().links;
-    Ok(links.into_iter().filter(|link| link.watertight).map(|link| link.name).collect())
 }
 
 /// First by name, so that the choice does not depend on the file system.

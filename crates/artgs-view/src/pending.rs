@@ -19,20 +19,25 @@ pub(crate) fn pending(all: &Corrections, earlier: &Corrections, found: usize) ->
     for mark in all.joints.iter().filter(|mark| !earlier.joints.contains(mark)) {
         joints.push(artgs_io::JointMark { part: renumber(mark.part)?, ..*mark });
     }
-    let rest = Corrections { centres, joints };
+    let mut classes = Vec::new();
+    for mark in &all.classes {
+        classes.push(artgs_io::ClassMark { part: renumber(mark.part)?, ..*mark });
+    }
+    let rest = Corrections { centres, joints, classes };
     (sorted(rest.after(earlier, found)) == sorted(all.clone())).then_some(rest)
 }
 
 /// The order of joints has no meaning.
 fn sorted(mut corrections: Corrections) -> Corrections {
     corrections.joints.sort_by_key(|mark| mark.part);
+    corrections.classes.sort_by_key(|mark| mark.part);
     corrections
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use artgs_core::JointKind;
+    use artgs_core::{JointKind, PartClass};
     use artgs_io::{CentreEdit, JointMark};
 
     #[test]
@@ -42,6 +47,7 @@ mod tests {
         let earlier = Corrections {
             centres: vec![CentreEdit::Delete { part: 1 }, CentreEdit::Add { position: at(1.0) }],
             joints: vec![mark(2, JointKind::Screw), mark(3, JointKind::Prismatic)],
+            classes: vec![],
         };
         let later = Corrections {
             centres: vec![
@@ -52,6 +58,7 @@ mod tests {
                 CentreEdit::Delete { part: 5 },
             ],
             joints: vec![mark(2, JointKind::Revolute), mark(3, JointKind::Screw)],
+            classes: vec![artgs_io::ClassMark { part: 2, class: PartClass::Door }],
         };
         let all = later.after(&earlier, 3);
         assert_eq!(pending(&all, &earlier, 3), Some(later.clone()));

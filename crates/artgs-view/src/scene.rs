@@ -2,8 +2,9 @@
 //!
 //! Frames: the object's, +Z up, metres; link frames are parallel to it at the zero pose.
 
-use artgs_core::{Alternative, Joint, JointKind, PerState, State};
+use artgs_core::{Alternative, Joint, JointKind, PartClass, PerState, State};
 use artgs_io::MarkedJoint;
+use artgs_io::export_report::LinkReport;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -91,6 +92,9 @@ pub struct SceneLink {
     pub collision: Vec<String>,
     /// Gaussians, SPZ or 3DGS PLY, link frame.
     pub splats: Option<String>,
+    /// What it is; none if unknown.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub semantics: Option<SceneSemantics>,
     /// Colour of the part, sRGB in 0..=255.
     pub colour: [u8; 3],
 }
@@ -104,6 +108,25 @@ pub struct SceneMesh {
     pub texture: Option<String>,
     /// True if it is known to be closed, so that its inside is never visible.
     pub closed: bool,
+}
+
+/// What a link is.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SceneSemantics {
+    /// Its class.
+    pub class: PartClass,
+    /// Confidence of the class, 0 to 1.
+    pub confidence: f64,
+    /// True if a person gave the class.
+    pub given: bool,
+}
+
+impl SceneSemantics {
+    /// As the export decided; none of earlier exports.
+    pub(crate) fn of(link: &LinkReport) -> Option<Self> {
+        let (class, confidence) = (link.class?, link.class_confidence?);
+        Some(Self { class, confidence, given: link.class_given })
+    }
 }
 
 /// A joint; its frame is that of its link at value 0.

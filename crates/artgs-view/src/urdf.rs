@@ -1,6 +1,7 @@
 //! Links, joints and files of an exported URDF.
 //!
-//! Limitations: reads only files of `artgs export`: parallel frames (no `rpy`) and mesh files relative to the URDF. The pitch
+//! Limitations: reads only files of `artgs export`: parallel frames (no `rpy`), and mesh files relative to the URDF or in the
+//! package that its folder is. Frames of handles are omitted. The pitch
 //! of a screw and the observed states are in comments; without them a joint is revolute or prismatic and its observed values
 //! are its limits.
 
@@ -63,6 +64,10 @@ fn parse(text: &str) -> Result<(String, Vec<Link>), String> {
                 continue;
             };
             let carrier = attribute(child(*joint, "parent")?, "link")?;
+            let is_frame = !["visual", "collision"].iter().any(|tag| elements(node, tag).next().is_some());
+            if is_frame && joint.attribute("type") == Some("fixed") && !roots.iter().any(|(n, _)| *n == carrier) {
+                continue;
+            }
             let parent = links.iter().position(|l| l.name == carrier);
             let root = roots.iter().find(|(n, _)| *n == carrier).map(|(_, at)| *at);
             let Some(at) = parent.map(|p| links[p].origin).or(root) else {
@@ -96,7 +101,8 @@ fn mesh_file(shape: Node) -> Result<PathBuf, String> {
         return Err("a mesh is not in its link's frame; export the replica again".into());
     }
     let name = attribute(child(child(shape, "geometry")?, "mesh")?, "filename")?;
-    let path = PathBuf::from(&name);
+    let inside = name.strip_prefix("package://").and_then(|rest| rest.split_once('/')).map(|(_, inside)| inside);
+    let path = PathBuf::from(inside.unwrap_or(&name));
     if name.is_empty() || !path.components().all(|c| matches!(c, Component::Normal(_))) {
         return Err(format!("mesh {name:?} is not a path inside the folder of the URDF"));
     }

@@ -220,7 +220,7 @@ fn corrections_of_what_was_corrected_follow_the_earlier_ones() {
     let dir = tempfile::tempdir().unwrap();
     common::write_replica_folder(dir.path());
     let mut page = common::page(dir.path());
-    let earlier = Corrections { centres: vec![CentreEdit::Delete { part: 1 }], joints: vec![] };
+    let earlier = Corrections { centres: vec![CentreEdit::Delete { part: 1 }], ..Corrections::default() };
     page.corrected = Some((earlier, 4));
     let server = Server::bind(page, Some(0), Some(dir.path().into())).unwrap();
     asking(&server, |send| {
@@ -229,7 +229,7 @@ fn corrections_of_what_was_corrected_follow_the_earlier_ones() {
         // A page loaded later gets its own corrections, with its own numbers of parts.
         let answer = send(&get("/corrections"));
         let answer = Corrections::parse(answer.split("\r\n\r\n").nth(1).unwrap().as_bytes()).unwrap();
-        assert_eq!(answer, Corrections { centres: vec![CentreEdit::Delete { part: 2 }], joints: vec![] });
+        assert_eq!(answer, Corrections { centres: vec![CentreEdit::Delete { part: 2 }], ..Corrections::default() });
     });
     let read = artgs_io::read_corrections(dir.path()).unwrap().unwrap();
     assert_eq!(read.centres, [CentreEdit::Delete { part: 1 }, CentreEdit::Delete { part: 3 }]);
@@ -241,7 +241,7 @@ fn corrections_that_cannot_be_shown_stay_and_the_answer_says_why() {
     let dir = tempfile::tempdir().unwrap();
     common::write_replica_folder(dir.path());
     let mut page = common::page(dir.path());
-    page.corrected = Some((Corrections { centres: vec![CentreEdit::Delete { part: 1 }], joints: vec![] }, 4));
+    page.corrected = Some((Corrections { centres: vec![CentreEdit::Delete { part: 1 }], ..Corrections::default() }, 4));
     let server = Server::bind(page, Some(0), Some(dir.path().into())).unwrap();
     let file = dir.path().join("corrections.json");
     asking(&server, |send| {
@@ -271,7 +271,7 @@ fn found_parts_are_placed_like_their_points() {
     let upright = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
     let other = Alternative { joint: joint.into(), cost: 0.1, what: "It slides.".into(), advice: String::new() };
     let found = FoundJoint { joint, parent: 0, confidence: Some(0.5), alternatives: vec![other] };
-    let placement = Placement { scale: 0.1, rotation: upright };
+    let placement = Placement { scale: 0.1, rotation: upright, ..Placement::default() };
     let page = Page::of_joints("x", &[found.clone(), FoundJoint { parent: 1, ..found }], placement);
     let [base, part, carried] = &page.scene.links[..] else { panic!("three links") };
     assert!(base.joint.is_none() && (base.parent, part.parent, carried.parent) == (None, Some(0), Some(1)));

@@ -6,8 +6,8 @@ use artgs::fit::Cpu;
 use artgs::observer::{Event, NullObserver};
 use artgs::run::{corrections_of, found_parts};
 use artgs::{Config, Reconstruction};
-use artgs_core::{Capture, JointKind, Replica};
-use artgs_io::{CentreEdit, Corrections, JointMark, RunFolder, read_replica, write_corrections};
+use artgs_core::{Capture, JointKind, PartClass, Replica};
+use artgs_io::{CentreEdit, ClassMark, Corrections, JointMark, RunFolder, read_replica, write_corrections};
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
 use common::reconstruct;
 use std::path::Path;
@@ -58,7 +58,13 @@ fn parts_are_deleted_added_and_given_their_types() {
     let (same, made) = resume(&capture, &out, &config);
     assert!(same == first && !made.iter().any(|stage| stage == "correct"), "{made:?}");
 
-    let delete = Corrections { centres: vec![CentreEdit::Delete { part: drawer }], joints: vec![] };
+    // Classes change exports only.
+    let classes = vec![ClassMark { part: drawer, class: PartClass::Lid }];
+    write_corrections(&out, &Corrections { classes, ..Corrections::default() }).unwrap();
+    let (same, again) = resume(&capture, &out, &config);
+    assert!(same == first && again == made && corrections_of(&run).is_none(), "{again:?}");
+
+    let delete = Corrections { centres: vec![CentreEdit::Delete { part: drawer }], ..Corrections::default() };
     write_corrections(&out, &delete).unwrap();
     let (less, made) = resume(&capture, &out, &config);
     assert_eq!(kinds(&less), [JointKind::Revolute]);
@@ -68,7 +74,7 @@ fn parts_are_deleted_added_and_given_their_types() {
     // Added again where it was, as the last part, with its motion.
     let back = Corrections {
         centres: vec![CentreEdit::Delete { part: drawer }, CentreEdit::Add { position: origin.to_array() }],
-        joints: vec![],
+        ..Corrections::default()
     };
     write_corrections(&out, &back).unwrap();
     let (again, _) = resume(&capture, &out, &config);
@@ -80,21 +86,23 @@ fn parts_are_deleted_added_and_given_their_types() {
     assert!(sure(&again, 1) > 0.8 && sure(&again, 2) > 0.8, "{} {}", sure(&again, 1), sure(&again, 2));
     let door = 3 - drawer;
     let slides = Corrections {
-        centres: vec![],
         joints: vec![JointMark { part: door, kind: JointKind::Prismatic, joint: None }],
+        ..Corrections::default()
     };
     write_corrections(&out, &slides).unwrap();
     let (doubted, _) = resume(&capture, &out, &config);
     assert!(sure(&doubted, door) < 0.7 && sure(&doubted, drawer) > 0.8, "{}", sure(&doubted, door));
 
-    let marked =
-        Corrections { centres: vec![], joints: vec![JointMark { part: door, kind: JointKind::Screw, joint: None }] };
+    let marked = Corrections {
+        joints: vec![JointMark { part: door, kind: JointKind::Screw, joint: None }],
+        ..Corrections::default()
+    };
     write_corrections(&out, &marked).unwrap();
     let (marked, _) = resume(&capture, &out, &config);
     assert_eq!(marked.joint(door).unwrap().kind, JointKind::Screw);
     assert_eq!(marked.parts.len(), 3);
 
-    let wrong = Corrections { centres: vec![CentreEdit::Delete { part: 7 }], joints: vec![] };
+    let wrong = Corrections { centres: vec![CentreEdit::Delete { part: 7 }], ..Corrections::default() };
     let applied = || std::fs::read(run.applied_corrections()).unwrap();
     let before = applied();
     write_corrections(&out, &wrong).unwrap();

@@ -42,7 +42,7 @@ fn twins() -> (Capture, Object, Discovery, CutPlane) {
 }
 
 fn corrections(centres: Vec<CentreEdit>) -> Corrections {
-    Corrections { centres, joints: vec![] }
+    Corrections { centres, ..Corrections::default() }
 }
 
 #[test]
@@ -95,7 +95,7 @@ fn twin_drawers_are_split_and_keep_their_points() {
     // A joint for a piece: its type holds for the piece alone.
     let joint = MarkedJoint { axis: (-DVec3::Y).to_array(), origin: [0.0; 3], value: None, pitch: 0.0 };
     let marked = JointMark { part: 2, kind: JointKind::Screw, joint: Some(joint) };
-    let screwed = apply(&Corrections { centres: vec![split], joints: vec![marked] }).unwrap();
+    let screwed = apply(&Corrections { centres: vec![split], joints: vec![marked], ..Corrections::default() }).unwrap();
     assert_eq!(screwed.parts.iter().map(|p| p.kind).collect::<Vec<_>>(), [JointKind::Prismatic, JointKind::Screw]);
 
     let beside = CutPlane { point: [9.0, 9.0, 9.0], ..plane };
@@ -119,7 +119,8 @@ fn a_part_is_registered_from_the_joint_that_is_given() {
     // Found with a wrong motion, which the joint replaces.
     let mut wrong = found.clone();
     wrong.parts[0].motion = artgs_core::Rigid::shift(DVec3::new(0.4, 0.4, 0.4));
-    let corrected = correct(&scene, &wrong, &Corrections { centres: vec![], joints: vec![mark] }, &config).unwrap();
+    let corrected =
+        correct(&scene, &wrong, &Corrections { joints: vec![mark], ..Corrections::default() }, &config).unwrap();
     let off = corrected.parts[0].motion.translation.distance(truth);
     assert!(off < 0.003 * corrected.diagonal, "{off}");
 }

@@ -43,7 +43,8 @@ fn a_screw_cap_turns_and_rises() {
     });
     let scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config).expect("there are surface points");
     let marked = |kind| {
-        let corrections = Corrections { centres: Vec::new(), joints: vec![JointMark { part: 1, kind, joint: None }] };
+        let corrections =
+            Corrections { joints: vec![JointMark { part: 1, kind, joint: None }], ..Corrections::default() };
         correct(&scene, &found, &corrections, &config).expect("part 1 exists").parts[0]
     };
     assert_eq!(marked(JointKind::Prismatic).kind, JointKind::Prismatic);

@@ -53,7 +53,8 @@ struct Keys {
 impl Keys {
     fn of(scene: &mjcf_rs::Model) -> Result<Self, String> {
         let key = |name: &str| scene.keyframes.iter().find(|k| k.name.as_deref() == Some(name)).map(|k| k.qpos.clone());
-        let joints: usize = scene.bodies_iter().map(|(_, e)| e.body.joints.len()).sum();
+        let joints =
+            scene.bodies_iter().flat_map(|(_, e)| &e.body.joints).filter(|j| j.type_ != JointType::Free).count();
         let values = PerState::try_from_fn(|state| key(state.name()));
         if values.is_none() && joints > 0 {
             return Err("the keyframes `start` and `end` are incomplete".into());
@@ -101,6 +102,11 @@ fn motion(
 ) -> Result<Option<Motion>, String> {
     let (thread, joint) = match body.joints.as_slice() {
         [] => return Ok(None),
+        [free] if free.type_ == JointType::Free => {
+            // Position and orientation of a base that is not fixed.
+            (0..7).try_for_each(|_| keys.next().map(drop))?;
+            return Ok(None);
+        }
         [joint] => (None, joint),
         [thread, joint] => (Some(thread), joint),
         more => return Err(format!("body {:?} has {} joints", body.name, more.len())),

@@ -32,19 +32,23 @@ pub(super) fn read(path: &Path, finding: &mut FormatFinding) -> Result<Option<Mo
     Ok(Some(model))
 }
 
-/// Reads `mobility.urdf`; names of links are those of `semantics.txt`.
+/// Reads `mobility.urdf`; names of links are those in `mobility_v2.json`.
 pub(super) fn read_partnet(path: &Path, finding: &mut FormatFinding) -> Result<Option<Model>, String> {
     let Some(mut model) = read(path, finding)? else { return Ok(None) };
     let semantics =
         std::fs::read_to_string(folder(path).join("semantics.txt")).map_err(|e| format!("semantics.txt: {e}"))?;
-    for line in semantics.lines().filter(|l| !l.trim().is_empty()) {
+    let tree = std::fs::read(folder(path).join("mobility_v2.json")).map_err(|e| format!("mobility_v2.json: {e}"))?;
+    let tree: serde_json::Value = serde_json::from_slice(&tree).map_err(|e| format!("mobility_v2.json: {e}"))?;
+    for (i, line) in semantics.lines().filter(|l| !l.trim().is_empty()).enumerate() {
         let words: Vec<&str> = line.split_whitespace().collect();
-        let [id, _, name] = words[..] else {
-            return Err(format!("semantics.txt: {line:?} is not a link, a joint and a name"));
+        let [id, _, _] = words[..] else {
+            return Err(format!("semantics.txt: {line:?} is not a link, a joint and a class"));
         };
-        match model.links.iter_mut().find(|l| l.name == id) {
-            Some(link) => link.name = name.into(),
-            None => finding.problems.push(format!("semantics.txt: no link `{id}` in mobility.urdf")),
+        let name = tree[i]["artgs_name"].as_str().filter(|_| id == format!("link_{i}"));
+        match (model.links.iter_mut().find(|l| l.name == id), name) {
+            (Some(link), Some(name)) => link.name = name.into(),
+            (Some(_), None) => finding.problems.push(format!("mobility_v2.json: no name of `{id}`")),
+            (None, _) => finding.problems.push(format!("semantics.txt: no link `{id}` in mobility.urdf")),
         }
     }
     for name in ["mobility_v2.json", "result.json", "meta.json", "bounding_box.json"] {
@@ -130,6 +134,9 @@ fn shape(path: &Path, geometry: &urdf_rs::Geometry, at: &urdf_rs::Pose, finding:
         finding.problems.push("a shape is no mesh; artgs writes only meshes".into());
         return Shape::default();
     };
+    // The folder of the URDF is that of the package.
+    let packaged = filename.strip_prefix("package://").and_then(|rest| rest.split_once('/'));
+    let filename = packaged.map_or(filename.as_str(), |(_, inside)| inside);
     if Path::new(filename).is_absolute() || filename.contains("://") {
         finding.problems.push(format!("{filename}: is not a relative path, so the folder cannot be moved"));
     }

@@ -5,6 +5,10 @@ use crate::folder::Folder;
 
 fn nothing(_: &Folder) {}
 
+fn classes(list: &str) -> String {
+    format!("{{\"format\": \"artgs-corrections\", \"version\": 1, \"classes\": [{list}]}}")
+}
+
 #[test]
 fn options() {
     check(&[
@@ -38,6 +42,20 @@ fn options() {
             nothing,
         ),
         bad("an unknown upward axis", "replica", "export IN --up w", &["--up"], nothing),
+        bad("an unknown front", "replica", "export IN --front left", &["--front", "auto, x, -x"], nothing),
+        bad("a front that is up", "replica", "export IN --front z", &["--front", "upward axis"], nothing),
+        bad("an actuator of another kind", "replica", "export IN --actuators servo", &["--actuators"], nothing),
+        bad("a package with a slash", "replica", "export IN --package a/b", &["--package"], nothing),
+        bad("a class of no part", "replica", "export IN", &["corrections.json", "classes[0]", "no part 9"], |f| {
+            f.write("corrections.json", classes("{\"part\": 9, \"class\": \"door\"}"))
+        }),
+        bad("an unknown class", "replica", "export IN", &["corrections.json", "gate", "sliding_door"], |f| {
+            f.write("corrections.json", classes("{\"part\": 1, \"class\": \"gate\"}"))
+        }),
+        bad("a class given twice", "replica", "export IN", &["corrections.json", "classes[1]"], |f| {
+            let mark = "{\"part\": 1, \"class\": \"door\"}";
+            f.write("corrections.json", classes(&format!("{mark}, {mark}")))
+        }),
         bad("an unknown collision", "replica", "export IN --collision soft", &["--collision"], nothing),
         bad("photos that are missing", "replica", "export IN --capture IN/none", &["none"], nothing),
         bad("photos that are none", "replica", "export IN --capture IN/meshes", &["not a capture"], nothing),

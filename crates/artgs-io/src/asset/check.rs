@@ -26,6 +26,18 @@ pub fn check_asset(asset: &Asset) -> Result<(), String> {
                 return Err(format!("link {i} `{}`: name `{name}` is taken; give it another", link.name));
             }
         }
+        for handle in &link.handles {
+            let name = &handle.name;
+            check_name(name).map_err(|e| format!("link {i}: handle name {e}"))?;
+            // In URDF a handle is a link on a fixed joint.
+            for name in [name.clone(), format!("{name}_joint")] {
+                if !names.insert(name.clone()) {
+                    return Err(format!("link {i} `{}`: name `{name}` of a handle is taken", link.name));
+                }
+            }
+            finite("handle", &handle.frame.translation.to_array())?;
+            finite("handle", &handle.frame.rotation.to_array())?;
+        }
         check_link(asset, i, link).map_err(|e| format!("link {i} `{}`: {e}", link.name))?;
     }
     Ok(())
@@ -214,6 +226,8 @@ mod tests {
         refused(|a| a.links[2].name = "part_1".into(), "link 2 `part_1`: name `part_1` is taken");
         refused(|a| a.links[2].name = "part_1_joint".into(), "name `part_1_joint` is taken");
         refused(|a| a.links[0].name = "world".into(), "`world` is taken");
+        refused(|a| a.links[1].handles[0].name = "part_2".into(), "`part_2` is taken");
+        refused(|a| a.links[1].handles[0].frame.translation.x = f64::NAN, "handle: NaN");
         refused(|a| a.links[1].parent = Some(2), "link 1 `part_1`: parent Some(2)");
         refused(|a| a.links[1].joint = None, "and no joint");
         refused(|a| a.links[1].origin.x = f64::INFINITY, "origin: inf");

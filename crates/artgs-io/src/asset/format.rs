@@ -30,6 +30,39 @@ pub enum Format {
     Splats,
 }
 
+/// Actuators of an MJCF, one per joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Actuators {
+    /// The control is a force or torque.
+    Motor,
+    /// The control is the value of the joint.
+    Position,
+}
+
+impl Actuators {
+    /// Every kind.
+    pub const ALL: [Self; 2] = [Self::Motor, Self::Position];
+
+    /// Name on the command line and element of the MJCF.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Motor => "motor",
+            Self::Position => "position",
+        }
+    }
+}
+
+/// What some formats write only if asked to.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct WriteOptions {
+    /// MJCF: actuators of the joints; none without.
+    pub actuators: Option<Actuators>,
+    /// MJCF: the base moves freely instead of being fixed to the world.
+    pub free_base: bool,
+    /// URDF: mesh paths begin with `package://` and this name; none for paths relative to the URDF.
+    pub package: Option<String>,
+}
+
 impl Format {
     /// Every format, also those whose writer is not built in.
     pub const ALL: [Self; 8] =
@@ -79,10 +112,10 @@ impl Format {
     }
 
     /// Writes the files of the format into `dir` and returns their paths.
-    pub fn write(self, dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> {
+    pub fn write(self, dir: &Path, asset: &Asset, options: &WriteOptions) -> Result<Vec<PathBuf>, FileError> {
         match self {
-            Self::Urdf => asset::export_urdf(dir, asset),
-            Self::Mjcf => asset::export_mjcf(dir, asset),
+            Self::Urdf => asset::urdf::export_urdf_with(dir, asset, options),
+            Self::Mjcf => asset::mjcf::export_mjcf_with(dir, asset, options),
             #[cfg(feature = "usd")]
             Self::Usd => asset::usd::export_usd(dir, asset),
             #[cfg(feature = "usd")]
@@ -107,6 +140,16 @@ impl Format {
     /// export stays as it is; else none of its files are left. A format that can hold nothing of the asset leaves no
     /// folder, because an empty one would look like an export that failed.
     pub fn replace(self, exports: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> {
+        self.replace_with(exports, asset, &WriteOptions::default())
+    }
+
+    /// The same with options.
+    pub fn replace_with(
+        self,
+        exports: &Path,
+        asset: &Asset,
+        options: &WriteOptions,
+    ) -> Result<Vec<PathBuf>, FileError> {
         let (folder, new) = (exports.join(self.name()), exports.join(self.unfinished_name()));
         if !self.can_hold(asset) {
             remove_folder(&folder)?;
@@ -118,7 +161,7 @@ impl Format {
         };
         remove_folder(&new)?;
         fs::create_dir_all(&new).map_err(fail(&new))?;
-        let files = self.write(&new, asset).inspect_err(|_| {
+        let files = self.write(&new, asset, options).inspect_err(|_| {
             // The reason of the failure matters more than files that remain.
             let _ = fs::remove_dir_all(&new);
         })?;

@@ -1,19 +1,22 @@
 //! MJCF, MuJoCo's own format: `NAME.xml` and `assets/`.
 //!
-//! The base is a body without joint, so it is fixed to the world. A screw is a hinge and a slide along it, coupled by an
+//! The base is a body without joint, so it is fixed to the world, unless a free base is asked for. Each joint has sensors of
+//! its position and velocity. Handles are sites: their Z axis is the direction of approach, fingers close along Y, sizes are
+//! half of those of the handle. A screw is a hinge and a slide along it, coupled by an
 //! equality. The observed states are the keyframes `start` and `end`.
 //!
 //! Limitations: splats are not written. MJCF has no vertex colours, so a link without texture gets its mean colour. Visual
 //! meshes with fewer than four vertices are not written, because MuJoCo refuses them. Contacts between a link and its parent
 //! are excluded (MuJoCo does that automatically only if the parent is not fixed to the world), so only the limits stop a link
-//! that moves through its parent. There are no actuators; `actuatorfrcrange` contains the effort for actuators that users
-//! add.
+//! that moves through its parent. There are no actuators unless asked for; `actuatorfrcrange` contains the effort for
+//! actuators that users add. A model with a free base has no floor.
 
 use super::check::{check_asset, sound_inertia};
+use super::format::{Actuators, WriteOptions};
 use super::meshes::{LinkFiles, mean_color, write_link_meshes};
 use super::xml::{row, triple};
 use crate::{FileError, write_atomic};
-use artgs_core::{Asset, AssetJoint, AssetLink, JointKind, State};
+use artgs_core::{Asset, AssetJoint, AssetLink, Handle, JointKind, State};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -42,6 +45,11 @@ const SETTINGS: &str = "  <default>
 
 /// Writes `DIR/NAME.xml` and `DIR/assets/`; returns what was written, the XML first.
 pub fn export_mjcf(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> {
+    export_mjcf_with(dir, asset, &WriteOptions::default())
+}
+
+/// The same with options.
+pub fn export_mjcf_with(dir: &Path, asset: &Asset, options: &WriteOptions) -> Result<Vec<PathBuf>, FileError> {
     let path = dir.join(format!("{}.xml", asset.name));
     check_asset(asset).map_err(|reason| FileError::malformed(&path, reason))?;
     let (mut files, mut written) = write_link_meshes(&dir.join("assets"), asset)?;
@@ -50,12 +58,12 @@ pub fn export_mjcf(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError>
             (files.visual, files.texture) = (None, None);
         }
     }
-    write_atomic(&path, document(asset, &files).as_bytes())?;
+    write_atomic(&path, document(asset, &files, options).as_bytes())?;
     written.insert(0, path);
     Ok(written)
 }
 
-fn document(asset: &Asset, files: &[LinkFiles]) -> String {
+fn document(asset: &Asset, files: &[LinkFiles], options: &WriteOptions) -> String {
     let mut out = format!(
         "<mujoco model=\"{}\">\n  <compiler angle=\"radian\" autolimits=\"true\" meshdir=\"assets\" texturedir=\"assets\"/>\n",
         asset.name
@@ -64,10 +72,14 @@ fn document(asset: &Asset, files: &[LinkFiles]) -> String {
     out += SETTINGS;
     write_assets(&mut out, asset, files);
     out += "  <worldbody>\n";
-    write_body(&mut out, asset, files, 0, "    ");
+    write_body(&mut out, asset, files, 0, "    ", options.free_base);
     out += "  </worldbody>\n";
     write_pairs(&mut out, asset);
-    write_keyframes(&mut out, asset);
+    if let Some(kind) = options.actuators {
+        write_actuators(&mut out, asset, kind);
+    }
+    write_sensors(&mut out, asset);
+    write_keyframes(&mut out, asset, options.free_base);
     out + "</mujoco>\n"
 }
 
@@ -92,7 +104,7 @@ fn write_assets(out: &mut String, asset: &Asset, files: &[LinkFiles]) {
     *out += "  </asset>\n";
 }
 
-fn write_body(out: &mut String, asset: &Asset, files: &[LinkFiles], index: usize, indent: &str) {
+fn write_body(out: &mut String, asset: &Asset, files: &[LinkFiles], index: usize, indent: &str, free: bool) {
     let link = &asset.links[index];
     let name = &link.name;
     let at = link.origin - link.parent.map_or(glam::DVec3::ZERO, |p| asset.links[p].origin);
@@ -103,12 +115,28 @@ fn write_body(out: &mut String, asset: &Asset, files: &[LinkFiles], index: usize
     let _ = writeln!(out, "{inside}<inertial mass=\"{mass}\" pos=\"{center}\" fullinertia=\"{inertia}\"/>");
     if let Some(joint) = &link.joint {
         write_joint(out, name, joint, &inside);
+    } else if free {
+        let _ = writeln!(out, "{inside}<freejoint name=\"{name}_free\"/>");
     }
+    link.handles.iter().for_each(|handle| write_site(out, handle, &inside));
     write_geoms(out, link, &files[index], &inside);
     for (child, _, _) in asset.movable().filter(|(_, l, _)| l.parent == Some(index)) {
-        write_body(out, asset, files, child, &inside);
+        write_body(out, asset, files, child, &inside, free);
     }
     let _ = writeln!(out, "{indent}</body>");
+}
+
+fn write_site(out: &mut String, handle: &Handle, indent: &str) {
+    let Handle { name, frame, width, length, depth } = handle;
+    let [x, y, z, w] = frame.rotation.to_array();
+    // MuJoCo refuses boxes without extent.
+    let half = row(&[*length, *width, *depth].map(|size| (0.5 * size).max(1e-4)));
+    let _ = writeln!(
+        out,
+        "{indent}<site name=\"{name}\" type=\"box\" group=\"4\" pos=\"{}\" quat=\"{}\" size=\"{half}\" rgba=\"1 0.6 0 0.4\"/>",
+        triple(frame.translation),
+        row(&[w, x, y, z])
+    );
 }
 
 fn write_joint(out: &mut String, name: &str, joint: &AssetJoint, indent: &str) {
@@ -144,6 +172,43 @@ fn write_geoms(out: &mut String, link: &AssetLink, files: &LinkFiles, indent: &s
     }
 }
 
+/// One actuator per joint, within its effort. Position actuators use the whole effort at this share of the range.
+fn write_actuators(out: &mut String, asset: &Asset, kind: Actuators) {
+    const SHARE: f64 = 0.1;
+    *out += "  <actuator>\n";
+    for (_, link, joint) in asset.movable() {
+        let (name, [lower, upper], effort) = (&link.name, joint.limits, joint.effort);
+        let force = row(&[-effort, effort]);
+        let _ = match kind {
+            Actuators::Motor => {
+                writeln!(out, "    <motor name=\"{name}_motor\" joint=\"{name}_joint\" ctrlrange=\"{force}\"/>")
+            }
+            Actuators::Position => writeln!(
+                out,
+                "    <position name=\"{name}_position\" joint=\"{name}_joint\" kp=\"{}\" dampratio=\"1\" ctrlrange=\"{}\" \
+                 forcerange=\"{force}\"/>",
+                effort / (SHARE * (upper - lower)),
+                row(&joint.limits)
+            ),
+        };
+    }
+    *out += "  </actuator>\n";
+}
+
+fn write_sensors(out: &mut String, asset: &Asset) {
+    if asset.movable().next().is_none() {
+        return;
+    }
+    *out += "  <sensor>\n";
+    for (_, link, _) in asset.movable() {
+        for (sensor, what) in [("jointpos", "position"), ("jointvel", "velocity")] {
+            let name = &link.name;
+            let _ = writeln!(out, "    <{sensor} name=\"{name}_joint_{what}\" joint=\"{name}_joint\"/>");
+        }
+    }
+    *out += "  </sensor>\n";
+}
+
 /// Excluded contacts, and the couplings of screws.
 fn write_pairs(out: &mut String, asset: &Asset) {
     *out += "  <contact>\n";
@@ -167,7 +232,7 @@ fn write_pairs(out: &mut String, asset: &Asset) {
     *out += "  </equality>\n";
 }
 
-fn write_keyframes(out: &mut String, asset: &Asset) {
+fn write_keyframes(out: &mut String, asset: &Asset, free: bool) {
     if asset.movable().next().is_none() {
         return;
     }
@@ -180,6 +245,9 @@ fn write_keyframes(out: &mut String, asset: &Asset) {
             let thread = (j.kind == JointKind::Screw).then_some(j.pitch * value);
             thread.into_iter().chain([value])
         });
+        let [x, y, z] = asset.links[0].origin.to_array();
+        let base = if free { vec![x, y, z, 1.0, 0.0, 0.0, 0.0] } else { Vec::new() };
+        let values = base.into_iter().chain(values);
         let _ = writeln!(out, "    <key name=\"{}\" qpos=\"{}\"/>", state.name(), row(&values.collect::<Vec<_>>()));
     }
     *out += "  </keyframe>\n";
@@ -252,11 +320,35 @@ mod tests {
     }
 
     #[test]
+    fn sites_sensors_actuators_and_a_free_base() {
+        let dir = tempfile::tempdir().unwrap();
+        let (_dir, _, _, plain) = read(&cabinet());
+        assert!(plain.contains("<site name=\"part_1_handle\"") && plain.contains("pos=\"0.9 -0.04 0\""), "{plain}");
+        assert!(plain.contains("<jointvel name=\"part_2_joint_velocity\" joint=\"part_2_joint\"/>"));
+        assert!(!plain.contains("<actuator>") && !plain.contains("freejoint"));
+        for kind in Actuators::ALL {
+            let options = WriteOptions { actuators: Some(kind), free_base: true, ..WriteOptions::default() };
+            let written = export_mjcf_with(dir.path(), &cabinet(), &options).unwrap();
+            let text = std::fs::read_to_string(&written[0]).unwrap();
+            let model = Model::from_file(&written[0]).unwrap();
+            assert_eq!(text.matches(&format!("<{} name=", kind.name())).count(), 2);
+            assert_eq!(model.bodies[1].body.joints[0].type_, JointType::Free);
+            assert_eq!(model.keyframes[1].qpos, [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.5, 0.4]);
+        }
+        let text = std::fs::read_to_string(dir.path().join("cabinet.xml")).unwrap();
+        // 50 N m at a tenth of 1.6 rad.
+        let servo = text.lines().find(|line| line.contains("<position name=\"part_1_position\"")).unwrap();
+        let kp: f64 = servo.split("kp=\"").nth(1).and_then(|rest| rest.split('"').next()).unwrap().parse().unwrap();
+        assert!((kp - 312.5).abs() < 1e-6 && servo.contains("ctrlrange=\"0 1.6\" forcerange=\"-50 50\""), "{servo}");
+    }
+
+    #[test]
     fn keys_follow_the_tree_and_screws_are_threaded() {
         let mut asset = cabinet();
         // A knob on the door comes before the drawer in MuJoCo, after it in the asset.
         let mut knob = asset.links[1].clone();
         (knob.name, knob.parent, knob.visual) = ("knob".into(), Some(1), Default::default());
+        knob.handles.clear();
         let joint = knob.joint.as_mut().unwrap();
         (joint.kind, joint.pitch, joint.observed) = (JointKind::Screw, 0.5, artgs_core::PerState::new(0.0, 1.0));
         asset.links.push(knob);

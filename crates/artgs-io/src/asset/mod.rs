@@ -20,7 +20,7 @@ mod xml;
 pub(crate) mod testing;
 
 pub use check::check_asset;
-pub use format::{Format, UnknownFormat};
+pub use format::{Actuators, Format, UnknownFormat, WriteOptions};
 pub use mjcf::export_mjcf;
 pub use partnet::export_partnet;
 pub use sdf::export_sdf;

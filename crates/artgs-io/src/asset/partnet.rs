@@ -5,15 +5,17 @@
 //! `link_0` turns them upright by the angles that all objects of the data set have. So the URDF has the same orientation as
 //! the asset, and the JSON files are in the frame of `link_0`, with angles in degrees.
 //!
-//! Limitations: lengths are metres; the data set scales objects to a sphere. The front is unknown, so it need not point
-//! along -X as in the data set. Names of parts are those of the links and the category is `Unknown`: handles are not
-//! detected, so tasks that need one (ManiSkill's `OpenCabinetDrawer`) find none. A screw is written as a hinge; the data set
+//! Limitations: lengths are metres; the data set scales objects to a sphere. The front of the asset, -Y, is not turned to -X
+//! as in the data set. Semantics are the classes of the links; `artgs_name` in `mobility_v2.json` is the name of a
+//! link in the other formats. The category is `Unknown`. Handles have no meshes of their own, so tasks that need one
+//! (ManiSkill's `OpenCabinetDrawer`) find none. A screw is written as a hinge; the data set
 //! has few screws, written as two joints. Observed states and splats are not written.
 
 use super::meshes::{LinkFiles, write_link_meshes};
+use super::urdf::{class_word, joint_word};
 use super::{check_asset, urdf};
 use crate::{FileError, write_atomic};
-use artgs_core::{Asset, AssetJoint, Inertial, JointKind, Mesh};
+use artgs_core::{Asset, Inertial, JointKind, Mesh};
 use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 use std::f64::consts::FRAC_PI_2;
@@ -72,6 +74,7 @@ fn turned(asset: &Asset) -> Asset {
         link.inertial.center = lay(center);
         link.inertial.inertia = [x[0], y[1], z[2], x[1], x[2], y[2]];
         link.splats = None;
+        link.handles.clear();
     }
     asset
 }
@@ -85,17 +88,10 @@ fn renamed(asset: &Asset) -> Asset {
     Asset { name: asset.name.clone(), links: links.collect() }
 }
 
-fn kind(joint: Option<&AssetJoint>) -> &'static str {
-    match joint.map(|j| j.kind) {
-        None => "heavy",
-        Some(JointKind::Prismatic) => "slider",
-        Some(JointKind::Revolute | JointKind::Screw) => "hinge",
-    }
-}
-
 fn semantics(asset: &Asset) -> String {
-    let line =
-        |(i, link): (usize, &artgs_core::AssetLink)| format!("link_{i} {} {}\n", kind(link.joint.as_ref()), link.name);
+    let line = |(i, link): (usize, &artgs_core::AssetLink)| {
+        format!("link_{i} {} {}\n", joint_word(link.joint.as_ref()), class_word(link))
+    };
     asset.links.iter().enumerate().map(line).collect()
 }
 
@@ -114,9 +110,10 @@ fn mobility(lying: &Asset, asset: &Asset) -> Value {
         json!({
             "id": i,
             "parent": link.parent.map_or(-1, |p| p as i64),
-            "joint": kind(link.joint.as_ref()),
-            "name": named.name,
-            "parts": [{ "id": i + 1, "name": named.name, "children": [] }],
+            "joint": joint_word(link.joint.as_ref()),
+            "name": class_word(named),
+            "artgs_name": named.name,
+            "parts": [{ "id": i + 1, "name": class_word(named), "children": [] }],
             "jointData": data,
         })
     });
@@ -127,7 +124,7 @@ fn mobility(lying: &Asset, asset: &Asset) -> Value {
 fn result(asset: &Asset, files: &[LinkFiles]) -> Value {
     let children = asset.links.iter().zip(files).enumerate().map(|(i, (link, files))| {
         let objs: Vec<&str> = files.visual.iter().map(|f| f.trim_end_matches(".obj")).collect();
-        json!({ "id": i + 1, "name": link.name, "text": link.name, "objs": objs })
+        json!({ "id": i + 1, "name": class_word(link), "text": link.name, "objs": objs })
     });
     json!([{ "id": 0, "name": asset.name, "text": asset.name, "children": children.collect::<Vec<_>>() }])
 }
@@ -211,12 +208,13 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         export_partnet(dir.path(), &cabinet()).unwrap();
         let semantics = std::fs::read_to_string(dir.path().join("semantics.txt")).unwrap();
-        assert_eq!(semantics, "link_0 heavy base\nlink_1 hinge part_1\nlink_2 slider part_2\n");
+        assert_eq!(semantics, "link_0 heavy body\nlink_1 hinge door\nlink_2 slider drawer\n");
         let tree = read(dir.path(), "mobility_v2.json");
         assert_eq!(
             (&tree[0]["parent"], &tree[0]["joint"], &tree[1]["parent"]),
             (&json!(-1), &json!("heavy"), &json!(0))
         );
+        assert_eq!((&tree[1]["name"], &tree[1]["artgs_name"]), (&json!("door"), &json!("part_1")));
         let door = &tree[1]["jointData"];
         assert_eq!(door["axis"], json!({ "origin": [0.26, 0.75, 0.5], "direction": [0.0, -1.0, 0.0] }));
         assert!((door["limit"]["b"].as_f64().unwrap() - 91.673_247_2).abs() < 1e-6);

@@ -1,7 +1,7 @@
 //! SDFormat 1.10, as Gazebo reads it: `model.sdf`, `model.config` and `meshes/`.
 //!
 //! Poses of joints are relative to the parent link, poses of links to their joint; a fixed joint connects the base to the
-//! world. A screw is a `screw` joint.
+//! world. A screw is a `screw` joint. Handles are frames, as in [`artgs_core::Handle`].
 //!
 //! Limitations: Gazebo computes no contacts between links of a model unless `self_collide` is set. It is not set here,
 //! because only some engines then ignore contacts with the parent. Observed states, splats and vertex colours are not
@@ -9,9 +9,9 @@
 
 use super::check::{check_asset, sound_inertia};
 use super::meshes::{LinkFiles, mean_color, write_link_meshes};
-use super::xml::{row, triple};
+use super::xml::{roll_pitch_yaw, row, triple};
 use crate::{FileError, write_atomic};
-use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind};
+use artgs_core::{Asset, AssetJoint, AssetLink, Handle, Inertial, JointKind};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -36,6 +36,14 @@ fn document(asset: &Asset, files: &[LinkFiles]) -> String {
     let mut out = format!("<?xml version=\"1.0\"?>\n<sdf version=\"1.10\">\n  <model name=\"{}\">\n", asset.name);
     for (link, files) in asset.links.iter().zip(files) {
         write_link(&mut out, link, files);
+        for Handle { name, frame, .. } in &link.handles {
+            let (at, turn) = (triple(frame.translation), row(&roll_pitch_yaw(frame.rotation)));
+            let carrier = &link.name;
+            let _ = writeln!(
+                out,
+                "    <frame name=\"{name}\" attached_to=\"{carrier}\">\n      <pose>{at} {turn}</pose>\n    </frame>"
+            );
+        }
     }
     for link in &asset.links {
         match (link.parent, &link.joint) {
@@ -144,6 +152,7 @@ mod tests {
         let pose = slide.children().find(|n| n.has_tag_name("pose")).unwrap();
         assert_eq!((pose.attribute("relative_to"), pose.text()), (Some("part_1"), Some("0.5 0 -0.5 0 0 0")));
         assert_eq!([text(slide, "lower"), text(slide, "upper"), text(slide, "effort")], ["0", "0.42", "50"]);
+        assert_eq!(find(&tree, "frame", "part_1_handle").attribute("attached_to"), Some("part_1"));
         let link = find(&tree, "link", "part_2");
         assert_eq!(link.first_element_child().unwrap().attribute("relative_to"), Some("part_2_joint"));
         assert_eq!([text(link, "mass"), text(link, "iyy"), text(link, "iyz")], ["2", "0.12", "0.003"]);

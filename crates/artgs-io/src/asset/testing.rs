@@ -1,7 +1,10 @@
 //! A small asset for the tests of the writers.
 
-use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, PerState, Splats, Texture, TexturedMesh};
-use glam::DVec3;
+use artgs_core::{
+    Asset, AssetJoint, AssetLink, Handle, HingeSide, Inertial, JointKind, Mesh, PartClass, PartSemantics, PerState,
+    Rigid, Splats, Texture, TexturedMesh,
+};
+use glam::{DMat3, DVec3};
 
 /// A box with flat normals and a texture of 4 x 2 pixels on every side.
 fn textured(mesh: &Mesh) -> TexturedMesh {
@@ -65,6 +68,7 @@ fn link(name: &str, origin: DVec3, walls: &[Mesh], joint: Option<AssetJoint>) ->
         collision: walls.to_vec(),
         inertial: Inertial { mass: 2.0, center, inertia: [0.1, 0.12, 0.08, 0.001, -0.002, 0.003] },
         splats: Some(splats([0.1, 0.2, 0.3])),
+        ..AssetLink::default()
     }
 }
 
@@ -85,11 +89,20 @@ pub(crate) fn cabinet() -> Asset {
         [Mesh::cuboid([-0.47, -0.02, -0.2], [0.47, 0.0, 0.2]), Mesh::cuboid([-0.45, 0.0, -0.2], [0.45, 0.45, -0.18])];
     let opens = joint(JointKind::Revolute, DVec3::NEG_Z, [0.0, 1.6], [0.0, 1.5]);
     let slides = joint(JointKind::Prismatic, DVec3::NEG_Y, [0.0, 0.42], [0.0, 0.4]);
-    let links = vec![
+    let mut links = vec![
         link("base", DVec3::ZERO, &walls, None),
         link("part_1", hinge, &[door], Some(opens)),
         link("part_2", slide, &drawer, Some(slides)),
     ];
+    let classes = [PartClass::Body, PartClass::Door, PartClass::Drawer];
+    for (link, class) in links.iter_mut().zip(classes) {
+        let hinge = (class == PartClass::Door).then_some(HingeSide::Left);
+        link.semantics = Some(PartSemantics { class, hinge, confidence: 0.9, given: false });
+    }
+    // Approached along +Y, the fingers close along X.
+    let frame = Rigid::from_matrix(DMat3::from_cols(DVec3::Z, DVec3::X, DVec3::Y), DVec3::new(0.9, -0.04, 0.0));
+    let name = "part_1_handle".into();
+    links[1].handles = vec![Handle { name, frame, width: 0.02, length: 0.2, depth: 0.03 }];
     Asset { name: "cabinet".into(), links }
 }
 

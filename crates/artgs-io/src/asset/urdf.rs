@@ -1,6 +1,8 @@
 //! URDF: `NAME.urdf` and `meshes/`.
 //!
-//! The root link `world` carries the base on a fixed joint, so the object does not fall. Link frames are joint frames.
+//! The root link `world` carries the base on a fixed joint, so the object does not fall. Link frames are joint frames. A
+//! handle is a link without mass and shapes, on a fixed joint to the link that has it. `semantics.txt` has a line per link
+//! as in PartNet-Mobility: its name, its joint (`heavy`, `hinge` or `slider`) and its class.
 //!
 //! Limitations: a screw is a revolute joint with its pitch in a comment; the observed states are in a comment, too. Splats
 //! are not written. A link without texture has its colours in the OBJ, which many loaders ignore; it has no `<material>`,
@@ -10,10 +12,11 @@
 //! equal to the mesh here.
 
 use super::check::{check_asset, sound_inertia};
+use super::format::WriteOptions;
 use super::meshes::{LinkFiles, write_link_meshes};
-use super::xml::{observed_note, row, screw_note, triple};
+use super::xml::{observed_note, roll_pitch_yaw, row, screw_note, triple};
 use crate::{FileError, write_atomic};
-use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind};
+use artgs_core::{Asset, AssetJoint, AssetLink, Handle, Inertial, JointKind, PartClass};
 use glam::DVec3;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -30,13 +33,23 @@ pub(super) struct Root {
 
 /// Writes `DIR/NAME.urdf` and `DIR/meshes/`; returns what was written, the URDF first.
 pub fn export_urdf(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> {
+    export_urdf_with(dir, asset, &WriteOptions::default())
+}
+
+/// The same with options. With a package, mesh paths begin with `package://PACKAGE/`, so that `DIR` is the folder of the
+/// package.
+pub fn export_urdf_with(dir: &Path, asset: &Asset, options: &WriteOptions) -> Result<Vec<PathBuf>, FileError> {
     let path = dir.join(format!("{}.urdf", asset.name));
     check_asset(asset).map_err(|reason| FileError::malformed(&path, reason))?;
     let (files, mut written) = write_link_meshes(&dir.join("meshes"), asset)?;
     // PyBullet treats a link of this name as the ground; it warns of any other link without mass.
     let root = Root { name: "world", xyz: asset.links[0].origin, rpy: [0.0; 3] };
-    write_atomic(&path, document(asset, "meshes", &files, &root).as_bytes())?;
+    let folder = options.package.as_ref().map_or("meshes".into(), |package| format!("package://{package}/meshes"));
+    write_atomic(&path, document(asset, &folder, &files, &root).as_bytes())?;
+    let semantics = dir.join("semantics.txt");
+    write_atomic(&semantics, semantics_of(asset).as_bytes())?;
     written.insert(0, path);
+    written.push(semantics);
     Ok(written)
 }
 
@@ -48,6 +61,7 @@ pub(super) fn document(asset: &Asset, folder: &str, files: &[LinkFiles], root: &
     let _ = writeln!(out, "  <link name=\"{}\"/>", root.name);
     for (link, files) in asset.links.iter().zip(files) {
         write_link(&mut out, link, folder, files);
+        link.handles.iter().for_each(|handle| write_handle_link(&mut out, handle));
     }
     for link in &asset.links {
         match (link.parent, &link.joint) {
@@ -59,8 +73,42 @@ pub(super) fn document(asset: &Asset, folder: &str, files: &[LinkFiles], root: &
             _ => open_joint(&mut out, "fixed", &link.name, root.name, root.xyz, root.rpy),
         }
         out += "  </joint>\n";
+        for Handle { name, frame, .. } in &link.handles {
+            open_joint(&mut out, "fixed", name, &link.name, frame.translation, roll_pitch_yaw(frame.rotation));
+            out += "  </joint>\n";
+        }
     }
     out + "</robot>\n"
+}
+
+/// A frame. The inertial of zeros keeps PyBullet from giving it a kilogram.
+fn write_handle_link(out: &mut String, handle: &Handle) {
+    let Handle { name, width, length, depth, .. } = handle;
+    let _ = write!(
+        out,
+        "  <link name=\"{name}\">\n    <!-- grasp: z approaches, fingers close along y; width {width}, length {length}, depth \
+         {depth} -->\n    <inertial>\n      <mass value=\"0\"/>\n      <inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" \
+         izz=\"0\"/>\n    </inertial>\n  </link>\n"
+    );
+}
+
+/// Joint of a link in `semantics.txt`.
+pub(super) fn joint_word(joint: Option<&AssetJoint>) -> &'static str {
+    match joint.map(|j| j.kind) {
+        None => "heavy",
+        Some(JointKind::Prismatic) => "slider",
+        Some(JointKind::Revolute | JointKind::Screw) => "hinge",
+    }
+}
+
+/// Class of a link in `semantics.txt`.
+pub(super) fn class_word(link: &AssetLink) -> &'static str {
+    link.semantics.map_or(PartClass::Part, |s| s.class).name()
+}
+
+fn semantics_of(asset: &Asset) -> String {
+    let line = |link: &AssetLink| format!("{} {} {}\n", link.name, joint_word(link.joint.as_ref()), class_word(link));
+    asset.links.iter().map(line).collect()
 }
 
 fn kind(joint: &AssetJoint) -> &'static str {
@@ -125,6 +173,7 @@ mod tests {
     use super::*;
     use crate::asset::testing::cabinet;
     use artgs_core::Mesh;
+    use glam::DMat3;
 
     fn read(asset: &Asset) -> (tempfile::TempDir, Vec<PathBuf>, urdf_rs::Robot, String) {
         let dir = tempfile::tempdir().unwrap();
@@ -139,7 +188,7 @@ mod tests {
         assert_eq!(written[0], dir.path().join("cabinet.urdf"));
         assert!(written.iter().all(|f| f.is_file()));
         let names: Vec<&str> = robot.links.iter().map(|l| l.name.as_str()).collect();
-        assert_eq!(names, ["world", "base", "part_1", "part_2"]);
+        assert_eq!(names, ["world", "base", "part_1", "part_1_handle", "part_2"]);
         assert_eq!(robot.joints[0].joint_type, urdf_rs::JointType::Fixed);
         assert_eq!((robot.joints[0].parent.link.as_str(), robot.joints[0].child.link.as_str()), ("world", "base"));
         let door = &robot.joints[1];
@@ -148,11 +197,19 @@ mod tests {
         assert_eq!((door.limit.lower, door.limit.upper, door.limit.effort, door.limit.velocity), (0.0, 1.6, 50.0, 3.0));
         let dynamics = door.dynamics.as_ref().unwrap();
         assert_eq!((dynamics.damping, dynamics.friction), (0.2, 0.1));
-        assert_eq!(robot.joints[2].joint_type, urdf_rs::JointType::Prismatic);
+        let grasp = &robot.joints[2];
+        assert_eq!((grasp.parent.link.as_str(), &grasp.joint_type), ("part_1", &urdf_rs::JointType::Fixed));
+        assert_eq!(grasp.origin.xyz.0, [0.9, -0.04, 0.0]);
+        let [roll, pitch, yaw] = grasp.origin.rpy.0;
+        let turn = DMat3::from_rotation_z(yaw) * DMat3::from_rotation_y(pitch) * DMat3::from_rotation_x(roll);
+        assert!((turn.z_axis - DVec3::Y).length() < 1e-9 && (turn.y_axis - DVec3::X).length() < 1e-9);
+        assert_eq!(robot.joints[3].joint_type, urdf_rs::JointType::Prismatic);
+        let semantics = std::fs::read_to_string(dir.path().join("semantics.txt")).unwrap();
+        assert_eq!(semantics, "base heavy body\npart_1 hinge door\npart_2 slider drawer\n");
         let inertial = &robot.links[1].inertial;
         assert_eq!((inertial.mass.value, inertial.inertia.ixx, inertial.inertia.iyz), (2.0, 0.1, 0.003));
-        assert_eq!(robot.links.iter().map(|l| l.visual.len()).collect::<Vec<_>>(), [0, 1, 1, 1]);
-        assert_eq!(robot.links.iter().map(|l| l.collision.len()).collect::<Vec<_>>(), [0, 5, 1, 2]);
+        assert_eq!(robot.links.iter().map(|l| l.visual.len()).collect::<Vec<_>>(), [0, 1, 1, 0, 1]);
+        assert_eq!(robot.links.iter().map(|l| l.collision.len()).collect::<Vec<_>>(), [0, 5, 1, 0, 2]);
         let shapes = robot
             .links
             .iter()
@@ -171,6 +228,7 @@ mod tests {
         let joint = asset.links[2].joint.as_mut().unwrap();
         (joint.kind, joint.pitch) = (JointKind::Screw, -0.01);
         asset.links[2].visual.texture = None;
+        asset.links[1].handles.clear();
         asset.links[1].visual = Default::default();
         asset.links[1].collision = Vec::<Mesh>::new();
         let (_dir, _, robot, text) = read(&asset);
@@ -195,6 +253,15 @@ mod tests {
              \x20   <limit lower=\"0\" upper=\"0.42\" effort=\"50\" velocity=\"3\"/>\n\
              \x20   <dynamics damping=\"0.2\" friction=\"0.1\"/>\n  </joint>\n</robot>\n"
         );
+    }
+
+    #[test]
+    fn mesh_paths_may_begin_with_a_package() {
+        let dir = tempfile::tempdir().unwrap();
+        let options = WriteOptions { package: Some("my_cabinet".into()), ..WriteOptions::default() };
+        let written = export_urdf_with(dir.path(), &cabinet(), &options).unwrap();
+        let text = std::fs::read_to_string(&written[0]).unwrap();
+        assert_eq!(text.matches("filename=\"package://my_cabinet/meshes/").count(), text.matches("filename=").count());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Numbers as text for XML formats.
 
 use artgs_core::{JointKind, PerState};
-use glam::DVec3;
+use glam::{DQuat, DVec3, EulerRot};
 
 /// Numbers separated by blanks, each in the shortest form that reads back exactly; -0 becomes 0.
 pub(super) fn row(values: &[f64]) -> String {
@@ -11,6 +11,12 @@ pub(super) fn row(values: &[f64]) -> String {
 /// Coordinates separated by blanks.
 pub(super) fn triple(v: DVec3) -> String {
     row(&v.to_array())
+}
+
+/// Roll, pitch and yaw about the fixed axes X, Y and Z, in that order.
+pub(super) fn roll_pitch_yaw(rotation: DQuat) -> [f64; 3] {
+    let (yaw, pitch, roll) = rotation.to_euler(EulerRot::ZYX);
+    [roll, pitch, yaw]
 }
 
 /// A comment with the pitch of a screw, for formats that have only hinges; none for other joints.
@@ -27,6 +33,13 @@ pub(super) fn observed_note(observed: PerState<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn angles_make_the_rotation_again() {
+        let rotation = DQuat::from_rotation_z(0.3) * DQuat::from_rotation_y(-1.1) * DQuat::from_rotation_x(2.0);
+        let [roll, pitch, yaw] = roll_pitch_yaw(rotation);
+        assert!((roll - 2.0).abs() < 1e-9 && (pitch + 1.1).abs() < 1e-9 && (yaw - 0.3).abs() < 1e-9);
+    }
 
     #[test]
     fn numbers_are_plain_and_exact() {

@@ -65,6 +65,7 @@ fn link(name: &str, parent: Option<usize>, origin: DVec3, boxes: &[Mesh], color:
         collision: boxes.to_vec(),
         inertial: Inertial::default(),
         splats: Some(scattered(boxes, color)),
+        ..AssetLink::default()
     }
 }
 
@@ -201,7 +202,7 @@ pub(crate) fn found_page() -> Page {
 /// The sample as a recording of its start state whose world has +Y up, and a box around it.
 pub(crate) fn recording_page() -> Page {
     let rotation = glam::DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
-    let placement = Placement { scale: 1.0, rotation };
+    let placement = Placement { rotation, ..Placement::default() };
     let recorded = |p: DVec3| placement.rotation.inverse() * p;
     let mut cloud = observed(State::START);
     cloud.points.iter_mut().for_each(|p| *p = recorded(DVec3::from_array(p.map(f64::from))).as_vec3().to_array());

@@ -22,7 +22,9 @@ impl<'a> Run<'a> {
         }
         let wanted = self.what.resume && !learnt;
         let corrections = if wanted { read_corrections(folder.root()) } else { Ok(None) };
-        let corrections = corrections.map_err(Error::Corrections)?.filter(|c| !c.is_empty());
+        let corrections = corrections.map_err(Error::Corrections)?;
+        // Classes change exports only.
+        let corrections = corrections.map(Corrections::without_classes).filter(|c| !c.is_empty());
         let text = corrections.as_ref().map(Corrections::text).transpose()?.unwrap_or_default();
         // Before any result is removed: corrections that are refused must not cost what was trained.
         let corrected = match &corrections {

@@ -15,10 +15,14 @@
 //! ```json
 //! {"joint": {"name": "door_joint", "type": "revolute", "axis": [0, 0, 1], "pitch": 0, "limits": [0, 1.6],
 //!            "observed": [0, 1.5], "effort": 50, "velocity": 3, "damping": 0.2, "friction": 0.1},
-//!  "inertial": {"mass": 2, "center": [0, 0, 0], "inertia": [0.1, 0.1, 0.1, 0, 0, 0]}}
+//!  "inertial": {"mass": 2, "center": [0, 0, 0], "inertia": [0.1, 0.1, 0.1, 0, 0, 0]},
+//!  "class": "door",
+//!  "handles": [{"name": "door_handle", "position": [0, 0, 0], "orientation": [0, 0, 0, 1], "width": 0.02, "length": 0.2,
+//!               "depth": 0.03}]}
 //! ```
 //! `type` is `revolute`, `prismatic` or `screw`, `observed` the values in the two observed states, `inertia`
-//! `ixx iyy izz ixy ixz iyz` about the centre of mass. The base has no `joint`.
+//! `ixx iyy izz ixy ixz iyz` about the centre of mass, handles as in [`artgs_core::Handle`], orientations x y z w. The base
+//! has no `joint`.
 
 mod buffer;
 mod clips;
@@ -27,7 +31,7 @@ mod looks;
 mod tests;
 
 use crate::{FileError, write_atomic};
-use artgs_core::{Asset, AssetLink};
+use artgs_core::{Asset, AssetLink, Handle};
 use buffer::Buffer;
 use glam::DVec3;
 use serde_json::{Map, Value, json};
@@ -150,6 +154,18 @@ fn extras(link: &AssetLink) -> Value {
             "observed": j.observed.as_slice(), "effort": j.effort, "velocity": j.velocity, "damping": j.damping,
             "friction": j.friction,
         });
+    }
+    if let Some(semantics) = &link.semantics {
+        out["class"] = json!(semantics.class.name());
+    }
+    let handle = |h: &Handle| {
+        json!({
+            "name": h.name, "position": h.frame.translation.to_array(), "orientation": h.frame.rotation.to_array(),
+            "width": h.width, "length": h.length, "depth": h.depth,
+        })
+    };
+    if !link.handles.is_empty() {
+        out["handles"] = link.handles.iter().map(handle).collect();
     }
     out
 }

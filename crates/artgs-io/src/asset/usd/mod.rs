@@ -8,6 +8,8 @@
 //!
 //! Layout: `/NAME` (default prim, one articulation root) holds the links as siblings, so that no rigid body is nested;
 //! under each `visual` (UsdPreviewSurface, texture or vertex colours) and `collision_0` .. (convex hulls, purpose guide).
+//! Handles are Xforms under their link, as in [`artgs_core::Handle`], with their sizes in `artgs:width`, `artgs:length` and
+//! `artgs:depth`; `artgs:class` of a link is its class.
 //! `/NAME/Joints` contains `LINK_joint` and `fixed_base`, `/NAME/Looks` the materials. `/PhysicsScene` is outside the default
 //! prim, so that a scene with its own physics scene can reference the asset.
 //! Joints turn about or slide along the X axis of their frame; limits are in degrees or metres, and so are the custom

@@ -1,7 +1,7 @@
 //! Bodies, joints and the scene of USD Physics.
 
 use super::layer::{Prim, float3, quaternion, token};
-use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, State};
+use artgs_core::{Asset, AssetJoint, AssetLink, Handle, Inertial, JointKind, State};
 use glam::{DMat3, DQuat, DVec3};
 use openusd::sdf::Value;
 
@@ -35,6 +35,11 @@ pub(super) fn body(root: &str, asset: &Asset, i: usize) -> Result<Prim, String> 
         .attr("point3f", "physics:centerOfMass", float3(center))
         .attr("float3", "physics:diagonalInertia", float3(moments))
         .attr("quatf", "physics:principalAxes", quaternion(axes));
+    let prim = link.semantics.iter().fold(prim, |prim, semantics| {
+        let class = token(semantics.class.name());
+        prim.custom("token", "artgs:class", class)
+    });
+    let prim = link.handles.iter().fold(prim, |prim, handle| prim.child(grasp(handle)));
     match link.parent.and_then(|p| asset.links.get(p)) {
         // A link and its parent may touch at their joint.
         Some(parent) => {
@@ -42,6 +47,17 @@ pub(super) fn body(root: &str, asset: &Asset, i: usize) -> Result<Prim, String> 
         }
         None => Ok(prim),
     }
+}
+
+/// The grasp frame of a handle.
+fn grasp(handle: &Handle) -> Prim {
+    let Handle { name, frame, width, length, depth } = handle;
+    let sizes = [("artgs:width", width), ("artgs:length", length), ("artgs:depth", depth)];
+    let prim = Prim::new("Xform", name.clone())
+        .attr("double3", "xformOp:translate", Value::Vec3d(frame.translation.to_array().into()))
+        .attr("quatf", "xformOp:orient", quaternion(frame.rotation))
+        .uniform("token[]", "xformOpOrder", Value::token_vec(["xformOp:translate", "xformOp:orient"]));
+    sizes.into_iter().fold(prim, |prim, (name, size)| prim.custom("double", name, Value::Double(*size)))
 }
 
 /// The joint of link `i` to its parent; for a link without parent a fixed joint to the world.
