@@ -24,6 +24,9 @@ pub(super) fn decode(path: &Path, bytes: &[u8]) -> std::result::Result<Measured,
     if stated_samples(&meta).is_none_or(|samples| samples > MOST_SAMPLES) {
         return Err(broken(&"its header states more than 134 million samples"));
     }
+    if meta.headers.iter().any(|header| is_lossy(&header.compression)) {
+        return Err(broken(&"its compression loses depth; store it with ZIP, PIZ or without compression"));
+    }
     let reader = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
     let image = reader.non_parallel().from_buffered(Cursor::new(bytes)).map_err(|e| broken(&e))?;
     let channels = &image.layer_data.channel_data.list;
@@ -42,6 +45,19 @@ pub(super) fn decode(path: &Path, bytes: &[u8]) -> std::result::Result<Measured,
         map: DepthMap::nearest(&depths),
         camera: None,
     })
+}
+
+/// True for compressions for pictures, which lose digits of half floats. Their decoder also fails on damaged data.
+fn is_lossy(compression: &Compression) -> bool {
+    !matches!(
+        compression,
+        Compression::Uncompressed
+            | Compression::RLE
+            | Compression::ZIP1
+            | Compression::ZIP16
+            | Compression::PIZ
+            | Compression::PXR24
+    )
 }
 
 /// Samples of all channels of all layers according to the headers; `None` if the number overflows.
@@ -81,6 +97,22 @@ mod tests {
         assert!(depths.iter().zip(back.map.iter()).all(|(a, b)| (a - b).abs() <= a * 6e-4));
         let message = decode(&path, &bytes[..bytes.len() / 2]).unwrap_err().to_string();
         assert!(message.contains("d.exr") && message.contains("not a complete"), "{message}");
+    }
+
+    #[test]
+    fn compressions_that_lose_depth_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("d.exr");
+        super::write(&path, 40, 30, &[1.0; 40 * 30]).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        let name = b"compression\0compression\0";
+        let at = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
+        // B44 and B44A in the file format.
+        for lossy in [6, 7] {
+            bytes[at] = lossy;
+            let message = decode(&path, &bytes).unwrap_err().to_string();
+            assert!(message.contains("d.exr") && message.contains("compression"), "{message}");
+        }
     }
 
     #[test]
