@@ -39,7 +39,17 @@ fn link(name: &str, parent: Option<usize>, origin: DVec3, boxes: &[Mesh], joint:
         sh: vec![0.1; 6],
     };
     let (name, splats) = (name.to_string(), Some(splats));
-    AssetLink { name, parent, joint, origin, visual, collision: boxes.to_vec(), inertial, splats }
+    AssetLink {
+        name,
+        parent,
+        joint,
+        origin,
+        visual,
+        collision: boxes.to_vec(),
+        inertial,
+        splats,
+        ..AssetLink::default()
+    }
 }
 
 fn joint(kind: JointKind, axis: DVec3, limits: [f64; 2], observed: [f64; 2]) -> AssetJoint {

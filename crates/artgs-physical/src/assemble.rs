@@ -69,7 +69,7 @@ pub(crate) fn assemble(
         let inertial = inertial(&visual.mesh, surfaces[part].closed, &walls, density, config.least_mass);
         let joint = frames[part].joint;
         let (name, parent, origin) = (names[part].clone(), replica.parts[part].parent, frames[part].origin);
-        AssetLink { name, parent, joint, origin, visual, collision: Vec::new(), inertial, splats: None }
+        AssetLink { name, parent, joint, origin, visual, inertial, contact: config.contact, ..AssetLink::default() }
     };
     if let Some((name, _)) = config.densities.iter().find(|(name, _)| !names.contains(name)) {
         return Err(format!("--density names `{name}`, but the parts are {}", names.join(", ")));

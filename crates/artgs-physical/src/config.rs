@@ -1,5 +1,6 @@
 //! Physical properties that a capture does not contain. All their defaults are here.
 
+use artgs_core::ContactMaterial;
 use glam::DQuat;
 
 /// Which axis of the capture points up.
@@ -95,6 +96,8 @@ pub struct PhysicalConfig {
     /// Largest force at the far end of a part, N, that overcomes its friction, and that overcomes its damping at half a metre
     /// per second: a hand moves every part.
     pub hand: f64,
+    /// Contact of all surfaces.
+    pub contact: ContactMaterial,
     /// Largest number of visual triangles of a link.
     pub triangles: usize,
     /// Texels along the object's diagonal.
@@ -135,6 +138,7 @@ impl Default for PhysicalConfig {
             settle: 0.5,
             friction: 0.02,
             hand: 5.0,
+            contact: ContactMaterial::default(),
             triangles: 20_000,
             texels: 900.0,
             texture_side: 4096,

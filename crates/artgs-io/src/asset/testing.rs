@@ -1,6 +1,8 @@
 //! A small asset for the tests of the writers.
 
-use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, PerState, Splats, Texture, TexturedMesh};
+use artgs_core::{
+    Asset, AssetJoint, AssetLink, ContactMaterial, Inertial, JointKind, Mesh, PerState, Splats, Texture, TexturedMesh,
+};
 use glam::DVec3;
 
 /// A box with flat normals and a texture of 4 x 2 pixels on every side.
@@ -63,6 +65,7 @@ fn link(name: &str, origin: DVec3, walls: &[Mesh], joint: Option<AssetJoint>) ->
         origin,
         visual: textured(&whole),
         collision: walls.to_vec(),
+        contact: ContactMaterial { friction: 0.6, restitution: 0.1 },
         inertial: Inertial { mass: 2.0, center, inertia: [0.1, 0.12, 0.08, 0.001, -0.002, 0.003] },
         splats: Some(splats([0.1, 0.2, 0.3])),
     }

@@ -65,6 +65,7 @@ fn link(name: &str, parent: Option<usize>, origin: DVec3, boxes: &[Mesh], color:
         collision: boxes.to_vec(),
         inertial: Inertial::default(),
         splats: Some(scattered(boxes, color)),
+        ..AssetLink::default()
     }
 }
 
