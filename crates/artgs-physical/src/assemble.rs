@@ -6,7 +6,8 @@ use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with, 
 use crate::hull::Hull;
 use crate::looks::PartSurface;
 use crate::mass::{inertial, walls};
-use crate::stance::{Range, closed_state, extend};
+use crate::stance::{NARROWEST, Range, extend, nearer_state};
+use crate::sweep::Surface;
 use crate::topology::{bounds, points};
 use artgs_core::{
     Asset, AssetJoint, AssetLink, Inertial, Joint, JointKind, Mesh, PerState, Replica, Rigid, State, TexturedMesh,
@@ -17,8 +18,8 @@ use rayon::prelude::*;
 /// Decisions about an asset that the asset itself does not contain.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Decisions {
-    /// State in which each part is closed; none if unknown.
-    pub closed_state: Vec<Option<State>>,
+    /// State in which each part is nearer to being closed; none if unknown.
+    pub nearer_state: Vec<Option<State>>,
     /// Limits of each joint with their reasons.
     pub ranges: Vec<Option<Range>>,
     /// Cuts of convex pieces over the observed range.
@@ -42,7 +43,8 @@ const MOST_CORNERS: usize = 64;
 /// Tested poses per joint while the others are in an observed state.
 pub(crate) const POSES_WITH_OTHERS: usize = 31;
 
-/// Assembles an asset from a valid replica and the surfaces of its parts, without splats. Fails only if `decomposer` fails.
+/// Assembles an asset from a valid replica and the surfaces of its parts, without splats. Fails only if `decomposer` fails, or if
+/// the settings name a part that is not there.
 pub(crate) fn assemble(
     name: &str,
     replica: &Replica,
@@ -50,11 +52,25 @@ pub(crate) fn assemble(
     config: &PhysicalConfig,
     decomposer: Option<&Decomposer>,
 ) -> Result<(Asset, Decisions), String> {
+    let (mut asset, mut decisions) = limited(name, replica, surfaces, config)?;
     let meshes: Vec<&Mesh> = surfaces.iter().map(|s| &s.visual.mesh).collect();
     let diagonal = config.scale * diagonal(&meshes);
-    let closed: Vec<Option<State>> =
-        (0..replica.parts.len()).map(|part| closed_state_of(replica, &meshes, part)).collect();
-    let frames = frames(replica, &closed, config);
+    collide(&mut asset, &mut decisions, surfaces, diagonal, config, decomposer)?;
+    Ok((asset, decisions))
+}
+
+/// An asset with masses and joint limits, without convex pieces.
+fn limited(
+    name: &str,
+    replica: &Replica,
+    surfaces: &[PartSurface],
+    config: &PhysicalConfig,
+) -> Result<(Asset, Decisions), String> {
+    let meshes: Vec<&Mesh> = surfaces.iter().map(|s| &s.visual.mesh).collect();
+    let diagonal = config.scale * diagonal(&meshes);
+    let nearer: Vec<Option<State>> =
+        (0..replica.parts.len()).map(|part| nearer_state_of(replica, &meshes, part)).collect();
+    let frames = frames(replica, &nearer, config);
     let names = names(replica);
     let wall = config.wall_share * diagonal;
     let link = |part: usize| {
@@ -82,12 +98,35 @@ pub(crate) fn assemble(
     }
     let mut asset = Asset { name: to_identifier(name, "replica"), links };
     let to_link = frames.iter().map(|f| Rigid::shift(-f.origin) * f.from_start).collect();
-    let mut decisions = Decisions { closed_state: closed, scale: config.scale, to_link, ..Decisions::default() };
-    collide(&mut asset, &mut decisions, surfaces, diagonal, config, decomposer)?;
+    let mut decisions = Decisions { nearer_state: nearer, scale: config.scale, to_link, ..Decisions::default() };
+    limit(&mut asset, &mut decisions, surfaces, diagonal, config);
     Ok((asset, decisions))
 }
 
-/// Computes hulls that do not collide over the observed range, then limits, then hulls that do not collide within them.
+/// Limits of all joints, by the visual meshes.
+fn limit(
+    asset: &mut Asset,
+    decisions: &mut Decisions,
+    surfaces: &[PartSurface],
+    diagonal: f64,
+    config: &PhysicalConfig,
+) {
+    let swept = |(part, link): (usize, &AssetLink)| {
+        let from_link = decisions.to_link[part].inverse();
+        let seen = surfaces[part].observed.as_ref();
+        let observed = |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / config.scale));
+        Surface::of(&link.visual.mesh, &observed, config.sample_share * diagonal)
+    };
+    let swept: Vec<Surface> = asset.links.par_iter().enumerate().map(swept).collect();
+    decisions.ranges = extend(asset, &swept, &decisions.nearer_state, diagonal, config);
+    for (link, range) in asset.links.iter_mut().zip(&decisions.ranges) {
+        if let (Some(joint), Some(range)) = (&mut link.joint, range) {
+            joint.limits = range.limits;
+        }
+    }
+}
+
+/// Computes hulls that do not collide within the limits.
 fn collide(
     asset: &mut Asset,
     decisions: &mut Decisions,
@@ -130,16 +169,9 @@ fn collide(
     let decomposed: Vec<(Vec<Hull>, Vec<DVec3>)> =
         asset.links.par_iter().enumerate().map(convex).collect::<Result<_, String>>()?;
     let (mut pieces, surface): (Pieces, Vec<Vec<DVec3>>) = decomposed.into_iter().unzip();
-    decisions.clearance = clear(&mut pieces, &surface, &stances(asset), &spacing, related);
-    decisions.ranges = extend(asset, &pieces, &decisions.closed_state, diagonal, config);
-    for (link, range) in asset.links.iter_mut().zip(&decisions.ranges) {
-        if let (Some(joint), Some(range)) = (&mut link.joint, range) {
-            joint.limits = range.limits;
-        }
-    }
     // Poses in which several joints move are not cleared: contacts there are real.
-    let wide = stances(asset);
-    clear(&mut pieces, &surface, &wide, &spacing, related);
+    let wide = stances(asset, &decisions.ranges);
+    decisions.clearance = clear(&mut pieces, &surface, &wide, &spacing, related);
     // What cuts left open gets thin pieces of its own.
     let thin = DecomposeOptions { most: config.most_hulls, skin: 2.0 * options.least, ..options };
     let patched = |part: usize| {
@@ -170,17 +202,18 @@ fn collide(
 }
 
 /// Link poses in which no penetration is allowed: both observed states, and every joint at many values across its limits
-/// while the others are at zero or in either observed state.
-pub(crate) fn stances(asset: &Asset) -> Vec<Vec<Rigid>> {
+/// while the others are at zero, or across its free range while they are in either observed state.
+pub(crate) fn stances(asset: &Asset, ranges: &[Option<Range>]) -> Vec<Vec<Rigid>> {
     let zero = vec![0.0; asset.links.len()];
     let observed = State::ALL.map(|state| asset.observed(state));
     let mut out: Vec<Vec<Rigid>> = observed.iter().chain([&zero]).map(|values| asset.poses(values)).collect();
     for (i, _, joint) in asset.movable() {
-        let with_others = observed.iter().map(|values| (values, POSES_WITH_OTHERS));
-        for (others, poses) in std::iter::once((&zero, POSES)).chain(with_others) {
+        let free =
+            |state: State| ranges.get(i).and_then(Option::as_ref).map_or(joint.limits, |range| range.free[state]);
+        let with_others = State::ALL.map(|state| (&observed[state.index()], free(state), POSES_WITH_OTHERS));
+        for (others, [lower, upper], poses) in std::iter::once((&zero, joint.limits, POSES)).chain(with_others) {
             for step in 0..poses {
                 let mut values = others.clone();
-                let [lower, upper] = joint.limits;
                 values[i] = lower + (upper - lower) * step as f64 / (poses - 1) as f64;
                 out.push(asset.poses(&values));
             }
@@ -198,7 +231,7 @@ struct Frame {
     joint: Option<AssetJoint>,
 }
 
-fn frames(replica: &Replica, closed: &[Option<State>], config: &PhysicalConfig) -> Vec<Frame> {
+fn frames(replica: &Replica, nearer: &[Option<State>], config: &PhysicalConfig) -> Vec<Frame> {
     let upright = Rigid { rotation: config.up.upright(), translation: DVec3::ZERO };
     let mut out: Vec<Frame> = Vec::new();
     for (i, part) in replica.parts.iter().enumerate() {
@@ -208,9 +241,9 @@ fn frames(replica: &Replica, closed: &[Option<State>], config: &PhysicalConfig) 
             continue;
         };
         let joint = metric(joint, config.scale);
-        let zero_state = closed[i].unwrap_or(State::START);
+        let zero_state = nearer[i].unwrap_or(State::START);
         let zero = joint.state_values[zero_state];
-        // Positive values open: from the closed state towards the other.
+        // Positive values open: from the state that is nearer to being closed towards the other.
         let away = joint.state_values[zero_state.other()] - zero;
         let sign = if away < 0.0 { -1.0 } else { 1.0 };
         let from_start = carried * joint.motion(zero - joint.state_values[State::START]);
@@ -219,8 +252,6 @@ fn frames(replica: &Replica, closed: &[Option<State>], config: &PhysicalConfig) 
         let observed = joint.state_values.map(|v| sign * (v - zero) + 0.0);
         let given = ordered(joint.limits.map(|v| sign * (v - zero)));
         let seen = ordered([observed[State::START], observed[State::END]]);
-        /// Least range of a joint, radians or metres: engines refuse `lower = upper`.
-        const NARROWEST: f64 = 1e-4;
         let limits = [given[0].min(seen[0]).min(0.0), given[1].max(seen[1]).max(seen[0] + NARROWEST)];
         let asset_joint = AssetJoint {
             kind: joint.kind,
@@ -291,7 +322,8 @@ fn dynamics(joint: AssetJoint, inertial: &Inertial, arm: f64, config: &PhysicalC
     }
 }
 
-fn closed_state_of(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<State> {
+/// The state in which a part is nearer to being closed; none if it protrudes equally in both.
+fn nearer_state_of(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<State> {
     /// Least difference, as a share of the diagonal, that is significant, ...
     const SIGNIFICANT: f64 = 0.01;
     /// ... or as a share of the mean motion of the part, whichever is smaller.
@@ -303,7 +335,7 @@ fn closed_state_of(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<S
     let distances = points(meshes[part]).zip(points(&end)).map(|(a, b)| a.distance(b));
     let mean_motion = distances.sum::<f64>() / end.vertices.len().max(1) as f64;
     let significant = (SIGNIFICANT * diagonal(meshes)).min(SIGNIFICANT_OF_MOTION * mean_motion);
-    closed_state(PerState::new(meshes[part], &end), PerState::new(meshes[parent], meshes[parent]), significant)
+    nearer_state(PerState::new(meshes[part], &end), PerState::new(meshes[parent], meshes[parent]), significant)
 }
 
 /// Diagonal of the box around all meshes.

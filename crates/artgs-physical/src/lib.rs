@@ -15,6 +15,7 @@ mod repair;
 mod shade;
 mod simplify;
 mod stance;
+mod sweep;
 mod topology;
 mod unwrap;
 
