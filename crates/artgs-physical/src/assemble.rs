@@ -4,7 +4,7 @@ use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest, uncovered};
 use crate::config::{Collision, PhysicalConfig};
 use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with, patches, seen_points};
 use crate::hull::Hull;
-use crate::looks::PartSurface;
+use crate::looks::{PartSurface, Wall};
 use crate::mass::{inertial, walls};
 use crate::stance::{NARROWEST, Range, extend, nearer_state};
 use crate::sweep::Surface;
@@ -78,8 +78,14 @@ fn limited(
         let visual = moved(&surfaces[part].visual, &to_link, config.scale);
         let from_link = to_link.inverse();
         let seen = surfaces[part].observed.as_ref();
-        let observed = |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / config.scale));
-        let walls = walls(&visual.mesh, &observed, wall);
+        let observed = |p: DVec3, normal: DVec3, most: f64| match seen {
+            Some(seen) => {
+                let wall = seen.wall(from_link.apply(p) / config.scale, from_link.turn(normal), most / config.scale);
+                Wall { thickness: wall.thickness.map(|thickness| thickness * config.scale), ..wall }
+            }
+            None => Wall { seen: true, thickness: None },
+        };
+        let walls = walls(&visual.mesh, &observed, wall, if part == 0 { config.closing_wall } else { 0.0 });
         let own = config.densities.iter().find(|(name, _)| *name == names[part]).map(|(_, density)| *density);
         let density = own.unwrap_or(config.density);
         let inertial = inertial(&visual.mesh, surfaces[part].closed, &walls, density, config.least_mass);

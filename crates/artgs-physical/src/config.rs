@@ -49,6 +49,10 @@ pub struct PhysicalConfig {
     pub mass: Option<f64>,
     /// Thickness of walls of which one side was seen, at most: those that were measured say whether they are thinner.
     pub wall_share: f64,
+    /// Share of a wall for which a surface of the base that only closes its mesh stands: hidden sides stand on a floor or at a
+    /// wall, and some are the back of a wall that was seen. Those of movable parts stand for nothing, they are mostly hidden
+    /// backs. Calibrated on ten procedural objects.
+    pub closing_wall: f64,
     /// How parts collide.
     pub collision: Collision,
     /// Largest distance between surface and convex pieces, metres; half of it is left for the clearance between links.
@@ -122,6 +126,7 @@ impl Default for PhysicalConfig {
             densities: Vec::new(),
             mass: None,
             wall_share: 0.01,
+            closing_wall: 0.5,
             collision: Collision::Hulls,
             cover: 5e-3,
             cover_share: 5e-3,
