@@ -172,7 +172,8 @@ fn names_are_to_identifier_for_every_format() {
 #[test]
 fn a_decomposer_makes_the_pieces_or_fails() {
     let (replica, meshes) = replica();
-    let config = PhysicalConfig::default();
+    // Nothing is cut off between the observed states.
+    let config = PhysicalConfig { extend_limits: false, ..PhysicalConfig::default() };
     let surfaces = surfaces(&replica, &meshes, None, &config);
     let boxes = |mesh: &Mesh| {
         let points = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)));
