@@ -31,7 +31,7 @@ fn write(out: &Path) {
     ];
     let mut base = Mesh::default();
     walls.iter().for_each(|w| base.append(w));
-    let door = cuboid([-0.5, -0.06, 0.52], [0.5, -0.02, 1.0]);
+    let door = cuboid([-0.5, -0.06, 0.52], [0.5, -0.005, 1.0]);
     let drawer = cuboid([-0.42, -0.06, 0.08], [0.42, 0.4, 0.46]);
     let hinge = Rigid::about(DVec3::NEG_Z, DVec3::new(-0.5, -0.06, 0.0), 1.4);
     let joints = [

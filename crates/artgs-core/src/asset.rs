@@ -47,6 +47,8 @@ pub struct AssetLink {
     pub collision: Vec<Mesh>,
     /// Mass and inertia.
     pub inertial: Inertial,
+    /// How its surface rubs and bounces.
+    pub contact: ContactMaterial,
     /// Gaussians of the link, link frame.
     pub splats: Option<Splats>,
     /// What it is; none if unknown.
@@ -112,6 +114,22 @@ pub struct Inertial {
     pub center: DVec3,
     /// `ixx iyy izz ixy ixz iyz` about the centre of mass, axes of the link frame, kg m^2.
     pub inertia: [f64; 6],
+}
+
+/// Contact of a surface with others.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactMaterial {
+    /// Coefficient of static and dynamic dry friction, at least 0.
+    pub friction: f64,
+    /// Share of the speed that is left after an impact, 0 to 1.
+    pub restitution: f64,
+}
+
+impl Default for ContactMaterial {
+    /// Wood, plastic and painted metal on each other; impacts without rebound.
+    fn default() -> Self {
+        Self { friction: 0.5, restitution: 0.0 }
+    }
 }
 
 impl Default for Inertial {

@@ -16,7 +16,7 @@ mod semantics;
 mod splats;
 pub mod state;
 
-pub use asset::{Asset, AssetJoint, AssetLink, Inertial, Texture, TexturedMesh, odd_size};
+pub use asset::{Asset, AssetJoint, AssetLink, ContactMaterial, Inertial, Texture, TexturedMesh, odd_size};
 pub use camera::{Camera, Intrinsics};
 pub use capture::{Capture, StateViews, View};
 pub use depth::DepthMap;

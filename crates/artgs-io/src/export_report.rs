@@ -113,8 +113,10 @@ pub struct LinkReport {
     /// Share of the texture that a photo shows; none without photos.
     #[serde(rename = "photographed")]
     pub textured_share: Option<f64>,
-    /// State in which the part is closed, `start` or `end`.
+    /// State in which the part is closed, `start` or `end`: there it meets another part, or nearly so, where it closes further.
     pub closed_state: Option<String>,
+    /// State that is nearer to being closed, at joint value 0; none if that is unknown, then 0 is the start state.
+    pub zero_state: Option<String>,
     /// Link that carries it; none for the base.
     pub parent: Option<String>,
     /// Type of its joint.
@@ -127,7 +129,8 @@ pub struct LinkReport {
     pub limits: Option<[f64; 2]>,
     /// Values in the observed states, radians or metres.
     pub observed: Option<[f64; 2]>,
-    /// What each limit rests on: `observed`, `contact`, `inferred` (a contact, but no state shows the joint closed) or `assumed`.
+    /// What each limit rests on: `observed`, `contact` of surfaces that were seen, `inferred` (a contact that closes a part that no
+    /// state shows closed, or the visible length of a part that slides) or `assumed`.
     pub sources: Option<[String; 2]>,
     /// Why the limits are where they are.
     pub stops: Option<[String; 2]>,
@@ -259,7 +262,8 @@ impl fmt::Display for ExportReport {
             let (Some([low, high]), Some([start, end]), Some(stops)) = (link.limits, link.observed, &link.stops) else {
                 continue;
             };
-            let zero = link.closed_state.as_ref().map_or("start".into(), |state| format!("closed ({state})"));
+            let state = link.zero_state.as_deref().unwrap_or("start");
+            let zero = if link.closed_state.is_some() { format!("closed ({state})") } else { state.into() };
             writeln!(f, "{}: 0 = {zero}, observed {start:.3} to {end:.3}", link.name)?;
             writeln!(f, "  from {low:.3}, {}, to {high:.3}, {}", stops[0], stops[1])?;
         }

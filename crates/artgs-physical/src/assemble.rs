@@ -5,10 +5,11 @@ use crate::config::{Collision, PhysicalConfig};
 use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with, patches, seen_points};
 use crate::describe::{Described, describe, diagonal, to_identifier};
 use crate::hull::Hull;
-use crate::looks::PartSurface;
+use crate::looks::{PartSurface, Wall};
 use crate::mass::{inertial, walls};
 use crate::semantics;
 use crate::stance::{Range, extend};
+use crate::sweep::Surface;
 use crate::topology::points;
 use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, Replica, Rigid, State, TexturedMesh};
 use glam::DVec3;
@@ -17,8 +18,8 @@ use rayon::prelude::*;
 /// Decisions about an asset that the asset itself does not contain.
 #[derive(Clone, Debug)]
 pub(crate) struct Decisions {
-    /// State in which each part is closed; none if unknown.
-    pub closed_state: Vec<Option<State>>,
+    /// State in which each part is nearer to being closed; none if unknown.
+    pub nearer_state: Vec<Option<State>>,
     /// Limits of each joint with their reasons.
     pub ranges: Vec<Option<Range>>,
     /// Cuts of convex pieces over the observed range.
@@ -44,7 +45,8 @@ const MOST_CORNERS: usize = 64;
 /// Tested poses per joint while the others are in an observed state.
 pub(crate) const POSES_WITH_OTHERS: usize = 31;
 
-/// Assembles an asset from a valid replica and the surfaces of its parts, without splats. Fails only if `decomposer` fails.
+/// Assembles an asset from a valid replica and the surfaces of its parts, without splats. Fails only if `decomposer` fails, or if
+/// the settings name a part that is not there.
 pub(crate) fn assemble(
     name: &str,
     replica: &Replica,
@@ -52,25 +54,45 @@ pub(crate) fn assemble(
     config: &PhysicalConfig,
     decomposer: Option<&Decomposer>,
 ) -> Result<(Asset, Decisions), String> {
+    let (mut asset, mut decisions) = limited(name, replica, surfaces, config)?;
     let meshes: Vec<&Mesh> = surfaces.iter().map(|s| &s.visual.mesh).collect();
     let diagonal = config.scale * diagonal(&meshes);
-    let Described { closed, frames, names, semantics: classes, object } = describe(replica, &meshes, config);
+    collide(&mut asset, &mut decisions, surfaces, diagonal, config, decomposer)?;
+    Ok((asset, decisions))
+}
+
+/// An asset with masses and joint limits, without convex pieces.
+fn limited(
+    name: &str,
+    replica: &Replica,
+    surfaces: &[PartSurface],
+    config: &PhysicalConfig,
+) -> Result<(Asset, Decisions), String> {
+    let meshes: Vec<&Mesh> = surfaces.iter().map(|s| &s.visual.mesh).collect();
+    let diagonal = config.scale * diagonal(&meshes);
+    let Described { nearer, frames, names, semantics: classes, object } = describe(replica, &meshes, config);
     let wall = config.wall_share * diagonal;
     let link = |part: usize| {
         let to_link = Rigid::shift(-frames[part].origin) * frames[part].from_start;
         let visual = moved(&surfaces[part].visual, &to_link, config.scale);
         let from_link = to_link.inverse();
         let seen = surfaces[part].observed.as_ref();
-        let observed = |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / config.scale));
-        let walls = walls(&visual.mesh, &observed, wall);
+        let observed = |p: DVec3, normal: DVec3, most: f64| match seen {
+            Some(seen) => {
+                let wall = seen.wall(from_link.apply(p) / config.scale, from_link.turn(normal), most / config.scale);
+                Wall { thickness: wall.thickness.map(|thickness| thickness * config.scale), ..wall }
+            }
+            None => Wall { seen: true, thickness: None },
+        };
+        let walls = walls(&visual.mesh, &observed, wall, if part == 0 { config.closing_wall } else { 0.0 });
         let is_named = |name: &str| name == names[part] || name == replica.parts[part].name;
         let own = config.densities.iter().find(|(name, _)| is_named(name)).map(|(_, density)| *density);
         let density = own.unwrap_or(config.density);
         let inertial = inertial(&visual.mesh, surfaces[part].closed, &walls, density, config.least_mass);
         let joint = frames[part].joint;
         let (name, parent, origin) = (names[part].clone(), replica.parts[part].parent, frames[part].origin);
-        let semantics = Some(classes[part]);
-        AssetLink { name, parent, joint, origin, visual, inertial, semantics, ..AssetLink::default() }
+        let (semantics, contact) = (Some(classes[part]), config.contact);
+        AssetLink { name, parent, joint, origin, visual, inertial, contact, semantics, ..AssetLink::default() }
     };
     let known = |name: &String| names.contains(name) || replica.parts.iter().any(|part| part.name == *name);
     if let Some((name, _)) = config.densities.iter().find(|(name, _)| !known(name)) {
@@ -92,7 +114,7 @@ pub(crate) fn assemble(
     asset.links.iter_mut().zip(handles).for_each(|(link, handles)| link.handles = handles);
     let to_link = frames.iter().map(|f| Rigid::shift(-f.origin) * f.from_start).collect();
     let mut decisions = Decisions {
-        closed_state: closed,
+        nearer_state: nearer,
         ranges: Vec::new(),
         clearance: Clearance::default(),
         lost: Vec::new(),
@@ -101,11 +123,34 @@ pub(crate) fn assemble(
         object,
         to_link,
     };
-    collide(&mut asset, &mut decisions, surfaces, diagonal, config, decomposer)?;
+    limit(&mut asset, &mut decisions, surfaces, diagonal, config);
     Ok((asset, decisions))
 }
 
-/// Computes hulls that do not collide over the observed range, then limits, then hulls that do not collide within them.
+/// Limits of all joints, by the visual meshes.
+fn limit(
+    asset: &mut Asset,
+    decisions: &mut Decisions,
+    surfaces: &[PartSurface],
+    diagonal: f64,
+    config: &PhysicalConfig,
+) {
+    let swept = |(part, link): (usize, &AssetLink)| {
+        let from_link = decisions.to_link[part].inverse();
+        let seen = surfaces[part].observed.as_ref();
+        let observed = |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / config.scale));
+        Surface::of(&link.visual.mesh, &observed, config.sample_share * diagonal)
+    };
+    let swept: Vec<Surface> = asset.links.par_iter().enumerate().map(swept).collect();
+    decisions.ranges = extend(asset, &swept, &decisions.nearer_state, diagonal, config);
+    for (link, range) in asset.links.iter_mut().zip(&decisions.ranges) {
+        if let (Some(joint), Some(range)) = (&mut link.joint, range) {
+            joint.limits = range.limits;
+        }
+    }
+}
+
+/// Computes hulls that do not collide within the limits.
 fn collide(
     asset: &mut Asset,
     decisions: &mut Decisions,
@@ -148,16 +193,9 @@ fn collide(
     let decomposed: Vec<(Vec<Hull>, Vec<DVec3>)> =
         asset.links.par_iter().enumerate().map(convex).collect::<Result<_, String>>()?;
     let (mut pieces, surface): (Pieces, Vec<Vec<DVec3>>) = decomposed.into_iter().unzip();
-    decisions.clearance = clear(&mut pieces, &surface, &stances(asset), &spacing, related);
-    decisions.ranges = extend(asset, &pieces, &decisions.closed_state, diagonal, config);
-    for (link, range) in asset.links.iter_mut().zip(&decisions.ranges) {
-        if let (Some(joint), Some(range)) = (&mut link.joint, range) {
-            joint.limits = range.limits;
-        }
-    }
     // Poses in which several joints move are not cleared: contacts there are real.
-    let wide = stances(asset);
-    clear(&mut pieces, &surface, &wide, &spacing, related);
+    let wide = stances(asset, &decisions.ranges);
+    decisions.clearance = clear(&mut pieces, &surface, &wide, &spacing, related);
     // What cuts left open gets thin pieces of its own.
     let thin = DecomposeOptions { most: config.most_hulls, skin: 2.0 * options.least, ..options };
     let patched = |part: usize| {
@@ -188,17 +226,18 @@ fn collide(
 }
 
 /// Link poses in which no penetration is allowed: both observed states, and every joint at many values across its limits
-/// while the others are at zero or in either observed state.
-pub(crate) fn stances(asset: &Asset) -> Vec<Vec<Rigid>> {
+/// while the others are at zero, or across its free range while they are in either observed state.
+pub(crate) fn stances(asset: &Asset, ranges: &[Option<Range>]) -> Vec<Vec<Rigid>> {
     let zero = vec![0.0; asset.links.len()];
     let observed = State::ALL.map(|state| asset.observed(state));
     let mut out: Vec<Vec<Rigid>> = observed.iter().chain([&zero]).map(|values| asset.poses(values)).collect();
     for (i, _, joint) in asset.movable() {
-        let with_others = observed.iter().map(|values| (values, POSES_WITH_OTHERS));
-        for (others, poses) in std::iter::once((&zero, POSES)).chain(with_others) {
+        let free =
+            |state: State| ranges.get(i).and_then(Option::as_ref).map_or(joint.limits, |range| range.free[state]);
+        let with_others = State::ALL.map(|state| (&observed[state.index()], free(state), POSES_WITH_OTHERS));
+        for (others, [lower, upper], poses) in std::iter::once((&zero, joint.limits, POSES)).chain(with_others) {
             for step in 0..poses {
                 let mut values = others.clone();
-                let [lower, upper] = joint.limits;
                 values[i] = lower + (upper - lower) * step as f64 / (poses - 1) as f64;
                 out.push(asset.poses(&values));
             }

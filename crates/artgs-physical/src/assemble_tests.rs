@@ -77,7 +77,7 @@ fn observed_states_keep_their_positions_and_positive_values_open() {
         }
         if up == Up::Z {
             // The drawer is closed at the end, the door at the start.
-            assert_eq!(decisions.closed_state, [None, Some(State::END), Some(State::START)]);
+            assert_eq!(decisions.nearer_state, [None, Some(State::END), Some(State::START)]);
             let [drawer, door] = [1, 2].map(|i| asset.links[i].joint.unwrap());
             let near = |v: PerState<f64>, start: f64, end: f64| {
                 (v[State::START] - start).abs() < 1e-12 && (v[State::END] - end).abs() < 1e-12
@@ -142,7 +142,7 @@ fn no_pose_has_collisions() {
     let (asset, decisions) =
         assemble("a", &replica, &surfaces(&replica, &meshes, None, &config), &config, None).unwrap();
     assert!(decisions.penetration < 1e-4, "{}", decisions.penetration);
-    let reached = stances(&asset);
+    let reached = stances(&asset, &decisions.ranges);
     assert_eq!(reached.len(), 3 + 2 * (POSES + 2 * POSES_WITH_OTHERS));
     // The back wall limits the drawer.
     let drawer = asset.links[1].joint.unwrap();
@@ -173,7 +173,8 @@ fn names_are_to_identifier_for_every_format() {
 #[test]
 fn a_decomposer_makes_the_pieces_or_fails() {
     let (replica, meshes) = replica();
-    let config = PhysicalConfig::default();
+    // Nothing is cut off between the observed states.
+    let config = PhysicalConfig { extend_limits: false, ..PhysicalConfig::default() };
     let surfaces = surfaces(&replica, &meshes, None, &config);
     let boxes = |mesh: &Mesh| {
         let points = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)));

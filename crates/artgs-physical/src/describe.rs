@@ -1,9 +1,9 @@
-//! What a replica is before anything is added to it: closed states, link frames, classes and names of the links, and the
+//! What a replica is before anything is added to it: states that are nearer to being closed, link frames, classes and names of the links, and the
 //! object's frame with its front along -Y.
 
 use crate::config::{Front, PhysicalConfig};
 use crate::semantics;
-use crate::stance::closed_state;
+use crate::stance::{NARROWEST, nearer_state};
 use crate::topology::{bounds, points};
 use artgs_core::{
     Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, PartSemantics, PerState, Replica, Rigid, State, TexturedMesh,
@@ -12,8 +12,8 @@ use glam::DVec3;
 
 /// Frames, classes and names of the links of a replica, one entry per link.
 pub(crate) struct Described {
-    /// State in which each part is closed; none if unknown.
-    pub closed: Vec<Option<State>>,
+    /// State in which each part is nearer to being closed; none if unknown.
+    pub nearer: Vec<Option<State>>,
     /// Link frames and joints.
     pub frames: Vec<Frame>,
     /// Unique names that are valid in every format.
@@ -26,16 +26,16 @@ pub(crate) struct Described {
 
 /// Describes a valid replica by the meshes of its parts, world frame, start state.
 pub(crate) fn describe(replica: &Replica, meshes: &[&Mesh], config: &PhysicalConfig) -> Described {
-    let closed: Vec<Option<State>> =
-        (0..replica.parts.len()).map(|part| closed_state_of(replica, meshes, part)).collect();
+    let nearer: Vec<Option<State>> =
+        (0..replica.parts.len()).map(|part| nearer_state_of(replica, meshes, part)).collect();
     let upright = Rigid { rotation: config.up.upright(), translation: DVec3::ZERO };
-    let captured = posed(replica, meshes, &frames(replica, &closed, config, upright), config.scale);
-    let known: Vec<bool> = closed.iter().map(Option::is_some).collect();
+    let captured = posed(replica, meshes, &frames(replica, &nearer, config, upright), config.scale);
+    let known: Vec<bool> = nearer.iter().map(Option::is_some).collect();
     let semantics = semantics::classes(&captured, &known, &config.classes);
     let object = canonical(&captured, &semantics, config.front) * upright;
-    let frames = frames(replica, &closed, config, object);
+    let frames = frames(replica, &nearer, config, object);
     let names = names(replica, &posed(replica, meshes, &frames, config.scale), &semantics, config.part_names);
-    Described { closed, frames, names, semantics, object }
+    Described { nearer, frames, names, semantics, object }
 }
 
 /// Frame and joint of a link.
@@ -49,7 +49,7 @@ pub(crate) struct Frame {
 }
 
 /// `object` is the motion from the scaled capture's frame to the object's.
-fn frames(replica: &Replica, closed: &[Option<State>], config: &PhysicalConfig, object: Rigid) -> Vec<Frame> {
+fn frames(replica: &Replica, nearer: &[Option<State>], config: &PhysicalConfig, object: Rigid) -> Vec<Frame> {
     let mut out: Vec<Frame> = Vec::new();
     for (i, part) in replica.parts.iter().enumerate() {
         let carried = part.parent.map_or(object, |p| out[p].from_start);
@@ -58,9 +58,9 @@ fn frames(replica: &Replica, closed: &[Option<State>], config: &PhysicalConfig, 
             continue;
         };
         let joint = metric(joint, config.scale);
-        let zero_state = closed[i].unwrap_or(State::START);
+        let zero_state = nearer[i].unwrap_or(State::START);
         let zero = joint.state_values[zero_state];
-        // Positive values open: from the closed state towards the other.
+        // Positive values open: from the state that is nearer to being closed towards the other.
         let away = joint.state_values[zero_state.other()] - zero;
         let sign = if away < 0.0 { -1.0 } else { 1.0 };
         let from_start = carried * joint.motion(zero - joint.state_values[State::START]);
@@ -69,8 +69,6 @@ fn frames(replica: &Replica, closed: &[Option<State>], config: &PhysicalConfig, 
         let observed = joint.state_values.map(|v| sign * (v - zero) + 0.0);
         let given = ordered(joint.limits.map(|v| sign * (v - zero)));
         let seen = ordered([observed[State::START], observed[State::END]]);
-        /// Least range of a joint, radians or metres: engines refuse `lower = upper`.
-        const NARROWEST: f64 = 1e-4;
         let limits = [given[0].min(seen[0]).min(0.0), given[1].max(seen[1]).max(seen[0] + NARROWEST)];
         let asset_joint = AssetJoint {
             kind: joint.kind,
@@ -135,7 +133,8 @@ fn metric(joint: Joint, scale: f64) -> Joint {
     }
 }
 
-fn closed_state_of(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<State> {
+/// The state in which a part is nearer to being closed; none if it protrudes equally in both.
+fn nearer_state_of(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<State> {
     /// Least difference, as a share of the diagonal, that is significant, ...
     const SIGNIFICANT: f64 = 0.01;
     /// ... or as a share of the mean motion of the part, whichever is smaller.
@@ -147,7 +146,7 @@ fn closed_state_of(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<S
     let distances = points(meshes[part]).zip(points(&end)).map(|(a, b)| a.distance(b));
     let mean_motion = distances.sum::<f64>() / end.vertices.len().max(1) as f64;
     let significant = (SIGNIFICANT * diagonal(meshes)).min(SIGNIFICANT_OF_MOTION * mean_motion);
-    closed_state(PerState::new(meshes[part], &end), PerState::new(meshes[parent], meshes[parent]), significant)
+    nearer_state(PerState::new(meshes[part], &end), PerState::new(meshes[parent], meshes[parent]), significant)
 }
 
 /// Diagonal of the box around all meshes.

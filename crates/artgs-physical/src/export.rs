@@ -2,7 +2,7 @@
 
 use crate::build::{BuiltAsset, Parts, build};
 use crate::coacd;
-use crate::stance::Stop;
+use crate::stance::{Range, Stop};
 use crate::{Collision, Front, GivenClass, PhysicalConfig, Up};
 use artgs_core::{Capture, JointKind, Mesh, Replica, State, odd_size};
 use artgs_io::asset::{Actuators, Format, WriteOptions, check_asset};
@@ -382,6 +382,7 @@ fn link_report(built: &BuiltAsset, part: &str, i: usize, formats: &[Format]) -> 
     let is_screw = link.joint.is_some_and(|j| j.kind == JointKind::Screw);
     let hinge_in = formats.iter().filter(|format| is_screw && !format.has_screws());
     let [texels, seen] = surface.texels;
+    let range: Option<&Range> = decisions.ranges[i].as_ref();
     LinkReport {
         name: link.name.clone(),
         part: Some(part.into()),
@@ -398,27 +399,19 @@ fn link_report(built: &BuiltAsset, part: &str, i: usize, formats: &[Format]) -> 
         watertight: surface.closed,
         surface_error: surface.error.most * decisions.scale,
         textured_share: (seen > 0).then(|| seen as f64 / texels as f64),
-        closed_state: decisions.closed_state[i].map(|state| state.name().into()),
+        zero_state: decisions.nearer_state[i].map(|state| state.name().into()),
+        closed_state: range
+            .filter(|range| range.closed)
+            .and(decisions.nearer_state[i])
+            .map(|state| state.name().into()),
         parent: link.parent.map(|p| built.asset.links[p].name.clone()),
         joint: link.joint.map(|j| j.kind),
         pitch: link.joint.filter(|_| is_screw).map(|j| j.pitch),
         hinge_in: hinge_in.map(|format| format.name().into()).collect(),
         limits: link.joint.map(|j| j.limits),
         observed: link.joint.map(|j| State::ALL.map(|state| j.observed[state])),
-        sources: decisions.ranges[i]
-            .as_ref()
-            .map(|range| range.stops.each_ref().map(|stop| source(stop, decisions.closed_state[i].is_some()).into())),
-        stops: decisions.ranges[i].as_ref().map(|range| range.stops.each_ref().map(reason)),
-    }
-}
-
-/// What a limit rests on. Where no state was closed, the contact at which the joint closes is inferred.
-fn source(stop: &Stop, closed: bool) -> &'static str {
-    match stop {
-        Stop::Observed => "observed",
-        Stop::Contact(_) if closed => "contact",
-        Stop::Contact(_) => "inferred",
-        Stop::Support | Stop::Reach => "assumed",
+        sources: range.map(|range| range.sources.map(|source| source.name().into())),
+        stops: range.map(|range| range.stops.each_ref().map(reason)),
     }
 }
 

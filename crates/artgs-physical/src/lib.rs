@@ -17,6 +17,7 @@ mod semantics;
 mod shade;
 mod simplify;
 mod stance;
+mod sweep;
 mod topology;
 mod unwrap;
 

@@ -2,7 +2,7 @@
 
 use crate::bake::{BakeOptions, BakeView, bake, depth_of};
 use crate::config::PhysicalConfig;
-use crate::hull::to_parry;
+use crate::hull::{from_parry, to_parry};
 use crate::repair::{RepairOptions, mean_edge, repair, trimesh};
 use crate::shade::{CREASE, with_normals};
 use crate::simplify::{SurfaceError, simplify, smoothed};
@@ -10,7 +10,7 @@ use crate::topology::{bounds, points};
 use crate::unwrap::{UnwrapOptions, unwrap};
 use artgs_core::{Capture, DepthMap, Mesh, PerState, Replica, Rigid, State, TexturedMesh};
 use glam::DVec3;
-use parry3d::query::PointQuery as _;
+use parry3d::query::{PointQuery as _, PointQueryWithLocation as _, Ray, RayCullingMode};
 use parry3d::shape::TriMesh;
 use rayon::prelude::*;
 
@@ -46,6 +46,28 @@ impl Seen {
     pub fn holds(&self, point: DVec3) -> bool {
         self.shape.project_local_point_with_max_dist(to_parry(point), false, self.reach as f32).is_some()
     }
+
+    /// What was observed of a wall at a point of its surface with this outward unit normal. Distances in units of the capture.
+    pub fn wall(&self, point: DVec3, normal: DVec3, most: f64) -> Wall {
+        /// Cosine of the largest angle between the normals: surfaces are noisy at edges.
+        const ALIKE: f64 = 0.3;
+        let near =
+            self.shape.project_local_point_and_get_location_with_max_dist(to_parry(point), false, self.reach as f32);
+        let faces = |t: u32| self.shape.triangle(t).normal().is_some_and(|n| from_parry(n).dot(normal) > ALIKE);
+        let ray = Ray::new(to_parry(point), to_parry(-normal));
+        let exit = self.shape.cast_local_ray_with_culling(&ray, most as f32, RayCullingMode::IgnoreFrontfaces);
+        let seen = near.is_some_and(|(_, (triangle, _))| faces(triangle));
+        Wall { seen, thickness: exit.filter(|_| seen).map(|hit| f64::from(hit.time_of_impact)) }
+    }
+}
+
+/// What was observed of a wall.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wall {
+    /// True if this side was seen from outside: the other side of a thin wall is near, but faces the other way.
+    pub seen: bool,
+    /// Distance to the other side if both were seen; closing surfaces between them do not count.
+    pub thickness: Option<f64>,
 }
 
 /// Edge length of a voxel relative to the mean edge of marching cubes meshes.

@@ -1,7 +1,7 @@
 //! Mass, centre of mass and inertia of a surface, solid or as a shell.
 
-use crate::decompose::Observed;
 use crate::decompose::solid::Solid;
+use crate::looks::Wall;
 use crate::topology::{bounds, corners, points};
 use artgs_core::{Inertial, Mesh};
 use glam::{DMat3, DVec3};
@@ -38,31 +38,61 @@ impl Moments {
     }
 }
 
+/// What was observed of the wall at a point of a surface with this outward normal, at most so far behind it; metres.
+pub(crate) type Walls<'a> = dyn Fn(DVec3, DVec3, f64) -> Wall + Sync + 'a;
+
+/// A triangle with the wall behind it.
+struct Behind {
+    area: f64,
+    wall: Wall,
+    /// Distance of the other side in the closed mesh, at most the thickest wall.
+    depth: f64,
+}
+
 /// Thickness of the wall for which each triangle of a closed surface stands, metres. Where both sides of a wall were seen,
-/// each stands for half of the measured thickness; where one was, it stands for all of it, at most `wall`, and the invented
-/// side for nothing. Surfaces with nothing near behind them stand for `wall`: a sealed interior is not solid.
-pub(crate) fn walls(mesh: &Mesh, observed: &Observed, wall: f64) -> Vec<f64> {
+/// each stands for half of the measured thickness. Where one was, it stands for all of it, as thick as the measured walls of the
+/// part typically are, at most `wall`. A surface that only closes the mesh stands for a share `closing` of such a wall, or for
+/// nothing where the other side is near. A sealed interior is not solid.
+pub(crate) fn walls(mesh: &Mesh, observed: &Walls, wall: f64, closing: f64) -> Vec<f64> {
     /// Largest thickness of a wall, in multiples of `wall`; beyond it begins an interior.
     const THICKEST: f64 = 3.0;
     let most = THICKEST * wall;
     let Some(solid) = Solid::new(mesh, &|_| true) else { return vec![wall; mesh.triangles.len()] };
-    let of = |t: &[u32; 3]| {
+    let behind = |t: &[u32; 3]| {
         let [a, b, c] = corners(mesh, *t);
-        let (middle, normal) = ((a + b + c) / 3.0, (b - a).cross(c - a).normalize_or_zero());
+        let (middle, cross) = ((a + b + c) / 3.0, (b - a).cross(c - a));
+        let normal = cross.normalize_or_zero();
         if normal == DVec3::ZERO {
-            return 0.0;
+            return Behind { area: 0.0, wall: Wall::default(), depth: 0.0 };
         }
         let depth = solid.thickness(middle, normal, 1e-3 * wall, most);
-        if depth >= most {
-            return wall;
-        }
-        match (observed(middle), observed(middle - normal * depth)) {
-            (true, true) | (false, false) => 0.5 * depth,
-            (true, false) => depth.min(wall),
-            (false, true) => 0.0,
-        }
+        Behind { area: 0.5 * cross.length(), wall: observed(middle, normal, most), depth }
     };
-    mesh.triangles.par_iter().map(of).collect()
+    let triangles: Vec<Behind> = mesh.triangles.par_iter().map(behind).collect();
+    let typical = typical(&triangles).map_or(wall, |typical| typical.min(wall));
+    let stands_for = |t: &Behind| match t.wall {
+        Wall { thickness: Some(thickness), .. } => 0.5 * thickness,
+        Wall { seen: true, .. } => typical,
+        _ if t.depth >= most => closing * typical,
+        _ => 0.0,
+    };
+    triangles.iter().map(stands_for).collect()
+}
+
+/// Median thickness, by area, of the walls of which both sides were seen; none if there are too few.
+fn typical(triangles: &[Behind]) -> Option<f64> {
+    /// Least share of the surface that was seen.
+    const LEAST: f64 = 0.02;
+    let seen: f64 = triangles.iter().filter(|t| t.wall.seen).map(|t| t.area).sum();
+    let mut both: Vec<(f64, f64)> = triangles.iter().filter_map(|t| Some((t.wall.thickness?, t.area))).collect();
+    let total: f64 = both.iter().map(|(_, area)| area).sum();
+    both.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut sum = 0.0;
+    let median = both.iter().find(|(_, area)| {
+        sum += area;
+        sum >= 0.5 * total
+    });
+    median.filter(|_| total > LEAST * seen).map(|(thickness, _)| *thickness)
 }
 
 /// Mass and inertia of a link: its walls, of the given thickness per triangle; a closed surface as a solid if that is less.
@@ -138,23 +168,33 @@ mod tests {
 
     #[test]
     fn walls_are_measured_where_both_sides_were_seen() {
-        // A board of 12 mm: seen from both sides, from one, and not at all.
+        // A board of 12 mm: seen from both sides, from one, and from one with a narrow side.
         let board = cuboid(DVec3::ZERO, DVec3::new(1.0, 0.5, 0.012));
-        let volume = 0.5 * 0.012;
-        let mass = |observed: &Observed| super::inertial(&board, false, &walls(&board, observed, 0.02), 1.0, 1e-6).mass;
+        let mass =
+            |observed: &Walls| super::inertial(&board, false, &walls(&board, observed, 0.02, 0.5), 1.0, 1e-6).mass;
+        let through = |n: DVec3| DVec3::new(1.0, 0.5, 0.012).dot(n.abs());
+        let thickness = |n: DVec3, most: f64| Some(through(n)).filter(|d| *d < most);
+        let from_above = |_: DVec3, n: DVec3, _: f64| Wall { seen: n.z > 0.5, thickness: None };
+        let from_both = |_: DVec3, n: DVec3, most: f64| Wall { seen: n.z.abs() > 0.5, thickness: thickness(n, most) };
+        let in_part = |p: DVec3, n: DVec3, most: f64| Wall {
+            seen: n.z > 0.5 || n.z < -0.5 && p.x < 0.5,
+            thickness: thickness(n, most).filter(|_| n.z < -0.5 && p.x < 0.5),
+        };
         // The narrow sides stand for walls of their own, which are thin.
-        for (seen, least, most) in [
-            (&(|_: DVec3| true) as &Observed, 1.0, 1.2),
-            (&|p: DVec3| p.z > 0.006, 1.0, 1.2),
-            (&|p: DVec3| p.z < 0.006, 1.0, 1.2),
-        ] {
-            let found = mass(seen) / volume;
-            assert!((least..most).contains(&found), "{found}");
-        }
+        let found = [&from_both as &Walls, &from_above, &in_part].map(|observed| mass(observed) / (0.5 * 0.012));
+        assert!((1.0..1.1).contains(&found[0]), "{found:?}");
+        // As thick as by default, 20 mm.
+        assert!((1.66..1.75).contains(&found[1]), "{found:?}");
+        // As thick as where it was measured; that place counts from both sides.
+        assert!((1.2..1.6).contains(&found[2]), "{found:?}");
         // A closed box with nothing near behind its sides is not solid.
         let body = cuboid(DVec3::ZERO, DVec3::splat(1.0));
-        let hollow = super::inertial(&body, true, &walls(&body, &|_| true, 0.02), 1.0, 1e-6).mass;
+        let seen = |_: DVec3, _: DVec3, _: f64| Wall { seen: true, thickness: None };
+        let hollow = super::inertial(&body, true, &walls(&body, &seen, 0.02, 0.5), 1.0, 1e-6).mass;
         assert!((hollow - 0.12).abs() < 1e-6, "{hollow}");
+        let hidden = |_: DVec3, n: DVec3, _: f64| Wall { seen: n.z > -0.5, thickness: None };
+        let hollow = super::inertial(&body, true, &walls(&body, &hidden, 0.02, 0.5), 1.0, 1e-6).mass;
+        assert!((hollow - 0.11).abs() < 1e-6, "{hollow}");
     }
 
     fn cuboid(low: DVec3, high: DVec3) -> Mesh {

@@ -1,15 +1,15 @@
 //! Determines the closed state of parts and extends joint limits beyond the observed range.
 
-use crate::clearance::{Pieces, deepest};
 use crate::config::PhysicalConfig;
 use crate::hull::{Hull, to_parry};
+use crate::sweep::{Contact, Known, Part, Precision, Surface, Sweep, first_contact, reach};
 use artgs_core::{Asset, JointKind, Mesh, PerState, State};
 use glam::DVec3;
 use parry3d::query::PointQuery as _;
 
-/// The state in which a part lies closer to its parent; none if the distances differ by less than `significant`. `part` and
+/// The state in which a part lies closer to its parent, nearer to being closed; none if the distances differ by less than `significant`. `part` and
 /// `parent` are the surfaces in both states, in one frame. Open drawers and doors protrude.
-pub(crate) fn closed_state(part: PerState<&Mesh>, parent: PerState<&Mesh>, significant: f64) -> Option<State> {
+pub(crate) fn nearer_state(part: PerState<&Mesh>, parent: PerState<&Mesh>, significant: f64) -> Option<State> {
     let distances = PerState::try_from_fn(|state| protrusion(part[state], parent[state]))?;
     let (start, end) = (distances[State::START], distances[State::END]);
     if (start - end).abs() < significant {
@@ -34,7 +34,7 @@ fn protrusion(part: &Mesh, parent: &Mesh) -> Option<f64> {
 /// Reason of a joint limit.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Stop {
-    /// The observed value: not extended, or no extension is free.
+    /// The observed value: not extended.
     Observed,
     /// Contact with this link.
     Contact(String),
@@ -44,128 +44,246 @@ pub(crate) enum Stop {
     Reach,
 }
 
+/// What a joint limit rests on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Source {
+    /// An observed state.
+    Observed,
+    /// A contact of surfaces that were observed, with the part closed in an observed state or opening.
+    Contact,
+    /// A contact that closes a part which no state shows closed, or the visible length of a part that slides.
+    Inferred,
+    /// A default.
+    Assumed,
+}
+
+impl Source {
+    /// Name in `export.json`.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Observed => "observed",
+            Self::Contact => "contact",
+            Self::Inferred => "inferred",
+            Self::Assumed => "assumed",
+        }
+    }
+}
+
 /// Limits of one joint.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Range {
-    /// Lower and upper limit.
+    /// Lower and upper limit while the other joints are at 0.
     pub limits: [f64; 2],
     /// Reasons of both.
     pub stops: [Stop; 2],
+    /// What both rest on.
+    pub sources: [Source; 2],
+    /// Where the joint meets nothing that was seen while the other joints are in a state: within the limits, around the value in that state.
+    pub free: PerState<[f64; 2]>,
+    /// True if the part touches another one at joint value 0, in the direction in which it closes: it was observed closed.
+    pub closed: bool,
 }
 
-/// Extends the limits of every joint from the observed values until a contact with another link, in any observed state of
-/// the others, or until a slide loses its support. Entry `i` belongs to link `i`; the base has none. `pieces` must not touch
-/// each other over the observed range; lengths in metres. `closed[i]` is the state in which link `i` is closed, if known;
-/// its joint is at 0 there.
+/// Limits of every joint. Entry `i` belongs to link `i`; the base has none. `surfaces` in link frames, metres. `nearer[i]` is the
+/// state in which link `i` is nearer to being closed, if known; its joint is at 0 there and opens in positive direction.
+///
+/// Parts close until the first contact. They open until a contact, until a slide loses its support, or by a default.
 pub(crate) fn extend(
     asset: &Asset,
-    pieces: &Pieces,
-    closed: &[Option<State>],
+    surfaces: &[Surface],
+    nearer: &[Option<State>],
     diagonal: f64,
     config: &PhysicalConfig,
 ) -> Vec<Option<Range>> {
+    let spacing = config.sample_share * diagonal;
+    let width = config.contact_width_share * diagonal;
+    let precision = Precision {
+        points: (width * width / (spacing * spacing)).ceil() as usize,
+        overlap: config.overlap_share * diagonal,
+    };
     let range = |link: usize| {
         let joint = asset.links[link].joint?;
-        let (start, end) = (joint.observed[State::START], joint.observed[State::END]);
-        let observed = [start.min(end), start.max(end)];
-        if !config.extend_limits {
-            return Some(Range { limits: observed, stops: [Stop::Observed, Stop::Observed] });
-        }
-        let span = observed[1] - observed[0];
-        let most = match joint.kind {
-            JointKind::Prismatic => config.most_slide * span,
-            JointKind::Revolute => config.most_turn.min(0.5 * (config.widest_turn - span)),
-            // The length of a thread is not visible.
-            JointKind::Screw => 0.0,
+        let observed = ordered(joint.observed);
+        let mut out = Range {
+            limits: observed,
+            stops: [Stop::Observed, Stop::Observed],
+            sources: [Source::Observed; 2],
+            free: PerState::new(observed, observed),
+            closed: false,
         };
-        let mut out = Range { limits: observed, stops: [Stop::Observed, Stop::Observed] };
+        if !config.extend_limits {
+            return Some(out);
+        }
+        let near = config.closed_share * diagonal;
+        let mut search = Search { asset, surfaces, link, precision, config, near, known: Known::default() };
         for (end, sign) in [(0, -1.0), (1, 1.0)] {
-            // Beyond the closed state any contact stops the joint. In the opening direction pieces may overlap by the error
-            // of the decomposition before a contact counts.
-            let opens = closed[link].is_some() && observed[end] != 0.0;
-            let gap = config.gap_share * diagonal;
-            let contact = if opens { gap + diagonal / 110.0 } else { 0.5 * gap };
-            let way = sign * most.max(0.0);
-            let (way, stop) = free_way(asset, pieces, link, [observed[end], way], [gap, contact], config);
-            out.limits[end] = observed[end] + sign * way;
-            out.stops[end] = stop;
+            let closes = nearer[link].is_some() && observed[end] == 0.0;
+            let found =
+                if closes { search.closing(sign) } else { search.opening(observed[end], sign, nearer[link].is_some()) };
+            out.limits[end] = observed[end] + sign * found.way;
+            (out.stops[end], out.sources[end]) = (found.stop, found.source);
+            out.closed |= closes && out.sources[end] == Source::Contact;
+        }
+        // Engines refuse a range of nothing.
+        out.limits[1] = out.limits[1].max(out.limits[0] + NARROWEST);
+        for state in State::ALL {
+            out.free[state] = search.free(state, out.limits);
         }
         Some(out)
     };
     (0..asset.links.len()).map(range).collect()
 }
 
-/// Free range of a joint from `from` towards `from + most`, and the reason of its end: for a contact, another link that is
-/// closer than the gap by more than `contact`.
-fn free_way(
-    asset: &Asset,
-    pieces: &Pieces,
+/// Least range of a joint, radians or metres: engines refuse `lower = upper`.
+pub(crate) const NARROWEST: f64 = 1e-4;
+
+fn ordered(values: PerState<f64>) -> [f64; 2] {
+    let (start, end) = (values[State::START], values[State::END]);
+    [start.min(end), start.max(end)]
+}
+
+/// How far a joint goes beyond an observed value.
+struct Found {
+    way: f64,
+    stop: Stop,
+    source: Source,
+}
+
+/// The search for the limits of one joint.
+struct Search<'a> {
+    asset: &'a Asset,
+    surfaces: &'a [Surface],
     link: usize,
-    [from, most]: [f64; 2],
-    [gap, contact]: [f64; 2],
-    config: &PhysicalConfig,
-) -> (f64, Stop) {
-    const STEPS: usize = 45;
-    /// A contact is found to a thousandth of a step.
-    const HALVINGS: usize = 10;
-    let carried = carried(asset, link);
-    let Some(joint) = asset.links[link].joint else { return (0.0, Stop::Observed) };
-    let met = |way: f64| {
-        State::ALL.into_iter().find_map(|state| {
-            let mut values = asset.observed(state);
-            values[link] = from + way;
-            let (depth, [a, b]) = deepest(pieces, &asset.poses(&values), gap, |a, b| carried[a] != carried[b]);
-            (depth > contact).then_some(if carried[a] { b } else { a })
-        })
-    };
-    let mut free = 0.0;
-    for step in 1..=STEPS {
-        let way = most * step as f64 / STEPS as f64;
-        if let Some(other) = met(way) {
-            // Closer than a step; only ways that open keep a margin.
-            let (mut low, mut high) = (free * most.signum(), way);
-            for _ in 0..HALVINGS {
-                let middle = 0.5 * (low + high);
-                if met(middle).is_some() { high = middle } else { low = middle }
+    precision: Precision,
+    config: &'a PhysicalConfig,
+    /// A part that meets another one within this way, metres, was observed closed.
+    near: f64,
+    known: Known,
+}
+
+impl Search<'_> {
+    /// Metres that a point of the part moves at most per unit of the joint.
+    fn reach(&self) -> f64 {
+        reach(self.asset, self.surfaces, self.link)
+    }
+
+    /// The first contact beyond a joint value, the other joints at the given values.
+    fn contact(&mut self, values: &[f64], from: f64, way: f64, [own, others]: [Part; 2]) -> Option<Contact> {
+        let sweep = Sweep { link: self.link, from, way, own, others };
+        first_contact(self.asset, self.surfaces, values, &sweep, &self.precision, &mut self.known)
+    }
+
+    fn met(&self, contact: Contact, source: Source) -> Found {
+        let name = self.asset.links[contact.link].name.clone();
+        Found { way: contact.way, stop: Stop::Contact(name), source }
+    }
+
+    /// The way from 0 to the first contact in the direction in which the part closes. The side of a part that presses against its
+    /// frame is often hidden: the closed mesh counts too. Only surfaces that were seen show that a part is closed.
+    fn closing(&mut self, sign: f64) -> Found {
+        let span = self.span();
+        let most = match self.kind() {
+            JointKind::Prismatic => self.length(),
+            JointKind::Revolute => self.config.widest_turn - span,
+            // The length of a thread is not visible.
+            JointKind::Screw => 0.0,
+        };
+        let zero = vec![0.0; self.asset.links.len()];
+        let most = sign * most.max(0.0);
+        let seen = self.contact(&zero, 0.0, most, [Part::Seen; 2]);
+        let closed = self.contact(&zero, 0.0, most, [Part::All, Part::Seen]);
+        if let Some(first) = [seen, closed].into_iter().flatten().min_by(|a, b| a.way.total_cmp(&b.way)) {
+            let is_near = |contact: Contact| contact.way * self.reach() <= self.near;
+            let source = if seen.is_some_and(is_near) { Source::Contact } else { Source::Inferred };
+            return self.met(first, source);
+        }
+        match self.assumed() {
+            found if found.way > 0.0 => found,
+            _ => Found { way: 0.0, stop: Stop::Observed, source: Source::Observed },
+        }
+    }
+
+    /// The way from a joint value until a contact, until a slide loses its support, or as far as is assumed. Only what was seen
+    /// stops a part: hidden sides of meshes are invented.
+    fn opening(&mut self, from: f64, sign: f64, knows_direction: bool) -> Found {
+        let (most, end) = match self.kind() {
+            JointKind::Prismatic => {
+                let (held, assumed) = (self.held(from, sign), self.assumed());
+                match knows_direction || held < assumed.way {
+                    true => (held, Found { way: held, stop: Stop::Support, source: Source::Inferred }),
+                    false => (assumed.way, assumed),
+                }
             }
-            let margin = if contact > gap { config.margin } else { 0.0 };
-            return (low.abs() * (1.0 - margin), Stop::Contact(asset.links[other].name.clone()));
+            _ => {
+                let assumed = self.assumed();
+                (assumed.way, assumed)
+            }
+        };
+        let zero = vec![0.0; self.asset.links.len()];
+        match self.contact(&zero, from, sign * most, [Part::Seen; 2]) {
+            Some(contact) => self.met(contact, Source::Contact),
+            None if most <= 0.0 => Found { way: 0.0, stop: Stop::Observed, source: Source::Observed },
+            None => end,
         }
-        let leaves = joint.kind == JointKind::Prismatic && !supported(asset, pieces, link, from, from + way, config);
-        if leaves {
-            return (free, Stop::Support);
-        }
-        free = way.abs();
     }
-    (free, if most == 0.0 { Stop::Observed } else { Stop::Reach })
-}
 
-/// Links that move with a joint.
-fn carried(asset: &Asset, link: usize) -> Vec<bool> {
-    let mut out = vec![false; asset.links.len()];
-    out[link] = true;
-    for i in link + 1..asset.links.len() {
-        out[i] = asset.links[i].parent.is_some_and(|p| out[p]);
+    /// The range around the value in a state in which the joint meets nothing, the others in that state.
+    fn free(&mut self, state: State, [lower, upper]: [f64; 2]) -> [f64; 2] {
+        let values = self.asset.observed(state);
+        let at = values[self.link];
+        let parts = [Part::Seen; 2];
+        let below = self.contact(&values, at, lower - at, parts).map_or(lower, |met| at - met.way);
+        let above = self.contact(&values, at, upper - at, parts).map_or(upper, |met| at + met.way);
+        [below.clamp(lower, at.max(lower)), above.clamp(at.min(upper), upper)]
     }
-    out
-}
 
-/// True if at least the configured share of a sliding link lies within the extent of its parent along the slide, or more
-/// than at `before`.
-fn supported(asset: &Asset, pieces: &Pieces, link: usize, before: f64, value: f64, config: &PhysicalConfig) -> bool {
-    let (Some(parent), Some(joint)) = (asset.links[link].parent, asset.links[link].joint) else { return true };
-    let (axis, shift) = (joint.axis, asset.links[link].origin - asset.links[parent].origin);
-    let extent = |of: usize, offset: f64| {
-        let along = pieces[of].iter().flat_map(Hull::points).map(|p| p.dot(axis) + offset);
+    fn kind(&self) -> JointKind {
+        self.asset.links[self.link].joint.map_or(JointKind::Prismatic, |joint| joint.kind)
+    }
+
+    fn span(&self) -> f64 {
+        let [lower, upper] = self.asset.links[self.link].joint.map_or([0.0; 2], |joint| ordered(joint.observed));
+        upper - lower
+    }
+
+    /// The largest extension where nothing limits it.
+    fn assumed(&self) -> Found {
+        let span = self.span();
+        let way = match self.kind() {
+            JointKind::Prismatic => self.config.most_slide * span,
+            JointKind::Revolute => self.config.most_turn.min(0.5 * (self.config.widest_turn - span)).max(0.0),
+            JointKind::Screw => 0.0,
+        };
+        Found { way, stop: Stop::Reach, source: Source::Assumed }
+    }
+
+    /// Extent of a link along the axis of this joint, in the frame of the link.
+    fn extent(&self, link: usize) -> [f64; 2] {
+        let axis = self.asset.links[self.link].joint.map_or(DVec3::X, |joint| joint.axis);
+        let along = self.surfaces[link].visible().map(|p| p.dot(axis));
         along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
-    };
-    let carrier = extent(parent, 0.0);
-    let held = |value: f64| {
-        let own = extent(link, shift.dot(axis) + value);
-        (own[1].min(carrier[1]) - own[0].max(carrier[0])) / (own[1] - own[0])
-    };
-    let now = held(value);
-    now.is_nan() || now >= config.least_support || now > held(before)
+    }
+
+    /// Visible length of the part along its axis.
+    fn length(&self) -> f64 {
+        let [low, high] = self.extent(self.link);
+        if high > low { high - low } else { 0.0 }
+    }
+
+    /// How far a slide can move beyond a value before less than the configured share of its visible length lies within the
+    /// extent of its parent.
+    fn held(&self, from: f64, sign: f64) -> f64 {
+        let link = &self.asset.links[self.link];
+        let (Some(parent), Some(joint)) = (link.parent, link.joint) else { return 0.0 };
+        let shift = (link.origin - self.asset.links[parent].origin).dot(joint.axis) + from;
+        let (own, carrier, length) = (self.extent(self.link), self.extent(parent), self.length());
+        let inside = match sign > 0.0 {
+            true => carrier[1] - (own[0] + shift),
+            false => own[1] + shift - carrier[0],
+        };
+        let free = inside - self.config.least_support * length;
+        if free.is_finite() { free.clamp(0.0, length) } else { 0.0 }
+    }
 }
 
 #[cfg(test)]
@@ -173,11 +291,8 @@ mod tests {
     use super::*;
     use artgs_core::{AssetJoint, AssetLink};
 
-    fn cuboid(low: [f64; 3], high: [f64; 3]) -> Hull {
-        let corners: Vec<DVec3> = (0..8)
-            .map(|i: usize| DVec3::from_array([0, 1, 2].map(|a| if i >> a & 1 == 0 { low[a] } else { high[a] })))
-            .collect();
-        Hull::of(&corners, 1e-6).unwrap()
+    fn cuboid(low: [f64; 3], high: [f64; 3]) -> Mesh {
+        Mesh::cuboid(low.map(|x| x as f32), high.map(|x| x as f32))
     }
 
     fn movable(kind: JointKind, axis: DVec3, origin: DVec3, open: f64) -> AssetLink {
@@ -196,56 +311,78 @@ mod tests {
         AssetLink { name, parent: Some(0), joint: Some(joint), origin, ..AssetLink::default() }
     }
 
-    /// Two side walls and a back, a drawer between them, a door before its left neighbour; everything opens along -Y.
-    fn cabinet() -> (Asset, Pieces) {
-        let base = vec![
-            cuboid([-0.5, 0.0, 0.0], [-0.45, 1.0, 1.0]),
-            cuboid([0.45, 0.0, 0.0], [0.5, 1.0, 1.0]),
-            cuboid([-0.45, 0.95, 0.0], [0.45, 1.0, 1.0]),
-        ];
-        let drawer = vec![cuboid([-0.4, 0.0, 0.0], [0.4, 0.8, 0.4])];
-        let door = vec![cuboid([0.0, -0.04, 0.0], [0.9, 0.0, 0.4])];
+    /// Two side walls and a back, a drawer between them that is open by `out` at value 0 and
+    /// was seen up to value `open`, a door before its left neighbour;
+    /// everything opens along -Y.
+    fn cabinet([out, open]: [f64; 2]) -> (Asset, Vec<Surface>) {
+        let mut base = cuboid([-0.5, 0.0, 0.0], [-0.45, 1.0, 1.0]);
+        base.append(&cuboid([0.45, 0.0, 0.0], [0.5, 1.0, 1.0]));
+        base.append(&cuboid([-0.45, 0.95, 0.0], [0.45, 1.0, 1.0]));
+        let mut drawer = cuboid([-0.4, 0.0, 0.0], [0.4, 0.8, 0.4]);
+        // A front that overlaps the walls.
+        drawer.append(&cuboid([-0.48, -0.02, 0.0], [0.48, 0.0, 0.4]));
+        let door = cuboid([0.0, -0.04, 0.0], [0.95, 0.0, 0.4]);
         let links = vec![
             AssetLink { name: "base".into(), ..AssetLink::default() },
-            movable(JointKind::Prismatic, DVec3::NEG_Y, DVec3::new(0.0, 0.0, 0.1), 0.5),
+            movable(JointKind::Prismatic, DVec3::NEG_Y, DVec3::new(0.0, -out, 0.1), open),
             movable(JointKind::Revolute, DVec3::NEG_Z, DVec3::new(-0.45, -0.01, 0.55), 1.2),
         ];
-        (Asset { name: "a".into(), links }, vec![base, drawer, door])
+        let surface = |mesh: &Mesh| Surface::of(mesh, &|_| true, 4e-3 * 1.7);
+        (Asset { name: "a".into(), links }, [base, drawer, door].iter().map(surface).collect())
+    }
+
+    fn ranges(drawer: [f64; 2], config: &PhysicalConfig) -> Vec<Option<Range>> {
+        let (asset, surfaces) = cabinet(drawer);
+        extend(&asset, &surfaces, &[None, Some(State::START), Some(State::START)], 1.7, config)
     }
 
     #[test]
-    fn drawers_stop_before_the_back_and_before_they_fall_out() {
-        let (asset, pieces) = cabinet();
-        let ranges =
-            extend(&asset, &pieces, &[None, Some(State::START), Some(State::START)], 1.7, &PhysicalConfig::default());
-        assert_eq!(ranges[0], None);
-        let drawer = ranges[1].clone().unwrap();
-        // 15 cm are free behind it, less the gap.
-        assert_eq!(drawer.stops[0], Stop::Contact("base".into()));
-        assert!((-0.15..-0.145).contains(&drawer.limits[0]), "{drawer:?}");
-        // A quarter of 80 cm stays inside.
-        assert_eq!(drawer.stops[1], Stop::Support);
-        assert!((0.58..=0.6).contains(&drawer.limits[1]), "{drawer:?}");
-        let door = ranges[2].clone().unwrap();
-        assert_eq!(door.stops[0], Stop::Contact("base".into()));
-        assert!(door.limits[0] > -0.1 && door.limits[1] > 1.2, "{door:?}");
-        let fixed = PhysicalConfig { extend_limits: false, ..PhysicalConfig::default() };
-        assert_eq!(
-            extend(&asset, &pieces, &[None, Some(State::START), Some(State::START)], 1.7, &fixed)[1]
-                .clone()
-                .unwrap()
-                .limits,
-            [0.0, 0.5]
-        );
+    fn parts_close_until_contact_and_slides_open_until_they_lose_support() {
+        let config = PhysicalConfig::default();
+        for (out, open, closed) in [(0.002, 0.3, true), (0.15, 0.3, false)] {
+            let found = ranges([out, open], &config);
+            assert_eq!(found[0], None);
+            let drawer = found[1].clone().unwrap();
+            assert_eq!(drawer.stops, [Stop::Contact("base".into()), Stop::Support]);
+            assert!((drawer.limits[0] + out).abs() < 1e-3, "{drawer:?}");
+            let closing = if closed { Source::Contact } else { Source::Inferred };
+            assert_eq!((drawer.sources, drawer.closed), ([closing, Source::Inferred], closed));
+            // A quarter of 82 cm stays inside.
+            assert!((drawer.limits[1] + out - 0.595).abs() < 0.02, "{drawer:?}");
+        }
+        // It was seen farther open than that.
+        let drawer = ranges([0.002, 0.7], &config)[1].clone().unwrap();
+        assert_eq!((drawer.limits[1], &drawer.stops[1], drawer.sources[1]), (0.7, &Stop::Observed, Source::Observed));
+        let door = ranges([0.002, 0.5], &config)[2].clone().unwrap();
+        // Its front edge meets the wall beside it where the cosine is -1 / 4.
+        assert_eq!((&door.stops[1], door.sources[1]), (&Stop::Contact("base".into()), Source::Contact));
+        assert!((1.7..1.95).contains(&door.limits[1]) && door.closed, "{door:?}");
+        let fixed = PhysicalConfig { extend_limits: false, ..config };
+        let fixed = ranges([0.002, 0.5], &fixed)[1].clone().unwrap();
+        assert_eq!((fixed.limits, fixed.sources), ([0.0, 0.5], [Source::Observed; 2]));
+    }
+
+    #[test]
+    fn an_open_neighbour_stops_a_part_only_where_it_is_open() {
+        let (mut asset, surfaces) = cabinet([0.0, 0.5]);
+        // The door is below the drawer's top: the open drawer is in its way.
+        asset.links[2].origin.z = 0.2;
+        let door =
+            extend(&asset, &surfaces, &[None, Some(State::START), Some(State::START)], 1.7, &PhysicalConfig::default());
+        let door = door[2].clone().unwrap();
+        assert!(door.limits[0] > -0.05 && door.limits[1] > 1.2, "{door:?}");
+        // At the end state the drawer is open by half a metre.
+        assert!(door.free[State::END][0] > 0.3, "{door:?}");
+        assert!((door.free[State::START][0] - door.limits[0]).abs() < 1e-3, "{door:?}");
     }
 
     #[test]
     fn the_closed_state_protrudes_less() {
-        let base = cuboid([-0.5, 0.0, 0.0], [0.5, 1.0, 1.0]).mesh();
-        let at = |y: f64| cuboid([-0.4, y, 0.0], [0.4, y + 0.8, 0.4]).mesh();
+        let base = cuboid([-0.5, 0.0, 0.0], [0.5, 1.0, 1.0]);
+        let at = |y: f64| cuboid([-0.4, y, 0.0], [0.4, y + 0.8, 0.4]);
         let (shut, open) = (at(0.1), at(-0.5));
         let empty = Mesh::default();
-        let closed = |start, end| closed_state(PerState::new(start, end), PerState::new(&base, &base), 0.01);
+        let closed = |start, end| nearer_state(PerState::new(start, end), PerState::new(&base, &base), 0.01);
         assert_eq!(closed(&shut, &open), Some(State::START));
         assert_eq!(closed(&open, &shut), Some(State::END));
         assert_eq!(closed(&shut, &shut), None);

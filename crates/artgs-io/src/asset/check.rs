@@ -1,6 +1,6 @@
 //! Checks of an asset that every writer runs, so that exports contain no values that simulators reject.
 
-use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, TexturedMesh};
+use artgs_core::{Asset, AssetJoint, AssetLink, ContactMaterial, Inertial, JointKind, Mesh, TexturedMesh};
 use glam::DVec3;
 use std::collections::BTreeSet;
 
@@ -63,6 +63,10 @@ fn check_link(asset: &Asset, index: usize, link: &AssetLink) -> Result<(), Strin
     }
     finite("origin", &link.origin.to_array())?;
     check_inertial(&link.inertial)?;
+    let ContactMaterial { friction, restitution } = link.contact;
+    if !(friction >= 0.0 && friction.is_finite() && (0.0..=1.0).contains(&restitution)) {
+        return Err(format!("contact: friction {friction} must be at least 0, restitution {restitution} from 0 to 1"));
+    }
     check_visual(&link.visual)?;
     for (k, hull) in link.collision.iter().enumerate() {
         check_mesh(hull).and_then(|()| check_volume(hull)).map_err(|e| format!("collision {k}: {e}"))?;

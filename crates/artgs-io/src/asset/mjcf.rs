@@ -5,6 +5,8 @@
 //! half of those of the handle. A screw is a hinge and a slide along it, coupled by an
 //! equality. The observed states are the keyframes `start` and `end`.
 //!
+//! Geoms have the friction of contacts. MuJoCo has no restitution.
+//!
 //! Limitations: splats are not written. MJCF has no vertex colours, so a link without texture gets its mean colour. Visual
 //! meshes with fewer than four vertices are not written, because MuJoCo refuses them. Contacts between a link and its parent
 //! are excluded (MuJoCo does that automatically only if the parent is not fixed to the world), so only the limits stop a link
@@ -22,6 +24,10 @@ use std::path::{Path, PathBuf};
 
 /// MuJoCo refuses meshes with fewer vertices.
 const FEWEST_VERTICES: usize = 4;
+
+/// Torsional and rolling friction of contacts, metres: the defaults of MuJoCo.
+const TORSION: f64 = 0.005;
+const ROLLING: f64 = 0.0001;
 
 /// Seconds per step.
 const TIMESTEP: f64 = 0.002;
@@ -166,9 +172,13 @@ fn write_geoms(out: &mut String, link: &AssetLink, files: &LinkFiles, indent: &s
         };
         let _ = writeln!(out, "{indent}<geom class=\"visual\" name=\"{name}_visual\" mesh=\"{name}_visual\" {look}/>");
     }
+    let friction = row(&[link.contact.friction, TORSION, ROLLING]);
     for i in 0..files.collision.len() {
         let mesh = format!("{name}_collision_{i}");
-        let _ = writeln!(out, "{indent}<geom class=\"collision\" name=\"{mesh}\" mesh=\"{mesh}\"/>");
+        let _ = writeln!(
+            out,
+            "{indent}<geom class=\"collision\" name=\"{mesh}\" mesh=\"{mesh}\" friction=\"{friction}\"/>"
+        );
     }
 }
 
@@ -313,7 +323,7 @@ mod tests {
                 "    <body name=\"base\" pos=\"0 0 0\">\n      <inertial mass=\"2\" pos=\"0 0.046 0.5\" \
                  fullinertia=\"0.1 0.12 0.08 0.001 -0.002 0.003\"/>\n      <geom class=\"visual\" name=\"base_visual\" \
                  mesh=\"base_visual\" material=\"base_material\"/>\n      <geom class=\"collision\" \
-                 name=\"base_collision_0\" mesh=\"base_collision_0\"/>\n"
+                 name=\"base_collision_0\" mesh=\"base_collision_0\" friction=\"0.6 0.005 0.0001\"/>\n"
             ),
             "{base}"
         );

@@ -11,7 +11,7 @@ use super::check::{check_asset, sound_inertia};
 use super::meshes::{LinkFiles, mean_color, write_link_meshes};
 use super::xml::{roll_pitch_yaw, row, triple};
 use crate::{FileError, write_atomic};
-use artgs_core::{Asset, AssetJoint, AssetLink, Handle, Inertial, JointKind};
+use artgs_core::{Asset, AssetJoint, AssetLink, ContactMaterial, Handle, Inertial, JointKind};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -86,16 +86,23 @@ fn write_link(out: &mut String, link: &AssetLink, files: &LinkFiles) {
         };
         write_shape(out, "visual", &format!("{name}_visual"), file, &material);
     }
+    let ContactMaterial { friction, restitution } = link.contact;
+    let surface = format!(
+        "        <surface>\n          <friction><ode><mu>{friction}</mu><mu2>{friction}</mu2></ode>\
+         <bullet><friction>{friction}</friction><friction2>{friction}</friction2></bullet></friction>\n          \
+         <bounce><restitution_coefficient>{restitution}</restitution_coefficient></bounce>\n        </surface>\n"
+    );
     for (i, file) in files.collision.iter().enumerate() {
-        write_shape(out, "collision", &format!("{name}_collision_{i}"), file, "");
+        write_shape(out, "collision", &format!("{name}_collision_{i}"), file, &surface);
     }
     *out += "    </link>\n";
 }
 
-fn write_shape(out: &mut String, tag: &str, name: &str, file: &str, material: &str) {
+/// A visual or collision shape; `surface` is its material.
+fn write_shape(out: &mut String, tag: &str, name: &str, file: &str, surface: &str) {
     let _ = writeln!(
         out,
-        "      <{tag} name=\"{name}\">\n        <geometry><mesh><uri>meshes/{file}</uri></mesh></geometry>\n{material}      </{tag}>"
+        "      <{tag} name=\"{name}\">\n        <geometry><mesh><uri>meshes/{file}</uri></mesh></geometry>\n{surface}      </{tag}>"
     );
 }
 
@@ -156,6 +163,8 @@ mod tests {
         let link = find(&tree, "link", "part_2");
         assert_eq!(link.first_element_child().unwrap().attribute("relative_to"), Some("part_2_joint"));
         assert_eq!([text(link, "mass"), text(link, "iyy"), text(link, "iyz")], ["2", "0.12", "0.003"]);
+        let hull = find(&tree, "collision", "part_2_collision_1");
+        assert_eq!([text(hull, "mu"), text(hull, "mu2"), text(hull, "restitution_coefficient")], ["0.6", "0.6", "0.1"]);
         let uris: Vec<_> = tree.descendants().filter(|n| n.has_tag_name("uri")).map(|n| n.text().unwrap()).collect();
         assert_eq!(uris.len(), 3 + 8);
         assert!(uris.iter().all(|u| written.contains(&dir.path().join(u))), "{uris:?}");

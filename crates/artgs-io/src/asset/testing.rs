@@ -1,8 +1,8 @@
 //! A small asset for the tests of the writers.
 
 use artgs_core::{
-    Asset, AssetJoint, AssetLink, Handle, HingeSide, Inertial, JointKind, Mesh, PartClass, PartSemantics, PerState,
-    Rigid, Splats, Texture, TexturedMesh,
+    Asset, AssetJoint, AssetLink, ContactMaterial, Handle, HingeSide, Inertial, JointKind, Mesh, PartClass,
+    PartSemantics, PerState, Rigid, Splats, Texture, TexturedMesh,
 };
 use glam::{DMat3, DVec3};
 
@@ -66,6 +66,7 @@ fn link(name: &str, origin: DVec3, walls: &[Mesh], joint: Option<AssetJoint>) ->
         origin,
         visual: textured(&whole),
         collision: walls.to_vec(),
+        contact: ContactMaterial { friction: 0.6, restitution: 0.1 },
         inertial: Inertial { mass: 2.0, center, inertia: [0.1, 0.12, 0.08, 0.001, -0.002, 0.003] },
         splats: Some(splats([0.1, 0.2, 0.3])),
         ..AssetLink::default()

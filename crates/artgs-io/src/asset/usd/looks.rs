@@ -2,7 +2,7 @@
 
 use super::layer::{Prim, float3s, token};
 use crate::asset::values::{Activated, is_textured, linear, unit_normals};
-use artgs_core::{AssetLink, Mesh, Splats};
+use artgs_core::{AssetLink, ContactMaterial, Mesh, Splats};
 use openusd::sdf::{AssetPath, Value};
 
 /// Path of the texture of a link, from the layer's folder.
@@ -93,17 +93,31 @@ pub(super) fn material(root: &str, link: &AssetLink) -> Result<Prim, String> {
     Ok(material)
 }
 
+/// The physics material of a link, as all its hulls bind it.
+pub(super) fn contact(link: &AssetLink) -> Prim {
+    let ContactMaterial { friction, restitution } = link.contact;
+    Prim::new("Material", link.name.clone())
+        .api("PhysicsMaterialAPI")
+        .attr("float", "physics:staticFriction", Value::Float(friction as f32))
+        .attr("float", "physics:dynamicFriction", Value::Float(friction as f32))
+        .attr("float", "physics:restitution", Value::Float(restitution as f32))
+}
+
 /// The hulls that a link collides with, for physics only.
-pub(super) fn hulls(link: &AssetLink) -> impl Iterator<Item = Prim> {
+pub(super) fn hulls(root: &str, link: &AssetLink) -> Result<Vec<Prim>, String> {
     let solid = link.collision.iter().filter(|hull| !hull.is_empty() && !hull.vertices.is_empty());
-    solid.enumerate().map(|(i, hull)| {
-        mesh_prim(format!("collision_{i}"), hull)
+    let prim = |(i, hull): (usize, &Mesh)| {
+        let prim = mesh_prim(format!("collision_{i}"), hull)
             .api("PhysicsCollisionAPI")
             .api("PhysicsMeshCollisionAPI")
+            .api("MaterialBindingAPI")
+            .rel("material:binding:physics", &format!("{root}/Contacts/{}", link.name))?
             .uniform("token", "purpose", token("guide"))
             .attr("bool", "physics:collisionEnabled", Value::Bool(true))
-            .uniform("token", "physics:approximation", token("convexHull"))
-    })
+            .uniform("token", "physics:approximation", token("convexHull"));
+        Ok(prim)
+    };
+    solid.enumerate().map(prim).collect()
 }
 
 /// The Gaussians of a link; none if there are none.

@@ -3,14 +3,15 @@
 //! Limitations: a screw becomes a revolute joint; its slide is only in the attribute `artgs:pitch`. USD has no dry friction
 //! and no largest speed of joints; they are written in the schemas of PhysX (`PhysxJointAxisAPI`) and Newton
 //! (`NewtonJointAPI`), which other engines ignore. The base is fixed to the world at the object's origin; a scene that
-//! references the asset elsewhere must also move the joint `fixed_base`. There is no contact material. `NAME.usdz` has no
+//! references the asset elsewhere must also move the joint `fixed_base`. `NAME.usdz` has no
 //! Gaussians and no animation.
 //!
 //! Layout: `/NAME` (default prim, one articulation root) holds the links as siblings, so that no rigid body is nested;
 //! under each `visual` (UsdPreviewSurface, texture or vertex colours) and `collision_0` .. (convex hulls, purpose guide).
 //! Handles are Xforms under their link, as in [`artgs_core::Handle`], with their sizes in `artgs:width`, `artgs:length` and
 //! `artgs:depth`; `artgs:class` of a link is its class.
-//! `/NAME/Joints` contains `LINK_joint` and `fixed_base`, `/NAME/Looks` the materials. `/PhysicsScene` is outside the default
+//! `/NAME/Joints` contains `LINK_joint` and `fixed_base`, `/NAME/Looks` the materials that are
+//! drawn, `/NAME/Contacts` those of contacts (PhysicsMaterialAPI). `/PhysicsScene` is outside the default
 //! prim, so that a scene with its own physics scene can reference the asset.
 //! Joints turn about or slide along the X axis of their frame; limits are in degrees or metres, and so are the custom
 //! attributes `artgs:observed` (values in the two observed states) and `artgs:pitch` (metres per degree). Their
@@ -103,17 +104,25 @@ fn stage(asset: &Asset) -> Result<Layer, String> {
     let mut object =
         Prim::new("Xform", asset.name.clone()).api("PhysicsArticulationRootAPI").field("kind", token("component"));
     let (mut joints, mut materials) = (Prim::new("Scope", "Joints"), Prim::new("Scope", "Looks"));
+    let mut contacts = Prim::new("Scope", "Contacts");
     for (i, link) in asset.links.iter().enumerate() {
         let mut body = physics::body(&root, asset, i)?;
         if let Some(visual) = looks::visual(&root, link)? {
             body = body.child(visual);
             materials = materials.child(looks::material(&root, link)?);
         }
-        body.children.extend(looks::hulls(link));
+        let hulls = looks::hulls(&root, link)?;
+        if !hulls.is_empty() {
+            contacts = contacts.child(looks::contact(link));
+        }
+        body.children.extend(hulls);
         object = object.child(body);
         joints = joints.child(physics::joint(&root, asset, i)?);
     }
-    Ok(Layer { fields: header(asset), prims: vec![object.child(joints).child(materials), physics::scene()] })
+    Ok(Layer {
+        fields: header(asset),
+        prims: vec![object.child(joints).child(materials).child(contacts), physics::scene()],
+    })
 }
 
 /// References the stage and overrides it to show Gaussians instead of meshes; none without Gaussians.

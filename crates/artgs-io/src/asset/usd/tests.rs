@@ -117,7 +117,13 @@ fn meshes_textures_and_hulls_are_drawn_as_they_should() {
         let hull = prim(&stage, "/cabinet/part_2/collision_1");
         assert_eq!(integers(&hull, "faceVertexCounts"), [3; 12]);
         assert_eq!(get::<openusd::tf::Token>(&hull, "purpose").as_str(), "guide");
-        assert_eq!(schemas(&hull), ["PhysicsCollisionAPI", "PhysicsMeshCollisionAPI"]);
+        assert_eq!(schemas(&hull), ["PhysicsCollisionAPI", "PhysicsMeshCollisionAPI", "MaterialBindingAPI"]);
+        assert_eq!(targets(&hull, "material:binding:physics"), ["/cabinet/Contacts/part_2"]);
+        let contact = prim(&stage, "/cabinet/Contacts/part_2");
+        assert_eq!(schemas(&contact), ["PhysicsMaterialAPI"]);
+        let found =
+            ["staticFriction", "dynamicFriction", "restitution"].map(|w| get::<f32>(&contact, &format!("physics:{w}")));
+        assert_eq!(found, [0.6, 0.6, 0.1]);
     }
     assert!(dir.path().join("textures/part_2.png").is_file());
     let mut plain = asset.clone();
