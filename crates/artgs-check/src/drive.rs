@@ -5,7 +5,7 @@
 //! joint.
 
 use crate::model::{Model, Motion, tensor};
-use crate::poses::{Scene, names, pose, vector};
+use crate::poses::{Scene, distance, names, pose, vector};
 use crate::report::JointFinding;
 use crate::table::{quantity, stopped_at};
 use crate::{CheckOptions, mass};
@@ -165,14 +165,11 @@ impl PhysicsHooks for Touch {
     }
 }
 
-/// Distance of the hulls of a contact, negative where they penetrate, by the exact query for convex shapes.
+/// Distance of the hulls of a contact, negative where they penetrate.
 fn separation(context: &ContactModificationContext) -> Option<Real> {
-    /// Hulls farther apart than this have no contacts.
-    const FAR: Real = 0.1;
     let [a, b] = [context.collider1, context.collider2].map(|handle| context.colliders.get(handle));
     let (a, b) = (a?, b?);
-    let found = rapier3d::parry::query::contact(a.position(), a.shape(), b.position(), b.shape(), FAR);
-    found.ok().flatten().map(|contact| contact.dist)
+    distance([a.position(), b.position()], [a.shape(), b.shape()])
 }
 
 /// The joint in the engine.
