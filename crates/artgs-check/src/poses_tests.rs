@@ -1,90 +1,21 @@
-//! Hulls for which the engine finds contacts where there are none.
+//! Distances of hulls with a known answer.
 
 use super::*;
-use rapier3d::parry::query;
 
-/// A hull of corners in micrometres.
-fn of(corners: &[[i32; 3]]) -> ConvexPolyhedron {
-    let points: Vec<Vector> = corners.iter().map(|c| Vector::from_array(c.map(|v| v as f32 * 1e-6))).collect();
+fn sheet(thickness: f32) -> ConvexPolyhedron {
+    let corner = |i: u32, bit: u32| if i >> bit & 1 == 1 { 0.5 } else { -0.5 };
+    let points: Vec<Vector> =
+        (0..8).map(|i| Vector::new(corner(i, 0), corner(i, 1), thickness * corner(i, 2))).collect();
     hull(&points).unwrap()
 }
 
 #[test]
-fn thin_hulls_that_are_apart_do_not_penetrate() {
-    let (first, second) = (of(&FIRST), of(&SECOND));
-    let at = Pose::IDENTITY;
-    let found = distance([&at, &at], [&first, &second]).unwrap();
-    assert!((0.01..0.02).contains(&found), "{found}");
-    // The query of contacts alone finds a penetration.
-    let met = query::contact(&at, &first, &at, &second, 0.0).ok().flatten();
-    assert!(
-        met.is_some_and(|contact| contact.dist < -1e-3),
-        "{met:?}: the guard in `distance` may not be needed any more"
-    );
+fn hulls_that_are_apart_have_a_distance_and_others_a_penetration() {
+    let (a, b) = (sheet(2e-3), sheet(4e-3));
+    let origin = Pose::IDENTITY;
+    for (height, expected) in [(0.013, 0.010), (0.0035, 0.0005), (0.002, -0.001), (0.001, -0.002)] {
+        let raised = Pose::from_parts(Vector::new(0.0, 0.0, height), Rotation::IDENTITY);
+        let found = distance([&origin, &raised], [&a, &b]).unwrap();
+        assert!((found - expected).abs() < 1e-4, "{height}: {found}");
+    }
 }
-
-const FIRST: [[i32; 3]; 45] = [
-    [-349628, -64463, 381889],
-    [-347185, -64401, 381873],
-    [-351908, -40283, 367860],
-    [-349472, -40198, 367691],
-    [-347120, -73030, 358961],
-    [-347076, -74453, 360063],
-    [-349563, -73092, 358978],
-    [-346713, -84275, 376773],
-    [-349131, -84658, 379315],
-    [-346688, -84596, 379298],
-    [-346893, -75921, 381687],
-    [-347272, -61555, 379669],
-    [-350178, -29744, 359269],
-    [-347798, -47924, 353180],
-    [-348611, -41018, 353128],
-    [-347679, -50310, 361857],
-    [-347763, -49636, 351940],
-    [-348702, -41648, 353115],
-    [-349569, -33565, 357044],
-    [-348993, -56362, 353245],
-    [-352334, -47133, 358246],
-    [-351408, -30684, 361271],
-    [-349156, -84337, 376790],
-    [-349149, -83557, 380738],
-    [-351877, -44040, 366416],
-    [-352026, -47686, 362436],
-    [-352153, -32064, 362249],
-    [-352518, -33307, 362566],
-    [-350512, -29928, 359833],
-    [-349863, -31672, 358132],
-    [-349477, -34234, 356680],
-    [-347782, -48858, 351973],
-    [-350090, -59861, 354442],
-    [-350807, -62014, 355226],
-    [-352484, -35936, 361745],
-    [-350722, -46895, 355337],
-    [-352253, -50606, 357096],
-    [-351070, -61199, 355536],
-    [-352027, -54691, 356710],
-    [-349519, -74515, 360079],
-    [-349336, -75984, 381704],
-    [-352148, -53262, 356867],
-    [-346706, -83495, 380722],
-    [-348433, -42473, 352799],
-    [-352093, -54015, 356795],
-];
-
-const SECOND: [[i32; 3]; 15] = [
-    [-355220, -74584, 360675],
-    [-355196, -72266, 362203],
-    [-355508, -73534, 362416],
-    [-355502, -67018, 360423],
-    [-355257, -71150, 361879],
-    [-357633, -73624, 360944],
-    [-355509, -69295, 359166],
-    [-357908, -69935, 359474],
-    [-355307, -75022, 359191],
-    [-357925, -70279, 360557],
-    [-358098, -73652, 360322],
-    [-356882, -74603, 358711],
-    [-357495, -74339, 358845],
-    [-358001, -73972, 359424],
-    [-357961, -70980, 359437],
-];
