@@ -2,6 +2,7 @@
 
 use crate::bake::{BakeOptions, BakeView, bake, depth_of};
 use crate::config::PhysicalConfig;
+use crate::describe::diagonal;
 use crate::hull::{from_parry, to_parry};
 use crate::repair::{RepairOptions, mean_edge, repair, trimesh};
 use crate::shade::{CREASE, with_normals};
@@ -73,6 +74,10 @@ pub struct Wall {
 /// Edge length of a voxel relative to the mean edge of marching cubes meshes.
 const VOXEL_PER_EDGE: f64 = 1.4;
 
+/// Longest mean edge of such a mesh, as a share of the object's diagonal. A mesh of longer edges is not one of voxels: its corners are
+/// exact and are not smoothed away.
+const COARSEST_EDGE: f64 = 0.01;
+
 /// Surfaces of all parts of a valid replica. `meshes[i]` is the fused mesh of part `i` at the start state; without a capture
 /// textures hold the colours of the meshes.
 pub fn surfaces(
@@ -95,7 +100,8 @@ fn surface(
     config: &PhysicalConfig,
 ) -> PartSurface {
     let fused = &meshes[part];
-    let edge = mean_edge(fused);
+    let all: Vec<&Mesh> = meshes.iter().collect();
+    let edge = mean_edge(fused).min(COARSEST_EDGE * diagonal(&all));
     if fused.is_empty() || edge.is_nan() || edge <= 0.0 {
         let warnings =
             vec![format!("{} has no surface: nothing is drawn and nothing collides", replica.parts[part].name)];
