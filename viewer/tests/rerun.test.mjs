@@ -75,7 +75,10 @@ test("saved corrections are loaded with the page and stay when saved again", asy
       await page.evaluate(() => artgs.ready);
     };
     const save = async () => {
+      // The message of an earlier save may still be shown.
+      const stored = page.waitForResponse((answer) => answer.request().method() === "POST");
       await page.getByRole("button", { name: "Save corrections" }).click();
+      await stored;
       await page.getByText("Saved. The next artgs reconstruct --resume").waitFor();
     };
     assert.equal(await page.getByText("--resume").count(), 0);
@@ -135,7 +138,10 @@ test("a part is split by a plane, and another joint is used for a part", async (
   try {
     const { page, complaints } = await open(browser, served.url);
     const save = async () => {
+      // The message of an earlier save may still be shown.
+      const stored = page.waitForResponse((answer) => answer.request().method() === "POST");
       await page.getByRole("button", { name: "Save corrections" }).click();
+      await stored;
       await page.getByText("Saved. The next artgs reconstruct --resume").waitFor();
     };
     const first = await shot(page);

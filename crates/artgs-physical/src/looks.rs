@@ -75,8 +75,10 @@ pub struct Wall {
 const VOXEL_PER_EDGE: f64 = 1.4;
 
 /// Longest mean edge of such a mesh, as a share of the object's diagonal. A mesh of longer edges is not one of voxels: its corners are
-/// exact and are not smoothed away.
-const COARSEST_EDGE: f64 = 0.01;
+/// exact and are not smoothed away, ...
+const COARSEST_EDGE: f64 = 0.03;
+/// ... as if its voxels were so small.
+const EXACT_EDGE: f64 = 5e-3;
 
 /// Surfaces of all parts of a valid replica. `meshes[i]` is the fused mesh of part `i` at the start state; without a capture
 /// textures hold the colours of the meshes.
@@ -100,8 +102,11 @@ fn surface(
     config: &PhysicalConfig,
 ) -> PartSurface {
     let fused = &meshes[part];
-    let all: Vec<&Mesh> = meshes.iter().collect();
-    let edge = mean_edge(fused).min(COARSEST_EDGE * diagonal(&all));
+    let diagonal = diagonal(&meshes.iter().collect::<Vec<_>>());
+    let edge = match mean_edge(fused) {
+        edge if edge > COARSEST_EDGE * diagonal => EXACT_EDGE * diagonal,
+        edge => edge,
+    };
     if fused.is_empty() || edge.is_nan() || edge <= 0.0 {
         let warnings =
             vec![format!("{} has no surface: nothing is drawn and nothing collides", replica.parts[part].name)];
