@@ -36,8 +36,10 @@ pub(crate) struct Decisions {
     pub to_link: Vec<Rigid>,
 }
 
-/// Tested poses per joint while the others are at zero. Twenty are too few: a lip of a few millimetres passes between them.
-pub(crate) const POSES: usize = 121;
+/// Least and most tested poses per joint while the others are at zero.
+pub(crate) const POSES: [usize; 2] = [121, 401];
+/// Way of the farthest point of a part between them, metres: corners that pass each other at 2 mm are 2.3 mm apart at such a pose.
+const POSE_STEP: f64 = 2e-3;
 /// What the surface of a link counts against that of a part that it carries, where only one of them can be.
 const CARRIER: f64 = 0.3;
 /// Corners of a convex piece: MuJoCo and PhysX refuse more.
@@ -232,10 +234,17 @@ pub(crate) fn stances(asset: &Asset, ranges: &[Option<Range>]) -> Vec<Vec<Rigid>
     let observed = State::ALL.map(|state| asset.observed(state));
     let mut out: Vec<Vec<Rigid>> = observed.iter().chain([&zero]).map(|values| asset.poses(values)).collect();
     for (i, _, joint) in asset.movable() {
+        let [least, most] = POSES;
+        let way = (joint.limits[1] - joint.limits[0])
+            * match joint.kind {
+                JointKind::Prismatic => 1.0,
+                _ => arm(joint, &asset.links[i].visual.mesh),
+            };
+        let alone = ((way / POSE_STEP) as usize + 1).clamp(least, most);
         let free =
             |state: State| ranges.get(i).and_then(Option::as_ref).map_or(joint.limits, |range| range.free[state]);
         let with_others = State::ALL.map(|state| (&observed[state.index()], free(state), POSES_WITH_OTHERS));
-        for (others, [lower, upper], poses) in std::iter::once((&zero, joint.limits, POSES)).chain(with_others) {
+        for (others, [lower, upper], poses) in std::iter::once((&zero, joint.limits, alone)).chain(with_others) {
             for step in 0..poses {
                 let mut values = others.clone();
                 values[i] = lower + (upper - lower) * step as f64 / (poses - 1) as f64;

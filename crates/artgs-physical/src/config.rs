@@ -90,7 +90,8 @@ pub struct PhysicalConfig {
     pub most_hulls: u32,
     /// Least distance between convex pieces of different links: engines put margins around them.
     pub gap_share: f64,
-    /// Further distance between links of which neither carries the other: margins of both hulls in PyBullet, metres.
+    /// Further distance between links of which neither carries the other, metres: 1 mm around each hull in PyBullet, and 1 mm for
+    /// its contacts beyond the rims of faces that pass each other.
     pub engine_margins: f64,
     /// Upper bound of `engine_margins`, so that small objects keep their shape.
     pub most_margins_share: f64,
@@ -162,7 +163,7 @@ impl Default for PhysicalConfig {
             cover_share: 5e-3,
             most_hulls: 128,
             gap_share: 2e-3,
-            engine_margins: 2e-3,
+            engine_margins: 3e-3,
             most_margins_share: 5e-3,
             contact_share: 2e-4,
             thinnest_share: 1e-3,
