@@ -250,9 +250,9 @@ pub(crate) struct Export {
     /// Metres per unit of the capture
     #[arg(long, value_name = "M", default_value_t = 1.0, value_parser = metres_per_unit)]
     pub(crate) scale: f64,
-    /// Upward axis of the capture
-    #[arg(long, value_enum, default_value_t = UpAxis::Z)]
-    pub(crate) up: UpAxis,
+    /// Upward axis of the capture; if absent, that of the recordings, else z
+    #[arg(long, value_enum)]
+    pub(crate) up: Option<UpAxis>,
     /// Front of the object in the capture's frame, which is along -Y in exports: `auto` (where drawers come out and doors open
     /// to), x, -x, y, -y, z, -z, or `capture` to keep the frame of the capture
     #[arg(long, value_name = "AXIS", default_value = "auto", allow_hyphen_values = true, value_parser = front)]

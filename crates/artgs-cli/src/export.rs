@@ -8,6 +8,7 @@ use crate::output::{Report, note};
 use artgs_core::Capture;
 use artgs_io::RunFolder;
 use artgs_io::asset::WriteOptions;
+use artgs_io::run_folder::load_json;
 use artgs_physical::Up;
 use artgs_physical::export::{CollisionSource, ExportError, ExportOptions};
 use std::path::Path;
@@ -15,7 +16,8 @@ use std::path::Path;
 pub(crate) fn run(args: &Export, style: Style) -> Result<(), Failure> {
     use_threads(args.threads)?;
     let run = RunFolder::new(&args.out);
-    let options = options(args);
+    let up = args.up.or_else(|| up_of_recordings(&run)).unwrap_or(UpAxis::Z);
+    let options = options(args, up);
     options.config().map_err(failure)?;
     require_replica(&run)?;
     let lock = lock(&run, "artgs export", style)?;
@@ -27,15 +29,24 @@ pub(crate) fn run(args: &Export, style: Style) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Upward axis of the recordings that a run aligned; none if it aligned none, they state none, or it is no axis.
+fn up_of_recordings(run: &RunFolder) -> Option<UpAxis> {
+    /// Least cosine between the stated direction and an axis.
+    const ALONG: f64 = 0.9;
+    let report: serde_json::Value = load_json(&run.aligned().join("report.json")).ok()??;
+    let [_, y, z]: [f64; 3] = serde_json::from_value(report.get("up")?.clone()).ok()?;
+    if y > ALONG { Some(UpAxis::Y) } else { (z > ALONG).then_some(UpAxis::Z) }
+}
+
 /// What the flags ask for.
-fn options(args: &Export) -> ExportOptions {
+fn options(args: &Export, up: UpAxis) -> ExportOptions {
     let defaults = ExportOptions::default();
     ExportOptions {
         formats: if args.to.is_empty() { defaults.formats } else { args.to.iter().map(|format| format.0).collect() },
         name: args.name.clone(),
         capture: args.capture.clone(),
         scale: args.scale,
-        up: if args.up == UpAxis::Z { Up::Z } else { Up::Y },
+        up: if up == UpAxis::Z { Up::Z } else { Up::Y },
         density: args.density.iter().filter(|(part, _)| part.is_none()).map(|(_, density)| *density).next_back(),
         densities: args.density.iter().filter_map(|(part, density)| Some((part.clone()?, *density))).collect(),
         mass: args.mass,

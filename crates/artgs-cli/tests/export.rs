@@ -55,6 +55,25 @@ fn write(out: &Path) {
 }
 
 #[test]
+fn the_upward_axis_is_that_of_the_recordings_unless_one_is_given() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = &dir.path().join("replica");
+    write(out);
+    let up = |options: &[&str]| {
+        let done = artgs(&[&["export", out.to_str().unwrap(), "--to", "urdf"], options].concat());
+        assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+        let report: serde_json::Value =
+            serde_json::from_slice(&fs::read(out.join("exports/export.json")).unwrap()).unwrap();
+        report["up"].as_str().unwrap().to_owned()
+    };
+    assert_eq!(up(&[]), "z");
+    fs::create_dir_all(out.join("stages/aligned")).unwrap();
+    fs::write(out.join("stages/aligned/report.json"), r#"{"up": [0.0, 1.0, 0.0]}"#).unwrap();
+    assert_eq!(up(&[]), "y");
+    assert_eq!(up(&["--up", "z"]), "z");
+}
+
+#[test]
 fn every_format_is_written_and_passes_the_check() {
     let dir = tempfile::tempdir().unwrap();
     let out = &dir.path().join("replica");
