@@ -164,11 +164,7 @@ impl fmt::Display for CheckReport {
             for found in &self.drops {
                 let counts =
                     [found.places, found.dropped, found.blocked, found.sank, found.fell].map(|n| n.to_string());
-                let verdict = if found.problems.is_empty() && !found.warnings.is_empty() {
-                    "warning"
-                } else {
-                    verdict(&found.problems)
-                };
+                let verdict = graded(&found.problems, &found.warnings);
                 let cells = [found.link.clone(), verdict.into()].into_iter().chain(counts).collect();
                 drops.push(cells, &warned(&found.problems, &found.warnings));
             }

@@ -255,7 +255,7 @@ pub(crate) struct Export {
     pub(crate) up: Option<UpAxis>,
     /// Front of the object in the capture's frame, which is along -Y in exports: `auto` (where drawers come out and doors open
     /// to), x, -x, y, -y, z, -z, or `capture` to keep the frame of the capture
-    #[arg(long, value_name = "AXIS", default_value = "auto", allow_hyphen_values = true, value_parser = front)]
+    #[arg(long, value_name = "AXIS", default_value = "auto", allow_hyphen_values = true)]
     pub(crate) front: FrontAxis,
     /// Links keep the names `part_1`, `part_2`, ... instead of names by their classes such as `door_left`
     #[arg(long)]
@@ -531,10 +531,6 @@ fn density(text: &str) -> Result<(Option<String>, f64), String> {
 /// Masses from a gram to a ship.
 fn mass(text: &str) -> Result<f64, String> {
     number_in(text, 1e-3, 1e6)
-}
-
-fn front(text: &str) -> Result<FrontAxis, String> {
-    text.parse()
 }
 
 fn actuators(text: &str) -> Result<Actuators, String> {

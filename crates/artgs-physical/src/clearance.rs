@@ -150,7 +150,7 @@ pub(crate) fn uncovered(pieces: &[Hull], surface: &[DVec3], near: f64, apart: f6
 }
 
 /// Key for distinct poses.
-pub(crate) fn bits(pose: &Rigid) -> [u64; 7] {
+fn bits(pose: &Rigid) -> [u64; 7] {
     let ([x, y, z, w], [tx, ty, tz]) = (pose.rotation.to_array(), pose.translation.to_array());
     [x, y, z, w, tx, ty, tz].map(f64::to_bits)
 }

@@ -2,13 +2,13 @@
 
 use crate::config::PhysicalConfig;
 use crate::hull::{Hull, to_parry};
-use crate::sweep::{Contact, Known, Part, Precision, Surface, Sweep, first_contact, reach};
+use crate::sweep::{Contact, Part, Precision, Surface, Sweep, first_contact, reach};
 use artgs_core::{Asset, JointKind, Mesh, PerState, State};
 use glam::DVec3;
 use parry3d::query::PointQuery as _;
 
-/// The state in which a part lies closer to its parent, nearer to being closed; none if the distances differ by less than `significant`. `part` and
-/// `parent` are the surfaces in both states, in one frame. Open drawers and doors protrude.
+/// The state in which a part lies closer to its parent, nearer to being closed; none if the distances differ by less than
+/// `significant`. `part` and `parent` are the surfaces in both states, in one frame. Open drawers and doors protrude.
 pub(crate) fn nearer_state(part: PerState<&Mesh>, parent: PerState<&Mesh>, significant: f64) -> Option<State> {
     let distances = PerState::try_from_fn(|state| protrusion(part[state], parent[state]))?;
     let (start, end) = (distances[State::START], distances[State::END]);
@@ -115,7 +115,7 @@ pub(crate) fn extend(
             return Some(out);
         }
         let near = config.closed_share * diagonal;
-        let mut search = Search { asset, surfaces, link, precision, config, near, known: Known::default() };
+        let search = Search { asset, surfaces, link, precision, config, near };
         for (end, sign) in [(0, -1.0), (1, 1.0)] {
             let closes = nearer[link].is_some() && observed[end] == 0.0;
             let found =
@@ -158,7 +158,6 @@ struct Search<'a> {
     config: &'a PhysicalConfig,
     /// A part that meets another one within this way, metres, was observed closed.
     near: f64,
-    known: Known,
 }
 
 impl Search<'_> {
@@ -168,9 +167,9 @@ impl Search<'_> {
     }
 
     /// The first contact beyond a joint value, the other joints at the given values.
-    fn contact(&mut self, values: &[f64], from: f64, way: f64, [own, others]: [Part; 2]) -> Option<Contact> {
+    fn contact(&self, values: &[f64], from: f64, way: f64, [own, others]: [Part; 2]) -> Option<Contact> {
         let sweep = Sweep { link: self.link, from, way, own, others };
-        first_contact(self.asset, self.surfaces, values, &sweep, &self.precision, &mut self.known)
+        first_contact(self.asset, self.surfaces, values, &sweep, &self.precision)
     }
 
     fn met(&self, contact: Contact, source: Source) -> Found {
@@ -180,7 +179,7 @@ impl Search<'_> {
 
     /// The way from 0 to the first contact in the direction in which the part closes. The side of a part that presses against its
     /// frame is often hidden: the closed mesh counts too. Only surfaces that were seen show that a part is closed.
-    fn closing(&mut self, sign: f64) -> Found {
+    fn closing(&self, sign: f64) -> Found {
         let span = self.span();
         let most = match self.kind() {
             JointKind::Prismatic => self.length(),
@@ -205,7 +204,7 @@ impl Search<'_> {
 
     /// The way from a joint value until a contact, until a slide loses its support, or as far as is assumed. Only what was seen
     /// stops a part: hidden sides of meshes are invented.
-    fn opening(&mut self, from: f64, sign: f64, knows_direction: bool) -> Found {
+    fn opening(&self, from: f64, sign: f64, knows_direction: bool) -> Found {
         let (most, end) = match self.kind() {
             JointKind::Prismatic => {
                 let (held, assumed) = (self.held(from, sign), self.assumed());
@@ -228,7 +227,7 @@ impl Search<'_> {
     }
 
     /// The range around the value in a state in which the joint meets nothing, the others in that state.
-    fn free(&mut self, state: State, [lower, upper]: [f64; 2]) -> [f64; 2] {
+    fn free(&self, state: State, [lower, upper]: [f64; 2]) -> [f64; 2] {
         let values = self.asset.observed(state);
         let at = values[self.link];
         let parts = [Part::Seen; 2];

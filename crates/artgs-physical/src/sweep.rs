@@ -5,7 +5,6 @@
 //! one that measurement let them overlap with, are not. A contact is where stopped points stand for a meaningful area, so that
 //! noise stops nothing.
 
-use crate::clearance::bits;
 use crate::decompose::Observed;
 use crate::decompose::solid::{Sample, Solid};
 use crate::hull::{from_parry, to_parry};
@@ -15,7 +14,6 @@ use glam::DVec3;
 use parry3d::query::{Ray, RayCullingMode};
 use parry3d::shape::TriMesh;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 
 /// Surface of a link, link frame.
 pub(crate) struct Surface {
@@ -53,7 +51,7 @@ impl Surface {
 }
 
 /// Which part of a surface counts: what only closes a mesh can be wrong.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Part {
     /// What was observed.
     Seen,
@@ -94,13 +92,6 @@ pub(crate) struct Contact {
     pub link: usize,
 }
 
-/// Steps before the contacts that were computed: many configurations of the other joints share them.
-#[derive(Default)]
-pub(crate) struct Known(BTreeMap<Key, Option<f64>>);
-
-/// What a contact depends on: both links, what counts of them, the way, the relative poses at its ends.
-type Key = ([usize; 2], [Part; 2], [u64; 4], [[u64; 7]; 2]);
-
 /// Links that move with a joint.
 pub(crate) fn carried(asset: &Asset, link: usize) -> Vec<bool> {
     let mut out = vec![false; asset.links.len()];
@@ -126,7 +117,6 @@ pub(crate) fn first_contact(
     values: &[f64],
     sweep: &Sweep,
     precision: &Precision,
-    known: &mut Known,
 ) -> Option<Contact> {
     /// Way of a hinge between two tested poses, radians: chords leave arcs by 0.4 mm per metre.
     const TURN: f64 = 0.05;
@@ -154,11 +144,8 @@ pub(crate) fn first_contact(
     for own in (0..asset.links.len()).filter(|i| is_carried[*i]) {
         for other in (0..asset.links.len()).filter(|i| !is_carried[*i]) {
             let other_from_own: Vec<Rigid> = poses.iter().map(|at| at[other].inverse() * at[own]).collect();
-            let ends = [&other_from_own[0], &other_from_own[steps as usize]].map(bits);
-            let way = [sweep.link as f64, sweep.from, sweep.way, steps].map(f64::to_bits);
-            let key = ([own, other], [sweep.own, sweep.others], way, ends);
             let pair = [(&surfaces[own], sweep.own), (&surfaces[other], sweep.others)];
-            let met = *known.0.entry(key).or_insert_with(|| first_of_pair(pair, &other_from_own, precision.points));
+            let met = first_of_pair(pair, &other_from_own, precision.points);
             let Some(met) = met.map(|steps| (steps * step - before).max(0.0)) else { continue };
             if best.is_none_or(|best| met < best.way) {
                 best = Some(Contact { way: met, link: other });

@@ -29,7 +29,7 @@ fn asset(kind: JointKind, axis: DVec3, origin: DVec3) -> Asset {
 fn free(asset: &Asset, meshes: [&Mesh; 2], way: f64, observed: &Observed) -> Option<f64> {
     let surfaces = [Surface::of(meshes[0], &|_| true, SPACING), Surface::of(meshes[1], observed, SPACING)];
     let sweep = Sweep { link: 1, from: 0.0, way, own: Part::Seen, others: Part::Seen };
-    let met = first_contact(asset, &surfaces, &[0.0; 2], &sweep, &PRECISION, &mut Known::default());
+    let met = first_contact(asset, &surfaces, &[0.0; 2], &sweep, &PRECISION);
     met.map(|contact| contact.way)
 }
 

@@ -107,13 +107,9 @@ pub fn check_capture(capture: &Capture) -> Consistency {
 pub fn check_aligned(capture: &Capture) -> Vec<Finding> {
     let views = capture.states.as_ref().map(|s| coarse_views(s.train.iter()));
     let (a, b) = (&views[State::START][..], &views[State::END][..]);
-    let [there, back] = [votes(a, b), votes(b, a)];
-    // The smaller share: a small object that lies within a large one agrees one way only.
-    let both = if there.share() < back.share() { there } else { back };
-    let share = both.share();
-    if both.shown() < LEAST_SHOWN || share >= LITTLE_ACROSS {
-        return Vec::new();
-    }
+    // The smaller share: of a small object that lies within a large one, the large one hides every point.
+    let shares = [votes(a, b), votes(b, a)].into_iter().filter(|v| v.shown() >= LEAST_SHOWN).map(|v| v.share());
+    let Some(share) = shares.min_by(f64::total_cmp).filter(|share| *share < LITTLE_ACROSS) else { return Vec::new() };
     let stated = format!("{} of the object's surfaces agree between the two recordings", percent(share));
     vec![if share < REFUSED_ACROSS {
         Finding::Refused(format!(
