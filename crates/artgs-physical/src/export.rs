@@ -419,6 +419,7 @@ fn reason(stop: &Stop) -> String {
     match stop {
         Stop::Observed => "as observed".into(),
         Stop::Contact(link) => format!("before it meets {link}"),
+        Stop::Flush(link) => format!("where its front is flush with {link}"),
         Stop::Support => "before it falls out".into(),
         Stop::Reach => "as far as is ever assumed".into(),
     }

@@ -9,6 +9,7 @@ mod config;
 pub mod decompose;
 mod describe;
 pub mod export;
+mod flush;
 mod hull;
 pub mod looks;
 mod mass;

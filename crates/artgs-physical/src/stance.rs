@@ -1,6 +1,7 @@
 //! Determines the closed state of parts and extends joint limits beyond the observed range.
 
 use crate::config::PhysicalConfig;
+use crate::flush;
 use crate::hull::{Hull, to_parry};
 use crate::sweep::{Contact, Part, Precision, Surface, Sweep, first_contact, reach};
 use artgs_core::{Asset, JointKind, Mesh, PerState, State};
@@ -38,6 +39,8 @@ pub(crate) enum Stop {
     Observed,
     /// Contact with this link.
     Contact(String),
+    /// The front of a slide is in one plane with the front of this link.
+    Flush(String),
     /// A slide would lose its support.
     Support,
     /// The largest allowed extension.
@@ -51,7 +54,8 @@ pub(crate) enum Source {
     Observed,
     /// A contact of surfaces that were observed, with the part closed in an observed state or opening.
     Contact,
-    /// A contact that closes a part which no state shows closed, or the visible length of a part that slides.
+    /// A contact that closes a part which no state shows closed, a front in one plane with those around it, or the visible length
+    /// of a part that slides.
     Inferred,
     /// A default.
     Assumed,
@@ -80,14 +84,15 @@ pub(crate) struct Range {
     pub sources: [Source; 2],
     /// Where the joint meets nothing that was seen while the other joints are in a state: within the limits, around the value in that state.
     pub free: PerState<[f64; 2]>,
-    /// True if the part touches another one at joint value 0, in the direction in which it closes: it was observed closed.
+    /// True if the part touches another one at joint value 0, in the direction in which it closes, or if its front is in one plane
+    /// with those around it: it was observed closed.
     pub closed: bool,
 }
 
 /// Limits of every joint. Entry `i` belongs to link `i`; the base has none. `surfaces` in link frames, metres. `nearer[i]` is the
 /// state in which link `i` is nearer to being closed, if known; its joint is at 0 there and opens in positive direction.
 ///
-/// Parts close until the first contact. They open until a contact, until a slide loses its support, or by a default.
+/// Parts close until the first contact, slides at most until their front is flush with those around it. They open until a contact, until a slide loses its support, or by a default.
 pub(crate) fn extend(
     asset: &Asset,
     surfaces: &[Surface],
@@ -101,37 +106,28 @@ pub(crate) fn extend(
         points: (width * width / (spacing * spacing)).ceil() as usize,
         overlap: config.overlap_share * diagonal,
     };
-    let range = |link: usize| {
-        let joint = asset.links[link].joint?;
-        let observed = ordered(joint.observed);
-        let mut out = Range {
-            limits: observed,
-            stops: [Stop::Observed, Stop::Observed],
-            sources: [Source::Observed; 2],
-            free: PerState::new(observed, observed),
-            closed: false,
-        };
-        if !config.extend_limits {
-            return Some(out);
+    let near = config.closed_share * diagonal;
+    let search = |link: usize| Search { asset, surfaces, link, precision, config, near, spacing };
+    let mut ranges: Vec<Option<Range>> =
+        (0..asset.links.len()).map(|link| search(link).range(nearer[link].is_some())).collect();
+    if config.extend_limits {
+        for link in (0..asset.links.len()).filter(|link| nearer[*link].is_some()) {
+            if let Some(flush) = search(link).flush(&ranges)
+                && let Some(range) = &mut ranges[link]
+            {
+                flush.shorten(range);
+            }
         }
-        let near = config.closed_share * diagonal;
-        let search = Search { asset, surfaces, link, precision, config, near };
-        for (end, sign) in [(0, -1.0), (1, 1.0)] {
-            let closes = nearer[link].is_some() && observed[end] == 0.0;
-            let found =
-                if closes { search.closing(sign) } else { search.opening(observed[end], sign, nearer[link].is_some()) };
-            out.limits[end] = observed[end] + sign * found.way;
-            (out.stops[end], out.sources[end]) = (found.stop, found.source);
-            out.closed |= closes && out.sources[end] == Source::Contact;
-        }
+    }
+    for (link, range) in ranges.iter_mut().enumerate() {
+        let Some(range) = range.as_mut().filter(|_| config.extend_limits) else { continue };
         // Engines refuse a range of nothing.
-        out.limits[1] = out.limits[1].max(out.limits[0] + NARROWEST);
+        range.limits[1] = range.limits[1].max(range.limits[0] + NARROWEST);
         for state in State::ALL {
-            out.free[state] = search.free(state, out.limits);
+            range.free[state] = search(link).free(state, range.limits);
         }
-        Some(out)
-    };
-    (0..asset.links.len()).map(range).collect()
+    }
+    ranges
 }
 
 /// Least range of a joint, radians or metres: engines refuse `lower = upper`.
@@ -140,6 +136,25 @@ pub(crate) const NARROWEST: f64 = 1e-4;
 fn ordered(values: PerState<f64>) -> [f64; 2] {
     let (start, end) = (values[State::START], values[State::END]);
     [start.min(end), start.max(end)]
+}
+
+/// A joint value between the closing limit and 0 at which a front is flush with others.
+struct Flush {
+    /// End of the range that closes, 0 or 1.
+    end: usize,
+    value: f64,
+    link: String,
+    /// The part was observed there.
+    closed: bool,
+}
+
+impl Flush {
+    fn shorten(self, range: &mut Range) {
+        range.limits[self.end] = self.value;
+        range.stops[self.end] = Stop::Flush(self.link);
+        range.sources[self.end] = Source::Inferred;
+        range.closed |= self.closed;
+    }
 }
 
 /// How far a joint goes beyond an observed value.
@@ -158,9 +173,76 @@ struct Search<'a> {
     config: &'a PhysicalConfig,
     /// A part that meets another one within this way, metres, was observed closed.
     near: f64,
+    /// Distance of the points of the surfaces.
+    spacing: f64,
 }
 
 impl Search<'_> {
+    /// The limits by this part's contacts; `free` is not known yet.
+    fn range(&self, knows_direction: bool) -> Option<Range> {
+        let observed = ordered(self.asset.links[self.link].joint?.observed);
+        let mut out = Range {
+            limits: observed,
+            stops: [Stop::Observed, Stop::Observed],
+            sources: [Source::Observed; 2],
+            free: PerState::new(observed, observed),
+            closed: false,
+        };
+        if !self.config.extend_limits {
+            return Some(out);
+        }
+        for (end, sign) in [(0, -1.0), (1, 1.0)] {
+            let closes = knows_direction && observed[end] == 0.0;
+            let found = if closes { self.closing(sign) } else { self.opening(observed[end], sign, knows_direction) };
+            out.limits[end] = observed[end] + sign * found.way;
+            (out.stops[end], out.sources[end]) = (found.stop, found.source);
+            out.closed |= closes && out.sources[end] == Source::Contact;
+        }
+        Some(out)
+    }
+
+    /// Where the front of a slide that closes beyond 0 is flush with the front of its carrier or, where it meets nothing, with those
+    /// of parts beside it that close until a contact.
+    fn flush(&self, ranges: &[Option<Range>]) -> Option<Flush> {
+        /// Largest distance of a frame from the rim of the front, multiples of the largest way of a part that was observed closed.
+        const FRAME: f64 = 10.0;
+        let (asset, surfaces) = (self.asset, self.surfaces);
+        let joint = asset.links[self.link].joint.filter(|_| self.kind() == JointKind::Prismatic)?;
+        let range = ranges[self.link].as_ref()?;
+        let end = (0..2).find(|end| ordered(joint.observed)[*end] == 0.0)?;
+        let sign = if end == 0 { -1.0 } else { 1.0 };
+        let most = sign * range.limits[end];
+        if range.sources[end] == Source::Contact || most <= self.near {
+            return None;
+        }
+        let (opens, layer, least) = (-sign * joint.axis, 0.5 * self.spacing, self.precision.points);
+        let plate = |link: usize| flush::plate(asset, surfaces, link, opens, layer, least);
+        let own = plate(self.link)?;
+        let flush_with = |depth: f64, link: usize| {
+            let way = own.depth - depth;
+            let value = sign * way.max(0.0);
+            let closed = way.abs() <= self.near;
+            let name = asset.links[link].name.clone();
+            (way >= -self.near && way < most).then_some(Flush { end, value, link: name, closed })
+        };
+        let parent = asset.links[self.link].parent?;
+        let frame = {
+            let within = [own.depth - most, own.depth + self.near];
+            flush::frame(asset, surfaces, parent, (&own, opens), (FRAME * self.near, within), (layer, least))
+        };
+        if let Some(found) = frame.and_then(|depth| flush_with(depth, parent)) {
+            return Some(found);
+        }
+        if range.sources[end] != Source::Assumed {
+            return None;
+        }
+        let closed_beside = flush::beside(asset, self.link).filter_map(|other| {
+            let range = ranges[other].as_ref().filter(|r| matches!(r.stops[end], Stop::Contact(_)))?;
+            flush_with(plate(other)?.depth + opens.dot(joint.axis) * range.limits[end], other)
+        });
+        closed_beside.min_by(|a, b| (sign * a.value).total_cmp(&(sign * b.value)))
+    }
+
     /// Metres that a point of the part moves at most per unit of the joint.
     fn reach(&self) -> f64 {
         reach(self.asset, self.surfaces, self.link)
@@ -359,6 +441,36 @@ mod tests {
         let fixed = PhysicalConfig { extend_limits: false, ..config };
         let fixed = ranges([0.002, 0.5], &fixed)[1].clone().unwrap();
         assert_eq!((fixed.limits, fixed.sources), ([0.0, 0.5], [Source::Observed; 2]));
+    }
+
+    #[test]
+    fn slides_without_contact_close_until_their_front_is_flush() {
+        // An inset front, between side walls whose front edges are at y = 0; its neighbour overlaps the walls.
+        let (mut asset, mut surfaces) = cabinet([0.2, 0.6]);
+        let drawer = cuboid([-0.4, 0.0, 0.0], [0.4, 0.3, 0.4]);
+        surfaces[1] = Surface::of(&drawer, &|_| true, 4e-3 * 1.7);
+        let nearer = [None, Some(State::START), Some(State::START)];
+        let closing = |asset: &Asset, surfaces: &[Surface]| {
+            let found = extend(asset, surfaces, &nearer, 1.7, &PhysicalConfig::default())[1].clone().unwrap();
+            (found.limits[0], found.stops[0].clone(), found.sources[0], found.closed)
+        };
+        let (limit, stop, source, closed) = closing(&asset, &surfaces);
+        assert_eq!((stop, source, closed), (Stop::Flush("base".into()), Source::Inferred, false));
+        assert!((limit + 0.2).abs() < 0.005, "{limit}");
+        // Nearly flush: closed.
+        asset.links[1].origin.y = -0.005;
+        let (limit, stop, _, closed) = closing(&asset, &surfaces);
+        assert!(limit.abs() < 0.01 && stop == Stop::Flush("base".into()) && closed, "{limit} {stop:?}");
+        // Without walls, the front of a closed drawer beside it shows where it closes.
+        asset.links[1].origin.y = -0.2;
+        let base = cuboid([-0.5, 0.3, 0.55], [0.5, 0.35, 1.0]);
+        surfaces[0] = Surface::of(&base, &|_| true, 4e-3 * 1.7);
+        asset.links[2] = movable(JointKind::Prismatic, DVec3::NEG_Y, DVec3::new(0.0, -0.001, 0.55), 0.3);
+        asset.links[2].name = "closed".into();
+        surfaces[2] = Surface::of(&drawer, &|_| true, 4e-3 * 1.7);
+        let (limit, stop, source, closed) = closing(&asset, &surfaces);
+        assert_eq!((stop, source, closed), (Stop::Flush("closed".into()), Source::Inferred, false), "{limit}");
+        assert!((limit + 0.2).abs() < 0.005, "{limit}");
     }
 
     #[test]

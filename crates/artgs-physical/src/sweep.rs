@@ -43,6 +43,11 @@ impl Surface {
         self.samples.iter().filter(move |s| part == Part::All || s.seen)
     }
 
+    /// Observed points whose normals are within an angle of the given cosine of a direction.
+    pub(crate) fn facing(&self, direction: DVec3, cosine: f64) -> impl Iterator<Item = DVec3> {
+        self.points(Part::Seen).filter(move |s| s.normal.dot(direction) > cosine).map(|s| s.point)
+    }
+
     /// Points that were observed; all if none was.
     pub(crate) fn visible(&self) -> impl Iterator<Item = DVec3> + Clone {
         let any = self.samples.iter().any(|s| s.seen);

@@ -71,7 +71,8 @@ impl Default for ConfidenceSettings {
 
 impl ConfidenceSettings {
     /// Probability that the joint is correct: its type, its axis to 5 degrees, and its place and motion to 5 % of the
-    /// part's size. `fit` is the share of the visible points that the motion takes onto a surface.
+    /// part's size. `fit` is the share of the visible points that the motion takes onto a surface. Points that land on another
+    /// movable part contradict the joint or the extent of the part.
     pub(super) fn confidence(&self, support: &Support, fit: Option<f64>) -> f64 {
         let [least_margin, most_margin] = self.margins;
         let [least_residual, most_residual] = self.residuals;
@@ -84,7 +85,8 @@ impl ConfidenceSettings {
             + self.unexplained * support.unexplained.min(self.most_unexplained);
         let probability = 1.0 / (1.0 + (-z).exp());
         let supported = fit.is_some() && support.explained >= 0.5;
-        if supported { probability } else { probability.min(self.unsupported) }
+        let probability = if supported { probability } else { probability.min(self.unsupported) };
+        probability * (1.0 - support.contested).powi(2)
     }
 
     /// The best different joint of an uncertain part.
@@ -143,6 +145,7 @@ mod tests {
         Support {
             moved: 3000.0,
             explained: 0.97,
+            contested: 0.0,
             exclusive: 0.3,
             cost: 0.08,
             margin: 0.2,
@@ -165,6 +168,7 @@ mod tests {
             Support { explained: 0.3, ..sure() },
             Support { stiffness: 0.0, margin: 0.05, ..sure() },
             Support { residual: 0.9, ..sure() },
+            Support { contested: 0.4, ..sure() },
         ] {
             assert!(of(weaker) < 0.5, "{weaker:?}: {}", of(weaker));
         }

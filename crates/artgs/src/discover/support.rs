@@ -3,7 +3,7 @@
 
 use super::candidates::Candidate;
 use super::cloud::IndexedCloud;
-use super::landing::StatePair;
+use super::landing::{Landing, StatePair};
 use super::refinement::points_of_part;
 use super::registration::{Matching, stiffness};
 use super::scene::Scene;
@@ -60,6 +60,10 @@ pub struct Support {
     pub moved: f64,
     /// Share of these that the motion takes onto a surface of the other state.
     pub explained: f64,
+    /// Share of these that the motion takes onto a surface that belongs to another movable part in the other state: two
+    /// bodies in one place.
+    #[serde(default)]
+    pub contested: f64,
     /// Share of these that no other part's motion explains.
     pub exclusive: f64,
     /// Mean cost of the part's points under the motion, 0 (all land on surfaces that look the same) to 1 (empty space).
@@ -141,8 +145,9 @@ impl SupportSettings {
             let to_other: Vec<Rigid> =
                 std::iter::once(Rigid::IDENTITY).chain(motions.iter().map(|m| m.away_from(s))).collect();
             let rows = pair.plain_costs(&to_other, &self.costs);
+            let at = pair.landings(&[own.away_from(s)], &self.costs);
             let each = stride as f64;
-            for (row, i) in rows.chunks_exact(to_other.len()).zip(&picked) {
+            for ((row, i), landing) in rows.chunks_exact(to_other.len()).zip(&picked).zip(&at) {
                 let row = &row[1..];
                 weight += each;
                 costs.iter_mut().zip(row).for_each(|(sum, cost)| *sum += each * f64::from(*cost));
@@ -150,6 +155,10 @@ impl SupportSettings {
                     out.moved += each;
                     let fits = row[k] < self.explained;
                     out.explained += if fits { each } else { 0.0 };
+                    if let Landing::Surface(j, _) = landing {
+                        let there = usize::from(labels[s.other()][*j as usize]);
+                        out.contested += if there > 0 && there != k + 1 { each } else { 0.0 };
+                    }
                     let others = (0..count).filter(|j| *j != k);
                     let alone = others.map(|j| row[j]).all(|cost| cost > row[k] + self.fall);
                     out.exclusive += if fits && alone { each } else { 0.0 };
@@ -170,6 +179,7 @@ impl SupportSettings {
         let mean = |sum: f64| sum / weight.max(1.0);
         out.explained /= out.moved.max(1.0);
         out.exclusive /= out.moved.max(1.0);
+        out.contested /= out.moved.max(1.0);
         out.cost = mean(costs[k]);
         let plausible = |c: usize| f64::from(pool[c].implausibility);
         let different = (0..pool.len()).filter(|c| farthest[count + c] > same);
@@ -194,5 +204,40 @@ impl SupportSettings {
         let own = points_of_part(clouds, labels, k as u16 + 1);
         let own = own.as_ref().map(IndexedCloud::new);
         stiffness(Matching::mutual(&own[State::START], &own[State::END]), motion, 2.0 * spacing, 2000)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::discover::config::StepSettings;
+    use crate::discover::scene::DepthPicture;
+    use crate::discover::{DiscoverConfig, Evidence, discover};
+    use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
+
+    #[test]
+    fn parts_that_land_on_other_parts_are_contested() {
+        let options = CabinetOptions { views: 16, size: 96, ..CabinetOptions::default() };
+        let (capture, _) = cabinet_capture(&options).unwrap();
+        let pictures = PerState::from_fn(|s| {
+            let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
+            capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
+        });
+        let config = DiscoverConfig::default();
+        let scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config).unwrap();
+        let found = discover(&scene, 2..=2, &config).unwrap();
+        let evidence = Evidence::new(&scene).unwrap();
+        let (clouds, settings) = (scene.indexed_clouds(), StepSettings::default().support);
+        let contested = |labels: &PerState<Vec<u16>>| {
+            let all = settings.of_parts(&scene, &clouds, &evidence.occupancy, labels, &found.parts);
+            [all[0].contested, all[1].contested]
+        };
+        let right = contested(&found.labels);
+        assert!(right.iter().all(|share| *share < 0.1), "{right:?}");
+        // The first part is given to the second one in the end state only.
+        let mut mixed = found.labels.clone();
+        mixed[State::END].iter_mut().filter(|label| **label == 1).for_each(|label| *label = 2);
+        let mixed = contested(&mixed);
+        assert!(mixed[0] > 0.5, "{mixed:?}");
     }
 }
