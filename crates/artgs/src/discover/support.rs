@@ -60,8 +60,8 @@ pub struct Support {
     pub moved: f64,
     /// Share of these that the motion takes onto a surface of the other state.
     pub explained: f64,
-    /// Share of these that the motion takes onto a surface that belongs to another movable part in the other state: two
-    /// bodies in one place.
+    /// Of the part's points that the motion takes onto a movable part of the other state, the share that it takes onto another
+    /// part: two bodies in one place.
     #[serde(default)]
     pub contested: f64,
     /// Share of these that no other part's motion explains.
@@ -133,6 +133,7 @@ impl SupportSettings {
         let count = parts.len();
         let mut out = Support::default();
         let mut costs = vec![0.0f64; motions.len()];
+        let mut onto_own = 0.0f64;
         let (mut weight, mut farthest) = (0.0f64, vec![0.0f64; motions.len()]);
         let (mut shift, mut lower, mut upper) = (0.0f64, Vec3::INFINITY, Vec3::NEG_INFINITY);
         for s in State::ALL {
@@ -150,15 +151,18 @@ impl SupportSettings {
             for ((row, i), landing) in rows.chunks_exact(to_other.len()).zip(&picked).zip(&at) {
                 let row = &row[1..];
                 weight += each;
+                if let Landing::Surface(j, _) = landing {
+                    match usize::from(labels[s.other()][*j as usize]) {
+                        0 => {}
+                        there if there == k + 1 => onto_own += each,
+                        _ => out.contested += each,
+                    }
+                }
                 costs.iter_mut().zip(row).for_each(|(sum, cost)| *sum += each * f64::from(*cost));
                 if occupancy[s][*i] == Occupancy::Empty {
                     out.moved += each;
                     let fits = row[k] < self.explained;
                     out.explained += if fits { each } else { 0.0 };
-                    if let Landing::Surface(j, _) = landing {
-                        let there = usize::from(labels[s.other()][*j as usize]);
-                        out.contested += if there > 0 && there != k + 1 { each } else { 0.0 };
-                    }
                     let others = (0..count).filter(|j| *j != k);
                     let alone = others.map(|j| row[j]).all(|cost| cost > row[k] + self.fall);
                     out.exclusive += if fits && alone { each } else { 0.0 };
@@ -179,7 +183,7 @@ impl SupportSettings {
         let mean = |sum: f64| sum / weight.max(1.0);
         out.explained /= out.moved.max(1.0);
         out.exclusive /= out.moved.max(1.0);
-        out.contested /= out.moved.max(1.0);
+        out.contested /= (out.contested + onto_own).max(1.0);
         out.cost = mean(costs[k]);
         let plausible = |c: usize| f64::from(pool[c].implausibility);
         let different = (0..pool.len()).filter(|c| farthest[count + c] > same);
