@@ -26,6 +26,7 @@ pub(crate) fn run(args: &Export, style: Style) -> Result<(), Failure> {
     if style.json || !style.quiet {
         report.show(style.json)?;
     }
+    note(&format!("artgs check {} tests what was written", args.out.display()), style);
     Ok(())
 }
 

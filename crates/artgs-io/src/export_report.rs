@@ -259,13 +259,16 @@ impl fmt::Display for ExportReport {
         }
         writeln!(f)?;
         for link in &self.links {
-            let (Some([low, high]), Some([start, end]), Some(stops)) = (link.limits, link.observed, &link.stops) else {
-                continue;
+            let (Some(limits), Some(observed), Some(stops)) = (link.limits, link.observed, &link.stops) else { continue };
+            let (unit, [start, end], [low, high]) = match link.joint {
+                Some(JointKind::Prismatic) => ("mm", observed.map(|x| 1000.0 * x), limits.map(|x| 1000.0 * x)),
+                _ => ("degrees", observed.map(f64::to_degrees), limits.map(f64::to_degrees)),
             };
             let state = link.zero_state.as_deref().unwrap_or("start");
             let zero = if link.closed_state.is_some() { format!("closed ({state})") } else { state.into() };
-            writeln!(f, "{}: 0 = {zero}, observed {start:.3} to {end:.3}", link.name)?;
-            writeln!(f, "  from {low:.3}, {}, to {high:.3}, {}", stops[0], stops[1])?;
+            let [low, high, start, end] = [low, high, start, end].map(rounded);
+            writeln!(f, "{}: 0 = {zero}, observed {start} to {end} {unit}", link.name)?;
+            writeln!(f, "  from {low}, {}, to {high} {unit}, {}", stops[0], stops[1])?;
         }
         for handle in self.links.iter().flat_map(|link| &link.handles) {
             let HandleReport { name, width, length, depth, .. } = handle;
@@ -281,6 +284,11 @@ impl fmt::Display for ExportReport {
         writeln!(f)?;
         self.files.iter().filter(|file| is_main(file)).try_for_each(|file| writeln!(f, "{}", file.display()))
     }
+}
+
+/// With one digit, without a negative zero.
+fn rounded(value: f64) -> String {
+    format!("{:.1}", if value.abs() < 0.05 { 0.0 } else { value })
 }
 
 /// Class and confidence in percent.
