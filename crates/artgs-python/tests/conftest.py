@@ -29,5 +29,5 @@ def capture(work: Path) -> Path:
 @pytest.fixture(scope="session")
 def replica(work: Path, capture: Path) -> artgs.Replica:
     made = artgs.reconstruct(capture, out=work / "python", config=SETTINGS, progress=False, force=True)
-    made.export(progress=False)
+    made.export(["urdf", "mjcf"], progress=False)
     return made

@@ -35,7 +35,8 @@ def floats(path: Path, names: list[str]) -> np.ndarray[Any, np.dtype[np.float32]
     head, body = path.read_bytes().split(b"end_header\n", 1)
     lines = head.decode().splitlines()
     sizes = {"float": "<f4", "uchar": "u1", "ushort": "<u2", "int": "<i4", "uint": "<u4"}
-    count, fields, inside = 0, [], False
+    count, inside = 0, False
+    fields: list[tuple[str, str]] = []
     for line in lines:
         if line.startswith("element"):
             inside = line.startswith("element vertex")
@@ -67,7 +68,7 @@ def test_the_files_are_those_of_the_command(work: Path, capture: Path, replica: 
 def test_arrays_are_those_of_the_files(replica: artgs.Replica) -> None:
     for part in replica.parts:
         for state in ("start", "end"):
-            mesh = replica.mesh(part.id, state)  # type: ignore[arg-type]
+            mesh = replica.mesh(part.id, state)
             path = replica.path / "meshes" / state / f"part_{part.id}.ply"
             assert np.array_equal(mesh.vertices, floats(path, ["x", "y", "z"]))
             assert np.array_equal(mesh.colors, floats(path, ["red", "green", "blue"]))
@@ -152,16 +153,17 @@ def test_arrays_become_a_capture_and_a_replica(work: Path, capture: Path, replic
     for ours, theirs in zip(made.movable, replica.movable, strict=True):
         assert ours.joint is not None and theirs.joint is not None
         assert abs(float(ours.joint.axis @ theirs.joint.axis)) > 0.9999
-    for change, words in [
+    wrong: list[tuple[dict[str, Any], str]] = [
         ({"colors": [colors[0]]}, "give a pair"),
         ({"colors": [c.astype("f4") for c in colors]}, "expected uint8"),
         ({"depths": [d[:, 1:] for d in depths]}, "`depths` has the shape"),
         ({"camera_to_world": [2.0 * p for p in poses]}, "state start, image 0"),
         ({"intrinsics": np.eye(4)}, "give camera matrices"),
-    ]:
-        given = {"colors": colors, "depths": depths, "camera_to_world": poses, "intrinsics": lens} | change
+    ]
+    for change, words in wrong:
+        given: dict[str, Any] = {"colors": colors, "depths": depths, "camera_to_world": poses, "intrinsics": lens}
         with pytest.raises(artgs.InputError, match=words):
-            artgs.Capture.from_arrays(**given)  # type: ignore[arg-type]
+            artgs.Capture.from_arrays(**(given | change))
 
 
 def test_events_reach_a_function_and_its_exception_ends_the_run(tmp_path: Path, capture: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import shutil
@@ -26,11 +27,10 @@ CAPTURES = int(os.environ.get("ARTGS_RAY_CAPTURES", "10"))
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
-    from ray.cluster_utils import Cluster
-
+    utils: Any = importlib.import_module("ray.cluster_utils")
     # A node that does not answer counts as lost after a few seconds.
     system = {"health_check_initial_delay_ms": 0, "health_check_period_ms": 1000, "health_check_failure_threshold": 5}
-    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "_system_config": system})
+    made = utils.Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "_system_config": system})
     made.nodes = [made.add_node(num_cpus=1, wait=True) for _ in range(3)]
     ray.init(address=made.address, log_to_driver=False)
     yield made
@@ -42,7 +42,7 @@ def cluster() -> Iterator[Any]:
 def manifest(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("batch")
     (folder / "quick.toml").write_text("[articulate]\nsteps = 20\n[surface]\nresolution = 60.0\n")
-    rows = []
+    rows: list[dict[str, object]] = []
     for number in range(CAPTURES):
         artgs.synth("storage2", folder / f"c{number}", views=12, test_views=0, size=80, seed=number)
         rows.append({"id": f"good-{number}", "start": f"c{number}", "parts": 3, "config": "quick.toml", "device": "cpu"})
@@ -60,12 +60,6 @@ def manifest(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-def kill_for(name: str, _path: str) -> None:
-    """Stands for a capture whose memory a node does not have."""
-    if name == "killer":
-        os.kill(os.getpid(), signal.SIGKILL)
-
-
 def files_of(folder: Path) -> dict[str, bytes]:
     found = [folder / "replica.json", *sorted(folder.glob("meshes/*/*.ply")), *sorted(folder.glob("splats/*.ply"))]
     return {str(path.relative_to(folder)): path.read_bytes() for path in found}
@@ -74,6 +68,12 @@ def files_of(folder: Path) -> dict[str, bytes]:
 @pytest.mark.skipif(sys.platform != "linux", reason="clusters of several nodes on one machine are for Linux")
 def test_a_lost_node_and_worker_cost_no_capture(cluster: Any, manifest: Path, tmp_path: Path) -> None:
     import artgs.ray
+
+    # Inside of this function, because nodes do not know this module.
+    def kill_for(name: str, _path: str) -> None:
+        """Stands for a capture whose memory a node does not have."""
+        if name == "killer":
+            os.kill(os.getpid(), signal.SIGKILL)
 
     out = tmp_path / "out"
     lost = threading.Event()
@@ -88,7 +88,7 @@ def test_a_lost_node_and_worker_cost_no_capture(cluster: Any, manifest: Path, tm
     thread.start()
     table = artgs.ray.reconstruct(manifest, out, prepare=kill_for, retries=2, table_seconds=1.0, progress=False)
     assert lost.is_set()
-    rows = {row["id"]: row for row in table.to_pylist()}
+    rows: dict[str, Any] = {row["id"]: row for row in table.to_pylist()}
     assert len(rows) == table.num_rows == CAPTURES + 4
     failed = {name: row["reason"] for name, row in rows.items() if row["status"] != "done"}
     assert set(failed) == {"absent", "json", "parts", "killer"}
@@ -112,10 +112,11 @@ def test_a_lost_node_and_worker_cost_no_capture(cluster: Any, manifest: Path, tm
 def test_wrong_manifests_are_refused(tmp_path: Path) -> None:
     import artgs.ray
 
-    for rows, words in [
+    wrong: list[tuple[list[dict[str, Any]], str]] = [
         ([{"id": "a", "start": "x"}, {"id": "A", "start": "y"}], "'a' is that of two captures"),
         ([{"id": "a"}], "`start` is missing"),
-    ]:
+    ]
+    for rows, words in wrong:
         with pytest.raises(artgs.InputError, match=words):
             artgs.ray.reconstruct(rows, tmp_path)
     with pytest.raises(artgs.InputError, match="no manifest"):

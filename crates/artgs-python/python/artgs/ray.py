@@ -99,7 +99,7 @@ def reconstruct(
     that failed for a reason that remains as well unless `retry_failed`. The same call continues after the driver was killed.
 
     A task takes `num_cpus` (threads of a run, too), `num_gpus` and `memory` in bytes, and is repeated `retries` times if its worker or node
-    is lost or the failure may not remain. `prepare` is called in the task with the id and the path of the capture before the run. At most
+    is lost or the failure may not remain. `prepare` is called in the task with the id and the path of the capture before the run; nodes must be able to import it. At most
     `in_flight` tasks are known to Ray at a time.
     """
     entries = _entries(manifest)
