@@ -52,7 +52,7 @@ fn a_finished_capture_is_skipped_until_it_changes() {
     assert_eq!(before, [written("rows/good.json"), written("replicas/good/replica.json")]);
     std::fs::write(folder.path().join("quick.toml"), "[articulate]\nsteps = 25\n[surface]\nresolution = 60.0\n")
         .unwrap();
-    let changed = run(&["--index", "0", "--to", "urdf"]);
+    let changed = run(&["--index", "0"]);
     assert_eq!(changed.status.code(), Some(0), "{}", text(&changed.stderr));
     assert_ne!(row(&out, "good")["content"], made["content"]);
 }

@@ -29,5 +29,5 @@ def capture(work: Path) -> Path:
 @pytest.fixture(scope="session")
 def replica(work: Path, capture: Path) -> artgs.Replica:
     made = artgs.reconstruct(capture, out=work / "python", config=SETTINGS, progress=False, force=True)
-    made.export(["urdf", "mjcf"], progress=False)
+    made.export(["urdf", "mjcf", "splats"], triangles=2000, progress=False)
     return made

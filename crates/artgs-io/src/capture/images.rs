@@ -102,7 +102,7 @@ fn view(image: &PosedImage, axes: CameraAxes, place: &str) -> Result<View, Captu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::opengl_pose;
+    use crate::capture::opengl_pose;
 
     fn image(x: f64, axes: CameraAxes) -> PosedImage {
         let k = Intrinsics { fx: 8.0, fy: 8.0, cx: 4.0, cy: 3.0, width: 8, height: 6 };

@@ -198,7 +198,7 @@ class Replica:
         """Writes files for simulators, browsers and renderers to the folder ``exports`` of the replica; all formats if none are given.
         Arguments are the options of ``artgs export``. Returns its report; ``files`` lists what was written.
 
-        >>> replica.export(["urdf", "mjcf"], progress=False)["scale"]
+        >>> replica.export(["urdf", "mjcf"], triangles=2000, progress=False)["scale"]
         1.0
         """
         words = ["export"]
