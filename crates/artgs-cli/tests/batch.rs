@@ -15,18 +15,19 @@ fn text(bytes: &[u8]) -> String {
 }
 
 fn row(out: &Path, id: &str) -> Value {
-    serde_json::from_slice(&std::fs::read(out.join(format!("rows/{id}.json"))).unwrap()).unwrap()
+    let bytes = std::fs::read(out.join(format!("rows/{id}.json"))).expect("there is a row");
+    serde_json::from_slice(&bytes).expect("rows are JSON")
 }
 
 /// A folder with a small capture, quick settings, and a manifest that names the capture as `good` and nothing as `broken`.
 fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().expect("there is room");
     let options = CabinetOptions { views: 16, test_views: 0, size: 96, ..CabinetOptions::default() };
-    write_cabinet(&folder.path().join("capture"), &options).unwrap();
+    write_cabinet(&folder.path().join("capture"), &options).expect("it is written");
     std::fs::write(folder.path().join("quick.toml"), "[articulate]\nsteps = 20\n[surface]\nresolution = 60.0\n")
-        .unwrap();
+        .expect("it is written");
     let rows = "id,start,parts,config,device\ngood,capture,3,quick.toml,cpu\nbroken,absent,,,\n";
-    std::fs::write(folder.path().join("m.csv"), rows).unwrap();
+    std::fs::write(folder.path().join("m.csv"), rows).expect("it is written");
     folder
 }
 
