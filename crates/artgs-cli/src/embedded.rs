@@ -8,7 +8,7 @@ use crate::{evaluate, export, reconstruct};
 use artgs::observer::{Event, Observer, until_stopped};
 use artgs_core::Capture;
 use clap::Parser;
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::ffi::OsString;
 use std::sync::atomic::AtomicBool;
 
@@ -57,7 +57,7 @@ fn executed(words: &[OsString], given: Option<Capture>, observer: &mut dyn Obser
         #[cfg(feature = "check")]
         Command::Check(args) => {
             let checked = crate::check::checked(args)?;
-            Ok(json!({ "passed": checked.passed, "report": checked.report.json }))
+            Ok(serde_json::json!({ "passed": checked.passed, "report": checked.report.json }))
         }
         Command::Inspect(args) => Ok(commands::described(args)?.into_iter().map(|(_, report)| report.json).collect()),
         _ => commands::execute(&cli.command, STYLE).map(|()| Value::Null),

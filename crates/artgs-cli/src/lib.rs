@@ -1,5 +1,5 @@
-//! The program `artgs` as a library: [`process`] is the program, [`command`] is one command line in a process of something else,
-//! and [`call`] is one command without a terminal, for bindings to other languages.
+//! The program `artgs` as a library: [`process()`] is the program, [`command()`] is one command line in a process of something else,
+//! and [`call()`] is one command without a terminal, for bindings to other languages.
 //!
 //! Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 3 a check failed, 70 an error in the program, 75 a later retry makes sense, 130 interrupted.
 
