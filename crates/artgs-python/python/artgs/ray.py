@@ -242,13 +242,17 @@ def _task(
             return earlier
     with tempfile.TemporaryDirectory(prefix="artgs-") as folder:
         work = Path(folder)
-        local = {**entry, **_fetched(entry, work)}
-        if prepare is not None:
-            prepare(name, str(local["start"]))
-        local.setdefault("threads", threads)
-        row = _run(local, work, formats)
+        try:
+            local = {**entry, **_fetched(entry, work)}
+        except FileNotFoundError as error:
+            row = _failed(name, f"no such file: {error}", retry=False)
+        else:
+            if prepare is not None:
+                prepare(name, str(local["start"]))
+            local.setdefault("threads", threads)
+            row = _run(local, work, formats)
         row["source"] = source
-        if row["replica"] is not None:
+        if row.get("replica") is not None:
             row["replica"] = f"{out}/replicas/{name}"
             _store(work / "out" / "replicas" / name, row["replica"])
     # After the replica: a row says that it is complete.
@@ -310,9 +314,10 @@ def _run(entry: dict[str, Any], work: Path, formats: str) -> Row:
     if file.exists():
         row: Row = json.loads(file.read_text())
         return row
-    message = done.stderr.partition("error: ")[2].strip() or f"artgs batch ended with {done.returncode}"
+    # The manifest of this task says nothing to users.
+    message = done.stderr.partition("error: ")[2].replace(f"{manifest}: line 1: ", "").strip() or f"artgs batch ended with {done.returncode}"
     row = _failed(entry["id"], message, retry=done.returncode not in (2, 70))
-    return row | {"exit_code": done.returncode, "replica": None}
+    return row | {"exit_code": done.returncode}
 
 
 def _end_with_parent() -> None:
