@@ -14,7 +14,7 @@ use std::path::PathBuf;
 #[cfg(feature = "bench")]
 use std::time::Duration;
 
-const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 3 a check failed, 70 an error in the program, 130 interrupted.";
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 3 a check failed, 70 an error in the program, 75 a later retry makes sense (batch), 130 interrupted.";
 
 /// Photos of an articulated object in two states to an interactable replica: part meshes, joints, splats, URDF.
 #[derive(Debug, Parser)]
@@ -39,6 +39,7 @@ impl Cli {
                 Command::Reconstruct(a) => a.json,
                 Command::Evaluate(a) => a.json.as_ref().is_some_and(|file| file.as_os_str() == "-"),
                 Command::Demo(a) => a.json,
+                Command::Batch(a) => a.json,
                 #[cfg(feature = "bench")]
                 Command::Bench(a) => a.json,
                 Command::Synth(a) => a.json,
@@ -69,6 +70,8 @@ pub(crate) enum Command {
     Evaluate(Evaluate),
     /// Render a capture of a procedural cabinet, reconstruct it and score the result
     Demo(Demo),
+    /// Reconstruct the captures of a manifest, or one of them as a job of a cluster
+    Batch(Batch),
     /// Reconstruct and score many captures, and tabulate the results beside those of the paper
     #[cfg(feature = "bench")]
     Bench(Bench),
@@ -410,6 +413,28 @@ pub(crate) struct Demo {
     #[command(flatten)]
     pub(crate) earlier: Earlier,
     /// Write events as JSON, one per line
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Batch {
+    /// CSV with a header, or JSON with one object per line (.jsonl): `id`, `start` (a capture, or the first recording), `end`
+    /// (the second recording), and options of reconstruct. Relative paths start at its folder
+    pub(crate) manifest: PathBuf,
+    /// Folder for replicas, logs, and a row per capture; if absent, the number of captures is printed
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Number of the capture, from 0; all of them one after another if absent, and then the table results.jsonl
+    #[arg(long, value_name = "N", requires = "out")]
+    pub(crate) index: Option<usize>,
+    /// Export the replicas: formats, separated by commas
+    #[arg(long, value_name = "LIST", value_enum, value_delimiter = ',')]
+    pub(crate) to: Vec<FormatArg>,
+    /// Run captures again that failed for a reason that remains
+    #[arg(long)]
+    pub(crate) retry_failed: bool,
+    /// Write rows as JSON, one per line
     #[arg(long)]
     json: bool,
 }

@@ -5,6 +5,7 @@ use crate::commands::{Style, use_threads};
 use crate::device::{self, DeviceChoice};
 use crate::failure::Failure;
 use crate::output::say;
+use crate::process;
 use crate::suites::{self, Photos};
 use anyhow::{Context, anyhow};
 use artgs::Config;
@@ -24,7 +25,7 @@ pub(crate) fn run(args: &Bench, style: Style) -> Result<(), Failure> {
     let (items, variants) = (items(args)?, variants(args)?);
     // Fails now instead of in every run.
     device::open(args.device)?;
-    let program = std::env::current_exe().context("cannot find the path of this program")?;
+    let program = process::program().context("cannot find the path of this program")?.to_path_buf();
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("cannot watch for Ctrl-C")?;
@@ -66,7 +67,7 @@ fn circumstances(args: &Bench) -> Circumstances {
     let cores = || std::thread::available_parallelism().map_or(1, Into::into);
     Circumstances {
         command: std::iter::once("artgs".to_string())
-            .chain(std::env::args().skip(1).map(|a| quoted(&a)))
+            .chain(process::words().map(|a| quoted(&a)))
             .fold(String::new(), |line, word| if line.is_empty() { word } else { format!("{line} {word}") }),
         threads: args.threads.map_or_else(cores, Into::into),
         jobs: args.jobs.get(),

@@ -1,7 +1,7 @@
 //! `artgs check`: whether the exports of a replica open and move.
 
 #[cfg(feature = "check")]
-pub(crate) use built_in::{check, run};
+pub(crate) use built_in::{check, checked, run};
 
 use crate::failure::Failure;
 use crate::output::Report;
@@ -10,7 +10,7 @@ use artgs_io::RunFolder;
 /// The findings of a check.
 pub(crate) struct Checked {
     pub(crate) report: Report,
-    passed: bool,
+    pub(crate) passed: bool,
 }
 
 impl Checked {
@@ -33,11 +33,16 @@ mod built_in {
     use artgs_io::RunFolder;
 
     pub(crate) fn run(args: &Check, style: Style) -> Result<(), Failure> {
+        let checked = checked(args)?;
+        checked.report.show(style.json)?;
+        checked.result(&RunFolder::new(&args.out))
+    }
+
+    /// The check that is asked for.
+    pub(crate) fn checked(args: &Check) -> Result<Checked, Failure> {
         let run = RunFolder::new(&args.out);
         require_replica(&run)?;
-        let checked = check(&run)?;
-        checked.report.show(style.json)?;
-        checked.result(&run)
+        check(&run)
     }
 
     /// Opens the exports of a replica and drives its joints.

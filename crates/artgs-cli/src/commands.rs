@@ -10,8 +10,9 @@ use crate::{agreement, demo, device, evaluate, export, reconstruct, settings, sy
 use anyhow::Context;
 use artgs::consistency::{check_capture, check_views};
 use artgs_core::State;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::num::NonZeroUsize;
+use std::path::PathBuf;
 
 /// How results are shown.
 #[derive(Clone, Copy, Debug)]
@@ -20,15 +21,23 @@ pub(crate) struct Style {
     pub(crate) json: bool,
     /// No progress and no summary.
     pub(crate) quiet: bool,
+    /// No warnings either: an observer in this process gets them.
+    pub(crate) silent: bool,
 }
 
 pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
-    let style = Style { json: cli.wants_json(), quiet: cli.quiet };
-    match &cli.command {
+    let style = Style { json: cli.wants_json(), quiet: cli.quiet, silent: false };
+    execute(&cli.command, style)
+}
+
+/// Executes one command.
+pub(crate) fn execute(command: &Command, style: Style) -> Result<(), Failure> {
+    match command {
         Command::Inspect(args) => inspect(args, style),
         Command::Reconstruct(args) => reconstruct::run(args, style),
         Command::Evaluate(args) => evaluate::run(args, style),
         Command::Demo(args) => demo::run(args, style),
+        Command::Batch(args) => crate::batch::run(args, style),
         #[cfg(feature = "bench")]
         Command::Bench(args) => crate::bench::run(args, style),
         Command::Synth(args) => synth::run(args, style),
@@ -43,6 +52,22 @@ pub(crate) fn run(cli: &Cli) -> Result<(), Failure> {
 
 /// Describes a capture, or each of one or two recordings.
 fn inspect(args: &Inspect, style: Style) -> Result<(), Failure> {
+    let mut reports = described(args)?;
+    if let [(None, report)] = &reports[..] {
+        return report.show(style.json);
+    }
+    if style.json {
+        let reports: Value = reports.drain(..).map(|(_, report)| report.json).collect();
+        return say(format!("{reports:#}"));
+    }
+    reports.iter().try_for_each(|(path, report)| match path {
+        Some(path) => say(format!("{}\n{}", path.display(), report.text)),
+        None => say(&report.text),
+    })
+}
+
+/// The description of a capture, or of each recording with its path.
+pub(crate) fn described(args: &Inspect) -> Result<Vec<(Option<PathBuf>, Report)>, Failure> {
     if let Ok(Source::Capture(folder)) = Source::new(&args.capture) {
         recordings::require_none(&args.recording, &folder)?;
         let capture = load_capture(&folder)?;
@@ -53,7 +78,7 @@ fn inspect(args: &Inspect, style: Style) -> Result<(), Failure> {
         let needed = Plan::unlimited(&folder);
         report.text.push_str(&format!("memory            about {} to reconstruct\n", memory::size(needed as f64)));
         report.json["memory_bytes"] = json!(needed);
-        return report.show(style.json);
+        return Ok(vec![(None, report)]);
     }
     let mut reports = Vec::new();
     for (path, state) in args.capture.iter().zip(State::ALL) {
@@ -62,12 +87,9 @@ fn inspect(args: &Inspect, style: Style) -> Result<(), Failure> {
         let mut report = Report::new(&RecordingSummary::new(&recording))?;
         report.text.push_str(&agreement::described_recording(&found));
         report.json["consistency"] = json!(found);
-        reports.push(report.json);
-        if !style.json {
-            say(format!("{}\n{}", path.display(), report.text))?;
-        }
+        reports.push((Some(path.clone()), report));
     }
-    if style.json { say(format!("{:#}", json!(reports))) } else { Ok(()) }
+    Ok(reports)
 }
 
 /// Sizes the thread pool that everything shares: at most four threads per processor.

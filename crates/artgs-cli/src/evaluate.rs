@@ -12,6 +12,12 @@ use std::path::Path;
 
 pub(crate) fn run(args: &Evaluate, style: Style) -> Result<(), Failure> {
     use_threads(args.threads)?;
+    let scores = scores(args, &mut |text| note(text, style))?;
+    scores.show(style.json)
+}
+
+/// The scores that are asked for, in a file as well if it is named; `remark` gets what is unexpected.
+pub(crate) fn scores(args: &Evaluate, remark: &mut dyn FnMut(&str)) -> Result<Report, Failure> {
     for folder in std::iter::once(&args.out).chain(&args.gt) {
         if !folder.is_dir() {
             let what = if folder.exists() { "is a file; give a folder" } else { "no such folder" };
@@ -36,7 +42,7 @@ pub(crate) fn run(args: &Evaluate, style: Style) -> Result<(), Failure> {
             let lpips = args.lpips.as_deref().map(Lpips::load).transpose().map_err(Failure::bad_input)?;
             let capture = load_capture(folder)?;
             if let Some(reason) = no_pictures(&run, &capture) {
-                note(&format!("images are not scored: {reason}"), style);
+                remark(&format!("images are not scored: {reason}"));
             }
             score(&run, ground_truth, Some((&capture, lpips.as_ref())))?
         }
@@ -44,7 +50,7 @@ pub(crate) fn run(args: &Evaluate, style: Style) -> Result<(), Failure> {
     if let Some(file) = args.json.as_ref().filter(|file| file.as_os_str() != "-") {
         write_json(file, &scores)?;
     }
-    scores.show(style.json)
+    Ok(scores)
 }
 
 /// Refuses a place where no file can be, before minutes of work.

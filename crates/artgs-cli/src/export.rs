@@ -15,19 +15,25 @@ use std::path::Path;
 
 pub(crate) fn run(args: &Export, style: Style) -> Result<(), Failure> {
     use_threads(args.threads)?;
+    let report = report(args, style, &mut |text| note(text, style))?;
+    if style.json || !style.quiet {
+        report.show(style.json)?;
+    }
+    note(&format!("artgs check {} tests what was written", args.out.display()), style);
+    Ok(())
+}
+
+/// Exports, and reports what was decided; `remark` gets what is unexpected.
+pub(crate) fn report(args: &Export, style: Style, remark: &mut dyn FnMut(&str)) -> Result<Report, Failure> {
     let run = RunFolder::new(&args.out);
     let up = args.up.or_else(|| up_of_recordings(&run)).unwrap_or(UpAxis::Z);
     let options = options(args, up);
     options.config().map_err(failure)?;
     require_replica(&run)?;
     let lock = lock(&run, "artgs export", style)?;
-    let report = export_locked(&run, &options, style)?;
+    let report = export_with(&run, &options, remark);
     drop(lock);
-    if style.json || !style.quiet {
-        report.show(style.json)?;
-    }
-    note(&format!("artgs check {} tests what was written", args.out.display()), style);
-    Ok(())
+    report
 }
 
 /// Upward axis of the recordings that a run aligned; none if it aligned none, they state none, or it is no axis.
@@ -67,10 +73,14 @@ fn options(args: &Export, up: UpAxis) -> ExportOptions {
 
 /// Writes the formats into a folder that is locked and reports what was decided.
 pub(crate) fn export_locked(run: &RunFolder, options: &ExportOptions, style: Style) -> Result<Report, Failure> {
+    export_with(run, options, &mut |text| note(text, style))
+}
+
+fn export_with(run: &RunFolder, options: &ExportOptions, remark: &mut dyn FnMut(&str)) -> Result<Report, Failure> {
     options.config().map_err(failure)?;
     require_replica(run)?;
-    let capture = capture(run, options.capture.as_deref(), style)?;
-    let report = artgs_physical::export::export(run, options, capture.as_ref(), |warning| note(warning, style));
+    let capture = capture(run, options.capture.as_deref(), remark)?;
+    let report = artgs_physical::export::export(run, options, capture.as_ref(), |warning| remark(warning));
     Report::new(&report.map_err(failure)?)
 }
 
@@ -84,17 +94,17 @@ fn failure(error: ExportError) -> Failure {
 }
 
 /// The photos of the replica: in the folder that the user named, or else where the run found them.
-fn capture(run: &RunFolder, named: Option<&Path>, style: Style) -> Result<Option<Capture>, Failure> {
+fn capture(run: &RunFolder, named: Option<&Path>, remark: &mut dyn FnMut(&str)) -> Result<Option<Capture>, Failure> {
     let photos = match named {
         Some(folder) => Some(load_capture(folder)?),
         None => photos_of(run, None).and_then(|folder| load_capture(&folder).ok()),
     };
     match &photos {
         Some(capture) if artgs::run::made_from(run, capture) == Some(false) => {
-            note("the capture is not the one the replica was made of: textures may not fit", style);
+            remark("the capture is not the one the replica was made of: textures may not fit");
         }
         None => {
-            note("the photos are not where they were: textures hold the colours of the meshes; see --capture", style);
+            remark("the photos are not where they were: textures hold the colours of the meshes; see --capture");
         }
         Some(_) => {}
     }

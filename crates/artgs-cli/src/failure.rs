@@ -12,8 +12,9 @@ pub(crate) enum Failure {
     Failed(anyhow::Error),
     /// A check found something wrong, which was shown already.
     ChecksFailed(String),
+    /// Nothing is wrong with the input: the same command may succeed later.
+    Retry(anyhow::Error),
     /// The user stopped it.
-    #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "only `bench` handles interruptions itself"))]
     Interrupted(anyhow::Error),
 }
 
@@ -33,12 +34,13 @@ impl Failure {
         Self::Failed(error.into())
     }
 
-    /// 2 for bad input, 3 for a failed check, 130 for an interruption, else 1.
+    /// 2 for bad input, 3 for a failed check, 75 where a retry makes sense, 130 for an interruption, else 1.
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::BadInput(_) => 2,
             Self::Failed(_) => 1,
             Self::ChecksFailed(_) => 3,
+            Self::Retry(_) => 75,
             Self::Interrupted(_) => 130,
         }
     }
@@ -54,7 +56,7 @@ impl Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let error = match self {
             Self::ChecksFailed(what) => return f.write_str(&printable(what)),
-            Self::BadInput(error) | Self::Failed(error) | Self::Interrupted(error) => error,
+            Self::BadInput(error) | Self::Failed(error) | Self::Retry(error) | Self::Interrupted(error) => error,
         };
         // Most errors name their cause themselves; only causes that they do not name follow.
         let mut said = String::new();

@@ -105,7 +105,7 @@ mod tests {
     const FRESH: Earlier = Earlier { resume: false, force: false };
     const RESUME: Earlier = Earlier { resume: true, force: false };
     const FORCE: Earlier = Earlier { resume: false, force: true };
-    const STYLE: Style = Style { json: false, quiet: true };
+    const STYLE: Style = Style { json: false, quiet: true, silent: false };
 
     fn prepare(run: &RunFolder, earlier: Earlier) -> Result<FolderLock, Failure> {
         super::prepare(run, earlier, "artgs reconstruct", STYLE)

@@ -1,8 +1,6 @@
 //! Memory of a reconstruction: predicted from the sizes of the images before they are read, and kept within a limit.
 
-use crate::commands::Style;
 use crate::failure::Failure;
-use crate::output::note;
 use artgs_io::capture::{CaptureOptions, ImageSizes, image_sizes};
 use artgs_io::recording::RecordingOptions;
 use bytesize::ByteSize;
@@ -97,12 +95,11 @@ impl Plan {
         Ok(Self { longest_side: side, predicted: predicted as u64, volume_mib, reduced: side < largest })
     }
 
-    /// States what is needed; a warning if images are reduced for it.
-    pub(crate) fn announce(&self, style: Style) {
-        if self.reduced {
-            let (side, needed) = (self.longest_side, size(self.predicted as f64));
-            note(&format!("images are reduced to {side} pixels, so that about {needed} of memory suffice"), style);
-        }
+    /// What is to be said if images are reduced.
+    pub(crate) fn notice(&self) -> Option<String> {
+        let (side, needed) = (self.longest_side, size(self.predicted as f64));
+        let text = || format!("images are reduced to {side} pixels, so that about {needed} of memory suffice");
+        self.reduced.then(text)
     }
 }
 

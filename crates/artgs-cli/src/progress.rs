@@ -4,7 +4,7 @@
 use crate::commands::Style;
 use crate::output::printable;
 use crate::pace::Pace;
-use artgs::observer::{Event, JsonLines, Observer};
+use artgs::observer::{Event, JsonLines, NullObserver, Observer};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::BTreeSet;
 use std::io::{self, IsTerminal, Write};
@@ -16,6 +16,7 @@ const PERIOD: Duration = Duration::from_secs(5);
 /// The observer that shows a run in the style asked for.
 pub(crate) fn renderer(style: Style) -> Box<dyn Observer> {
     match style {
+        Style { silent: true, .. } => Box::new(NullObserver),
         Style { json: true, .. } => Box::new(JsonLines::new(io::stdout())),
         Style { quiet: true, .. } => Box::new(Lines::new(io::stderr(), None)),
         _ if io::stderr().is_terminal() => Box::new(Bar::default()),

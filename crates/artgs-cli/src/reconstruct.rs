@@ -7,14 +7,14 @@ use crate::device::{self, Chosen};
 use crate::failure::Failure;
 use crate::folder::{self, load_capture, load_capture_with};
 use crate::memory::Plan;
-use crate::output::{Report, say};
+use crate::output::{Report, note, say};
 use crate::recordings::{self, Source};
 use crate::settings::configure;
 use crate::{agreement, doubts, live, object_box, parts_table, progress, rerun};
 use anyhow::Context;
 use artgs::align::correct;
 use artgs::fit::FitError;
-use artgs::observer::{JsonLines, NullObserver, Observer, Tee};
+use artgs::observer::{Event, JsonLines, NullObserver, Observer, Tee};
 use artgs::run::{finds_parts, found_parts};
 use artgs::{Config, Reconstruction};
 use artgs_core::{Capture, JointEstimate};
@@ -33,8 +33,65 @@ pub(crate) struct Job<'a> {
     pub(crate) style: Style,
 }
 
+/// A run that can begin: its input is read and accepted, its folder is locked.
+struct Ready {
+    capture: Capture,
+    photos: PathBuf,
+    run: RunFolder,
+    config: Config,
+    device: Chosen,
+    lock: FolderLock,
+}
+
+impl Ready {
+    fn job(&self, args: &Reconstruct, style: Style) -> Job<'_> {
+        let Self { capture, run, config, device, .. } = self;
+        Job { capture, run, config, resume: args.earlier.resume, device, style }
+    }
+}
+
 pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     use_threads(args.method.threads)?;
+    let ready = ready(args, None, style, &mut NullObserver)?;
+    if args.stop_after.is_some() {
+        return find_parts_only(args, ready, style);
+    }
+    let job = ready.job(args, style);
+    let summary = if args.view { live::reconstruct(&job)? } else { job.reconstruct(&mut NullObserver)? };
+    drop(ready);
+    if style.json {
+        return say(json!({ "event": "result", "out": args.out, "summary": summary.json }));
+    }
+    if !style.quiet {
+        summary.show(false)?;
+        let shown = args.out.display();
+        say(format!(
+            "replica in {shown}; open {shown}/preview.png or run artgs view {shown} to look at it; artgs export {shown} writes \
+             it as files for simulators and browsers"
+        ))?;
+    }
+    Ok(())
+}
+
+/// The same without a terminal, of a capture in memory if there is one: summary, or what was found.
+pub(crate) fn call(
+    args: &Reconstruct,
+    given: Option<Capture>,
+    style: Style,
+    also: &mut dyn Observer,
+) -> Result<Value, Failure> {
+    if args.view {
+        return Err(Failure::bad("--view needs a terminal that Ctrl-C reaches"));
+    }
+    let ready = ready(args, given, style, also)?;
+    let job = ready.job(args, style);
+    let report = if args.stop_after.is_some() { job.find_parts(also)? } else { job.reconstruct(also)? };
+    Ok(report.json)
+}
+
+/// Reads the input, refuses what cannot be used, and prepares the folder. `given` is a capture in memory that replaces
+/// the one of the arguments.
+fn ready(args: &Reconstruct, given: Option<Capture>, style: Style, also: &mut dyn Observer) -> Result<Ready, Failure> {
     let mut config = configure(&args.method, None)?;
     let run = RunFolder::new(&args.out);
     folder::check(&run, args.earlier)?;
@@ -44,6 +101,10 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     if args.earlier.resume {
         require_corrections(&run)?;
     }
+    if let Some(capture) = given {
+        let device = device::choose(args.method.device, &config)?;
+        return ready_in_memory(args, capture, run, config, device, style);
+    }
     let source = Source::new(&args.capture)?;
     let given = args.object_box.as_deref().map(|text| object_box::given(text, &source)).transpose()?;
     let device = device::choose(args.method.device, &config)?;
@@ -51,7 +112,10 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
         Source::Capture(folder) => Plan::of_capture(folder, args.memory)?,
         Source::Recordings(_) => Plan::of_recordings(recordings::most_frames(&args.recording), args.memory)?,
     };
-    plan.announce(style);
+    if let Some(text) = plan.notice() {
+        note(&text, style);
+        also.event(Event::note(text));
+    }
     if let Some(mib) = plan.volume_mib {
         config.surface.memory_mib = config.surface.memory_mib.min(mib);
     }
@@ -69,7 +133,8 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
         Source::Recordings(paths) => {
             let mut found = recordings::load(&paths, &args.recording, plan.longest_side)?;
             agreement::require_recordings(&mut found, args.force_input)?;
-            let (mut capture, report) = recordings::aligned(&found, &config.align, given.as_ref(), config.seed, style)?;
+            let (mut capture, report) =
+                recordings::aligned(&found, &config.align, given.as_ref(), config.seed, style, also)?;
             drop(found);
             agreement::require_one_object(&mut capture, args.force_input)?;
             let lock = folder::prepare(&run, args.earlier, COMMAND, style)?;
@@ -78,25 +143,27 @@ pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
         }
     };
     run.save_capture_folder(&photos).map_err(Failure::failed)?;
-    let resume = args.earlier.resume;
-    let job = Job { capture: &capture, run: &run, config: &config, resume, device: &device, style };
-    if args.stop_after.is_some() {
-        return find_parts_only(args, &photos, &job, lock);
+    Ok(Ready { capture, photos, run, config, device, lock })
+}
+
+/// The same for a capture in memory, which is saved in the folder of the run: exports and the page need its photos.
+fn ready_in_memory(
+    args: &Reconstruct,
+    mut capture: Capture,
+    run: RunFolder,
+    config: Config,
+    device: Chosen,
+    style: Style,
+) -> Result<Ready, Failure> {
+    if let Some(option) = recordings::given_option(&args.recording) {
+        return Err(Failure::bad(format!("{option} is for the recordings of two states, and this is a capture")));
     }
-    let summary = if args.view { live::reconstruct(&job)? } else { job.reconstruct(&mut NullObserver)? };
-    drop(lock);
-    if style.json {
-        return say(json!({ "event": "result", "out": args.out, "summary": summary.json }));
-    }
-    if !style.quiet {
-        summary.show(false)?;
-        let shown = args.out.display();
-        say(format!(
-            "replica in {shown}; open {shown}/preview.png or run artgs view {shown} to look at it; artgs export {shown} writes \
-             it as files for simulators and browsers"
-        ))?;
-    }
-    Ok(())
+    agreement::require(&mut capture, args.force_input)?;
+    let correction = correct(&mut capture, &config.align);
+    let lock = folder::prepare(&run, args.earlier, COMMAND, style)?;
+    let (capture, photos) = saved(&run, capture, &correction)?;
+    run.save_capture_folder(&photos).map_err(Failure::failed)?;
+    Ok(Ready { capture, photos, run, config, device, lock })
 }
 
 /// What others read who find the folder locked.
@@ -136,16 +203,19 @@ fn saved(run: &RunFolder, capture: Capture, report: &impl Serialize) -> Result<(
 }
 
 /// The stages before training; with `--view` the page stays, takes corrections and continues the run.
-fn find_parts_only(args: &Reconstruct, photos: &Path, job: &Job<'_>, lock: FolderLock) -> Result<(), Failure> {
+fn find_parts_only(args: &Reconstruct, ready: Ready, style: Style) -> Result<(), Failure> {
+    let Ready { capture, photos, run, config, device, lock } = ready;
+    let resume = args.earlier.resume;
+    let job = Job { capture: &capture, run: &run, config: &config, resume, device: &device, style };
     if args.view {
-        return rerun::find_parts(job, photos, args.method.device, lock);
+        return rerun::find_parts(&job, &photos, args.method.device, lock);
     }
     let found = job.find_parts(&mut NullObserver)?;
     drop(lock);
-    if job.style.json {
+    if style.json {
         return say(json!({ "event": "result", "out": args.out, "found": found.json }));
     }
-    if !job.style.quiet {
+    if !style.quiet {
         found.show(false)?;
         let shown = args.out.display();
         say(format!("parts in {shown}; artgs view {shown} shows them, takes corrections and continues the run"))?;

@@ -5,7 +5,7 @@ use crate::commands::Style;
 use crate::failure::Failure;
 use crate::progress;
 use artgs::align::{AlignConfig, AlignReport, ObjectBox, align_with_progress};
-use artgs::observer::{Event, percent};
+use artgs::observer::{Event, Observer, Tee, percent};
 use artgs_core::{Capture, PerState, Recording, State};
 use artgs_io::RunFolder;
 use artgs_io::capture::write_capture;
@@ -132,19 +132,21 @@ fn options(state: State, args: &RecordingArgs) -> Result<RecordingOptions, Failu
     })
 }
 
-/// Aligns recordings; shows progress and what was found. The capture has a warning for everything else that moved.
+/// Aligns recordings; shows progress and what was found, `also` gets it, too. The capture has a warning for everything else that moved.
 pub(crate) fn aligned(
     recordings: &PerState<Recording>,
     config: &AlignConfig,
     given: Option<&ObjectBox>,
     seed: u64,
     style: Style,
+    also: &mut dyn Observer,
 ) -> Result<(Capture, AlignReport), Failure> {
-    let mut shown = progress::renderer(style);
+    let mut renderer = progress::renderer(style);
+    let mut shown = Tee(renderer.as_mut(), also);
     let begun = Instant::now();
     shown.event(Event::started("align"));
     let (mut capture, report) = {
-        let mut done = percent(shown.as_mut(), "align");
+        let mut done = percent(&mut shown, "align");
         align_with_progress(recordings, config, given, seed, &mut done).map_err(Failure::bad_input)?
     };
     shown.event(Event::finished("align", begun.elapsed().as_secs_f64(), false));

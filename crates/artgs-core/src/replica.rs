@@ -186,6 +186,21 @@ impl Replica {
         }
     }
 
+    /// Motion of a part from where it is at the start to where it is when every joint has its value of `values` (radians or
+    /// scene units; `values[k]` is of part `k`, the value of part 0 is ignored), world frame. Missing values are those of the
+    /// start.
+    pub fn pose(&self, part: usize, values: &[f64]) -> Rigid {
+        let own = self.joint(part).map_or(Rigid::IDENTITY, |joint| {
+            let start = joint.state_values[State::START];
+            joint.motion(values.get(part).map_or(0.0, |value| value - start))
+        });
+        // In valid replicas a parent precedes its children, so the recursion ends.
+        match self.parts.get(part).and_then(|p| p.parent).filter(|parent| *parent < part) {
+            Some(parent) => self.pose(parent, values) * own,
+            None => own,
+        }
+    }
+
     /// Motion of a part from the start to `state` in the world; the identity for the start.
     pub fn motion_to(&self, part: usize, state: State) -> Rigid {
         if state == State::START { Rigid::IDENTITY } else { self.world_motion(part) }
@@ -292,6 +307,9 @@ mod tests {
         let expected = hinge.start_to_end().apply(x + DVec3::new(0.0, 0.2, 0.0));
         assert!((r.world_motion(2).apply(x) - expected).length() < 1e-12);
         assert_eq!((r.world_motion(0), r.world_motion(9)), (Rigid::IDENTITY, Rigid::IDENTITY));
+        let values = [f64::NAN, hinge.state_values[State::END], 0.2];
+        assert!((r.pose(2, &values).apply(x) - expected).length() < 1e-12);
+        assert!((r.pose(2, &[]).apply(x) - x).length() < 1e-12);
     }
 
     #[test]

@@ -27,6 +27,39 @@ impl FileDigest {
     }
 }
 
+/// Hash of a text, and of the names and contents of all files below some files and folders, hexadecimal. The folders above the given
+/// ones do not count, nor does the order in which a folder lists its files.
+pub fn tree_digest(text: &str, roots: &[PathBuf]) -> Result<String, FileError> {
+    let mut hash = XxHash3_64::new();
+    hash.write(text.as_bytes());
+    for root in roots {
+        let mut files = Vec::new();
+        list(root, root, &mut files)?;
+        files.sort();
+        for (name, file) in files {
+            let bytes = add(&file, &mut hash)?;
+            hash.write(format!("\0{name}\0{bytes}\0").as_bytes());
+        }
+        hash.write(b"\0\0");
+    }
+    Ok(format!("{:016x}", hash.finish()))
+}
+
+/// Names of files relative to `root`, with their paths.
+fn list(root: &Path, path: &Path, files: &mut Vec<(String, PathBuf)>) -> Result<(), FileError> {
+    if !path.is_dir() {
+        let name = path.strip_prefix(root).unwrap_or(path).components();
+        let name = name.map(|part| part.as_os_str().to_string_lossy().into_owned()).collect::<Vec<_>>().join("/");
+        files.push((name, path.into()));
+        return Ok(());
+    }
+    let fail = |source| FileError::Read { path: path.into(), source };
+    for entry in std::fs::read_dir(path).map_err(fail)? {
+        list(root, &entry.map_err(fail)?.path(), files)?;
+    }
+    Ok(())
+}
+
 /// Adds the content of a file to a hash; returns its size.
 fn add(path: &Path, hash: &mut XxHash3_64) -> Result<u64, FileError> {
     let fail = |source| FileError::Read { path: path.into(), source };
@@ -64,6 +97,24 @@ impl RunFolder {
 mod tests {
     use super::*;
     use std::fs;
+
+    #[test]
+    fn the_digest_of_a_tree_depends_on_names_and_contents_alone() {
+        let make = |names: &[&str], text: &str| {
+            let dir = tempfile::tempdir().unwrap();
+            for name in names {
+                crate::write_atomic(&dir.path().join(name), text.as_bytes()).unwrap();
+            }
+            tree_digest("options", &[dir.path().into()]).unwrap()
+        };
+        assert_eq!(make(&["a", "b/c"], "x"), make(&["b/c", "a"], "x"));
+        assert_ne!(make(&["a", "b/c"], "x"), make(&["a", "b/d"], "x"));
+        assert_ne!(make(&["a", "b/c"], "x"), make(&["a", "b/c"], "y"));
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let of = |text: &str| tree_digest(text, &[file.path().into()]).unwrap();
+        assert_ne!(of("a"), of("b"));
+        assert!(tree_digest("", &["absent".into()]).is_err());
+    }
 
     #[test]
     fn a_digest_changes_with_every_byte() {

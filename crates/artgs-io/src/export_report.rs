@@ -259,7 +259,9 @@ impl fmt::Display for ExportReport {
         }
         writeln!(f)?;
         for link in &self.links {
-            let (Some(limits), Some(observed), Some(stops)) = (link.limits, link.observed, &link.stops) else { continue };
+            let (Some(limits), Some(observed), Some(stops)) = (link.limits, link.observed, &link.stops) else {
+                continue;
+            };
             let (unit, [start, end], [low, high]) = match link.joint {
                 Some(JointKind::Prismatic) => ("mm", observed.map(|x| 1000.0 * x), limits.map(|x| 1000.0 * x)),
                 _ => ("degrees", observed.map(f64::to_degrees), limits.map(f64::to_degrees)),

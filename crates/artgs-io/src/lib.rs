@@ -7,7 +7,7 @@ pub mod asset;
 mod atomic;
 pub mod capture;
 mod corrections;
-mod digest;
+pub mod digest;
 mod error;
 pub mod export_report;
 pub mod folder_lock;

@@ -5,7 +5,9 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Something that happened during a run. As JSON: an object whose key `event` names the variant in snake case.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -163,6 +165,51 @@ impl Observer for Tee<'_> {
     }
 }
 
+/// Does something that reports to an observer, `also`, and ends it at its next report, or step of training, after `stop` has
+/// become true: then the result is none. Files of a run are replaced as a whole, so it can be resumed. Needs unwinding panics.
+pub fn until_stopped<T>(
+    stop: &AtomicBool,
+    also: &mut dyn Observer,
+    work: impl FnOnce(&mut dyn Observer) -> T,
+) -> Option<T> {
+    let mut stopper = Stopper(stop, also);
+    // What the work leaves incomplete is dropped with it.
+    catch_unwind(AssertUnwindSafe(|| work(&mut stopper)))
+        .map_err(|payload| if payload.is::<Stopped>() { payload } else { resume_unwind(payload) })
+        .ok()
+}
+
+/// What a stage is left with.
+struct Stopped;
+
+/// Leaves the stage that reports to it once it is to stop: stages have no other way out of their inner loops. No message is
+/// printed, because the panic hook is not called.
+struct Stopper<'a>(&'a AtomicBool, &'a mut dyn Observer);
+
+impl Stopper<'_> {
+    fn check(&self) {
+        if self.0.load(Ordering::Relaxed) {
+            resume_unwind(Box::new(Stopped));
+        }
+    }
+}
+
+impl Observer for Stopper<'_> {
+    fn event(&mut self, event: Event) {
+        self.check();
+        self.1.event(event);
+    }
+
+    fn wants_snapshot(&mut self) -> bool {
+        self.check();
+        self.1.wants_snapshot()
+    }
+
+    fn snapshot(&mut self, snapshot: &Snapshot<'_>) {
+        self.1.snapshot(snapshot);
+    }
+}
+
 /// Writes one JSON object per line and flushes after each, so that a reader can follow a run.
 /// Numbers that are not finite become `null`.
 #[derive(Debug)]
@@ -258,6 +305,24 @@ mod tests {
         tee.snapshot(&snapshot);
         assert_eq!((idle.1, eager.1), (0, 3));
         assert!(!Tee(&mut idle, &mut NullObserver).wants_snapshot());
+    }
+
+    #[test]
+    fn work_ends_at_the_first_report_after_a_stop() {
+        let (stop, mut seen) = (AtomicBool::new(false), Vec::new());
+        let count = |observer: &mut dyn Observer| {
+            for step in 0..5 {
+                observer.event(Event::progress("single", step, 5));
+                stop.store(step == 2, Ordering::Relaxed);
+            }
+            true
+        };
+        assert_eq!(until_stopped(&stop, &mut seen, count), None);
+        assert_eq!(seen.len(), 3);
+        stop.store(false, Ordering::Relaxed);
+        assert_eq!(until_stopped(&stop, &mut NullObserver, |_| 7), Some(7));
+        let other = || until_stopped(&stop, &mut NullObserver, |_| resume_unwind(Box::new("other")));
+        assert!(catch_unwind(AssertUnwindSafe(|| -> Option<()> { other() })).is_err());
     }
 
     #[test]

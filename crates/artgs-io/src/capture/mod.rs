@@ -8,6 +8,7 @@
 mod artgs_layout;
 mod check;
 mod error;
+mod images;
 pub(crate) mod json;
 mod paris_layout;
 pub(crate) mod pose;
@@ -15,6 +16,7 @@ mod views;
 mod write;
 
 pub use error::CaptureError;
+pub use images::{CameraAxes, PosedImage, capture_of_images};
 pub use pose::opengl_pose;
 pub use write::write_capture;
 

@@ -55,7 +55,7 @@ const FOCAL: std::ops::RangeInclusive<f64> = 0.008..=600.0;
 const OUTSIDE: f64 = 2.0;
 
 /// What is wrong with intrinsics.
-fn fault(k: &Intrinsics) -> Option<String> {
+pub(super) fn fault(k: &Intrinsics) -> Option<String> {
     let (w, h) = (f64::from(k.width), f64::from(k.height));
     for (key, focal) in [("fl_x", k.fx), ("fl_y", k.fy)] {
         if !FOCAL.contains(&(focal / w.max(h))) {

@@ -54,14 +54,7 @@ impl Reconstructed {
     /// (radians or scene units; `values[k]` is of part `k`, the value of part 0 is ignored), world frame. Missing values
     /// are those of the start.
     pub fn pose(&self, part: usize, values: &[f64]) -> Rigid {
-        let own = self.replica.joint(part).map_or(Rigid::IDENTITY, |joint| {
-            let start = joint.state_values[State::START];
-            joint.motion(values.get(part).map_or(0.0, |value| value - start))
-        });
-        match self.replica.parts.get(part).and_then(|p| p.parent).filter(|parent| *parent < part) {
-            Some(parent) => self.pose(parent, values) * own,
-            None => own,
-        }
+        self.replica.pose(part, values)
     }
 
     /// Mesh of every part when the joints have these values, world frame; see [`Reconstructed::pose`].

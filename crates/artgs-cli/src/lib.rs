@@ -1,0 +1,43 @@
+//! The program `artgs` as a library: [`process()`] is the program, [`command()`] is one command line in a process of something else,
+//! and [`call()`] is one command without a terminal, for bindings to other languages.
+//!
+//! Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 3 a check failed, 70 an error in the program, 75 a later retry makes sense, 130 interrupted.
+
+mod agreement;
+mod args;
+mod batch;
+#[cfg(feature = "bench")]
+mod bench;
+mod check;
+mod commands;
+mod crash;
+mod demo;
+mod device;
+mod doubts;
+mod embedded;
+mod evaluate;
+mod export;
+mod failure;
+mod folder;
+mod gpu;
+mod live;
+mod memory;
+mod object_box;
+mod output;
+mod pace;
+mod parts_table;
+mod process;
+mod progress;
+mod reconstruct;
+mod recordings;
+mod rerun;
+mod settings;
+#[cfg(feature = "bench")]
+mod suites;
+mod synth;
+mod view;
+mod view_recording;
+
+pub use crash::describe_panics;
+pub use embedded::{CallError, Done, call};
+pub use process::{command, process};
