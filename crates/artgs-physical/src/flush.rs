@@ -29,8 +29,7 @@ fn facing(asset: &Asset, surfaces: &[Surface], link: usize, opens: DVec3) -> Vec
     surfaces[link].facing(opens, FACING).map(|p| p + origin).collect()
 }
 
-/// Depth at which most of the points lie, if at least `least` do: the mean of the fullest layer of thickness `layer` and its
-/// neighbours.
+/// Depth at which most of the points lie, if at least `least` do: the mean of the fullest interval of length 2 `layer`.
 fn fullest(points: &[DVec3], opens: DVec3, layer: f64, least: usize) -> Option<f64> {
     let mut depths: Vec<f64> = points.iter().map(|p| p.dot(opens)).collect();
     depths.sort_by(f64::total_cmp);
@@ -40,7 +39,7 @@ fn fullest(points: &[DVec3], opens: DVec3, layer: f64, least: usize) -> Option<f
     (number >= least).then(|| depths[first..first + number].iter().sum::<f64>() / number as f64)
 }
 
-/// The front of a link that slides and opens in direction `opens`; `layer`: thickness within which points lie in one plane; none
+/// The front of a link that slides and opens in direction `opens`; `layer`: distance from a plane within which points lie on it; none
 /// with fewer than `least` points.
 pub(crate) fn plate(
     asset: &Asset,

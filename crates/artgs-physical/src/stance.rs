@@ -238,7 +238,7 @@ impl Search<'_> {
         }
         let closed_beside = flush::beside(asset, self.link).filter_map(|other| {
             let range = ranges[other].as_ref().filter(|r| matches!(r.stops[end], Stop::Contact(_)))?;
-            flush_with(plate(other)?.depth + opens.dot(joint.axis) * range.limits[end], other)
+            flush_with(plate(other)?.depth - sign * range.limits[end], other)
         });
         closed_beside.min_by(|a, b| (sign * a.value).total_cmp(&(sign * b.value)))
     }

@@ -119,6 +119,8 @@ def test_wrong_manifests_are_refused(tmp_path: Path) -> None:
     for rows, words in wrong:
         with pytest.raises(artgs.InputError, match=words):
             artgs.ray.reconstruct(rows, tmp_path)
+    with pytest.raises(artgs.InputError, match="the id"):
+        artgs.ray.reconstruct([{"id": "../a", "start": "x"}], tmp_path)
     with pytest.raises(artgs.InputError, match="no manifest"):
         (tmp_path / "m.txt").write_text("")
         artgs.ray.reconstruct(tmp_path / "m.txt", tmp_path)

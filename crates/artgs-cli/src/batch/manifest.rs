@@ -3,7 +3,7 @@
 use crate::args::{Cli, Command};
 use clap::Parser;
 use serde_json::{Map, Value};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
@@ -65,11 +65,11 @@ pub(super) fn read(path: &Path) -> Result<Vec<Entry>, String> {
         _ => Err("is no manifest; its name must end in .csv or .jsonl".into()),
     };
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut entries: Vec<Entry> = Vec::new();
+    let (mut entries, mut ids) = (Vec::new(), BTreeSet::new());
     for (line, fields) in rows.map_err(fail)? {
         let entry = entry(fields, folder).map_err(|reason| fail(format!("line {line}: {reason}")))?;
-        if let Some(other) = entries.iter().find(|other| other.id.eq_ignore_ascii_case(&entry.id)) {
-            return Err(fail(format!("line {line}: the id {:?} is that of an earlier line", other.id)));
+        if !ids.insert(entry.id.to_ascii_lowercase()) {
+            return Err(fail(format!("line {line}: the id {:?} is that of an earlier line", entry.id)));
         }
         entries.push(entry);
     }

@@ -13,6 +13,7 @@ import io
 import json
 import os
 import posixpath
+import re
 import signal
 import subprocess
 import sys
@@ -60,6 +61,9 @@ SCHEMA = pa.schema(
     ]
 )
 """Columns of the table; the page Python of the book says what they hold."""
+
+NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
+"""What an id may be, as in ``artgs batch``."""
 
 FILES = ("start", "end", "config", "poses")
 """Fields of a manifest that name files."""
@@ -193,6 +197,7 @@ def _entries(manifest: str | os.PathLike[str] | Iterable[dict[str, Any]]) -> lis
     else:
         base, rows = "", manifest
     entries: list[dict[str, Any]] = []
+    seen: set[str] = set()
     for number, row in enumerate(rows):
         entry = {str(key).lower().replace("_", "-"): value for key, value in row.items() if value not in (None, "")}
         for field in ("id", "start"):
@@ -202,11 +207,15 @@ def _entries(manifest: str | os.PathLike[str] | Iterable[dict[str, Any]]) -> lis
             if field in entry:
                 entry[field] = _absolute(base, str(entry[field]))
         entry["id"] = str(entry["id"])
+        # It names files of the batch.
+        if not NAME.fullmatch(entry["id"]):
+            raise InputError(
+                f"manifest, capture {number}: the id {entry['id']!r} must be 1 to 100 letters, digits, `-`, `_` and `.`, and not begin with `.` or `-`"
+            )
+        if entry["id"].lower() in seen:
+            raise InputError(f"manifest: the id {entry['id']!r} is that of two captures")
+        seen.add(entry["id"].lower())
         entries.append(entry)
-    names = [entry["id"].lower() for entry in entries]
-    twice = sorted({name for name in names if names.count(name) > 1}) if len(set(names)) < len(names) else []
-    if twice:
-        raise InputError(f"manifest: the id {twice[0]!r} is that of two captures")
     return entries
 
 

@@ -43,6 +43,15 @@ pub(super) enum Landing {
 }
 
 impl Landing {
+    /// Cost of a position under a motion.
+    pub(super) fn cost(&self, costs: &LabelCosts) -> f32 {
+        match self {
+            Self::Empty(cost) | Self::Surface(_, cost) => *cost,
+            Self::Unsampled => costs.mismatch,
+            Self::Hidden => costs.hidden_moved,
+        }
+    }
+
     /// True on a surface that looks the same.
     pub(super) fn fits(&self, costs: &LabelCosts) -> bool {
         matches!(self, Self::Surface(_, cost) if *cost < 0.5 * costs.mismatch)
@@ -98,10 +107,8 @@ impl StatePair<'_> {
     /// Cost of every motion for every point, `[n * motions]`, each judged by itself. The first motion is rest.
     pub(super) fn plain_costs(&self, to_other: &[Rigid], costs: &LabelCosts) -> Vec<f32> {
         self.fill_rows(to_other, costs, |k, landing| match landing {
-            Landing::Empty(cost) | Landing::Surface(_, cost) => cost,
-            Landing::Unsampled => costs.mismatch,
             Landing::Hidden if k == 0 => costs.hidden_static,
-            Landing::Hidden => costs.hidden_moved,
+            _ => landing.cost(costs),
         })
     }
 

@@ -262,7 +262,7 @@ fn without_doubtful(
                 let motions = others.iter().copied().chain([pool[rival].motion]).collect::<Vec<_>>();
                 (motions, count)
             });
-            let without = (count > least.max(1)).then(|| (others.clone(), count - 1));
+            let without = (count > least.max(1)).then_some((others, count - 1));
             for (motions, most) in [without, with_rival].into_iter().flatten() {
                 if tried == TRIALS {
                     return found;

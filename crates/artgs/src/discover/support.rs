@@ -134,6 +134,7 @@ impl SupportSettings {
         let mut out = Support::default();
         let mut costs = vec![0.0f64; motions.len()];
         let mut onto_own = 0.0f64;
+        let mut row: Vec<f32> = Vec::with_capacity(motions.len());
         let (mut weight, mut farthest) = (0.0f64, vec![0.0f64; motions.len()]);
         let (mut shift, mut lower, mut upper) = (0.0f64, Vec3::INFINITY, Vec3::NEG_INFINITY);
         for s in State::ALL {
@@ -143,22 +144,21 @@ impl SupportSettings {
             let cloud = clouds[s].cloud.select(&picked);
             let points = IndexedCloud::new(&cloud);
             let pair = StatePair { own: &points, ..scene.pair(clouds, s) }.with_few_views();
-            let to_other: Vec<Rigid> =
-                std::iter::once(Rigid::IDENTITY).chain(motions.iter().map(|m| m.away_from(s))).collect();
-            let rows = pair.plain_costs(&to_other, &self.costs);
-            let at = pair.landings(&[own.away_from(s)], &self.costs);
+            let to_other: Vec<Rigid> = motions.iter().map(|m| m.away_from(s)).collect();
+            let landings = pair.landings(&to_other, &self.costs);
             let each = stride as f64;
-            for ((row, i), landing) in rows.chunks_exact(to_other.len()).zip(&picked).zip(&at) {
-                let row = &row[1..];
+            for (landings, i) in landings.chunks_exact(to_other.len()).zip(&picked) {
+                row.clear();
+                row.extend(landings.iter().map(|landing| landing.cost(&self.costs)));
                 weight += each;
-                if let Landing::Surface(j, _) = landing {
-                    match usize::from(labels[s.other()][*j as usize]) {
+                if let Landing::Surface(j, _) = landings[k] {
+                    match usize::from(labels[s.other()][j as usize]) {
                         0 => {}
                         there if there == k + 1 => onto_own += each,
                         _ => out.contested += each,
                     }
                 }
-                costs.iter_mut().zip(row).for_each(|(sum, cost)| *sum += each * f64::from(*cost));
+                costs.iter_mut().zip(&row).for_each(|(sum, cost)| *sum += each * f64::from(*cost));
                 if occupancy[s][*i] == Occupancy::Empty {
                     out.moved += each;
                     let fits = row[k] < self.explained;
@@ -171,7 +171,7 @@ impl SupportSettings {
             for p in &cloud.points {
                 let home = own.away_from(s).apply(p.as_dvec3());
                 shift += each * home.distance(p.as_dvec3());
-                for (far, motion) in farthest.iter_mut().zip(&to_other[1..]) {
+                for (far, motion) in farthest.iter_mut().zip(&to_other) {
                     *far = far.max(motion.apply(p.as_dvec3()).distance(home));
                 }
                 let at_start = if s == State::START { *p } else { home.as_vec3() };
