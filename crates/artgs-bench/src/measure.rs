@@ -2,6 +2,7 @@
 
 use crate::record::{Measured, RunMetrics};
 use artgs::evaluate::{Lpips, Scores, score_replica};
+use artgs_io::recording::RecordingFormat;
 use artgs_io::run_folder::load_json;
 use artgs_io::{RunFolder, load_capture, write_atomic};
 use serde_json::json;
@@ -27,7 +28,8 @@ pub fn measure(folder: &Path, capture: &Path, lpips: Option<&Lpips>) -> Result<M
     // JSON has no infinity: scores that cannot be read back are not finite.
     serde_json::from_str::<Scores>(&text).map_err(|e| format!("scores are not finite: {e}"))?;
     write_atomic(&run.scores(), text.as_bytes()).map_err(|e| e.to_string())?;
-    if run.has_splats() {
+    // Recordings have no held-out views.
+    if run.has_splats() && RecordingFormat::of_two_states(capture).is_none() {
         let views = load_capture(capture).map_err(|e| e.to_string())?;
         let pictures = score_replica(&run, &views, lpips).map_err(|e| format!("pictures cannot be scored: {e}"))?;
         for (test, seen) in metrics.test.iter_mut().zip(pictures) {

@@ -102,7 +102,7 @@ pub(crate) struct SettingList {
 
 #[derive(Debug, Args)]
 pub(crate) struct Inspect {
-    /// Folder with the images and cameras of both states, or one or two recordings
+    /// Folder with the images and cameras of both states, or one or two recordings, or a folder of two
     #[arg(num_args = 1..=2, required = true, value_name = "CAPTURE")]
     pub(crate) capture: Vec<PathBuf>,
     #[command(flatten)]
@@ -115,7 +115,7 @@ pub(crate) struct Inspect {
 #[derive(Debug, Args)]
 pub(crate) struct Reconstruct {
     /// Folder with the images and cameras of both states; or two recordings, the object closed in one and open in the
-    /// other, as a phone or depth camera wrote them
+    /// other, as a phone or depth camera wrote them, or one folder that contains them as `start` and `end`
     #[arg(num_args = 1..=2, required = true, value_name = "CAPTURE")]
     pub(crate) capture: Vec<PathBuf>,
     #[command(flatten)]

@@ -68,7 +68,8 @@ fn inspect(args: &Inspect, style: Style) -> Result<(), Failure> {
 
 /// The description of a capture, or of each recording with its path.
 pub(crate) fn described(args: &Inspect) -> Result<Vec<(Option<PathBuf>, Report)>, Failure> {
-    if let Ok(Source::Capture(folder)) = Source::new(&args.capture) {
+    let source = Source::new(&args.capture);
+    if let Ok(Source::Capture(folder)) = source {
         recordings::require_none(&args.recording, &folder)?;
         let capture = load_capture(&folder)?;
         let found = check_capture(&capture);
@@ -80,8 +81,12 @@ pub(crate) fn described(args: &Inspect) -> Result<Vec<(Option<PathBuf>, Report)>
         report.json["memory_bytes"] = json!(needed);
         return Ok(vec![(None, report)]);
     }
+    let paths = match source {
+        Ok(Source::Recordings(paths)) => paths.into_iter().collect(),
+        _ => args.capture.clone(),
+    };
     let mut reports = Vec::new();
-    for (path, state) in args.capture.iter().zip(State::ALL) {
+    for (path, state) in paths.iter().zip(State::ALL) {
         let recording = recordings::load_state(path, state, &args.recording)?;
         let found = check_views(recording.frames.iter().map(|f| &f.view));
         let mut report = Report::new(&RecordingSummary::new(&recording))?;

@@ -8,7 +8,7 @@ use artgs::align::{AlignConfig, AlignReport, ObjectBox, align_with_progress};
 use artgs::observer::{Event, Observer, Tee, percent};
 use artgs_core::{Capture, PerState, Recording, State};
 use artgs_io::RunFolder;
-use artgs_io::capture::write_capture;
+use artgs_io::capture::{is_capture, write_capture};
 use artgs_io::recording::{RecordingFormat, RecordingOptions, load_recording, parse_intrinsics};
 use artgs_io::run_folder::{remove_folder, save_json};
 use serde::Serialize;
@@ -24,7 +24,7 @@ pub(crate) enum Source {
 }
 
 impl Source {
-    /// One path is a capture, two are recordings.
+    /// One path is a capture, or a folder with the recordings `start` and `end`; two are recordings.
     pub(crate) fn new(paths: &[PathBuf]) -> Result<Self, Failure> {
         match paths {
             [capture] => match format_of(capture) {
@@ -34,7 +34,8 @@ impl Source {
                     capture.display(),
                     format.name()
                 ))),
-                None => Ok(Self::Capture(capture.clone())),
+                None => Ok(RecordingFormat::of_two_states(capture)
+                    .map_or_else(|| Self::Capture(capture.clone()), Self::Recordings)),
             },
             [start, end] => Ok(Self::Recordings(PerState::new(start.clone(), end.clone()))),
             _ => Err(Failure::bad("give one capture, or the recordings of two states")),
@@ -48,11 +49,6 @@ pub(crate) fn format_of(path: &Path) -> Option<RecordingFormat> {
         return None;
     }
     RecordingFormat::detect(path).or_else(|| RecordingFormat::by_name(path))
-}
-
-/// True for a folder with the camera files of two states.
-fn is_capture(folder: &Path) -> bool {
-    ["transforms_train_start.json", "start/camera_train.json"].iter().any(|file| folder.join(file).is_file())
 }
 
 /// An option of recordings that is given.

@@ -218,6 +218,10 @@ fn scanner_app() {
     const FRAME: &str = "start/frame_00001.json";
     check(&[
         odd("as it is", "scanner-app", INSPECT, &["5 of 5 recorded"], |_| {}),
+        odd("both states in one folder", "scanner-app", "inspect IN", &["start", "end", "5 of 5 recorded"], |_| {}),
+        bad("a state is missing", "scanner-app", "inspect IN", &["not a capture"], |f| {
+            std::fs::remove_dir_all(f.path("end")).unwrap();
+        }),
         bad("a frame is empty", "scanner-app", INSPECT, &["frame_00001.json", "not valid JSON"], |f| {
             f.write(FRAME, "")
         }),

@@ -42,6 +42,11 @@ impl Split {
     }
 }
 
+/// True for a folder with the camera files of both states, in either layout.
+pub fn is_capture(folder: &Path) -> bool {
+    ["transforms_train_start.json", "start/camera_train.json"].iter().any(|file| folder.join(file).is_file())
+}
+
 /// Loads a capture folder. Problems that do not prevent its use are in [`Capture::warnings`]; others are errors that name the
 /// file, the frame, the key and a remedy. Views are in the order of their image paths.
 pub fn load_capture(dir: &Path) -> Result<Capture, CaptureError> {

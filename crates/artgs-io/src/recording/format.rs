@@ -1,7 +1,9 @@
 //! The formats, their names, and recognition by content.
 
 use super::{colmap, files, mcap, nerfstudio, polycam, record3d, rosbag, scanner_app, seven_scenes, stray, tum};
-use std::path::Path;
+use crate::capture::is_capture;
+use artgs_core::PerState;
+use std::path::{Path, PathBuf};
 
 /// A format of recordings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -85,6 +87,14 @@ impl RecordingFormat {
             _ if has_name(path, "frame_", ".json") && has_name(path, "frame_", ".jpg") => Some(Self::ScannerApp),
             _ => None,
         }
+    }
+
+    /// The recordings of both states in the folders `start` and `end` of `folder`, as simulated recordings are written; none if
+    /// one of them is not a recording, or if the folder is a capture.
+    pub fn of_two_states(folder: &Path) -> Option<PerState<PathBuf>> {
+        let paths = PerState::from_fn(|state| folder.join(state.name()));
+        let is_recording = |path: &PathBuf| Self::detect(path).or_else(|| Self::by_name(path)).is_some();
+        (!is_capture(folder) && paths.iter().all(is_recording)).then_some(paths)
     }
 
     fn matches(self, path: &Path) -> bool {
