@@ -60,6 +60,13 @@ impl Cloud {
         self.points.iter().sum::<Vec3>() / self.len().max(1) as f32
     }
 
+    /// Diagonal of the box of the points; 0 if there are none.
+    pub(crate) fn diagonal(&self) -> f32 {
+        let (lower, upper) = (self.points.iter().copied(), self.points.iter().copied());
+        let (lower, upper) = (lower.fold(Vec3::INFINITY, Vec3::min), upper.fold(Vec3::NEG_INFINITY, Vec3::max));
+        (upper - lower).max(Vec3::ZERO).length()
+    }
+
     /// Keeps, of every occupied cube of edge `voxel` and main direction, the point with the smoothest neighbourhood.
     /// Two sides of a thin plate are kept apart by the main axis of their normals. Sorted by cube, along a Morton curve.
     pub(crate) fn thinned(&self, voxel: f32) -> Self {

@@ -23,8 +23,11 @@ pub(crate) struct ScrewSettings {
     facing: f32,
     /// Turns at which a part of this kind must match,
     trials: usize,
-    /// with at least this fraction of the pairs that it has without a turn.
+    /// with at least this fraction of the pairs that it has without a turn. Here relief, such as ribs, is ignored:
     alike: f64,
+    /// points match that are as close as this share of the diagonal of the part's box, if one of so many nearest faces
+    /// the same way. Calibrated on a cap with ribs at two resolutions.
+    relief: (f32, usize),
     /// Turns that are compared in a whole circle, and then around the best of them.
     steps: [usize; 2],
     /// Distance of tints (shares of red, green and blue) that counts as no match.
@@ -45,6 +48,7 @@ impl Default for ScrewSettings {
             facing: 0.7,
             trials: 12,
             alike: 0.7,
+            relief: (0.05, 16),
             steps: [72, 21],
             other_tint: 0.1,
             better: 0.7,
@@ -68,12 +72,15 @@ pub(super) fn turned(
     let axis = if known { motion.screw().axis } else { (motion.apply(middle) - middle).try_normalize()? };
     let pivot = axis_of_revolution(start, axis, middle, 2.0 * spacing)?;
     let reach = settings.reach * spacing;
-    let compare = Comparison { start, end: &points[State::END], reach: (reach * reach) as f32, settings };
+    let compare = Comparison { start, end: &points[State::END], reach: (reach * reach) as f32, near: 1, settings };
     let at = |turn: f64| *motion * Rigid::about(axis, pivot, turn);
     let unturned = compare.with(motion);
+    let (relief, near) = settings.relief;
+    let relief = f64::from(relief * start.diagonal());
+    let coarsely = Comparison { reach: reach.max(relief).powi(2) as f32, near, ..compare };
     let trials = (0..settings.trials).map(|i| (i as f64 + 0.5) / settings.trials as f64 * TAU);
-    let matched = trials.map(|turn| compare.with(&at(turn)).matched).sum::<f64>() / settings.trials as f64;
-    if matched < settings.alike * unturned.matched {
+    let matched = trials.map(|turn| coarsely.with(&at(turn)).matched).sum::<f64>() / settings.trials as f64;
+    if matched < settings.alike * coarsely.with(motion).matched {
         return None;
     }
     let best_of = |turns: Vec<f64>| {
@@ -100,11 +107,14 @@ struct Mismatch {
     mismatch: f64,
 }
 
+#[derive(Clone, Copy)]
 struct Comparison<'a> {
     start: &'a Cloud,
     end: &'a IndexedCloud<'a>,
     /// Squared.
     reach: f32,
+    /// Nearest points that are looked at.
+    near: usize,
     settings: &'a ScrewSettings,
 }
 
@@ -115,8 +125,12 @@ impl Comparison<'_> {
         for i in (0..self.start.len()).step_by(stride) {
             let at = motion.apply(self.start.points[i].as_dvec3()).as_vec3();
             let normal = motion.turn(self.start.normals[i].as_dvec3()).as_vec3();
-            let other = self.end.nearest_within(at, self.reach).map(|(j, _)| j);
-            let other = other.filter(|j| normal.dot(self.end.cloud.normals[*j]) > self.settings.facing);
+            let mut other = None;
+            self.end.nearest_n(at, self.near, self.reach, |j, _| {
+                if other.is_none() && normal.dot(self.end.cloud.normals[j]) > self.settings.facing {
+                    other = Some(j);
+                }
+            });
             all += 1;
             matched += usize::from(other.is_some());
             let apart = |j: usize| tint(self.start.colors[i]).distance(tint(self.end.cloud.colors[j]));
@@ -190,7 +204,27 @@ mod tests {
         cloud
     }
 
+    /// The same with 18 ribs along its side, each 0.01 high.
+    fn ribbed(motion: &Rigid, color: impl Fn(f64) -> Vec3) -> Cloud {
+        let mut cloud = cap(&Rigid::IDENTITY, color);
+        for (point, normal) in cloud.points.iter_mut().zip(&cloud.normals) {
+            let angle = f64::from(point.y.atan2(point.x)).to_degrees().rem_euclid(20.0);
+            if normal.z == 0.0 && angle < 8.0 {
+                *point += 0.01 * *normal;
+            }
+        }
+        for (point, normal) in cloud.points.iter_mut().zip(&mut cloud.normals) {
+            *point = motion.apply(point.as_dvec3()).as_vec3();
+            *normal = motion.turn(normal.as_dvec3()).as_vec3();
+        }
+        cloud
+    }
+
     fn found(color: fn(f64) -> Vec3, turn: f64) -> Option<Rigid> {
+        found_of(cap, color, turn)
+    }
+
+    fn found_of<C: Fn(f64) -> Vec3 + Copy>(cap: fn(&Rigid, C) -> Cloud, color: C, turn: f64) -> Option<Rigid> {
         let axis = DVec3::new(0.2, -0.1, 1.0).normalize();
         let place = Rigid::shift(DVec3::new(0.3, 0.4, 0.2))
             * Rigid { rotation: glam::DQuat::from_rotation_arc(DVec3::Z, axis), translation: DVec3::ZERO };
@@ -217,6 +251,17 @@ mod tests {
         let screw = motion.screw();
         assert!((screw.angle - 2.0).abs() < 0.03 && (screw.slide - 0.08).abs() < 0.001, "{screw:?}");
         assert!(screw.axis.dot(DVec3::new(0.2, -0.1, 1.0).normalize()) > 0.99999, "{screw:?}");
+    }
+
+    #[test]
+    fn ribs_higher_than_the_distance_of_points_do_not_hide_a_turn() {
+        let sectors = |angle: f64| {
+            if ((angle.to_degrees() / 50.0) as u32).is_multiple_of(2) { Vec3::X } else { Vec3::splat(0.9) }
+        };
+        // Six ribs and a half.
+        let truth = 130f64.to_radians();
+        let turn = found_of(ribbed, sectors, truth).expect("a turn").screw().angle;
+        assert!((turn - truth).abs() < 0.03, "{turn}");
     }
 
     #[test]
