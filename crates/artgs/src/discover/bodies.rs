@@ -121,7 +121,8 @@ fn tabulate(
 ) -> Table {
     /// Cost of what a body does not explain.
     const OUTSIDE: f32 = 2.0;
-    let mut table = Table { rest: Vec::new(), costs: vec![Vec::new(); bodies.len()], weights: Vec::new() };
+    let nothing = vec![Vec::new(); bodies.len()];
+    let mut table = Table { rest: Vec::new(), costs: nothing, weights: Vec::new(), confirmed: Vec::new() };
     for s in State::ALL {
         let stride = moved[s].len().div_ceil(settings.sample).max(1);
         let picked: Vec<usize> = moved[s].iter().copied().step_by(stride).collect();

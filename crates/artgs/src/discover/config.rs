@@ -10,6 +10,7 @@ use super::front::FrontSettings;
 use super::instances::InstanceSettings;
 use super::joints::JointSettings;
 use super::parents::ParentSettings;
+use super::rails::RailSettings;
 use super::ranking::RankingSettings;
 use super::segmentation::{GraphSettings, LabelCosts, SegmentationSettings};
 use super::selection::SelectionSettings;
@@ -62,6 +63,7 @@ pub(crate) struct StepSettings {
     pub(crate) graph: GraphSettings,
     pub(crate) label_costs: LabelCosts,
     pub(crate) joints: JointSettings,
+    pub(crate) rails: RailSettings,
     pub(crate) instances: InstanceSettings,
     pub(crate) support: SupportSettings,
     pub(crate) confidence: ConfidenceSettings,

@@ -27,6 +27,8 @@ pub(crate) struct InstanceSettings {
     pub(crate) least_box: f32,
     /// Least extent of a box in both directions across the opening, spacings.
     pub(crate) least_extent: f32,
+    /// Least share of a box that is behind a front, seen along the opening; where depth is noisy.
+    pub(crate) least_covered: f32,
 }
 
 impl Default for InstanceSettings {
@@ -39,9 +41,13 @@ impl Default for InstanceSettings {
             front: 5.0,
             least_box: 0.06,
             least_extent: 4.0,
+            least_covered: 0.5,
         }
     }
 }
+
+/// Least cosine between the normals of a front and the opening.
+const FACING: f32 = 0.9;
 
 /// One part in the frame of the start state.
 struct Body<'a> {
@@ -92,16 +98,20 @@ impl InstanceSettings {
     fn pieces(&self, body: &Body<'_>) -> Option<Bodies> {
         let all: Vec<usize> = (0..body.cloud.len()).collect();
         let groups = components(&body.cloud, &all, self.reach * body.scene.lengths.spacing, 1);
-        let large: Vec<&Vec<usize>> = groups.iter().filter(|g| self.is_large(body, g)).collect();
+        let bodies = self.apart(body, groups.into_iter().filter(|g| self.is_large(body, g)).collect());
+        (bodies.len() > 1).then(|| (body.nearest(&bodies), bodies.len()))
+    }
+
+    /// Joins groups that may be connected out of sight: inside a wall, or where nothing is shown.
+    fn apart(&self, body: &Body<'_>, groups: Vec<Vec<usize>>) -> Vec<Vec<usize>> {
         let mut bodies: Vec<Vec<usize>> = Vec::new();
-        for group in large {
-            // A piece that may be connected with a body out of sight belongs to it.
-            match bodies.iter_mut().find(|other| !self.is_apart(body, other, group)) {
+        for group in groups {
+            match bodies.iter_mut().find(|other| !self.is_apart(body, other, &group)) {
                 Some(other) => other.extend(group),
-                None => bodies.push(group.clone()),
+                None => bodies.push(group),
             }
         }
-        (bodies.len() > 1).then(|| (body.nearest(&bodies), bodies.len()))
+        bodies
     }
 
     /// True if every body has enough of the part's points in each state.
@@ -154,16 +164,30 @@ impl InstanceSettings {
         let depth = |i: usize| body.cloud.points[i].dot(opening);
         let plate = front_plate(&body.cloud, opening, spacing)?;
         let behind: Vec<usize> = (0..body.cloud.len()).filter(|&i| depth(i) < plate - self.front * spacing).collect();
+        // Seen along the opening. Fronts of drawers that share a motion at first have different depths.
+        let flat = |p: Vec3| p - opening * p.dot(opening);
+        let facing: Vec<usize> =
+            (0..body.cloud.len()).filter(|&i| body.cloud.normals[i].dot(opening) > FACING).collect();
+        let mut fronts = body.cloud.select(&facing);
+        fronts.points.iter_mut().for_each(|p| *p = flat(*p));
+        let fronts = IndexedCloud::new(&fronts);
+        let covered = |i: usize| fronts.nearest_within(flat(body.cloud.points[i]), (self.reach * spacing).powi(2));
         let groups = components(&body.cloud, &behind, self.reach * spacing, 1);
         let least = (self.least_box * behind.len() as f32) as usize;
-        let is_box =
-            |group: &Vec<usize>| group.len() >= least.max(self.least_points) && self.is_box(body, group, opening);
-        let boxes: Vec<Vec<usize>> = groups.into_iter().filter(is_box).collect();
+        let is_box = |group: &Vec<usize>| {
+            let hidden = group.iter().filter(|&&i| covered(i).is_some()).count() as f32;
+            let is_large = group.len() >= least.max(self.least_points);
+            let is_covered = !body.scene.noisy || hidden >= self.least_covered * group.len() as f32;
+            is_large && is_covered && self.is_box(body, group, opening)
+        };
+        let mut boxes: Vec<Vec<usize>> = groups.into_iter().filter(is_box).collect();
+        if body.scene.noisy {
+            boxes = self.apart(body, boxes);
+        }
         if boxes.len() < 2 {
             return None;
         }
-        // Seen along the opening, so that a front is nearest to its own box.
-        let flat = |p: Vec3| p - opening * p.dot(opening);
+        // So a front is nearest to its own box.
         let mut seen = Body { cloud: body.cloud.clone(), origin: Vec::new(), ..*body };
         seen.cloud.points.iter_mut().for_each(|p| *p = flat(*p));
         Some((seen.nearest(&boxes), boxes.len()))
@@ -235,8 +259,6 @@ impl<'a> Body<'a> {
 
 /// Depth, along `opening`, of the plate that most of the points that face the opening lie on; handles stand out of it.
 fn front_plate(cloud: &Cloud, opening: Vec3, spacing: f32) -> Option<f32> {
-    /// Least cosine between the normals of the plate and the opening.
-    const FACING: f32 = 0.9;
     let facing = cloud.points.iter().zip(&cloud.normals).filter(|(_, n)| n.dot(opening) > FACING);
     let mut steps: Vec<i64> = facing.map(|(p, _)| (p.dot(opening) / spacing).round() as i64).collect();
     steps.sort_unstable();

@@ -52,6 +52,14 @@ impl Landing {
         }
     }
 
+    /// Cost of a position judged by itself, at rest or moved.
+    pub(super) fn plain_cost(&self, at_rest: bool, costs: &LabelCosts) -> f32 {
+        match self {
+            Self::Hidden if at_rest => costs.hidden_static,
+            _ => self.cost(costs),
+        }
+    }
+
     /// True on a surface that looks the same.
     pub(super) fn fits(&self, costs: &LabelCosts) -> bool {
         matches!(self, Self::Surface(_, cost) if *cost < 0.5 * costs.mismatch)
@@ -106,10 +114,7 @@ impl StatePair<'_> {
 
     /// Cost of every motion for every point, `[n * motions]`, each judged by itself. The first motion is rest.
     pub(super) fn plain_costs(&self, to_other: &[Rigid], costs: &LabelCosts) -> Vec<f32> {
-        self.fill_rows(to_other, costs, |k, landing| match landing {
-            Landing::Hidden if k == 0 => costs.hidden_static,
-            _ => landing.cost(costs),
-        })
+        self.fill_rows(to_other, costs, |k, landing| landing.plain_cost(k == 0, costs))
     }
 
     /// Where every point lands under every motion, `[n * motions]`.

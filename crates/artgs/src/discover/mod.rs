@@ -47,6 +47,7 @@ mod moved_points;
 mod parents;
 mod plane_fit;
 mod poses;
+mod rails;
 mod ranking;
 mod refinement;
 pub(crate) mod registration;

@@ -35,6 +35,15 @@ impl Refinement<'_> {
     /// share one at first: once they are separated, each is registered by itself, and all points are labelled again with
     /// the motions found then.
     pub(super) fn parts(&self, motions: &[Rigid], movable: &RangeInclusive<usize>) -> Parts {
+        let mut found = self.separated(motions, movable);
+        if self.scene.noisy && self.config.decide_joints {
+            let front = self.evidence.front(self.scene, self.clouds, self.settings);
+            self.settings.rails.align(self.scene, self.clouds, &found.labels, &mut found.parts, front);
+        }
+        found
+    }
+
+    fn separated(&self, motions: &[Rigid], movable: &RangeInclusive<usize>) -> Parts {
         /// Rounds of separating bodies.
         const ROUNDS: usize = 3;
         let mut found = self.supported(motions, *movable.start());

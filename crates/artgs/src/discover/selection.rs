@@ -3,7 +3,7 @@
 use super::candidates::{Candidate, sample_of};
 use super::cloud::IndexedCloud;
 use super::front::Front;
-use super::landing::StatePair;
+use super::landing::{Landing, StatePair};
 use super::ranking::{RankingSettings, better_seen};
 use super::scene::Scene;
 use super::segmentation::LabelCosts;
@@ -28,6 +28,9 @@ pub(crate) struct SelectionSettings {
     /// A motion supports a point if it lowers the cost by more than this. A chance match of a point whose place the other
     /// state hides lowers it by less; one of a point that is seen to have moved by more.
     pub(crate) support_fall: f32,
+    /// The same for a point that only this motion takes from a place that is empty in the other state to one that is empty in
+    /// this state; where depth is noisy. Calibrated on simulated recordings of a phone.
+    pub(crate) confirmed_fall: f32,
     /// Least share of the moved points that each motion must support alone, where the number of motions is not given.
     pub(crate) least_support: f64,
     /// The same where depth noise spreads points: chance matches of noise are many. Calibrated on a simulated phone's
@@ -51,6 +54,7 @@ impl Default for SelectionSettings {
             static_weight: 0.5,
             static_cost: 0.05,
             support_fall: 0.5,
+            confirmed_fall: 0.1,
             least_support: 0.0003,
             least_noisy_support: 0.01,
             least_support_points: 8.0,
@@ -66,6 +70,8 @@ pub(super) struct Table {
     /// Per candidate, `[n]`.
     pub(super) costs: Vec<Vec<f32>>,
     pub(super) weights: Vec<f32>,
+    /// Per candidate, `[n]`: it takes a point that moved for certain onto one that moved for certain and looks the same.
+    pub(super) confirmed: Vec<Vec<bool>>,
 }
 
 /// Chooses sets of candidates.
@@ -114,7 +120,7 @@ impl Selection {
         let (mut chosen, mut accepted) = (Vec::new(), least);
         for number in 1..=most {
             chosen = table.next_set(&chosen);
-            let supports = table.supports(&chosen, self.settings.support_fall);
+            let supports = table.supports(&chosen, &self.settings);
             if supports.into_iter().fold(f64::INFINITY, f64::min) >= self.least_support {
                 accepted = accepted.max(number);
             } else if number > accepted + self.settings.patience {
@@ -158,11 +164,16 @@ impl Table {
         self.energy_of(&self.cheapest(chosen))
     }
 
-    /// Weighted points of which each chosen candidate lowers the cost by more than `fall`.
-    fn supports(&self, chosen: &[usize], fall: f32) -> Vec<f64> {
+    /// Weighted points of which each chosen candidate lowers the cost by enough. Where it alone takes a moved point onto a moved
+    /// point, less is enough: the others only hide the point.
+    fn supports(&self, chosen: &[usize], settings: &SelectionSettings) -> Vec<f64> {
         let mut out = vec![0.0; chosen.len()];
-        for (best, weight) in self.cheapest(chosen).iter().zip(&self.weights) {
-            if let Some(slot) = best.slot.filter(|_| best.second - best.least > fall) {
+        for (i, (best, weight)) in self.cheapest(chosen).iter().zip(&self.weights).enumerate() {
+            let Some(slot) = best.slot else { continue };
+            let by = |slot: usize| self.confirmed[chosen[slot]][i];
+            let alone = by(slot as usize) && (0..chosen.len()).filter(|k| by(*k)).count() == 1;
+            let enough = if alone { settings.confirmed_fall } else { settings.support_fall };
+            if best.second - best.least > enough {
                 out[slot as usize] += f64::from(*weight);
             }
         }
@@ -316,12 +327,17 @@ fn tabulate(
     /// A point that costs less is explained.
     const EXPLAINED: f32 = 0.2;
     let mut explained = vec![PerState::<Vec<usize>>::default(); pool.len()];
-    let mut table = Table { rest: Vec::new(), costs: vec![Vec::new(); pool.len()], weights: Vec::new() };
+    let nothing = vec![Vec::new(); pool.len()];
+    let confirmed = vec![Vec::new(); pool.len()];
+    let mut table = Table { rest: Vec::new(), costs: nothing, weights: Vec::new(), confirmed };
+    let are_moved = PerState::from_fn(|s| {
+        let mut is_moved = vec![false; clouds[s].cloud.len()];
+        moved[s].iter().for_each(|&i| is_moved[i] = true);
+        is_moved
+    });
     for s in State::ALL {
         let cloud = clouds[s].cloud;
-        let mut is_moved = vec![false; cloud.len()];
-        moved[s].iter().for_each(|&i| is_moved[i] = true);
-        let unmoved: Vec<usize> = (0..cloud.len()).filter(|&i| !is_moved[i]).collect();
+        let unmoved: Vec<usize> = (0..cloud.len()).filter(|&i| !are_moved[s][i]).collect();
         let moving = pool.iter().map(|c| c.motion.away_from(s));
         let to_other: Vec<Rigid> = std::iter::once(Rigid::IDENTITY).chain(moving).collect();
         let kinds = [(&moved[s], 1.0, 0.0), (&unmoved, settings.static_weight, settings.static_cost)];
@@ -331,11 +347,19 @@ fn tabulate(
             let own = cloud.select(&picked);
             let own = IndexedCloud::new(&own);
             let pair = StatePair { own: &own, ..scene.pair(clouds, s) }.with_few_views();
-            let rows = pair.plain_costs(&to_other, &settings.costs);
+            let landings = pair.landings(&to_other, &settings.costs);
+            let cost = |(k, landing): (usize, &Landing)| landing.plain_cost(k % to_other.len() == 0, &settings.costs);
+            let rows: Vec<f32> = landings.iter().enumerate().map(cost).collect();
+            let onto_moved = |landing: &Landing| match landing {
+                Landing::Surface(j, _) => are_moved[s.other()][*j as usize] && landing.fits(&settings.costs),
+                _ => false,
+            };
             table.rest.extend(rows.iter().step_by(to_other.len()));
-            for (c, costs) in table.costs.iter_mut().enumerate() {
+            for (c, (costs, confirmed)) in table.costs.iter_mut().zip(&mut table.confirmed).enumerate() {
                 let own = rows.iter().skip(c + 1).step_by(to_other.len());
                 costs.extend(own.map(|cost| cost + extra));
+                let own = landings.iter().skip(c + 1).step_by(to_other.len());
+                confirmed.extend(own.map(|landing| scene.noisy && weight == 1.0 && onto_moved(landing)));
             }
             if weight == 1.0 {
                 for (c, explained) in explained.iter_mut().enumerate() {
@@ -363,7 +387,12 @@ mod tests {
         // Candidates 1 and 2 explain four points each; candidate 0 explains six, but leaves two to nothing cheap.
         let explains = [[0, 1, 2, 4, 5, 6].as_slice(), &[0, 1, 2, 3], &[4, 5, 6, 7]];
         let column = |e: &[usize]| (0..8).map(|i| if e.contains(&i) { 0.0 } else { 1.0 }).collect();
-        let table = Table { rest: vec![1.0; 8], costs: explains.map(column).to_vec(), weights: vec![1.0; 8] };
+        let table = Table {
+            rest: vec![1.0; 8],
+            costs: explains.map(column).to_vec(),
+            weights: vec![1.0; 8],
+            confirmed: Vec::new(),
+        };
         let mut chosen = Vec::new();
         table.grow(&mut chosen, 2);
         assert!(chosen[0] == 0 && table.energy(&chosen) == 1.0);
@@ -374,10 +403,33 @@ mod tests {
     }
 
     #[test]
+    fn a_motion_that_only_hides_points_does_not_take_the_support_of_one_that_explains_them() {
+        // Candidate 1 takes moved points onto moved points; candidate 0 takes them to where nothing is seen.
+        let column = |e: &[usize]| (0..8).map(|i| if e.contains(&i) { 0.0 } else { 0.25 }).collect();
+        let confirmed = [[0, 1, 2, 3].as_slice(), &[4, 5, 6, 7]];
+        let marks = |e: &[usize]| (0..8).map(|i| e.contains(&i)).collect();
+        let settings = SelectionSettings::default();
+        let mut table = Table {
+            rest: vec![1.0; 8],
+            costs: confirmed.map(column).to_vec(),
+            weights: vec![1.0; 8],
+            confirmed: confirmed.map(marks).to_vec(),
+        };
+        assert_eq!(table.supports(&[0, 1], &settings), [4.0, 4.0]);
+        table.confirmed = vec![vec![false; 8]; 2];
+        assert_eq!(table.supports(&[0, 1], &settings), [0.0, 0.0]);
+    }
+
+    #[test]
     fn candidates_that_are_not_worth_their_price_are_left_out() {
         let explains = [[0, 1, 2, 3].as_slice(), &[4, 5, 6], &[7], &[0, 1, 2]];
         let column = |e: &[usize]| (0..8).map(|i| if e.contains(&i) { 0.0 } else { 2.0 }).collect();
-        let table = Table { rest: vec![1.0; 8], costs: explains.map(column).to_vec(), weights: vec![1.0; 8] };
+        let table = Table {
+            rest: vec![1.0; 8],
+            costs: explains.map(column).to_vec(),
+            weights: vec![1.0; 8],
+            confirmed: Vec::new(),
+        };
         let worth = |price: f64| {
             let mut chosen = table.worth(price, &SelectionSettings::default());
             chosen.sort_unstable();
