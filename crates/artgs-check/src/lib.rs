@@ -15,6 +15,7 @@ mod compare;
 mod coverage;
 mod drive;
 mod drop;
+mod finger;
 mod mass;
 mod meshes;
 mod model;
@@ -30,7 +31,8 @@ mod table;
 pub use options::CheckOptions;
 pub use readers::is_reading;
 pub use report::{
-    CheckReport, CoverageFinding, DropFinding, FilesFinding, FormatFinding, JointFinding, LinkFinding, StateFinding,
+    CheckReport, CoverageFinding, DropFinding, FilesFinding, FingerFinding, FormatFinding, JointFinding, LinkFinding,
+    StateFinding,
 };
 
 use artgs_core::{JointKind, PerState, Replica, State};
@@ -154,6 +156,9 @@ fn physics(
     if !scene.is_empty() {
         let dropped = |i: usize| drop::link(model, &scene, i, observed[i].as_ref(), options);
         report.drops = (0..model.links.len()).into_par_iter().filter_map(dropped).collect();
+        let named = |i: usize| exported.links.iter().find(|l| l.name == model.links[i].name);
+        let touched = |i: usize| finger::link(model, &scene, i, &named(i)?.handles, options);
+        report.fingers = (0..model.links.len()).into_par_iter().filter_map(touched).collect();
     }
     report.notes.extend(balance::notes(model));
     if scene.is_empty() {

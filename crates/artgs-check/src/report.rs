@@ -19,6 +19,8 @@ pub struct CheckReport {
     pub coverage: Vec<CoverageFinding>,
     /// Balls and boxes dropped into drawers and onto shelves.
     pub drops: Vec<DropFinding>,
+    /// Fingers put behind handles.
+    pub fingers: Vec<FingerFinding>,
     /// Joints of the URDF, driven one at a time.
     pub joints: Vec<JointFinding>,
     /// The observed states, if a format contains them.
@@ -130,6 +132,21 @@ pub struct DropFinding {
     pub warnings: Vec<String>,
 }
 
+/// Fingers put into the gaps behind the handles of a link: capsules 10 mm thick.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct FingerFinding {
+    /// The link.
+    pub link: String,
+    /// Places behind handles where the visual mesh leaves a gap of 15 mm or more, up to five per handle.
+    pub gaps: usize,
+    /// Those where a hull is in the way.
+    pub blocked: usize,
+    /// How deep hulls reach into a finger.
+    pub deepest: f64,
+    /// Problems, one sentence each.
+    pub problems: Vec<String>,
+}
+
 /// A joint of the URDF.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct JointFinding {
@@ -195,11 +212,19 @@ impl CheckReport {
         let links = self.links.iter().map(|l| l.problems.len());
         let coverage = self.coverage.iter().map(|c| c.problems.len());
         let drops = self.drops.iter().map(|d| d.problems.len());
+        let fingers = self.fingers.iter().map(|f| f.problems.len());
         let joints = self.joints.iter().map(|j| j.problems.len());
         let states = self.states.iter().map(|s| s.problems.len());
         let warnings = self.coverage.iter().map(|c| &c.warnings).chain(self.drops.iter().map(|d| &d.warnings));
         self.warnings = warnings.map(Vec::len).sum();
-        self.failures =
-            files.chain(formats).chain(links).chain(coverage).chain(drops).chain(joints).chain(states).sum();
+        self.failures = files
+            .chain(formats)
+            .chain(links)
+            .chain(coverage)
+            .chain(drops)
+            .chain(fingers)
+            .chain(joints)
+            .chain(states)
+            .sum();
     }
 }

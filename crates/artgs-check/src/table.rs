@@ -170,6 +170,15 @@ impl fmt::Display for CheckReport {
             }
             write!(f, "\n{drops}")?;
         }
+        if !self.fingers.is_empty() {
+            let mut fingers = Table::new(&["fingers behind the handles of", "", "places", "blocked"]);
+            for found in &self.fingers {
+                let verdict = verdict(&found.problems);
+                let [places, blocked] = [found.gaps, found.blocked].map(|n| n.to_string());
+                fingers.push(vec![found.link.clone(), verdict.into(), places, blocked], &found.problems);
+            }
+            write!(f, "\n{fingers}")?;
+        }
         if !self.joints.is_empty() {
             let mut joints =
                 Table::new(&["joint", "", "limits", "reached", "observed", "force", "penetration", "drift"]);

@@ -169,7 +169,8 @@ fn collide(
     let cover = config.cover.min(config.cover_share * diagonal);
     let apart = 2.0 * cover;
     let (gap, area, waste) = (config.gap_share * diagonal, apart * apart, 3.0 * cover);
-    let spacing = Spacing { gap, margins, tolerance, thinnest, cover, area, carrier: CARRIER, waste, most };
+    let spacing =
+        Spacing { gap, margins, tolerance, thinnest, cover, area, carrier: CARRIER, waste, most, sure: false };
     let parents: Vec<Option<usize>> = asset.links.iter().map(|link| link.parent).collect();
     let related = |a: usize, b: usize| parents[a] == Some(b) || parents[b] == Some(a);
     let options = DecomposeOptions {
@@ -211,6 +212,7 @@ fn collide(
         pieces.iter_mut().zip(added).for_each(|(link, added)| link.extend(added));
         clear(&mut pieces, &surface, &wide, &spacing, related);
     }
+    separate(&mut pieces, &surface, &wide, &spacing, related);
     // A gap and both margins may be free of hulls.
     let near = 2.0 * (cover + spacing.gap + spacing.margins);
     let missing = |(hulls, points): (&Vec<Hull>, &Vec<DVec3>)| uncovered(hulls, points, near, apart, 2.0 * waste);
@@ -225,6 +227,28 @@ fn collide(
         }
     }
     Ok(())
+}
+
+/// Cuts what still penetrates: the query for contacts within a distance can miss a penetration of thin pieces that the query
+/// without a distance finds. Pieces keep the gap in these poses.
+fn separate(
+    pieces: &mut Pieces,
+    surface: &[Vec<DVec3>],
+    stances: &[Vec<Rigid>],
+    spacing: &Spacing,
+    related: impl Fn(usize, usize) -> bool,
+) {
+    /// Cuts make new pieces, of which other pairs can be missed.
+    const ROUNDS: usize = 4;
+    let sure = Spacing { sure: true, ..*spacing };
+    for _ in 0..ROUNDS {
+        let overlaps = |stance: &&Vec<Rigid>| deepest(pieces, stance, 0.0, |_, _| true).0 > spacing.tolerance;
+        let left: Vec<Vec<Rigid>> = stances.par_iter().filter(overlaps).cloned().collect();
+        if left.is_empty() {
+            return;
+        }
+        clear(pieces, surface, &left, &sure, &related);
+    }
 }
 
 /// Link poses in which no penetration is allowed: both observed states, and every joint at many values across its limits

@@ -53,6 +53,8 @@ pub(crate) struct Spacing {
     pub waste: f64,
     /// ... and as long as the link has fewer pieces than this.
     pub most: usize,
+    /// Each pair is tested twice, so that no penetration is missed.
+    pub sure: bool,
 }
 
 /// A piece of a link while it is cut.
@@ -171,7 +173,11 @@ fn clear_pair(links: &mut [Vec<Piece>; 2], b_to_a: &Rigid, spacing: &Spacing, ou
             let apart = !around[0][i].loosened(spacing.gap as f32).intersects(&around[1][j]);
             let short = match apart {
                 true => 0.0,
-                false => links[0][i].hull.shortfall(&poses[0], &links[1][j].hull, &poses[1], spacing.gap),
+                false => {
+                    let [a, b] = [&links[0][i].hull, &links[1][j].hull];
+                    let shortfall = if spacing.sure { Hull::sure_shortfall } else { Hull::shortfall };
+                    shortfall(a, &poses[0], b, &poses[1], spacing.gap)
+                }
             };
             if short <= spacing.tolerance {
                 (j, tries) = (j + 1, 0);
@@ -382,6 +388,7 @@ mod tests {
         carrier: 0.3,
         waste: 0.02,
         most: 64,
+        sure: false,
     };
 
     /// Without an observed surface.
@@ -429,6 +436,17 @@ mod tests {
         assert!(done.cuts > 0);
         assert!(stances.iter().all(|s| deepest(&pieces, s, SPACING.gap, |_, _| true).0 <= 1e-4));
         assert!(done.volume[1] > 0.88 * done.volume[0] && done.lost == 0, "{done:?}");
+    }
+
+    #[test]
+    fn the_sure_test_separates_likewise() {
+        let block = |x: f64| cuboid(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 1.0, 1.0, 1.0));
+        let mut pieces = vec![vec![block(0.0)], vec![block(0.99)]];
+        let stance = vec![Rigid::IDENTITY; 2];
+        let sure = Spacing { sure: true, ..SPACING };
+        let done = clear(&mut pieces, std::slice::from_ref(&stance), &sure, |_, _| true);
+        assert!((done.deepest - 0.01).abs() < 1e-4, "{done:?}");
+        assert!(deepest(&pieces, &stance, SPACING.gap, |_, _| true).0 <= 1e-4);
     }
 
     #[test]

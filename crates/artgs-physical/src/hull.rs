@@ -187,6 +187,13 @@ impl Hull {
             _ => 0.0,
         }
     }
+
+    /// [`Self::shortfall`] that also finds penetrations which the query for contacts within a distance misses near thin pieces.
+    pub fn sure_shortfall(&self, pose: &Pose3, other: &Self, other_pose: &Pose3, gap: f64) -> f64 {
+        let penetration = self.shortfall(pose, other, other_pose, 0.0);
+        let least = if penetration > 0.0 { gap + penetration } else { 0.0 };
+        self.shortfall(pose, other, other_pose, gap).max(least)
+    }
 }
 
 /// Those points that are at least `least` from all kept before them.

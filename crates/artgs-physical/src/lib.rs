@@ -13,6 +13,7 @@ mod flush;
 mod hull;
 pub mod looks;
 mod mass;
+mod passage;
 mod repair;
 mod semantics;
 mod shade;

@@ -4,12 +4,13 @@ use crate::bake::{BakeOptions, BakeView, bake, depth_of};
 use crate::config::PhysicalConfig;
 use crate::describe::diagonal;
 use crate::hull::{from_parry, to_parry};
+use crate::passage::{Passage, carved, freed};
 use crate::repair::{RepairOptions, mean_edge, repair, trimesh};
 use crate::shade::{CREASE, with_normals};
 use crate::simplify::{SurfaceError, simplify, smoothed};
 use crate::topology::{bounds, points};
 use crate::unwrap::{UnwrapOptions, unwrap};
-use artgs_core::{Capture, DepthMap, Mesh, PerState, Replica, Rigid, State, TexturedMesh};
+use artgs_core::{Capture, DepthMap, Joint, Mesh, PerState, Replica, State, TexturedMesh};
 use glam::DVec3;
 use parry3d::query::{PointQuery as _, PointQueryWithLocation as _, Ray, RayCullingMode};
 use parry3d::shape::TriMesh;
@@ -90,7 +91,53 @@ pub fn surfaces(
 ) -> Vec<PartSurface> {
     // Views without depth use the rendered depth of all meshes.
     let hidden = PerState::from_fn(|state| rendered_depth(replica, meshes, capture, state));
+    let meshes = &consistent(replica, meshes);
     (0..meshes.len()).into_par_iter().map(|part| surface(part, replica, meshes, capture, &hidden, config)).collect()
+}
+
+/// Edge of a voxel of a fused mesh.
+fn voxel(mesh: &Mesh, diagonal: f64) -> f64 {
+    VOXEL_PER_EDGE
+        * match mean_edge(mesh) {
+            edge if edge > COARSEST_EDGE * diagonal => EXACT_EDGE * diagonal,
+            edge => edge,
+        }
+}
+
+/// The parts that another one carries, with their joints.
+fn carried_by(replica: &Replica, part: usize) -> impl Iterator<Item = (usize, Joint)> {
+    let own = move |q: &usize| replica.parts[*q].parent == Some(part);
+    (0..replica.parts.len()).filter(own).filter_map(|q| Some((q, replica.joint(q)?)))
+}
+
+fn passages(replica: &Replica, meshes: &[Mesh], part: usize, voxel: f64) -> Vec<Passage> {
+    carried_by(replica, part).filter_map(|(q, joint)| Passage::of(&meshes[q], &joint, voxel)).collect()
+}
+
+/// Fused meshes without surfaces that contradict the motions: first those of carriers, then those of what they carry.
+fn consistent(replica: &Replica, meshes: &[Mesh]) -> Vec<Mesh> {
+    let diagonal = diagonal(&meshes.iter().collect::<Vec<_>>());
+    let voxels: Vec<f64> = meshes.iter().map(|mesh| voxel(mesh, diagonal)).collect();
+    let known = |part: usize| voxels[part] > 0.0;
+    let carve = |part: usize| match known(part) {
+        true => carved(&meshes[part], &passages(replica, meshes, part, voxels[part])),
+        false => meshes[part].clone(),
+    };
+    let carved: Vec<Mesh> = (0..meshes.len()).into_par_iter().map(carve).collect();
+    let free = |part: usize| match (replica.parts[part].parent, replica.joint(part)) {
+        (Some(parent), Some(joint)) if known(part) => freed(&carved[part], &joint, &carved[parent], voxels[part]),
+        _ => carved[part].clone(),
+    };
+    (0..meshes.len()).into_par_iter().map(free).collect()
+}
+
+/// Surfaces of the other parts in both states, frame of a part at the start state.
+fn others(replica: &Replica, meshes: &[Mesh], part: usize) -> Vec<TriMesh> {
+    let at = |(state, q): (State, usize)| {
+        trimesh(&meshes[q].moved(&(replica.motion_to(part, state).inverse() * replica.motion_to(q, state))))
+    };
+    let all = State::ALL.into_iter().flat_map(|state| (0..meshes.len()).map(move |q| (state, q)));
+    all.filter(|(_, q)| *q != part && !meshes[*q].is_empty()).filter_map(at).collect()
 }
 
 fn surface(
@@ -101,23 +148,20 @@ fn surface(
     hidden: &PerState<Vec<Option<DepthMap>>>,
     config: &PhysicalConfig,
 ) -> PartSurface {
-    let fused = &meshes[part];
     let diagonal = diagonal(&meshes.iter().collect::<Vec<_>>());
-    let edge = match mean_edge(fused) {
-        edge if edge > COARSEST_EDGE * diagonal => EXACT_EDGE * diagonal,
-        edge => edge,
-    };
+    let fused = &meshes[part];
+    let voxel = voxel(fused, diagonal);
+    let edge = voxel / VOXEL_PER_EDGE;
     if fused.is_empty() || edge.is_nan() || edge <= 0.0 {
         let warnings =
             vec![format!("{} has no surface: nothing is drawn and nothing collides", replica.parts[part].name)];
         return PartSurface { warnings, ..PartSurface::default() };
     }
-    let voxel = VOXEL_PER_EDGE * edge;
-    let carried: Vec<Passage> = (0..meshes.len())
-        .filter(|q| replica.parts[*q].parent == Some(part))
-        .filter_map(|q| Passage::of(&meshes[q], replica, q))
-        .collect();
-    let repaired = repair(fused, &|p| carried.iter().any(|c| c.holds(p)), &RepairOptions::at_resolution(edge));
+    let carried = passages(replica, meshes, part, voxel);
+    let others = others(replica, meshes, part);
+    let obstacles = |p: DVec3| carried.iter().any(|c| c.holds(p));
+    let others: Vec<&TriMesh> = others.iter().collect();
+    let repaired = repair(fused, &obstacles, &others, &RepairOptions::at_resolution(edge));
     /// Share of the triangles asked for that is enough where it keeps the surface within a part of a voxel.
     const FLAT: usize = 4;
     const EXACT: f64 = 0.25;
@@ -197,34 +241,4 @@ fn texel_density(views: &[BakeView], mesh: &Mesh) -> Option<f64> {
     let middle = points(mesh).sum::<DVec3>() / mesh.vertices.len().max(1) as f64;
     let density = |v: &BakeView| v.camera.intrinsics.fx / v.camera.position().distance(middle).max(1e-9);
     views.iter().map(density).reduce(f64::max).filter(|d| d.is_finite() && *d > 0.0)
-}
-
-/// The volume that a child part sweeps on its way from start to end, world frame at the start state.
-struct Passage {
-    low: DVec3,
-    high: DVec3,
-    back: Vec<Rigid>,
-}
-
-impl Passage {
-    /// None if the part has no joint or no surface.
-    fn of(mesh: &Mesh, replica: &Replica, part: usize) -> Option<Self> {
-        /// Tested positions on the way.
-        const STOPS: u32 = 8;
-        /// Measured surfaces overlap a little where parts touch.
-        const SHRINK: f64 = 0.03;
-        let joint = replica.joint(part)?;
-        let [low, high] = bounds(mesh)?;
-        let shrink = SHRINK * (high - low);
-        let travel = joint.state_values[State::END] - joint.state_values[State::START];
-        let stop = |i| joint.motion(travel * f64::from(i) / f64::from(STOPS)).inverse();
-        Some(Self { low: low + shrink, high: high - shrink, back: (0..=STOPS).map(stop).collect() })
-    }
-
-    fn holds(&self, point: DVec3) -> bool {
-        self.back.iter().any(|back| {
-            let p = back.apply(point);
-            p.cmpgt(self.low).all() && p.cmplt(self.high).all()
-        })
-    }
 }

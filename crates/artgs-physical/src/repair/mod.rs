@@ -15,9 +15,13 @@ pub(crate) use thicken::trimesh;
 use crate::topology::{open_edges, refine, signed_volume, split_to_manifold};
 use artgs_core::Mesh;
 use glam::DVec3;
+use parry3d::shape::TriMesh;
 
 /// Where a part must not have material: true for points that other parts occupy or pass through. Called from many threads.
 pub(crate) type Obstacles<'a> = dyn Fn(DVec3) -> bool + Sync + 'a;
+
+/// Observed surfaces of other parts where they are in the observed states: walls end before them.
+pub(crate) type Others<'a> = [&'a TriMesh];
 
 /// Settings of [`repair`]; lengths in scene units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,9 +88,9 @@ pub(crate) fn mean_edge(mesh: &Mesh) -> f64 {
 }
 
 /// Converts a part's mesh to a closed, oriented one: welds, removes debris, orients, caps holes outside `obstacles`, and
-/// thickens what is still open. Walls are at most a third of the distance to the surface behind them thick and stay out of
-/// obstacles. An empty mesh stays empty and is not watertight.
-pub(crate) fn repair(mesh: &Mesh, obstacles: &Obstacles, options: &RepairOptions) -> Repaired {
+/// thickens what is still open. Walls are at most a third of the distance to the surface behind them thick, also to those of
+/// `others`, and stay out of obstacles. An empty mesh stays empty and is not watertight.
+pub(crate) fn repair(mesh: &Mesh, obstacles: &Obstacles, others: &Others, options: &RepairOptions) -> Repaired {
     let mut mesh = clean::clean(mesh, options);
     let mut holes = loops::holes(&mesh);
     for hole in &mut holes {
@@ -100,7 +104,7 @@ pub(crate) fn repair(mesh: &Mesh, obstacles: &Obstacles, options: &RepairOptions
         thickened = true;
         // Refined, so that walls behind caps can follow the surface behind them.
         refine(&mut mesh, 1.5 * options.thickness);
-        thicken::thicken(&mut mesh, obstacles, options.thickness);
+        thicken::thicken(&mut mesh, obstacles, others, options.thickness);
     }
     mesh = if open_edges(&mesh.triangles) > 0 {
         split_to_manifold(&mesh, 1e-3)

@@ -1,6 +1,6 @@
 //! Shells: adds an inner side to open components.
 
-use super::Obstacles;
+use super::{Obstacles, Others};
 use crate::topology::{NONE, components, ends, point, twins, vertex_normals};
 use artgs_core::Mesh;
 use glam::DVec3;
@@ -11,10 +11,12 @@ use rayon::prelude::*;
 
 /// Largest thickness of a wall relative to the distance to the surface behind it: two opposite walls do not touch.
 const SHARE: f64 = 0.33;
+/// Places on the way through a wall at which obstacles are looked for.
+const STEPS: f64 = 16.0;
 
-/// Gives every open component an inner side, `thickness` behind the surface or less where another surface or an obstacle is
-/// nearer, joined to the outer one along the rims.
-pub(super) fn thicken(mesh: &mut Mesh, obstacles: &Obstacles, thickness: f64) {
+/// Gives every open component an inner side, `thickness` behind the surface or less where another surface, also of `others`, or an
+/// obstacle is nearer, joined to the outer one along the rims.
+pub(super) fn thicken(mesh: &mut Mesh, obstacles: &Obstacles, others: &Others, thickness: f64) {
     let twins = twins(mesh);
     let component = components(&twins);
     let mut open = vec![false; mesh.triangles.len()];
@@ -27,7 +29,7 @@ pub(super) fn thicken(mesh: &mut Mesh, obstacles: &Obstacles, thickness: f64) {
     vertices.sort_unstable();
     vertices.dedup();
     let normals = evened(vertex_normals(mesh), &outer);
-    let depths = depths(mesh, &vertices, &outer, &normals, obstacles, thickness);
+    let depths = depths(mesh, &vertices, &outer, &normals, (obstacles, others), thickness);
     let colored = mesh.colors.len() == mesh.vertices.len();
     for (v, depth) in vertices.iter().zip(depths) {
         inner[*v as usize] = mesh.vertices.len() as u32;
@@ -62,23 +64,27 @@ fn depths(
     vertices: &[u32],
     triangles: &[[u32; 3]],
     normals: &[DVec3],
-    obstacles: &Obstacles,
+    (obstacles, others): (&Obstacles, &Others),
     thickness: f64,
 ) -> Vec<f64> {
     let solid = trimesh(mesh);
     let allowed = |v: &u32| -> f64 {
         let (p, n) = (point(mesh, *v), normals[*v as usize]);
         let mut depth = thickness;
-        if let Some(solid) = &solid {
-            let from = p - n * (1e-3 * thickness);
-            let [origin, along] = [from, -n].map(|q| Vector::from_array(q.as_vec3().to_array()));
-            let reach = (thickness / SHARE) as f32;
-            if let Some(hit) = solid.cast_local_ray(&Ray::new(origin, along), reach, false) {
+        let from = p - n * (1e-3 * thickness);
+        let [origin, along] = [from, -n].map(|q| Vector::from_array(q.as_vec3().to_array()));
+        let reach = (thickness / SHARE) as f32;
+        for surface in solid.iter().chain(others.iter().copied()) {
+            if let Some(hit) = surface.cast_local_ray(&Ray::new(origin, along), reach, false) {
                 depth = depth.min(SHARE * f64::from(hit));
             }
         }
         // A wall needs some depth: without it, simplification turns the solid inside out.
         let least = (0.1 * thickness).min(depth);
+        // An obstacle can be narrower than the wall.
+        let step = thickness / STEPS;
+        let free = (1..).map(|k| k as f64 * step).take_while(|d| *d < depth).find(|d| obstacles(p - n * *d));
+        depth = free.map_or(depth, |met| (met - step).max(least));
         while depth > least && obstacles(p - n * depth) {
             depth *= 0.7;
         }

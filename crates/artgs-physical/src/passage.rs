@@ -1,0 +1,324 @@
+//! Surfaces that contradict the motion of a part: its carrier has no material where the part passes.
+//!
+//! A part's surface is fused from what images of it show, so its solid is known where both of its sides were seen. A surface of the
+//! carrier that is inside this solid at any joint value between the observed states cannot exist: it is a remainder of the part, or
+//! was invented to close the carrier's mesh. A surface of the carrier that is in or on the part in both states was not seen
+//! either, such as the edge of a door that hardly moves beside its hinge. A surface of the part that passes through an observed
+//! surface of the carrier belongs to something behind it.
+
+use crate::hull::{from_parry, to_parry};
+use crate::repair::trimesh;
+use crate::topology::{bounds, corners, cross, points};
+use artgs_core::{Joint, JointKind, Mesh, Rigid, State};
+use glam::DVec3;
+use parry3d::query::{PointQueryWithLocation as _, Ray, RayCast as _, RayCullingMode};
+use parry3d::shape::TriMesh;
+use rayon::prelude::*;
+
+/// The volume that a part sweeps on its way from start to end, world frame at the start state.
+pub(crate) struct Passage {
+    /// A box inside that of the part.
+    inner: [DVec3; 2],
+    outer: [DVec3; 2],
+    back: Vec<Rigid>,
+    surface: Option<TriMesh>,
+    voxel: f64,
+    /// The box holds nothing of the carrier: a drawer is hollow, what turns is not its box.
+    slides: bool,
+}
+
+impl Passage {
+    /// None if the part has no surface. `voxel`: resolution of its fused mesh, scene units.
+    pub(crate) fn of(mesh: &Mesh, joint: &Joint, voxel: f64) -> Option<Self> {
+        /// Tested positions on the way, at least and at most; between, one per voxel.
+        const STOPS: [f64; 2] = [8.0, 64.0];
+        /// Measured surfaces overlap a little where parts touch.
+        const SHRINK: f64 = 0.03;
+        let [low, high] = bounds(mesh)?;
+        let shrink = SHRINK * (high - low);
+        let travel = joint.state_values[State::END] - joint.state_values[State::START];
+        let arm = match joint.kind {
+            JointKind::Prismatic => 1.0,
+            _ => points(mesh).map(|p| (p - joint.origin).reject_from(joint.axis).length()).fold(0.0, f64::max),
+        };
+        let stops = (travel.abs() * arm / voxel).clamp(STOPS[0], STOPS[1]).ceil();
+        let back = (0..=stops as usize).map(|i| joint.motion(travel * i as f64 / stops).inverse()).collect();
+        let inner = [low + shrink, high - shrink];
+        Some(Self {
+            inner,
+            outer: [low, high],
+            back,
+            surface: trimesh(mesh),
+            voxel,
+            slides: joint.kind == JointKind::Prismatic,
+        })
+    }
+
+    /// True where nothing may be invented: in the box that the part sweeps, or in its solid.
+    pub(crate) fn holds(&self, point: DVec3) -> bool {
+        /// Surfaces of both parts are that uncertain, in voxels.
+        const NOISE: f64 = 0.5;
+        self.sweeps(point) || self.contradicts(point, NOISE * self.voxel)
+    }
+
+    /// True in the box that the part sweeps.
+    fn sweeps(&self, point: DVec3) -> bool {
+        let [low, high] = self.inner;
+        self.back.iter().any(|back| {
+            let p = back.apply(point);
+            p.cmpgt(low).all() && p.cmplt(high).all()
+        })
+    }
+
+    /// True for points that are, at some position of the part, more than `depth` inside its solid as it was seen from both sides.
+    fn contradicts(&self, point: DVec3, depth: f64) -> bool {
+        self.back.iter().any(|back| self.encloses(back.apply(point), depth))
+    }
+
+    /// True for points of a surface with this unit normal that are inside the part or on its surface in both observed states.
+    fn explains(&self, point: DVec3, normal: DVec3) -> bool {
+        /// Least depth inside, and largest distance in front of the surface, in voxels.
+        const NOISE: f64 = 0.5;
+        /// Cosine of the largest angle between normals of the same surface: a wall beside the part faces the other way.
+        const ALIKE: f64 = 0.5;
+        let is_part = |back: &Rigid| {
+            let p = back.apply(point);
+            let Some((way, own)) = self.nearest(p, self.voxel) else { return false };
+            let alike = own.dot(back.turn(normal)) > ALIKE && way.dot(own) < NOISE * self.voxel;
+            alike || self.encloses(p, NOISE * self.voxel)
+        };
+        match &self.back[..] {
+            [first, .., last] => is_part(first) && is_part(last),
+            _ => false,
+        }
+    }
+
+    /// The way from the nearest point of the surface, within `reach`, to a point, and the unit normal there.
+    fn nearest(&self, p: DVec3, reach: f64) -> Option<(DVec3, DVec3)> {
+        let ([low, high], surface) = (self.outer, self.surface.as_ref()?);
+        if p.cmplt(low - reach).any() || p.cmpgt(high + reach).any() {
+            return None;
+        }
+        let (near, (triangle, _)) =
+            surface.project_local_point_and_get_location_with_max_dist(to_parry(p), false, reach as f32)?;
+        let normal = surface.triangle(triangle).normal().map(from_parry)?;
+        Some((p - from_parry(near.point), normal))
+    }
+
+    /// True for points more than `depth` inside the solid of the part at the start state.
+    fn encloses(&self, p: DVec3, depth: f64) -> bool {
+        /// Farthest surface of the part that is looked for, in voxels.
+        const FARTHEST: f64 = 10.0;
+        /// Cosine of the largest angle between the way to the surface and its normal: at rims the other side is not known.
+        const STRAIGHT: f64 = 0.7;
+        let [low, high] = self.outer;
+        if p.cmple(low).any() || p.cmpge(high).any() {
+            return false;
+        }
+        let (Some(surface), Some((way, normal))) = (&self.surface, self.nearest(p, FARTHEST * self.voxel)) else {
+            return false;
+        };
+        let distance = way.length();
+        if distance <= depth || way.dot(normal) > -STRAIGHT * distance {
+            return false;
+        }
+        // Behind one side; the next surface on the way has to be the back of the other side.
+        let ray = Ray::new(to_parry(p), to_parry(way / distance));
+        let most = low.distance(high) as f32;
+        let first = surface.cast_local_ray(&ray, most, false);
+        let exit = surface.cast_local_ray_with_culling(&ray, most, RayCullingMode::IgnoreFrontfaces);
+        match (first, exit) {
+            (Some(first), Some(exit)) => exit.time_of_impact <= first && f64::from(first) > depth,
+            _ => false,
+        }
+    }
+}
+
+/// A carrier's fused mesh without the triangles that contradict the motion of what it carries.
+pub(crate) fn carved(mesh: &Mesh, passages: &[Passage]) -> Mesh {
+    if passages.is_empty() {
+        return mesh.clone();
+    }
+    let is_wrong = |t: &[u32; 3]| {
+        let (p, normal) = (middle(mesh, *t), cross(mesh, *t).normalize_or_zero());
+        passages.iter().any(|passage| passage.contradicts(p, passage.voxel) || passage.explains(p, normal))
+    };
+    let mut wrong: Vec<bool> = mesh.triangles.par_iter().map(is_wrong).collect();
+    let is_inside = |t: &[u32; 3]| passages.iter().any(|passage| passage.slides && passage.sweeps(middle(mesh, *t)));
+    let inside: Vec<bool> = mesh.triangles.par_iter().map(is_inside).collect();
+    for _ in 0..RINGS {
+        let mut of_vertex = vec![false; mesh.vertices.len()];
+        let removed = mesh.triangles.iter().zip(&wrong).filter(|(_, wrong)| **wrong);
+        removed.flat_map(|(t, _)| t).for_each(|v| of_vertex[*v as usize] = true);
+        for ((t, wrong), inside) in mesh.triangles.iter().zip(&mut wrong).zip(&inside) {
+            *wrong |= *inside && t.iter().any(|v| of_vertex[*v as usize]);
+        }
+    }
+    let triangles = mesh.triangles.iter().zip(&wrong).filter(|(_, wrong)| !**wrong).map(|(t, _)| *t).collect();
+    Mesh { triangles, ..mesh.clone() }
+}
+
+/// Rings of triangles about those that contradict the motion that go as well where the box of a sliding part moves: about four
+/// voxels of the same surface.
+const RINGS: usize = 6;
+
+fn middle(mesh: &Mesh, t: [u32; 3]) -> DVec3 {
+    corners(mesh, t).iter().sum::<DVec3>() / 3.0
+}
+
+/// A part's fused mesh without the triangles that pass through the surface of its carrier, which is `carrier`.
+pub(crate) fn freed(mesh: &Mesh, joint: &Joint, carrier: &Mesh, voxel: f64) -> Mesh {
+    let (Some(passage), Some(surface)) = (Passage::of(mesh, joint, voxel), trimesh(carrier)) else {
+        return mesh.clone();
+    };
+    let stride = passage.back.len().div_ceil(MOST_CHORDS);
+    let ways: Vec<Rigid> = passage.back.iter().step_by(stride).chain(passage.back.last()).map(Rigid::inverse).collect();
+    kept(mesh, |p, _| !pierces(p, &ways, &surface, voxel))
+}
+
+/// Straight pieces of a part's way at most.
+const MOST_CHORDS: usize = 24;
+
+/// True if a point that takes these poses passes straight through a surface, with more than noise on both sides.
+fn pierces(p: DVec3, ways: &[Rigid], surface: &TriMesh, voxel: f64) -> bool {
+    /// Cosine of the largest angle between way and normal.
+    const STRAIGHT: f64 = 0.5;
+    /// Way on either side, in voxels.
+    const CLEAR: f64 = 2.0;
+    let (first, last) = match ways {
+        [first, .., last] => (first.apply(p), last.apply(p)),
+        _ => return false,
+    };
+    ways.windows(2).any(|pair| {
+        let [from, to] = [pair[0].apply(p), pair[1].apply(p)];
+        let (way, length) = (to - from, from.distance(to));
+        if length <= 0.0 {
+            return false;
+        }
+        let ray = Ray::new(to_parry(from), to_parry(way / length));
+        let Some(hit) = surface.cast_local_ray_and_get_normal(&ray, length as f32, false) else { return false };
+        let (at, normal) = (from + way * (f64::from(hit.time_of_impact) / length), from_parry(hit.normal));
+        let far = |end: DVec3| (end - at).dot(normal).abs() > CLEAR * voxel;
+        normal.dot(way).abs() > STRAIGHT * length && far(first) && far(last)
+    })
+}
+
+/// The triangles for whose middle and unit normal a test is true.
+fn kept(mesh: &Mesh, test: impl Fn(DVec3, DVec3) -> bool + Sync) -> Mesh {
+    let is_kept = |t: &[u32; 3]| test(middle(mesh, *t), cross(mesh, *t).normalize_or_zero());
+    let triangles = mesh.triangles.par_iter().filter(|t| is_kept(t)).copied().collect();
+    Mesh { triangles, ..mesh.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::refine;
+    use artgs_core::PerState;
+
+    /// A door of 60 x 4 x 90 cm with its hinge at the left edge, that opens by 90 degrees.
+    fn door() -> (Mesh, Joint) {
+        let mesh = Mesh::cuboid([0.0, -0.04, 0.0], [0.6, 0.0, 0.9]);
+        let joint = Joint {
+            kind: JointKind::Revolute,
+            axis: DVec3::Z,
+            origin: DVec3::ZERO,
+            pitch: 0.0,
+            state_values: PerState::new(0.0, -std::f64::consts::FRAC_PI_2),
+            limits: [-std::f64::consts::FRAC_PI_2, 0.0],
+        };
+        (mesh, joint)
+    }
+
+    #[test]
+    fn a_remainder_of_a_door_is_removed_and_the_wall_beside_it_stays() {
+        let (door, joint) = door();
+        let passage = Passage::of(&door, &joint, 0.005).unwrap();
+        // A body in the middle of the door beside its hinge, one where the open door is, and a wall behind the closed door.
+        let remainder = Mesh::cuboid([0.02, -0.025, 0.3], [0.04, -0.015, 0.6]);
+        let open = Mesh::cuboid([-0.025, -0.4, 0.3], [-0.015, -0.3, 0.6]);
+        let wall = Mesh::cuboid([0.0, 0.001, 0.0], [0.6, 0.02, 0.9]);
+        let mut base = wall.clone();
+        base.append(&remainder);
+        base.append(&open);
+        let left = carved(&base, &[passage]);
+        assert_eq!(left.triangles, wall.triangles);
+        assert_eq!(carved(&base, &[]).triangles.len(), base.triangles.len());
+    }
+
+    #[test]
+    fn a_part_seen_from_one_side_contradicts_nothing() {
+        let (mut door, joint) = door();
+        // Without its back, the door could be a thin sheet.
+        let front = |t: &[u32; 3]| t.iter().all(|v| door.vertices[*v as usize][1] < -0.03);
+        door.triangles = door.triangles.iter().filter(|t| front(t)).copied().collect();
+        assert!(!door.triangles.is_empty());
+        let passage = Passage::of(&door, &joint, 0.005).unwrap();
+        let behind = Mesh::cuboid([0.2, -0.025, 0.3], [0.4, -0.015, 0.6]);
+        assert_eq!(carved(&behind, &[passage]).triangles.len(), behind.triangles.len());
+    }
+
+    #[test]
+    fn what_is_on_the_part_in_both_states_is_not_of_its_carrier() {
+        // A drawer's side wall that slides within its plane, and a wall of the cabinet 4 mm beside it.
+        let wall = Mesh::cuboid([0.0, 0.0, 0.0], [0.015, 0.5, 0.2]);
+        let joint = Joint {
+            kind: JointKind::Prismatic,
+            axis: DVec3::NEG_Y,
+            origin: DVec3::ZERO,
+            pitch: 0.0,
+            state_values: PerState::new(0.0, 0.2),
+            limits: [0.0, 0.2],
+        };
+        let passage = Passage::of(&wall, &joint, 0.01).unwrap();
+        let copy = Mesh::cuboid([0.001, 0.02, 0.02], [0.014, 0.28, 0.18]);
+        let cabinet = Mesh::cuboid([0.019, -0.1, 0.0], [0.05, 0.6, 0.2]);
+        let mut base = cabinet.clone();
+        base.append(&copy);
+        let left = carved(&base, &[passage]).triangles;
+        assert!(cabinet.triangles.iter().all(|t| left.contains(t)));
+        // Both large sides of the copy.
+        let mut large = copy.clone();
+        large.triangles.retain(|t| cross(&copy, *t).normalize_or_zero().x.abs() > 0.9);
+        assert!(left.len() <= base.triangles.len() - large.triangles.len(), "{}", left.len());
+    }
+
+    #[test]
+    fn what_passes_through_the_front_of_the_carrier_is_not_of_the_door() {
+        let (door, joint) = door();
+        // The carrier's front, which the closed door overlaps, and a wall of the compartment behind it that is labelled as the door.
+        let front = Mesh::cuboid([0.5, 0.005, 0.0], [1.0, 0.015, 0.9]);
+        let mut part = door.clone();
+        part.append(&Mesh::cuboid([0.5, 0.1, 0.2], [0.55, 0.3, 0.7]));
+        assert_eq!(freed(&part, &joint, &front, 0.005).triangles, door.triangles);
+        // A front beside the door stops nothing.
+        let beside = Mesh::cuboid([0.605, -0.04, 0.0], [1.0, 0.0, 0.9]);
+        assert_eq!(freed(&door, &joint, &beside, 0.005).triangles, door.triangles);
+    }
+
+    #[test]
+    fn a_sheet_inside_a_drawer_goes_with_the_part_of_it_that_the_walls_sweep() {
+        // Two walls of a drawer, and a sheet that reaches from a cabinet's side through one of them into the drawer.
+        let mut drawer = Mesh::cuboid([0.0, 0.0, 0.0], [0.04, 0.5, 0.3]);
+        drawer.append(&Mesh::cuboid([0.46, 0.0, 0.0], [0.5, 0.5, 0.3]));
+        let joint = |kind| Joint {
+            kind,
+            axis: DVec3::NEG_Y,
+            origin: DVec3::ZERO,
+            pitch: 0.0,
+            state_values: PerState::new(0.0, 0.2),
+            limits: [0.0, 0.2],
+        };
+        let mut sheet = Mesh::cuboid([-0.1, 0.2, 0.05], [0.08, 0.21, 0.25]);
+        refine(&mut sheet, 0.012);
+        let inside = |mesh: &Mesh, low: f64, high: f64| {
+            let x = |t: &[u32; 3]| middle(mesh, *t).x;
+            mesh.triangles.iter().filter(|t| (low..high).contains(&x(t))).count()
+        };
+        assert!(inside(&sheet, 0.045, 0.08) > 50);
+        let passage = Passage::of(&drawer, &joint(JointKind::Prismatic), 0.01).unwrap();
+        let left = carved(&sheet, &[passage]);
+        assert!(inside(&left, 0.045, 0.07) == 0, "{}", inside(&left, 0.045, 0.07));
+        assert_eq!(inside(&left, -0.2, -0.01), inside(&sheet, -0.2, -0.01));
+    }
+}
