@@ -7,7 +7,7 @@ use super::refinement::points_of_part;
 use super::registration::{Matching, RegistrationOptions, register_along};
 use super::scene::Scene;
 use artgs_core::{JointEstimate, JointKind, PerState, Rigid, State};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 /// Settings of common directions. Calibrated on simulated recordings of a phone.
 #[derive(Clone, Copy, Debug)]
@@ -18,11 +18,13 @@ pub(crate) struct RailSettings {
     pub(crate) largest_deg: f64,
     /// So do those whose end would move by more, depth tolerances.
     pub(crate) tolerances: f64,
+    /// The front counts if at least this share of the points of slides faces it or its back, as the front of a drawer does.
+    pub(crate) facing_share: f64,
 }
 
 impl Default for RailSettings {
     fn default() -> Self {
-        Self { agree_deg: 6.0, largest_deg: 20.0, tolerances: 3.0 }
+        Self { agree_deg: 6.0, largest_deg: 20.0, tolerances: 3.0, facing_share: 0.2 }
     }
 }
 
@@ -38,7 +40,14 @@ impl RailSettings {
     ) {
         let slides = |p: &JointEstimate| p.kind == JointKind::Prismatic && p.parent == 0;
         let shifts: Vec<DVec3> = parts.iter().filter(|p| slides(p)).map(|p| p.motion.translation).collect();
-        let Some(common) = self.common(&shifts, front.map(|f| f.direction.as_dvec3())) else { return };
+        let is_slide = |label: &u16| (*label as usize).checked_sub(1).is_some_and(|k| slides(&parts[k]));
+        let normals = |s: State| {
+            let all = clouds[s].cloud.normals.iter().zip(&labels[s]);
+            all.filter(|(_, label)| is_slide(label)).map(|(n, _)| *n)
+        };
+        let normals: Vec<Vec3> = State::ALL.into_iter().flat_map(normals).collect();
+        let front = front.map(|f| f.direction).filter(|f| self.face(&normals, *f));
+        let Some(common) = self.common(&shifts, front.map(|f| f.as_dvec3())) else { return };
         let spacing = f64::from(scene.lengths.spacing);
         for (k, part) in parts.iter_mut().enumerate().filter(|(_, p)| slides(p)) {
             let shift = part.motion.translation;
@@ -59,6 +68,13 @@ impl RailSettings {
             };
             part.motion = Rigid::shift(common * register_along(points, common, shift.dot(common), &options));
         }
+    }
+
+    fn face(&self, normals: &[Vec3], front: Vec3) -> bool {
+        /// Least cosine between such normals and the front.
+        const FACING: f32 = 0.95;
+        let facing = normals.iter().filter(|n| n.dot(front).abs() > FACING).count();
+        facing as f64 >= self.facing_share * normals.len() as f64
     }
 
     /// The unit direction that most of the shifts, the longer ones first, and the front agree on; none if no two do.
@@ -102,5 +118,13 @@ mod tests {
         assert_eq!(settings.common(&shifts[2..3], Some(DVec3::X)), None, "no two agree");
         assert_eq!(settings.common(&shifts[3..], None), None, "a single one");
         assert_eq!(settings.common(&[], Some(DVec3::X)), None);
+    }
+
+    #[test]
+    fn only_parts_with_a_face_to_the_front_follow_it() {
+        let settings = RailSettings::default();
+        let drawer = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z];
+        assert!(settings.face(&drawer, Vec3::X));
+        assert!(!settings.face(&[Vec3::Y; 9], Vec3::X), "a blade");
     }
 }
