@@ -177,11 +177,11 @@ impl InstanceSettings {
         let is_box = |group: &Vec<usize>| {
             let hidden = group.iter().filter(|&&i| covered(i).is_some()).count() as f32;
             let is_large = group.len() >= least.max(self.least_points);
-            let is_covered = !body.scene.noisy || hidden >= self.least_covered * group.len() as f32;
+            let is_covered = !body.scene.spreading || hidden >= self.least_covered * group.len() as f32;
             is_large && is_covered && self.is_box(body, group, opening)
         };
         let mut boxes: Vec<Vec<usize>> = groups.into_iter().filter(is_box).collect();
-        if body.scene.noisy {
+        if body.scene.spreading {
             boxes = self.apart(body, boxes);
         }
         if boxes.len() < 2 {

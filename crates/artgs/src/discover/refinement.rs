@@ -36,7 +36,7 @@ impl Refinement<'_> {
     /// the motions found then.
     pub(super) fn parts(&self, motions: &[Rigid], movable: &RangeInclusive<usize>) -> Parts {
         let mut found = self.separated(motions, movable);
-        if self.scene.noisy && self.config.decide_joints {
+        if self.scene.spreading && self.config.decide_joints {
             let front = self.evidence.front(self.scene, self.clouds, self.settings);
             self.settings.rails.align(self.scene, self.clouds, &found.labels, &mut found.parts, front);
         }

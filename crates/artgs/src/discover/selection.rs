@@ -359,7 +359,7 @@ fn tabulate(
                 let own = rows.iter().skip(c + 1).step_by(to_other.len());
                 costs.extend(own.map(|cost| cost + extra));
                 let own = landings.iter().skip(c + 1).step_by(to_other.len());
-                confirmed.extend(own.map(|landing| scene.noisy && weight == 1.0 && onto_moved(landing)));
+                confirmed.extend(own.map(|landing| scene.spreading && weight == 1.0 && onto_moved(landing)));
             }
             if weight == 1.0 {
                 for (c, explained) in explained.iter_mut().enumerate() {
