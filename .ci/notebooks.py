@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Runs notebooks: `.ci/notebooks.py NOTEBOOKS FOLDER`.
 
-Every notebook of the folder NOTEBOOKS runs in FOLDER, in the order of the names, with this interpreter; a copy with its outputs is written there. Those in NOTEBOOKS must
-have no outputs. Settings of notebooks are environment variables, `ARTGS_CAPTURE` and others. Exit code 1 if one fails.
+Every notebook of the folder NOTEBOOKS runs in FOLDER, in the order of the names, with this interpreter. A copy with its outputs is written
+there; those in NOTEBOOKS must have none. Settings of notebooks are environment variables, `ARTGS_CAPTURE` and others. Exit code 1 if one fails.
 """
 
 import sys
@@ -10,7 +10,6 @@ import time
 from pathlib import Path
 
 import nbformat
-from jupyter_client import AsyncKernelManager
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
 
@@ -25,9 +24,7 @@ for file in files:
         print(f"{file}: has outputs; clear them before a commit")
         failed = True
     begun = time.monotonic()
-    # Sockets of files: notebooks of other users cannot reach the kernel.
-    kernel = AsyncKernelManager(kernel_name="python3", transport="ipc")
-    client = NotebookClient(notebook, km=kernel, timeout=600, resources={"metadata": {"path": str(folder)}})
+    client = NotebookClient(notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(folder)}})
     try:
         client.execute()
         print(f"{file}: passed in {time.monotonic() - begun:.0f} s", flush=True)
