@@ -1,9 +1,11 @@
 //! Benchmarks: runs the method on many captures, each run in its own process, scores the replicas, and writes tables with
-//! means and standard deviations beside the numbers printed in the paper.
+//! means and standard deviations beside the numbers printed in the paper. [`batch`] reports on the rows of `artgs batch`.
 
+pub mod batch;
 mod bench;
 mod collect;
 mod escape;
+mod histogram;
 mod html;
 mod item;
 mod launch;

@@ -4,10 +4,11 @@ use crate::escape::html as escape;
 use std::fmt::Write;
 
 /// Size, pixels, and margins around the plotting area: left, right, top, bottom.
-const SIZE: (f64, f64) = (460.0, 300.0);
-const MARGIN: (f64, f64, f64, f64) = (62.0, 16.0, 34.0, 62.0);
+pub(crate) const SIZE: (f64, f64) = (460.0, 300.0);
+pub(crate) const MARGIN: (f64, f64, f64, f64) = (62.0, 16.0, 34.0, 62.0);
 /// Colours of series, repeated when they run out.
-const COLORS: [&str; 8] = ["#2563eb", "#dc2626", "#059669", "#d97706", "#7c3aed", "#0891b2", "#be185d", "#57534e"];
+pub(crate) const COLORS: [&str; 8] =
+    ["#2563eb", "#dc2626", "#059669", "#d97706", "#7c3aed", "#0891b2", "#be185d", "#57534e"];
 /// Horizontal distance between series at the same place, and width over which their points there are spread, pixels.
 const STEP_ASIDE: f64 = 7.0;
 const SPREAD: f64 = 14.0;
@@ -18,7 +19,7 @@ const LEGEND_LINE: f64 = 14.0;
 /// Plots with more points have no labels; their names are in tooltips.
 const LABELS: usize = 14;
 /// Font size of labels and their mean width per character, pixels.
-const FONT: f64 = 10.0;
+pub(crate) const FONT: f64 = 10.0;
 const CHARACTER: f64 = 5.4;
 
 /// A mean with its spread.
@@ -62,16 +63,16 @@ pub(crate) struct Plot {
 
 /// From data to pixels along one axis.
 #[derive(Clone, Copy, Debug)]
-struct Scale {
-    low: f64,
-    high: f64,
-    from: f64,
-    to: f64,
-    log: bool,
+pub(crate) struct Scale {
+    pub(crate) low: f64,
+    pub(crate) high: f64,
+    pub(crate) from: f64,
+    pub(crate) to: f64,
+    pub(crate) log: bool,
 }
 
 impl Scale {
-    fn at(&self, value: f64) -> f64 {
+    pub(crate) fn at(&self, value: f64) -> f64 {
         let f = |v: f64| if self.log { v.max(self.low).log10() } else { v };
         let t = (f(value) - f(self.low)) / (f(self.high) - f(self.low));
         self.from + t.clamp(0.0, 1.0) * (self.to - self.from)
@@ -79,7 +80,7 @@ impl Scale {
 }
 
 /// Nice ticks of a linear axis that cover `[0, high]`, at most seven.
-fn linear_ticks(high: f64) -> Vec<f64> {
+pub(crate) fn linear_ticks(high: f64) -> Vec<f64> {
     let high = if high > 0.0 { high } else { 1.0 };
     let magnitude = 10_f64.powf((high / 5.0).log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * magnitude).find(|s| high / s <= 5.0).unwrap_or(high);
@@ -93,7 +94,7 @@ fn decades(low: f64, high: f64) -> Vec<f64> {
 }
 
 /// Text of a tick.
-fn tick_text(value: f64) -> String {
+pub(crate) fn tick_text(value: f64) -> String {
     let text = if value.abs() >= 1.0 || value == 0.0 { format!("{value:.1}") } else { format!("{value:.6}") };
     text.trim_end_matches('0').trim_end_matches('.').to_string()
 }
@@ -243,12 +244,12 @@ fn label(out: &mut String, name: &str, (x, y): (f64, f64), right: f64, taken: &m
     }
 }
 
-fn line(out: &mut String, from: (f64, f64), to: (f64, f64), color: &str) {
+pub(crate) fn line(out: &mut String, from: (f64, f64), to: (f64, f64), color: &str) {
     let ((x1, y1), (x2, y2)) = (from, to);
     let _ = writeln!(out, "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"{color}\" />");
 }
 
-fn text(out: &mut String, (x, y): (f64, f64), anchor: &str, more: &str, content: &str) {
+pub(crate) fn text(out: &mut String, (x, y): (f64, f64), anchor: &str, more: &str, content: &str) {
     let content = escape(content);
     let _ = writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" {more}>{content}</text>");
 }

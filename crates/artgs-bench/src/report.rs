@@ -122,7 +122,7 @@ fn pictures(out: &Path, all: &Collected) -> Vec<Picture> {
         let runs = all.records.iter().filter(|r| r.object == object.name && r.measured().is_some());
         let picture = |r: &Record| {
             let url = preview_url(&RunFolder::new(out.join(&r.folder)).preview())?;
-            Some(Picture { caption: format!("{}, {}, seed {}", object.name, r.variant, r.seed), url })
+            Some(Picture { caption: vec![format!("{}, {}, seed {}", object.name, r.variant, r.seed)], image: Ok(url) })
         };
         pictures.extend(runs.into_iter().find_map(picture));
     }

@@ -42,6 +42,8 @@ impl Cli {
                 Command::Batch(a) => a.json,
                 #[cfg(feature = "bench")]
                 Command::Bench(a) => a.json,
+                #[cfg(feature = "bench")]
+                Command::Report(a) => a.json,
                 Command::Synth(a) => a.json,
                 Command::Export(a) => a.json,
                 #[cfg(feature = "check")]
@@ -72,6 +74,9 @@ pub(crate) enum Command {
     Demo(Demo),
     /// Reconstruct the captures of a manifest, or one of them as a job of a cluster
     Batch(Batch),
+    /// Describe the results of a batch on a page: failures by cause, distributions, the least confident captures, changes
+    #[cfg(feature = "bench")]
+    Report(Report),
     /// Reconstruct and score many captures, and tabulate the results beside those of the paper
     #[cfg(feature = "bench")]
     Bench(Bench),
@@ -441,6 +446,25 @@ pub(crate) struct Batch {
 
 #[cfg(feature = "bench")]
 #[derive(Debug, Args)]
+pub(crate) struct Report {
+    /// Folder of a batch, its results.jsonl or rows, or the results.parquet of artgs.ray
+    pub(crate) table: PathBuf,
+    /// The page (.html), or a folder for report.html; beside the table if absent
+    #[arg(short, long, value_name = "FILE|DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// An earlier table of the same captures: the page lists what has changed
+    #[arg(long, value_name = "TABLE")]
+    pub(crate) before: Option<PathBuf>,
+    /// Price of an hour of one processor, in any currency: the page has the cost
+    #[arg(long, value_name = "PRICE", value_parser = price)]
+    pub(crate) cpu_price: Option<f64>,
+    /// Write the numbers as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[cfg(feature = "bench")]
+#[derive(Debug, Args)]
 pub(crate) struct Bench {
     /// Suites of procedural objects, captures with their ground truth under `gt`, or folders of such captures
     #[arg(required = true, value_name = "SUITE|DIR")]
@@ -556,6 +580,11 @@ fn density(text: &str) -> Result<(Option<String>, f64), String> {
 /// Masses from a gram to a ship.
 fn mass(text: &str) -> Result<f64, String> {
     number_in(text, 1e-3, 1e6)
+}
+
+#[cfg(feature = "bench")]
+fn price(text: &str) -> Result<f64, String> {
+    number_in(text, 0.0, 1e6)
 }
 
 fn actuators(text: &str) -> Result<Actuators, String> {

@@ -66,20 +66,12 @@ fn options(args: &Bench) -> Options {
 fn circumstances(args: &Bench) -> Circumstances {
     let cores = || std::thread::available_parallelism().map_or(1, Into::into);
     Circumstances {
-        command: std::iter::once("artgs".to_string())
-            .chain(process::words().map(|a| quoted(&a)))
-            .fold(String::new(), |line, word| if line.is_empty() { word } else { format!("{line} {word}") }),
+        command: process::line(),
         threads: args.threads.map_or_else(cores, Into::into),
         jobs: args.jobs.get(),
         parts_given: args.parts == Parts::Given,
         stopped_after_discover: args.stop_after.is_some(),
     }
-}
-
-/// A word as a shell reads it back.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,:+".contains(c);
-    if !word.is_empty() && word.chars().all(plain) { word.into() } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }
 
 /// Objects of the suites and folders named, in that order.
@@ -208,14 +200,4 @@ fn conclude(all: &Collected, files: &Files, style: Style) -> Result<(), Failure>
         say(format!("{runs} runs, {failed} failed; tables and plots in {}", files.html.display()))?;
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn words_come_back_from_a_shell() {
-        assert_eq!(["a/b-c.d=e", "a b", "", "it's"].map(quoted), ["a/b-c.d=e", "'a b'", "''", "'it'\\''s'"]);
-    }
 }

@@ -40,6 +40,8 @@ pub(crate) fn execute(command: &Command, style: Style) -> Result<(), Failure> {
         Command::Batch(args) => crate::batch::run(args, style),
         #[cfg(feature = "bench")]
         Command::Bench(args) => crate::bench::run(args, style),
+        #[cfg(feature = "bench")]
+        Command::Report(args) => crate::report::run(args, style),
         Command::Synth(args) => synth::run(args, style),
         Command::Export(args) => export::run(args, style),
         #[cfg(feature = "check")]

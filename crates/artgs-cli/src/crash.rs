@@ -43,12 +43,16 @@ pub(crate) fn caught<T>(run: impl FnOnce() -> T) -> Result<T, (String, u8)> {
     })
 }
 
-/// True for a reader that fails on a damaged export: it is caught, and the check reports the file.
+/// True for a reader that fails on a damaged file: the panic is caught, and the file reported.
 fn is_expected() -> bool {
     #[cfg(feature = "check")]
-    return artgs_check::is_reading();
+    let checks = artgs_check::is_reading();
     #[cfg(not(feature = "check"))]
-    return false;
+    let checks = false;
+    #[cfg(feature = "bench")]
+    return checks || artgs_bench::batch::is_reading();
+    #[cfg(not(feature = "bench"))]
+    return checks;
 }
 
 fn report(panic: &PanicHookInfo<'_>) {

@@ -30,6 +30,8 @@ mod process;
 mod progress;
 mod reconstruct;
 mod recordings;
+#[cfg(feature = "bench")]
+mod report;
 mod rerun;
 mod settings;
 #[cfg(feature = "bench")]

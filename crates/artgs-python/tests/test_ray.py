@@ -107,6 +107,27 @@ def test_a_lost_node_and_worker_cost_no_capture(cluster: Any, manifest: Path, tm
     same = {row["id"]: row["started"] for row in again if row["id"] != "killer"}
     assert same == {name: row["started"] for name, row in rows.items() if name != "killer"}
     assert time.monotonic() - begun < 60.0
+    # A run that takes too long is ended.
+    rows_late = artgs.ray.reconstruct(
+        [{"id": "late", "start": str(manifest.parent / "c0")}], tmp_path / "late", timeout=0.5, progress=False
+    ).to_pylist()
+    assert [(row["status"], row["reason"], row["retry"]) for row in rows_late] == [
+        ("failed", "the run took longer than 0.5 s", False)
+    ]
+
+
+def test_files_can_be_left_out(tmp_path: Path) -> None:
+    import artgs.ray
+
+    folder = tmp_path / "replica"
+    for name in ("replica.json", "stages/parts.json", "meshes/start/part_1.ply", "exports/urdf/replica.urdf"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(name)
+    target = tmp_path / "stored"
+    for patterns in ((), ("stages/*", "meshes/*")):
+        artgs.ray.store(folder, str(target), patterns)
+    stored = sorted(path.relative_to(target).as_posix() for path in target.rglob("*") if path.is_file())
+    assert stored == ["exports/urdf/replica.urdf", "replica.json"]
 
 
 def test_wrong_manifests_are_refused(tmp_path: Path) -> None:

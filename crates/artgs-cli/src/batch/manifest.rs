@@ -52,8 +52,34 @@ impl Entry {
     }
 }
 
-/// Reads a manifest. Relative paths in it start at its folder. Errors name the line.
+/// Reads a manifest and checks all of it. Relative paths in it start at its folder. Errors name the line.
 pub(super) fn read(path: &Path) -> Result<Vec<Entry>, String> {
+    let (mut entries, mut ids) = (Vec::new(), BTreeSet::new());
+    for row in rows(path)? {
+        let line = row.0;
+        let entry = entry_of(row, path)?;
+        if !ids.insert(entry.id.to_ascii_lowercase()) {
+            let earlier = format!("line {line}: the id {:?} is that of an earlier line", entry.id);
+            return Err(format!("{}: {earlier}", path.display()));
+        }
+        entries.push(entry);
+    }
+    Ok(entries)
+}
+
+/// Reads one capture of a manifest, counted from 0, and checks only that one: checking a line takes a hundred times as long as reading it, and
+/// each job of a scheduler reads the manifest.
+pub(super) fn read_one(path: &Path, index: usize) -> Result<Entry, String> {
+    let mut rows = rows(path)?;
+    let last = rows.len() - 1;
+    if index > last {
+        return Err(format!("--index {index}: the manifest has captures 0 to {last}"));
+    }
+    entry_of(rows.swap_remove(index), path)
+}
+
+/// The rows of a manifest, at least one.
+fn rows(path: &Path) -> Result<Vec<Row>, String> {
     let fail = |reason: String| format!("{}: {reason}", path.display());
     let bytes = std::fs::read(path).map_err(|e| fail(e.to_string()))?;
     let bytes = artgs_io::without_mark(&bytes).map_err(|e| fail(e.to_string()))?;
@@ -64,16 +90,13 @@ pub(super) fn read(path: &Path) -> Result<Vec<Entry>, String> {
         "parquet" => Err("Parquet is read by the Python package, artgs.ray.reconstruct; write it as CSV".into()),
         _ => Err("is no manifest; its name must end in .csv or .jsonl".into()),
     };
+    let rows = rows.map_err(fail)?;
+    if rows.is_empty() { Err(fail("there is no capture in it".into())) } else { Ok(rows) }
+}
+
+fn entry_of((line, fields): Row, path: &Path) -> Result<Entry, String> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let (mut entries, mut ids) = (Vec::new(), BTreeSet::new());
-    for (line, fields) in rows.map_err(fail)? {
-        let entry = entry(fields, folder).map_err(|reason| fail(format!("line {line}: {reason}")))?;
-        if !ids.insert(entry.id.to_ascii_lowercase()) {
-            return Err(fail(format!("line {line}: the id {:?} is that of an earlier line", entry.id)));
-        }
-        entries.push(entry);
-    }
-    if entries.is_empty() { Err(fail("there is no capture in it".into())) } else { Ok(entries) }
+    entry(fields, folder).map_err(|reason| format!("{}: line {line}: {reason}", path.display()))
 }
 
 /// Number of a line, from 1, with its fields.
@@ -189,6 +212,17 @@ mod tests {
         let words: Vec<String> =
             entries[1].words(Path::new("o")).iter().map(|w| w.to_string_lossy().into_owned()).collect();
         assert_eq!(words[..6], ["reconstruct", "--quiet", "--resume", "-o", "o", "--force-input"]);
+    }
+
+    #[test]
+    fn one_capture_is_read_without_the_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.csv");
+        std::fs::write(&path, "id,start,parts\na,x,3\nb,y,one\nc,z,\n").unwrap();
+        assert_eq!(read_one(&path, 2).map(|entry| entry.id), Ok("c".into()));
+        assert!(read_one(&path, 1).unwrap_err().contains("line 3: invalid value 'one'"));
+        assert!(read_one(&path, 3).unwrap_err().contains("captures 0 to 2"));
+        assert!(read(&path).is_err());
     }
 
     #[test]

@@ -20,18 +20,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use worker::Worker;
 
 pub(crate) fn run(args: &Batch, style: Style) -> Result<(), Failure> {
-    let entries = manifest::read(&args.manifest).map_err(Failure::bad)?;
     let Some(out) = &args.out else {
-        return say(entries.len());
+        return say(manifest::read(&args.manifest).map_err(Failure::bad)?.len());
     };
-    let chosen = match args.index {
-        None => &entries[..],
-        Some(index) => {
-            let last = entries.len() - 1;
-            let refused = || Failure::bad(format!("--index {index}: the manifest has captures 0 to {last}"));
-            std::slice::from_ref(entries.get(index).ok_or_else(refused)?)
-        }
+    let entries = match args.index {
+        None => manifest::read(&args.manifest),
+        Some(index) => manifest::read_one(&args.manifest, index).map(|entry| vec![entry]),
     };
+    let entries = entries.map_err(Failure::bad)?;
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("cannot watch for Ctrl-C")?;
@@ -43,7 +39,7 @@ pub(crate) fn run(args: &Batch, style: Style) -> Result<(), Failure> {
         retry_failed: args.retry_failed,
         stop: &stop,
     };
-    let rows = run_all(&worker, chosen, style)?;
+    let rows = run_all(&worker, &entries, style)?;
     if args.index.is_none() {
         write_table(out, &rows)?;
     }

@@ -30,6 +30,8 @@ pub(super) struct Row {
     pub(super) started: u64,
     /// Wall-clock time of the run, exports included.
     pub(super) seconds: f64,
+    /// Time of all processors together, exports included; none where the system does not report it.
+    pub(super) cpu_seconds: Option<f64>,
     /// Folder of the replica, relative to the folder of the batch; none if there is no replica.
     pub(super) replica: Option<String>,
     /// Number of parts, the static one included.

@@ -12,6 +12,7 @@ use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use sysinfo::{Pid, ProcessRefreshKind, ProcessesToUpdate, System};
 
 /// Time between two looks at the process.
 const POLL: Duration = Duration::from_millis(20);
@@ -39,6 +40,8 @@ struct Ended {
     status: ExitStatus,
     /// Its message, empty if it succeeded.
     message: String,
+    /// Seconds of all processors that it took; those of the last [`POLL`] are missing.
+    cpu_seconds: Option<f64>,
 }
 
 impl Worker<'_> {
@@ -94,6 +97,7 @@ impl Worker<'_> {
         for words in commands {
             let ended = self.execute(&words, &log)?;
             row.exit_code = ended.status.code();
+            row.cpu_seconds = ended.cpu_seconds.map(|seconds| seconds + row.cpu_seconds.unwrap_or(0.0));
             if !ended.status.success() {
                 row.reason = ended.message.chars().take(REASON).collect();
                 // Wrong input and errors in the program remain; a full disk, too little memory and a killed process may not.
@@ -120,10 +124,12 @@ impl Worker<'_> {
         let mut command = Command::new(self.program);
         command.args(words).stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors);
         let mut child = command.spawn().with_context(|| format!("cannot start {}", self.program.display()))?;
+        let mut meter = Meter::new(child.id());
         let status = loop {
             if self.stop.load(Ordering::Relaxed) {
                 return Err(interrupted(&mut child));
             }
+            meter.read();
             match child.try_wait().context("cannot wait for the run")? {
                 Some(status) => break status,
                 None => std::thread::sleep(POLL),
@@ -137,7 +143,30 @@ impl Worker<'_> {
         }
         let text = std::fs::read(log).unwrap_or_default();
         let message = if status.success() { String::new() } else { message(status, &String::from_utf8_lossy(&text)) };
-        Ok(Ended { status, message })
+        Ok(Ended { status, message, cpu_seconds: meter.seconds })
+    }
+}
+
+/// Reads the processor time of a process while it runs.
+struct Meter {
+    process: Pid,
+    system: System,
+    seconds: Option<f64>,
+}
+
+impl Meter {
+    fn new(process: u32) -> Self {
+        Self { process: Pid::from_u32(process), system: System::new(), seconds: None }
+    }
+
+    fn read(&mut self) {
+        let what = ProcessRefreshKind::nothing().with_cpu().without_tasks();
+        self.system.refresh_processes_specifics(ProcessesToUpdate::Some(&[self.process]), false, what);
+        if let Some(process) = self.system.process(self.process) {
+            let seconds = process.accumulated_cpu_time() as f64 / 1000.0;
+            // A process that has ended has none.
+            self.seconds = Some(self.seconds.map_or(seconds, |earlier| earlier.max(seconds)));
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 """RGB-D images of an articulated object in two states to a replica that moves.
 
-`reconstruct` makes a replica, `load` opens one, `read_capture` reads images and `Capture.from_arrays` takes arrays. `artgs.ray` reconstructs
-many captures on a cluster. The command ``artgs`` is part of the package.
+`reconstruct` makes a replica, `discover` only finds its parts and joints, `load` opens one, `read_capture` reads images and `Capture.from_arrays` takes arrays. `artgs.ray` reconstructs
+many captures on a cluster, `artgs.rerun` logs replicas and captures to Rerun. The command ``artgs`` is part of the package.
 """
 
 from artgs._arrays import Mesh, Splats
@@ -9,7 +9,7 @@ from artgs._capture import Capture, State, View, read_capture
 from artgs._errors import CheckError, Error, InputError, InternalError, RunError
 from artgs._events import Event
 from artgs._native import __version__
-from artgs._reconstruct import inspect, reconstruct, synth
+from artgs._reconstruct import discover, inspect, reconstruct, synth
 from artgs._replica import Alternative, Check, Joint, Part, Replica, load
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "State",
     "View",
     "__version__",
+    "discover",
     "inspect",
     "load",
     "read_capture",

@@ -72,15 +72,43 @@ def reconstruct(
             "memory": memory,
             "box": _box(box),
         }
-        words = ["reconstruct", *(f"--{key}={value}" for key, value in options.items() if value is not None)]
-        words += [f"--poses={os.fspath(file)}" for file in poses]
+        words = [f"--poses={os.fspath(file)}" for file in poses]
         flags = {"--resume": resume, "--force": force, "--force-input": force_input}
         words += [flag for flag, given in flags.items() if given]
-        native, sources = _sources(start, end)
-        # Drivers of Mesa otherwise ask a display which device is best, and complain where there is none.
-        os.environ.setdefault("NODEVICE_SELECT", "1")
-        _native.call([*words, "--", *sources], native, receiver(progress), threads)
+        _execute(start, end, options, words, progress, threads)
     return Replica(out)
+
+
+def discover(
+    start: PathLike | Capture,
+    end: PathLike | None = None,
+    *,
+    out: PathLike,
+    parts: int | str | tuple[int, int] | None = None,
+    config: PathLike | Settings | None = None,
+    progress: Progress = True,
+    seed: int | None = None,
+    threads: int | None = None,
+    force: bool = False,
+) -> dict[str, Any]:
+    """Finds parts and joints and stops before training, so that they can be corrected. Returns what ``artgs reconstruct --stop-after
+    discover --json`` prints: ``parts`` are the movable ones, part 1 first. Arguments are those of `reconstruct`, which with the same arguments and ``resume=True`` makes the replica.
+
+    >>> settings = {"articulate": {"steps": 20}, "surface": {"resolution": 60.0}}
+    >>> found = artgs.discover(capture_folder, out=folder / "found", config=settings, progress=False)
+    >>> sorted(part["type"] for part in found["parts"])
+    ['prismatic', 'revolute']
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        options: dict[str, object] = {
+            "out": os.fspath(out),
+            "parts": "..".join(map(str, parts)) if isinstance(parts, tuple) else parts,
+            "config": _config_file(config, Path(scratch)),
+            "seed": seed,
+        }
+        words = ["--stop-after=discover", *(["--force"] if force else [])]
+        found: dict[str, Any] = json.loads(_execute(start, end, options, words, progress, threads))
+        return found
 
 
 def inspect(start: PathLike, end: PathLike | None = None) -> list[dict[str, Any]]:
@@ -115,6 +143,22 @@ def synth(
     words += [f"--noise={setting}" for setting in noise] + (["--force"] if force else [])
     _native.call([*words, "--", what])
     return Path(out)
+
+
+def _execute(
+    start: PathLike | Capture,
+    end: PathLike | None,
+    options: Mapping[str, object],
+    words: list[str],
+    progress: Progress,
+    threads: int | None,
+) -> str:
+    """Calls ``artgs reconstruct`` with options that are not None and further words, and returns its result as JSON."""
+    words = ["reconstruct", *(f"--{key}={value}" for key, value in options.items() if value is not None), *words]
+    native, sources = _sources(start, end)
+    # Drivers of Mesa otherwise ask a display which device is best, and complain where there is none.
+    os.environ.setdefault("NODEVICE_SELECT", "1")
+    return _native.call([*words, "--", *sources], native, receiver(progress), threads)
 
 
 def _sources(start: PathLike | Capture, end: PathLike | None) -> tuple[_native.Capture | None, list[str]]:

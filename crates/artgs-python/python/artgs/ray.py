@@ -20,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
+from fnmatch import fnmatch
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -51,6 +52,7 @@ SCHEMA = pa.schema(
         ("attempts", pa.int64()),
         ("started", pa.int64()),
         ("seconds", pa.float64()),
+        ("cpu_seconds", pa.float64()),
         ("replica", pa.string()),
         ("parts", pa.int64()),
         ("joints", pa.string()),
@@ -64,6 +66,9 @@ SCHEMA = pa.schema(
 
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 """What an id may be, as in ``artgs batch``."""
+
+SHARE = 20.0
+"""Time between two tables, divided by the time that one takes, at least."""
 
 FILES = ("start", "end", "config", "poses")
 """Fields of a manifest that name files."""
@@ -88,6 +93,8 @@ def reconstruct(
     retries: int = 2,
     retry_failed: bool = False,
     prepare: Prepare | None = None,
+    leave_out: Iterable[str] = (),
+    timeout: float | None = None,
     in_flight: int = 1000,
     table_seconds: float = 10.0,
     progress: bool = True,
@@ -99,12 +106,12 @@ def reconstruct(
     the folder of the manifest. Local paths must exist on every node.
 
     `out` gets ``replicas/ID``, with exports to `formats`, ``rows/ID.json``, and ``results.parquet``, which is replaced every
-    `table_seconds` and can be read meanwhile. Captures whose row is there, of the same files, options and version of artgs, are skipped, those
+    `table_seconds`, large tables less often, and can be read meanwhile. Captures whose row is there, of the same files, options and version of artgs, are skipped, those
     that failed for a reason that remains as well unless `retry_failed`. The same call continues after the driver was killed.
 
     A task takes `num_cpus` (threads of a run, too), `num_gpus` and `memory` in bytes, and is repeated `retries` times if its worker or node
-    is lost or the failure may not remain. `prepare` is called in the task with the id and the path of the capture before the run; nodes must be able to import it. At most
-    `in_flight` tasks are known to Ray at a time.
+    is lost or the failure may not remain. `prepare` is called in the task with the id and the path of the capture before the run; nodes must be able to import it. Files of
+    replicas that match a pattern of `leave_out`, such as ``"stages/*"``, are not stored. A run that takes longer than `timeout` seconds is ended and fails without a retry. At most `in_flight` tasks are known to Ray at a time.
     """
     entries = _entries(manifest)
     if not ray.is_initialized():
@@ -115,14 +122,15 @@ def reconstruct(
     target = os.fspath(out).rstrip("/")
     if "://" not in target:
         target = os.path.abspath(target)
-    threads = max(1, int(num_cpus))
+    threads, unwanted = max(1, int(num_cpus)), tuple(leave_out)
     waiting = iter(entries)
     running: dict[Any, str] = {}
     rows: dict[str, Row] = {}
-    written, begun = time.monotonic(), time.monotonic()
+    begun = time.monotonic()
+    due = begun + table_seconds
     while True:
         while len(running) < in_flight and (entry := next(waiting, None)) is not None:
-            running[task.remote(entry, target, ",".join(formats), threads, retry_failed, prepare)] = entry["id"]
+            running[task.remote(entry, target, ",".join(formats), threads, retry_failed, prepare, unwanted, timeout)] = entry["id"]
         if not running:
             break
         done, _ = ray.wait(list(running), num_returns=1, timeout=1.0)
@@ -131,9 +139,10 @@ def reconstruct(
             rows[name] = _result(reference, name, target)
         if progress and done:
             _show(rows, len(entries), time.monotonic() - begun)
-        if time.monotonic() - written > table_seconds:
+        if (now := time.monotonic()) > due:
             _write_table(entries, rows, target)
-            written = time.monotonic()
+            # Large tables take seconds, in which no capture is started.
+            due = time.monotonic() + max(table_seconds, SHARE * (time.monotonic() - now))
     if progress:
         sys.stderr.write("\n")
     return _write_table(entries, rows, target)
@@ -240,7 +249,14 @@ def _absolute(base: str, path: str) -> str:
 
 
 def _task(
-    entry: dict[str, Any], out: str, formats: str, threads: int, retry_failed: bool, prepare: Prepare | None
+    entry: dict[str, Any],
+    out: str,
+    formats: str,
+    threads: int,
+    retry_failed: bool,
+    prepare: Prepare | None,
+    leave_out: tuple[str, ...],
+    timeout: float | None,
 ) -> Row:
     """Makes the replica of a capture, stores it and then its row, and returns the row."""
     name = entry["id"]
@@ -259,11 +275,11 @@ def _task(
             if prepare is not None:
                 prepare(name, str(local["start"]))
             local.setdefault("threads", threads)
-            row = _run(local, work, formats)
+            row = _run(local, work, formats, timeout)
         row["source"] = source
         if row.get("replica") is not None:
             row["replica"] = f"{out}/replicas/{name}"
-            _store(work / "out" / "replicas" / name, row["replica"])
+            store(work / "out" / "replicas" / name, row["replica"], leave_out)
     # After the replica: a row says that it is complete.
     _write(f"{out}/rows/{name}.json", json.dumps(row).encode())
     if row["retry"]:
@@ -312,21 +328,30 @@ def _fetched(entry: dict[str, Any], work: Path) -> dict[str, str]:
     return local
 
 
-def _run(entry: dict[str, Any], work: Path, formats: str) -> Row:
+def _run(entry: dict[str, Any], work: Path, formats: str, timeout: float | None) -> Row:
     """The row of ``artgs batch`` for one capture."""
     manifest = work / "manifest.jsonl"
     manifest.write_text(json.dumps(entry) + "\n")
     words = [sys.executable, "-m", "artgs", "batch", str(manifest), "-o", str(work / "out"), "--index", "0", "--quiet"]
     words += [f"--to={formats}"] if formats else []
-    done = subprocess.run(words, capture_output=True, text=True, check=False, preexec_fn=_end_with_parent)
+    with subprocess.Popen(
+        words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, preexec_fn=_end_with_parent
+    ) as child:
+        try:
+            _, errors = child.communicate(timeout=timeout)
+        except subprocess.TimeoutExpired:
+            # It ends the run that it has started, and then itself.
+            child.terminate()
+            child.communicate()
+            return _failed(entry["id"], f"the run took longer than {timeout:g} s", retry=False)
     file = work / "out" / "rows" / f"{entry['id']}.json"
     if file.exists():
         row: Row = json.loads(file.read_text())
         return row
     # The manifest of this task says nothing to users.
-    message = done.stderr.partition("error: ")[2].replace(f"{manifest}: line 1: ", "").strip() or f"artgs batch ended with {done.returncode}"
-    row = _failed(entry["id"], message, retry=done.returncode not in (2, 70))
-    return row | {"exit_code": done.returncode}
+    message = errors.partition("error: ")[2].replace(f"{manifest}: line 1: ", "").strip() or f"artgs batch ended with {child.returncode}"
+    row = _failed(entry["id"], message, retry=child.returncode not in (2, 70))
+    return row | {"exit_code": child.returncode}
 
 
 def _end_with_parent() -> None:
@@ -336,12 +361,15 @@ def _end_with_parent() -> None:
         ctypes.CDLL(None).prctl(set_death_signal, signal.SIGTERM)
 
 
-def _store(folder: Path, uri: str) -> None:
-    """Copies a replica; one that is there is replaced."""
+def store(folder: Path, uri: str, leave_out: tuple[str, ...] = ()) -> None:
+    """Copies a replica without the files that match a pattern; one that is there is replaced."""
     fs, path = url_to_fs(uri)
     if fs.exists(path):
         fs.rm(path, recursive=True)
     for file in sorted(p for p in folder.rglob("*") if p.is_file() and not p.name.startswith(".artgs.")):
-        target = posixpath.join(path, file.relative_to(folder).as_posix())
+        name = file.relative_to(folder).as_posix()
+        if any(fnmatch(name, pattern) for pattern in leave_out):
+            continue
+        target = posixpath.join(path, name)
         fs.makedirs(posixpath.dirname(target), exist_ok=True)
         fs.put_file(str(file), target)

@@ -1,0 +1,16 @@
+//! Reports of batches: the rows that `artgs batch` and `artgs.ray` write, tabulated and plotted on a page.
+
+mod causes;
+mod changes;
+mod page;
+mod read;
+mod row;
+mod summary;
+mod tables;
+
+pub use causes::{Cause, Retry};
+pub use changes::Changes;
+pub use page::{Origin, page};
+pub use read::{TableError, is_reading, read_rows};
+pub use row::Row;
+pub use summary::{Spread, Summary};

@@ -1,0 +1,59 @@
+//! `artgs report`: a page about the results of a batch.
+
+use crate::args::Report;
+use crate::commands::Style;
+use crate::failure::Failure;
+use crate::output::say;
+use crate::process;
+use artgs_bench::batch::{self, Cause, Origin, Retry, Row, Summary};
+use artgs_io::write_atomic;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// Name of the page in a folder.
+const PAGE: &str = "report.html";
+/// Causes that the terminal shows.
+const SHOWN: usize = 5;
+
+pub(crate) fn run(args: &Report, style: Style) -> Result<(), Failure> {
+    let read = |table: &Path| batch::read_rows(table).map_err(Failure::bad_input);
+    let (rows, base) = read(&args.table)?;
+    let before: Option<Vec<Row>> = args.before.as_deref().map(|table| read(table).map(|(rows, _)| rows)).transpose()?;
+    let summary = Summary::new(&rows, before.as_deref(), args.cpu_price);
+    let file = file(args.out.as_deref(), &base);
+    let page = batch::page(&rows, &summary, &Origin { command: process::line(), base });
+    write_atomic(&file, page.as_bytes()).map_err(Failure::failed)?;
+    if style.json {
+        return say(json!({ "event": "result", "html": file, "summary": summary }));
+    }
+    if style.quiet { Ok(()) } else { say(described(&summary, &file)) }
+}
+
+/// The file of the page.
+fn file(out: Option<&Path>, base: &Path) -> PathBuf {
+    let is_page = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("html"));
+    match out {
+        None => base.join(PAGE),
+        Some(out) if is_page(out) && !out.is_dir() => out.into(),
+        Some(folder) => folder.join(PAGE),
+    }
+}
+
+fn described(summary: &Summary, file: &Path) -> String {
+    let Summary { captures, done, failed, retry, .. } = summary;
+    let mut text = format!("{captures} captures, {done} done, {failed} failed; a retry makes sense for {retry}\n");
+    for Cause { cause, count, retry, .. } in summary.causes.iter().take(SHOWN) {
+        let retry = match retry {
+            Retry::Yes => " (retry)",
+            Retry::Some => " (retry some)",
+            Retry::No => "",
+        };
+        text += &format!("{count:8}  {cause}{retry}\n");
+    }
+    if let Some(changes) = &summary.changes {
+        let (broken, healed) = (changes.newly_failed.len(), changes.newly_done.len());
+        let other = changes.structure.len();
+        text += &format!("newly failed {broken}, newly done {healed}, other parts or joint types {other}\n");
+    }
+    text + &file.display().to_string()
+}
