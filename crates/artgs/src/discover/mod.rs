@@ -422,6 +422,11 @@ impl Evidence {
             let fit = settings.diagnosis.fit(scene, &labels, k as u16 + 1, &part.motion);
             part.confidence = Some(settings.confidence.confidence(support, fit));
         }
+        if scene.spreading
+            && let Some(front) = self.front(scene, clouds, settings)
+        {
+            parts.iter_mut().for_each(|part| settings.confidence.doubt_across(part, front));
+        }
         let others = parts.iter().zip(&support).map(|(part, s)| settings.confidence.alternatives(part, s, pool));
         let alternatives = others.collect();
         warnings.extend(settings.diagnosis.warnings(scene, &labels, &self.moved, &parts));
