@@ -200,7 +200,9 @@ def test_events_reach_a_function_and_its_exception_ends_the_run(tmp_path: Path, 
 
 def test_an_interruption_ends_a_run_soon(tmp_path: Path, capture: Path) -> None:
     script = (
-        "import artgs, sys\n"
+        "import artgs, signal\n"
+        # A shell starts what runs in the background without interruptions.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "try:\n"
         f"    artgs.reconstruct({str(capture)!r}, out={str(tmp_path / 'out')!r}, progress=lambda e: print(e.kind, flush=True))\n"
         "except KeyboardInterrupt:\n"
