@@ -20,10 +20,12 @@ const HIGHEST: f64 = 0.1;
 const MOST: usize = 6;
 
 /// Drops things onto the places of a link while its joint is at its upper limit and the others at 0; none if it has no places.
+/// `seen` are the visual meshes of all links.
 pub(crate) fn link(
     model: &Model,
     scene: &Scene,
     index: usize,
+    seen: &[Option<coverage::Drawn>],
     observed: Option<&Observed>,
     options: &CheckOptions,
 ) -> Option<DropFinding> {
@@ -34,7 +36,6 @@ pub(crate) fn link(
     }
     let poses = model.poses(&values);
     let places: Vec<Place> = places::of(link, &poses[index], observed).into_iter().take(MOST).collect();
-    let seen: Vec<Option<coverage::Drawn>> = model.links.iter().map(|l| coverage::Drawn::new(&l.visuals)).collect();
     let room = |p: DVec3| -> f64 {
         let free = |(drawn, at): (&Option<coverage::Drawn>, &Rigid)| {
             let to_link = at.inverse();

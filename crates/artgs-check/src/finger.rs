@@ -25,16 +25,17 @@ const ENTRY: f64 = 0.05;
 /// Places along a handle, as shares of its length.
 const PLACES: [f64; 5] = [-0.3, -0.15, 0.0, 0.15, 0.3];
 
-/// Puts a finger into every gap behind the handles of a link, joints at 0; none if it has no gaps that the visual meshes leave free.
+/// Puts a finger into every gap behind the handles of a link, joints at 0; none if it has no gaps that the visual meshes of all links
+/// (`all`) leave free.
 pub(crate) fn link(
     model: &Model,
     scene: &Scene,
     index: usize,
+    all: &[Option<Drawn>],
     handles: &[HandleReport],
     options: &CheckOptions,
 ) -> Option<FingerFinding> {
     let link = &model.links[index];
-    let all: Vec<Option<Drawn>> = model.links.iter().map(|l| Drawn::new(&l.visuals)).collect();
     let drawn = all[index].as_ref()?;
     let mut out = FingerFinding { link: link.name.clone(), ..FingerFinding::default() };
     let poses = model.poses(&vec![0.0; model.links.len()]);
@@ -52,7 +53,7 @@ pub(crate) fn link(
                 continue;
             }
             let finger = poses[index] * own;
-            if !is_free(&all, &poses, &finger) {
+            if !is_free(all, &poses, &finger) {
                 continue;
             }
             out.gaps += 1;

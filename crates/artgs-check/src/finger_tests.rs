@@ -34,7 +34,8 @@ fn found_in(gap: f32, visuals: &[Mesh], hulls: &[Mesh]) -> Option<FingerFinding>
         length: 0.2,
         ..HandleReport::default()
     };
-    link(&model, &scene, 0, &[handle], &CheckOptions::default())
+    let all = [Drawn::new(&model.links[0].visuals)];
+    link(&model, &scene, 0, &all, &[handle], &CheckOptions::default())
 }
 
 fn drawn(gap: f32) -> Vec<Mesh> {

@@ -154,10 +154,11 @@ fn physics(
     };
     report.coverage = (0..model.links.len()).into_par_iter().filter_map(compared).collect();
     if !scene.is_empty() {
-        let dropped = |i: usize| drop::link(model, &scene, i, observed[i].as_ref(), options);
+        let drawn: Vec<_> = model.links.par_iter().map(|link| coverage::Drawn::new(&link.visuals)).collect();
+        let dropped = |i: usize| drop::link(model, &scene, i, &drawn, observed[i].as_ref(), options);
         report.drops = (0..model.links.len()).into_par_iter().filter_map(dropped).collect();
         let named = |i: usize| exported.links.iter().find(|l| l.name == model.links[i].name);
-        let touched = |i: usize| finger::link(model, &scene, i, &named(i)?.handles, options);
+        let touched = |i: usize| finger::link(model, &scene, i, &drawn, &named(i)?.handles, options);
         report.fingers = (0..model.links.len()).into_par_iter().filter_map(touched).collect();
     }
     report.notes.extend(balance::notes(model));

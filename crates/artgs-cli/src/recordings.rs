@@ -27,7 +27,7 @@ impl Source {
     /// One path is a capture, or a folder with the recordings `start` and `end`; two are recordings.
     pub(crate) fn new(paths: &[PathBuf]) -> Result<Self, Failure> {
         match paths {
-            [capture] => match format_of(capture) {
+            [capture] => match RecordingFormat::of(capture) {
                 Some(format) => Err(Failure::bad(format!(
                     "{}: a recording of one state ({}); give the recordings of both states: artgs reconstruct CLOSED OPEN \
                      -o OUT",
@@ -41,14 +41,6 @@ impl Source {
             _ => Err(Failure::bad("give one capture, or the recordings of two states")),
         }
     }
-}
-
-/// The format of a recording of one state; none for a capture and anything else.
-pub(crate) fn format_of(path: &Path) -> Option<RecordingFormat> {
-    if is_capture(path) {
-        return None;
-    }
-    RecordingFormat::detect(path).or_else(|| RecordingFormat::by_name(path))
 }
 
 /// An option of recordings that is given.

@@ -6,13 +6,14 @@ use crate::export::export_locked;
 use crate::failure::Failure;
 use crate::folder::{load_capture, lock, photos_of};
 use crate::output::{note, say};
-use crate::recordings::{format_of, given_option};
+use crate::recordings::given_option;
 use crate::{object_box, rerun, view_recording};
 use anyhow::Context;
 use artgs::discover::{DiscoverConfig, moved_points};
 use artgs_core::{Alternative, Capture, JointEstimate, Rigid, State, View as SourceView};
 use artgs_io::asset::Format;
 use artgs_io::export_report::ExportReport;
+use artgs_io::recording::RecordingFormat;
 use artgs_io::{BoxBounds, RunFolder};
 use artgs_physical::Up;
 use artgs_physical::export::ExportOptions;
@@ -31,7 +32,7 @@ pub(crate) fn run(args: &View, style: Style) -> Result<(), Failure> {
     let run = RunFolder::new(&args.what);
     let is_run = run.has_replica() || run.has_found_parts();
     let is_recording =
-        !is_run && args.what.exists() && (args.recording.format.is_some() || format_of(&args.what).is_some());
+        !is_run && args.what.exists() && (args.recording.format.is_some() || RecordingFormat::of(&args.what).is_some());
     if !is_recording && !args.what.is_dir() {
         let shown = args.what.display();
         return Err(Failure::bad(format!("{shown}: no such folder; give a replica, a capture or a recording")));

@@ -89,12 +89,16 @@ impl RecordingFormat {
         }
     }
 
+    /// The format of a recording of one state, also a damaged one; none for a capture and anything else.
+    pub fn of(path: &Path) -> Option<Self> {
+        if is_capture(path) { None } else { Self::detect(path).or_else(|| Self::by_name(path)) }
+    }
+
     /// The recordings of both states in the folders `start` and `end` of `folder`, as simulated recordings are written; none if
     /// one of them is not a recording, or if the folder is a capture.
     pub fn of_two_states(folder: &Path) -> Option<PerState<PathBuf>> {
         let paths = PerState::from_fn(|state| folder.join(state.name()));
-        let is_recording = |path: &PathBuf| Self::detect(path).or_else(|| Self::by_name(path)).is_some();
-        (!is_capture(folder) && paths.iter().all(is_recording)).then_some(paths)
+        (!is_capture(folder) && paths.iter().all(|path| Self::of(path).is_some())).then_some(paths)
     }
 
     fn matches(self, path: &Path) -> bool {

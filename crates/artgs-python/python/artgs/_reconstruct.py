@@ -58,10 +58,7 @@ def reconstruct(
     if resume and force:
         raise InputError("the argument 'resume' cannot be used with 'force'")
     with tempfile.TemporaryDirectory() as scratch:
-        options: dict[str, object] = {
-            "out": os.fspath(out),
-            "parts": "..".join(map(str, parts)) if isinstance(parts, tuple) else parts,
-            "config": _config_file(config, Path(scratch)),
+        options = _method(out, parts, config, Path(scratch)) | {
             "device": device,
             "preset": preset,
             "seed": seed,
@@ -100,10 +97,7 @@ def discover(
     ['prismatic', 'revolute']
     """
     with tempfile.TemporaryDirectory() as scratch:
-        options: dict[str, object] = {
-            "out": os.fspath(out),
-            "parts": "..".join(map(str, parts)) if isinstance(parts, tuple) else parts,
-            "config": _config_file(config, Path(scratch)),
+        options = _method(out, parts, config, Path(scratch)) | {
             "seed": seed,
         }
         words = ["--stop-after=discover", *(["--force"] if force else [])]
@@ -143,6 +137,16 @@ def synth(
     words += [f"--noise={setting}" for setting in noise] + (["--force"] if force else [])
     _native.call([*words, "--", what])
     return Path(out)
+
+
+def _method(
+    out: PathLike, parts: int | str | tuple[int, int] | None, config: PathLike | Settings | None, scratch: Path
+) -> dict[str, object]:
+    return {
+        "out": os.fspath(out),
+        "parts": "..".join(map(str, parts)) if isinstance(parts, tuple) else parts,
+        "config": _config_file(config, scratch),
+    }
 
 
 def _execute(

@@ -44,7 +44,7 @@ pub(crate) struct ConfidenceSettings {
     pub(crate) least_margin: f64,
     /// Motions that turn less are slides, degrees.
     pub(crate) turn_deg: f64,
-    /// Factor for slides across the front of an object that opens, where depth is noisy: drawers that look alike and open by
+    /// Factor for slides across the front of an object that opens, where depth noise spreads points: drawers that look alike and open by
     /// different amounts are explained by an exchange of places nearly as well. From one simulated recording.
     pub(crate) across: f64,
     /// Slides that differ more from the direction of the front are across it, degrees.
@@ -97,7 +97,7 @@ impl ConfidenceSettings {
         probability * (1.0 - support.contested).powi(2)
     }
 
-    /// Lowers the confidence of a slide that is not along the front; of an object with noisy depth.
+    /// Lowers the confidence of a slide that is not along the front, of an object whose points depth noise spreads.
     pub(super) fn doubt_across(&self, part: &mut JointEstimate, front: Front) {
         let along = part.motion.translation.normalize_or_zero().dot(front.direction.as_dvec3()).abs();
         let slides = part.kind == JointKind::Prismatic && part.parent == 0;

@@ -27,7 +27,7 @@ pub(crate) struct InstanceSettings {
     pub(crate) least_box: f32,
     /// Least extent of a box in both directions across the opening, spacings.
     pub(crate) least_extent: f32,
-    /// Least share of a box that is behind a front, seen along the opening; where depth is noisy.
+    /// Least share of a box that is behind a front, seen along the opening; where depth noise spreads points.
     pub(crate) least_covered: f32,
 }
 
@@ -164,33 +164,38 @@ impl InstanceSettings {
         let depth = |i: usize| body.cloud.points[i].dot(opening);
         let plate = front_plate(&body.cloud, opening, spacing)?;
         let behind: Vec<usize> = (0..body.cloud.len()).filter(|&i| depth(i) < plate - self.front * spacing).collect();
-        // Seen along the opening. Fronts of drawers that share a motion at first have different depths.
-        let flat = |p: Vec3| p - opening * p.dot(opening);
-        let facing: Vec<usize> =
-            (0..body.cloud.len()).filter(|&i| body.cloud.normals[i].dot(opening) > FACING).collect();
-        let mut fronts = body.cloud.select(&facing);
-        fronts.points.iter_mut().for_each(|p| *p = flat(*p));
-        let fronts = IndexedCloud::new(&fronts);
-        let covered = |i: usize| fronts.nearest_within(flat(body.cloud.points[i]), (self.reach * spacing).powi(2));
         let groups = components(&body.cloud, &behind, self.reach * spacing, 1);
         let least = (self.least_box * behind.len() as f32) as usize;
-        let is_box = |group: &Vec<usize>| {
-            let hidden = group.iter().filter(|&&i| covered(i).is_some()).count() as f32;
-            let is_large = group.len() >= least.max(self.least_points);
-            let is_covered = !body.scene.spreading || hidden >= self.least_covered * group.len() as f32;
-            is_large && is_covered && self.is_box(body, group, opening)
-        };
+        let is_box =
+            |group: &Vec<usize>| group.len() >= least.max(self.least_points) && self.is_box(body, group, opening);
         let mut boxes: Vec<Vec<usize>> = groups.into_iter().filter(is_box).collect();
         if body.scene.spreading {
+            self.keep_behind_fronts(body, opening, &mut boxes);
             boxes = self.apart(body, boxes);
         }
         if boxes.len() < 2 {
             return None;
         }
-        // So a front is nearest to its own box.
+        // Seen along the opening, so that a front is nearest to its own box.
         let mut seen = Body { cloud: body.cloud.clone(), origin: Vec::new(), ..*body };
-        seen.cloud.points.iter_mut().for_each(|p| *p = flat(*p));
+        seen.cloud.points.iter_mut().for_each(|p| *p = p.reject_from_normalized(opening));
         Some((seen.nearest(&boxes), boxes.len()))
+    }
+
+    /// Keeps the groups that are behind points that face the opening, seen along it. Fronts of drawers that share a motion at
+    /// first have different depths.
+    fn keep_behind_fronts(&self, body: &Body<'_>, opening: Vec3, groups: &mut Vec<Vec<usize>>) {
+        let Cloud { points, normals, .. } = &body.cloud;
+        let facing: Vec<usize> = (0..points.len()).filter(|&i| normals[i].dot(opening) > FACING).collect();
+        let mut fronts = body.cloud.select(&facing);
+        fronts.points.iter_mut().for_each(|p| *p = p.reject_from_normalized(opening));
+        let fronts = IndexedCloud::new(&fronts);
+        let limit = (self.reach * body.scene.lengths.spacing).powi(2);
+        let covered = |i: usize| fronts.nearest_within(points[i].reject_from_normalized(opening), limit).is_some();
+        groups.retain(|group| {
+            let count = group.iter().filter(|&&i| covered(i)).count();
+            count as f32 >= self.least_covered * group.len() as f32
+        });
     }
 
     /// True if a group extends in both directions across the opening; a single wall of a box does not.

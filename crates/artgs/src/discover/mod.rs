@@ -183,7 +183,8 @@ fn best_parts(
     let settings = StepSettings::default();
     let pool = evidence.candidates(scene, &clouds, &movable, config, &settings, &mut within(done, 0.0, SEARCHED));
     done(SEARCHED);
-    let ranking = (&settings.ranking, evidence.front(scene, &clouds, &settings));
+    let front = evidence.front(scene, &clouds, &settings);
+    let ranking = (&settings.ranking, front);
     let selection = Selection::new(scene, &clouds, &evidence.moved, &pool, settings.selection, ranking);
     // Their number is not known before: each takes a part of what is left of the bar.
     let remaining = RefCell::new((1.0, within(done, SEARCHED, REFINED)));
@@ -192,7 +193,8 @@ fn best_parts(
         done(1.0 - *remaining);
         *remaining *= 1.0 - OF_REMAINING;
     };
-    let work = Refinement { scene, clouds: &clouds, evidence: &evidence, config, settings: &settings, begun: &begun };
+    let work =
+        Refinement { scene, clouds: &clouds, evidence: &evidence, config, settings: &settings, front, begun: &begun };
     let motions = |chosen: Vec<usize>| chosen.into_iter().map(|c| pool[c].motion).collect::<Vec<Rigid>>();
     let chosen = selection.best(1..=*movable.end());
     let count = chosen.len();

@@ -1,4 +1,4 @@
-//! Directions of slides. Rails of one object are parallel, and drawers slide towards its front. Where depth is noisy, the surfaces
+//! Directions of slides. Rails of one object are parallel, and drawers slide towards its front. Where depth noise spreads points, the surfaces
 //! of one drawer determine its direction badly; all of them together, and the front, determine it well.
 
 use super::cloud::IndexedCloud;

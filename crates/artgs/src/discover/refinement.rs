@@ -4,6 +4,7 @@
 use super::bodies::Body;
 use super::cloud::{Cloud, IndexedCloud};
 use super::config::StepSettings;
+use super::front::Front;
 use super::joints::JointFit;
 use super::parents::{Carriers, Numbering, parents_first};
 use super::scene::Scene;
@@ -26,6 +27,8 @@ pub(super) struct Refinement<'a> {
     pub(super) evidence: &'a Evidence,
     pub(super) config: &'a DiscoverConfig,
     pub(super) settings: &'a StepSettings,
+    /// The side on which the object opens, if it has one.
+    pub(super) front: Option<Front>,
     /// Called before each round of refinement.
     pub(super) begun: &'a dyn Fn(),
 }
@@ -37,8 +40,7 @@ impl Refinement<'_> {
     pub(super) fn parts(&self, motions: &[Rigid], movable: &RangeInclusive<usize>) -> Parts {
         let mut found = self.separated(motions, movable);
         if self.scene.spreading && self.config.decide_joints {
-            let front = self.evidence.front(self.scene, self.clouds, self.settings);
-            self.settings.rails.align(self.scene, self.clouds, &found.labels, &mut found.parts, front);
+            self.settings.rails.align(self.scene, self.clouds, &found.labels, &mut found.parts, self.front);
         }
         found
     }
@@ -150,9 +152,8 @@ impl Refinement<'_> {
     /// Separates bodies that move alike, up to `most` parts, and registers each by itself.
     fn split(&self, found: &mut Parts, most: usize) {
         let motions: Vec<Rigid> = found.parts.iter().map(|p| p.motion).collect();
-        let front = self.evidence.front(self.scene, self.clouds, self.settings);
         let mut labels = found.labels.clone();
-        let sources = self.settings.instances.split(self.scene, &mut labels, &motions, front, most);
+        let sources = self.settings.instances.split(self.scene, &mut labels, &motions, self.front, most);
         let least = self.least_moved();
         let bodies = motions.len() + sources.len();
         let moved = |part: usize| -> f64 {

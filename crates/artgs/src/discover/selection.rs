@@ -29,7 +29,7 @@ pub(crate) struct SelectionSettings {
     /// state hides lowers it by less; one of a point that is seen to have moved by more.
     pub(crate) support_fall: f32,
     /// The same for a point that only this motion takes from a place that is empty in the other state to one that is empty in
-    /// this state; where depth is noisy. Calibrated on simulated recordings of a phone.
+    /// this state; where depth noise spreads points. Calibrated on simulated recordings of a phone.
     pub(crate) confirmed_fall: f32,
     /// Least share of the moved points that each motion must support alone, where the number of motions is not given.
     pub(crate) least_support: f64,
