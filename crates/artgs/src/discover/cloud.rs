@@ -1,6 +1,7 @@
 //! Oriented surface points and searches among them.
 
 use super::morton::morton;
+use super::near_grid::NearGrid;
 use super::plane_fit::fit_plane;
 use super::visibility::{DepthLookup, STEEPEST};
 use crate::neighbours::PointTree;
@@ -93,23 +94,44 @@ pub(crate) struct IndexedCloud<'a> {
     /// The points.
     pub(crate) cloud: &'a Cloud,
     tree: PointTree,
+    /// For short searches, if there are many.
+    grid: Option<NearGrid>,
 }
 
 impl<'a> IndexedCloud<'a> {
     /// Builds the tree.
     pub(crate) fn new(cloud: &'a Cloud) -> Self {
         let points: Vec<[f32; 3]> = cloud.points.iter().map(|p| p.to_array()).collect();
-        Self { cloud, tree: PointTree::new(&points) }
+        Self { cloud, tree: PointTree::new(&points), grid: None }
+    }
+
+    /// The same for many searches within a few times `spacing`, the distance between neighbouring points in scene units.
+    pub(super) fn gridded(cloud: &'a Cloud, spacing: f32) -> Self {
+        /// Edge of a cell, spacings.
+        const EDGE: f32 = 1.5;
+        Self { grid: NearGrid::new(&cloud.points, EDGE * spacing), ..Self::new(cloud) }
     }
 
     /// Index of the nearest point within a squared distance, and its squared distance.
     pub(crate) fn nearest_within(&self, point: Vec3, limit: f32) -> Option<(usize, f32)> {
-        self.tree.nearest_within(&point.to_array(), limit)
+        match &self.grid {
+            Some(grid) if grid.suits(1, limit) => {
+                let mut found = None;
+                grid.nearest_n(point, 1, limit, |i, d| found = Some((i, d)));
+                found
+            }
+            _ => self.tree.nearest_within(&point.to_array(), limit),
+        }
     }
 
     /// Calls `visit(index, squared distance)` for the `n` nearest points within a squared distance, nearest first.
     pub(super) fn nearest_n(&self, point: Vec3, n: usize, limit: f32, visit: impl FnMut(usize, f32)) {
-        self.tree.nearest_n(&point.to_array(), n, limit, visit);
+        match &self.grid {
+            Some(grid) if grid.suits(n, limit) => {
+                grid.nearest_n(point, n, limit, visit);
+            }
+            _ => self.tree.nearest_n(&point.to_array(), n, limit, visit),
+        }
     }
 }
 
@@ -183,35 +205,74 @@ pub(super) fn principal_axes(cloud: &Cloud, group: &[usize]) -> [Vec3; 3] {
 /// Groups of points connected by steps of at most `reach` (scene units); largest first, groups under `least` points
 /// left out.
 pub(super) fn components(cloud: &Cloud, members: &[usize], reach: f32, least: usize) -> Vec<Vec<usize>> {
-    let cell = |p: Vec3| (p / reach).floor().as_ivec3().to_array();
-    let mut grid: std::collections::BTreeMap<[i32; 3], Vec<usize>> = std::collections::BTreeMap::new();
-    for &i in members {
-        grid.entry(cell(cloud.points[i])).or_default().push(i);
-    }
-    let mut visited = std::collections::BTreeSet::new();
+    let cells = Cells::new(cloud, members, reach);
+    let mut visited = vec![false; members.len()];
     let mut groups = Vec::new();
-    for &seed in members {
-        if !visited.insert(seed) {
+    for seed in 0..members.len() {
+        if std::mem::replace(&mut visited[seed], true) {
             continue;
         }
         let (mut group, mut next) = (vec![seed], 0);
         while next < group.len() {
-            let p = cloud.points[group[next]];
-            next += 1;
-            let c = cell(p);
-            for d in 0..27 {
-                let key = [c[0] + d % 3 - 1, c[1] + d / 3 % 3 - 1, c[2] + d / 9 - 1];
-                for &j in grid.get(&key).map_or(&[][..], |v| v) {
-                    if cloud.points[j].distance(p) <= reach && visited.insert(j) {
-                        group.push(j);
-                    }
+            let p = cloud.points[members[group[next]]];
+            for n in cells.around(group[next]) {
+                if cloud.points[members[n]].distance(p) <= reach && !std::mem::replace(&mut visited[n], true) {
+                    group.push(n);
                 }
             }
+            next += 1;
         }
+        let group: Vec<usize> = group.into_iter().map(|n| members[n]).collect();
         if group.len() >= least {
             groups.push(group);
         }
     }
     groups.sort_by_key(|g| std::cmp::Reverse(g.len()));
     groups
+}
+
+/// Members of a cloud by cubic cells.
+struct Cells {
+    /// Cell of each member.
+    of: Vec<u32>,
+    /// Where the members of each cell start in `sorted`, and the end.
+    first: Vec<u32>,
+    sorted: Vec<u32>,
+    /// Up to 27 cells around each one, itself included, x fastest.
+    around: Vec<Vec<u32>>,
+}
+
+impl Cells {
+    fn new(cloud: &Cloud, members: &[usize], edge: f32) -> Self {
+        // x last, so that cells next to each other in x are so in the list.
+        let key = |i: &usize| (cloud.points[*i] / edge).floor().as_ivec3().to_array();
+        let keys: Vec<[i32; 3]> = members.iter().map(key).map(|[x, y, z]| [z, y, x]).collect();
+        let mut sorted: Vec<u32> = (0..members.len() as u32).collect();
+        sorted.sort_by_key(|n| keys[*n as usize]);
+        let runs: Vec<&[u32]> = sorted.chunk_by(|a, b| keys[*a as usize] == keys[*b as usize]).collect();
+        let cells: Vec<[i32; 3]> = runs.iter().map(|run| keys[run[0] as usize]).collect();
+        let (mut of, mut first) = (vec![0; members.len()], vec![0]);
+        for (cell, run) in runs.iter().enumerate() {
+            run.iter().for_each(|n| of[*n as usize] = cell as u32);
+            first.push(first[cell] + run.len() as u32);
+        }
+        let around = |[z, y, x]: &[i32; 3]| {
+            let mut out = Vec::with_capacity(27);
+            for d in 0..9 {
+                let (y, z) = (y.saturating_add(d % 3 - 1), z.saturating_add(d / 3 - 1));
+                let begin = cells.partition_point(|c| *c < [z, y, x.saturating_sub(1)]);
+                let end = [z, y, x.saturating_add(1)];
+                out.extend((begin..cells.len()).take_while(|c| cells[*c] <= end).map(|c| c as u32));
+            }
+            out
+        };
+        let around = cells.iter().map(around).collect();
+        Self { of, first, sorted, around }
+    }
+
+    /// Members in the cells around that of a member.
+    fn around(&self, member: usize) -> impl Iterator<Item = usize> {
+        let cells = self.around[self.of[member] as usize].iter().map(|c| *c as usize);
+        cells.flat_map(|c| &self.sorted[self.first[c] as usize..self.first[c + 1] as usize]).map(|n| *n as usize)
+    }
 }

@@ -78,8 +78,8 @@ pub fn correct(
     config: &DiscoverConfig,
 ) -> Result<Discovery, CorrectError> {
     let clouds = scene.indexed_clouds();
-    let evidence = Evidence::new(scene)?;
     let settings = StepSettings::default();
+    let evidence = Evidence::new(scene, &settings)?;
     let needs_motion = |e: &CentreEdit| matches!(e, CentreEdit::Add { .. } | CentreEdit::Move { .. });
     let wanted = found.parts.len() + 2;
     let pool = match corrections.centres.iter().any(needs_motion) {

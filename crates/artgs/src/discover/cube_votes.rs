@@ -53,8 +53,10 @@ impl CubeVotes {
 
     /// The cube that a point is in; mixed outside the box.
     pub(super) fn at(&self, point: Vec3) -> Cube {
-        let c = ((point - self.origin) / self.edge).floor().as_ivec3();
-        let inside = c.cmpge(IVec3::ZERO).all() && c.cmplt(self.size).all();
+        let c = (point - self.origin) / self.edge;
+        // Compared before they are cut to integers, which needs no call of a function.
+        let inside = c.cmpge(Vec3::ZERO).all() && c.cmplt(self.size.as_vec3()).all();
+        let c = c.as_ivec3();
         if inside { self.cubes[((c.z * self.size.y + c.y) * self.size.x + c.x) as usize] } else { Cube::Mixed }
     }
 }

@@ -85,7 +85,7 @@ impl JointFit<'_> {
         if self.too_few(own) {
             return *part;
         }
-        let points = own.as_ref().map(IndexedCloud::new);
+        let points = own.as_ref().map(|own| IndexedCloud::gridded(own, self.lengths.spacing));
         general(&register(both(&points), part.motion, None, &self.options(&points, &part.motion)))
     }
 
@@ -95,7 +95,7 @@ impl JointFit<'_> {
         if self.too_few(own) {
             return Decided { joint: self.unregistered(part, known), general: None, exact: false };
         }
-        let points = own.as_ref().map(IndexedCloud::new);
+        let points = own.as_ref().map(|own| IndexedCloud::gridded(own, self.lengths.spacing));
         let options = self.options(&points, &part.motion);
         let free = register(both(&points), part.motion, None, &options);
         let (kind, fit) = match known {

@@ -44,6 +44,7 @@ mod joints;
 mod landing;
 mod morton;
 mod moved_points;
+mod near_grid;
 mod parents;
 mod plane_fit;
 mod poses;
@@ -73,6 +74,7 @@ use glam::{DVec3, Vec3};
 pub use moved_points::{MovedPoints, moved_points};
 use refinement::{Parts, Refinement};
 pub use scene::{DepthPicture, Scene, pixel_step};
+use segmentation::Graph;
 use selection::Selection;
 use space_grid::SpaceGrid;
 use std::cell::RefCell;
@@ -179,8 +181,8 @@ fn best_parts(
     done: Share<'_>,
 ) -> Result<Discovery, DiscoverError> {
     let clouds = scene.indexed_clouds();
-    let evidence = Evidence::new(scene)?;
     let settings = StepSettings::default();
+    let evidence = Evidence::new(scene, &settings)?;
     let pool = evidence.candidates(scene, &clouds, &movable, config, &settings, &mut within(done, 0.0, SEARCHED));
     done(SEARCHED);
     let front = evidence.front(scene, &clouds, &settings);
@@ -285,13 +287,15 @@ fn without_doubtful(
     }
 }
 
-/// What the depth maps of the other state show at the points of each state.
+/// What the depth maps of the other state show at the points of each state, and how these are connected.
 struct Evidence {
     occupancy: PerState<Vec<Occupancy>>,
     /// Points at whose place the other state shows empty space.
     moved: PerState<Vec<usize>>,
     /// Points whose place the other state does not show.
     unseen: PerState<Vec<usize>>,
+    /// Which points are next to each other.
+    graphs: PerState<Graph>,
 }
 
 /// Fewer moved points are noise.
@@ -306,7 +310,7 @@ const LEAST_NOISY_SHARE: f64 = 0.003;
 const LEAST_NOISY_GROUP: f64 = 0.006;
 
 impl Evidence {
-    fn new(scene: &Scene) -> Result<Self, DiscoverError> {
+    fn new(scene: &Scene, settings: &StepSettings) -> Result<Self, DiscoverError> {
         let mut occupancy = PerState::from_fn(|s| scene.occupancy_elsewhere(s));
         if scene.noisy {
             for (state, at) in State::ALL.into_iter().zip(occupancy.iter_mut()) {
@@ -315,12 +319,16 @@ impl Evidence {
         }
         let [moved, unseen] = [Occupancy::Empty, Occupancy::Unseen]
             .map(|what| occupancy.as_ref().map(|at| (0..at.len()).filter(|&i| at[i] == what).collect::<Vec<usize>>()));
-        let evidence = Self { occupancy, moved, unseen };
+        let evidence = Self { occupancy, moved, unseen, graphs: PerState::default() };
         let points: usize = evidence.occupancy.iter().map(Vec::len).sum();
         let least =
             if scene.noisy { LEAST_MOVED.max((LEAST_NOISY_SHARE * points as f64) as usize) } else { LEAST_MOVED };
         let scattered = scene.spreading && evidence.largest_group(scene) < LEAST_NOISY_GROUP;
-        if evidence.total() < least || scattered { Err(DiscoverError::NothingMoved) } else { Ok(evidence) }
+        if evidence.total() < least || scattered {
+            return Err(DiscoverError::NothingMoved);
+        }
+        let graphs = scene.states.as_ref().map(|s| settings.graph.graph(&s.cloud, scene.lengths.spacing));
+        Ok(Self { graphs, ..evidence })
     }
 
     /// Share of the points of a state in its largest connected group of moved points; of both states the larger one.

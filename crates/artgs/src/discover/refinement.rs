@@ -200,11 +200,10 @@ pub(super) fn refine_parts(
     settings: &StepSettings,
 ) -> (Vec<JointEstimate>, PerState<Vec<u16>>) {
     let mut parts: Vec<JointEstimate> = motions.iter().map(|m| JointEstimate::new(JointKind::Screw, *m)).collect();
-    let graphs = clouds.as_ref().map(|c| settings.graph.graph(c.cloud, scene.lengths.spacing));
     let labelling = Labelling {
         scene,
         clouds,
-        graphs: &graphs,
+        graphs: &evidence.graphs,
         occupancy: &evidence.occupancy,
         bodies,
         costs: settings.label_costs,

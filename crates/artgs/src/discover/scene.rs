@@ -312,7 +312,7 @@ impl Scene {
 
     /// The points of every state with search trees.
     pub(super) fn indexed_clouds(&self) -> PerState<IndexedCloud<'_>> {
-        self.states.as_ref().map(|state| IndexedCloud::new(&state.cloud))
+        self.states.as_ref().map(|state| IndexedCloud::gridded(&state.cloud, self.lengths.spacing))
     }
 
     /// Points of a state with what is needed to look them up in the other one.

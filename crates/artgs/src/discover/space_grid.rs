@@ -47,8 +47,10 @@ impl SpaceGrid {
     }
 
     fn index(&self, point: Vec3) -> Option<usize> {
-        let c = ((point - self.origin) / self.voxel + 0.5).floor().as_ivec3();
-        let inside = c.cmpge(IVec3::ZERO).all() && c.cmplt(self.size).all();
+        let c = (point - self.origin) / self.voxel + 0.5;
+        // Compared before they are cut to integers, which needs no call of a function.
+        let inside = c.cmpge(Vec3::ZERO).all() && c.cmplt(self.size.as_vec3()).all();
+        let c = c.as_ivec3();
         inside.then(|| ((c.z * self.size.y + c.y) * self.size.x + c.x) as usize)
     }
 

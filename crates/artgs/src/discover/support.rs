@@ -230,7 +230,7 @@ mod tests {
         let config = DiscoverConfig::default();
         let scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config).unwrap();
         let found = discover(&scene, 2..=2, &config).unwrap();
-        let evidence = Evidence::new(&scene).unwrap();
+        let evidence = Evidence::new(&scene, &StepSettings::default()).unwrap();
         let (clouds, settings) = (scene.indexed_clouds(), StepSettings::default().support);
         let contested = |labels: &PerState<Vec<u16>>| {
             let all = settings.of_parts(&scene, &clouds, &evidence.occupancy, labels, &found.parts);
