@@ -15,7 +15,14 @@ pub(crate) fn require(capture: &mut Capture, forced: bool) -> Result<(), Failure
     Ok(())
 }
 
-/// The same for the frames of recordings; warnings go to the recordings.
+/// Why a capture is refused, if its views or states contradict each other.
+pub(crate) fn refusal(capture: &Capture) -> Option<String> {
+    let found = check_capture(capture).findings().into_iter();
+    let refused = found.filter_map(|f| if let Finding::Refused(text) = f { Some(text) } else { None });
+    refused.reduce(|all, text| all + "\n" + &text)
+}
+
+/// Refuses recordings whose frames contradict each other, and removes single ones, unless `forced`; warnings go to the recordings.
 pub(crate) fn require_recordings(recordings: &mut PerState<Recording>, forced: bool) -> Result<(), Failure> {
     for state in State::ALL {
         let found = check_views(recordings[state].frames.iter().map(|f| &f.view));

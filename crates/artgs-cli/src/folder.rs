@@ -1,12 +1,13 @@
 //! Output folders: a run is never mixed with files of something else or, without a flag, with an earlier run.
 
+use crate::agreement;
 use crate::args::Earlier;
 use crate::commands::Style;
 use crate::failure::Failure;
 use crate::output::note;
 use artgs_core::Capture;
 use artgs_io::folder_lock::LockError;
-use artgs_io::{CaptureOptions, Contents, FolderLock, RunFolder};
+use artgs_io::{CaptureError, CaptureOptions, Contents, FolderLock, RunFolder};
 use std::path::{Path, PathBuf};
 
 /// Refuses a folder that another process writes into, and any other unless it is missing, empty, an output folder without
@@ -71,9 +72,16 @@ pub(crate) fn load_capture(folder: &Path) -> Result<Capture, Failure> {
     load_capture_with(folder, &CaptureOptions::default())
 }
 
-/// Reads a capture.
+/// Reads a capture. Where its states do not overlap because the poses or depths of one are wrong, the error says what is wrong
+/// with them.
 pub(crate) fn load_capture_with(folder: &Path, options: &CaptureOptions) -> Result<Capture, Failure> {
-    artgs_io::load_capture_with(folder, options).map_err(Failure::bad_input)
+    artgs_io::load_capture_with(folder, options).map_err(|error| {
+        let apart = CaptureOptions { apart: true, ..*options };
+        let is_apart = matches!(error, CaptureError::NoOverlap(_));
+        let capture = is_apart.then(|| artgs_io::load_capture_with(folder, &apart).ok()).flatten();
+        let cause = capture.and_then(|capture| agreement::refusal(&capture));
+        cause.map_or_else(|| Failure::bad_input(error), Failure::bad)
+    })
 }
 
 /// The folder with the photos of a run: `named` by the user, or else as the run noted it; none if it does not exist.

@@ -122,7 +122,10 @@ fn ready(args: &Reconstruct, given: Option<Capture>, style: Style, also: &mut dy
     let (capture, photos, lock) = match source {
         Source::Capture(folder) => {
             recordings::require_none(&args.recording, &folder)?;
-            let mut capture = load_capture_with(&folder, &CaptureOptions { longest_side: plan.longest_side })?;
+            let mut capture = load_capture_with(
+                &folder,
+                &CaptureOptions { longest_side: plan.longest_side, ..CaptureOptions::default() },
+            )?;
             agreement::require(&mut capture, args.force_input)?;
             let correction = correct(&mut capture, &config.align);
             let lock = prepare(&run, args, &folder, style)?;

@@ -130,7 +130,10 @@ fn cameras(capture: &Capture) -> Vec<(String, Camera)> {
 #[test]
 fn large_images_are_reduced_with_their_cameras_and_depth() {
     let folder = Folder::new();
-    let (whole, half) = (folder.load(), load_capture_with(folder.dir(), &CaptureOptions { longest_side: 8 }).unwrap());
+    let (whole, half) = (
+        folder.load(),
+        load_capture_with(folder.dir(), &CaptureOptions { longest_side: 8, ..CaptureOptions::default() }).unwrap(),
+    );
     assert!(half.warnings.iter().all(|w| w.contains("16x12 pixels are used at 8x6")) && half.warnings.len() == 2);
     for (large, small) in whole.states.iter().flat_map(|s| &s.train).zip(half.states.iter().flat_map(|s| &s.train)) {
         assert_eq!(small.size(), (8, 6));

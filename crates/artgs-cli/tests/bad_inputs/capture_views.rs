@@ -66,6 +66,12 @@ fn states() {
         bad("OpenCV axes in one state", "fridge", RECONSTRUCT, &["the end state", "OpenCV"], |f| {
             f.json(END, |root| poses(root, |m| m * flip()))
         }),
+        bad("world-to-camera in one state", "fridge", RECONSTRUCT, &["the end state", "world-to-camera"], |f| {
+            f.json(END, |root| poses(root, |m| m.inverse()))
+        }),
+        bad("all poses of one state are equal", "fridge", RECONSTRUCT, &["the end state", "poses are the same"], |f| {
+            f.json(END, |root| poses(root, |_| glam::DMat4::from_translation(glam::DVec3::Z)))
+        }),
         bad("one state is in millimetres", "fridge", RECONSTRUCT, &["state"], |f| {
             f.json(END, |root| {
                 poses(root, |mut m| {

@@ -9,8 +9,8 @@ use serde::Serialize;
 
 /// Agreement that a corrected capture must reach.
 const EXPLAINED: f64 = 0.8;
-/// How much agreement a correction must gain.
-const GAIN: f64 = 0.15;
+/// How much agreement the correction of a certain mistake must gain.
+pub(super) const GAIN: f64 = 0.15;
 
 /// A usual mistake.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -95,12 +95,12 @@ fn number(x: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
 }
 
-/// The mistake after whose correction the views agree best, if they then agree well and much better than as stated.
-pub(super) fn likely_cause(views: &[CoarseView], stated: Agreement) -> Option<Explained> {
+/// The mistake after whose correction the views agree best, if they then agree well and by more than `gain` better than as stated.
+pub(super) fn likely_cause(views: &[CoarseView], stated: Agreement, gain: f64) -> Option<Explained> {
     let with = |reading: Reading| agreement(views, views, [reading; 2]);
     let possible: Vec<(Cause, Agreement)> = readings()
         .map(|(cause, reading)| (cause, with(reading)))
-        .filter(|(_, found)| found.share() > EXPLAINED && found.share() > stated.share() + GAIN)
+        .filter(|(_, found)| found.share() > EXPLAINED && found.share() > stated.share() + gain)
         // A wrong camera can leave few points in the images, which then agree by chance.
         .filter(|(_, found)| found.agree > stated.agree)
         .collect();

@@ -76,6 +76,20 @@ fn wrong_depth_and_intrinsics_are_named() {
 }
 
 #[test]
+fn a_mistake_that_does_little_harm_is_suspected() {
+    let wider = |factor: f64| {
+        changed(&State::ALL, |view| {
+            (view.camera.intrinsics.fx, view.camera.intrinsics.fy) =
+                (view.camera.intrinsics.fx * factor, view.camera.intrinsics.fy * factor);
+        })
+    };
+    let findings = check_capture(&wider(1.07)).findings();
+    let suspected = |f: &Finding| matches!(f, Finding::Warning(text) if text.contains("focal lengths multiplied by"));
+    assert!(findings.iter().any(suspected), "{findings:?}");
+    assert!(check_capture(&wider(1.0)).states.iter().all(|s| s.suspected.is_none()));
+}
+
+#[test]
 fn states_with_different_mistakes_are_named_one_by_one() {
     let mut capture = changed(&[State::START], |view| scale_depth(view, 5.0));
     capture.states[State::END].train.iter_mut().for_each(|view| scale_depth(view, 1000.0));
