@@ -66,12 +66,13 @@ fn folder_name(text: &str) -> String {
     text.chars().map(|c| if c.is_ascii_alphanumeric() || c == '.' { c } else { '_' }).collect()
 }
 
-/// Objects of a suite, or one object; none if there is neither, an error if no capture can be rendered so.
+/// Objects of a suite, or one object, with `.room` recorded in a room; none if there is neither, an error if no capture can be rendered so.
 pub(crate) fn suite(name: &str, photos: &Photos) -> Option<Result<Vec<Item>, String>> {
     if name == "cabinet" {
         return Some(photos.ways().iter().map(|way| cabinet(way, photos.seed)).collect());
     }
-    let real_like = name == "real-like";
+    let (name, recorded) = name.strip_suffix(".room").map_or((name, false), |name| (name, true));
+    let real_like = name == "real-like" || recorded;
     let names = synth_suite(name).or_else(|| objects().iter().find(|o| o.name == name).map(|o| vec![o.name]))?;
     let infos = objects().iter().filter(move |o| names.contains(&o.name));
     let ways = photos.ways();
@@ -232,6 +233,8 @@ mod tests {
         assert!(finding("full") && !finding("learnt-parts") && !finding("paper") && !finding("registration"));
         assert!(suite("zoo", &Photos::default()).is_none() && variant("zoo", None).is_none());
         assert!(variant("paper-learnt-parts", None).is_none(), "the published method always learns its parts");
+        let recorded = suite("laptop.room", &Photos::default()).unwrap().unwrap();
+        assert_eq!((recorded.len(), recorded[0].name.as_str()), (1, "laptop.room"));
         let tiny = Photos { size: vec![1], ..Photos::default() };
         assert!(suite("cabinet", &tiny).unwrap().unwrap_err().contains("`size`"));
     }

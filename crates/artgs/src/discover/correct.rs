@@ -151,8 +151,7 @@ pub fn correct(
         return Err(CorrectError::NothingLeft);
     }
     // Pieces are registered on their own points and not labelled again: equal motions would mix their points.
-    let (lengths, tolerance) = (&scene.lengths, scene.tolerance.into());
-    let fit = JointFit { lengths, tolerance, settings: &settings.joints, config, last: true };
+    let fit = JointFit::new(scene, None, &settings.joints, config, true);
     let refined = |(k, number): (usize, &usize)| match pieces.starts[k] {
         None => parts[numbers.iter().position(|n| n == number).unwrap_or_default()],
         Some(start) => {

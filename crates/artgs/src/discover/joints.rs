@@ -2,10 +2,14 @@
 
 use super::DiscoverConfig;
 use super::cloud::{Cloud, IndexedCloud};
-use super::registration::{Matching, Registration, RegistrationOptions, register, shows_other_side};
-use super::scene::Lengths;
+use super::front::Front;
+use super::registration::{
+    Matching, Registration, RegistrationOptions, matched, register, register_along, shows_other_side,
+};
+use super::scene::{Lengths, Scene};
 use super::screws::{ScrewSettings, turned};
 use artgs_core::{Joint, JointEstimate, JointKind, PerState, Rigid, State};
+use glam::DVec3;
 
 /// Settings of the registration of parts and of the choice of their joints. Calibrated on the demo cabinet and the
 /// stand-ins of the paper's objects.
@@ -25,6 +29,10 @@ pub(crate) struct JointSettings {
     pub(crate) better: f64,
     /// and it matches at least this fraction of the slide's pairs.
     pub(crate) as_many: f64,
+    /// The same of a slide against a motion that turns, where depth noise spreads points.
+    pub(crate) noisy_as_many: f64,
+    /// A root mean square distance below this many depth tolerances is noise there.
+    pub(crate) noisy_rms: f64,
     /// A surely turning motion is general, neither slide nor hinge, if it slides along its axis by at least so many depth
     /// tolerances,
     pub(crate) slide_tolerances: f64,
@@ -48,6 +56,8 @@ impl Default for JointSettings {
             sure_turn: 4.0,
             better: 0.7,
             as_many: 0.95,
+            noisy_as_many: 0.9,
+            noisy_rms: 0.3,
             slide_tolerances: 4.0,
             slide_spacings: 3.0,
             more: 1.2,
@@ -64,6 +74,10 @@ pub(super) struct JointFit<'a> {
     pub(super) tolerance: f64,
     pub(super) settings: &'a JointSettings,
     pub(super) config: &'a DiscoverConfig,
+    /// Depth noise spreads points: a small turn may be an error.
+    pub(super) spreading: bool,
+    /// Direction that slides probably follow; none without such noise.
+    pub(super) opening: Option<DVec3>,
     /// The last round works with all points.
     pub(super) last: bool,
 }
@@ -79,14 +93,31 @@ pub(super) struct Decided {
     pub(super) exact: bool,
 }
 
-impl JointFit<'_> {
+impl<'a> JointFit<'a> {
+    /// For parts of a scene that opens towards `front`. Works with all points if it is the `last` round.
+    pub(super) fn new(
+        scene: &'a Scene,
+        front: Option<Front>,
+        settings: &'a JointSettings,
+        config: &'a DiscoverConfig,
+        last: bool,
+    ) -> Self {
+        let Scene { lengths, spreading, .. } = scene;
+        let opening = front.filter(|_| *spreading).map(|front| front.direction.as_dvec3());
+        Self { lengths, tolerance: scene.tolerance.into(), settings, config, spreading: *spreading, opening, last }
+    }
+
     /// Registers the points of one part, `own`, on a general motion, beginning with the estimate so far.
     pub(super) fn refine(&self, part: &JointEstimate, own: &PerState<Cloud>) -> JointEstimate {
         if self.too_few(own) {
             return *part;
         }
         let points = own.as_ref().map(|own| IndexedCloud::gridded(own, self.lengths.spacing));
-        general(&register(both(&points), part.motion, None, &self.options(&points, &part.motion)))
+        let options = self.options(&points, &part.motion);
+        let free = register(both(&points), part.motion, None, &options);
+        let slide = || self.slide(&points, &free, &options);
+        let slides = self.may_slide(&free).then(slide).filter(|slide| self.as_many(slide, &free));
+        general(&slides.unwrap_or(free))
     }
 
     /// Registers the points of one part on its joint, beginning with the motion so far. `known` is the type if the user
@@ -146,6 +177,33 @@ impl JointFit<'_> {
         RegistrationOptions { first_reach, last_reach: spacing, iterations, max_points, either_side }
     }
 
+    /// True if the turn of a free motion may be an error of noisy points.
+    fn may_slide(&self, free: &Registration) -> bool {
+        let turn = free.motion.angle().to_degrees();
+        self.spreading && self.config.decide_joints && turn < self.settings.sure_turn * self.config.revolute_deg
+    }
+
+    /// The slide of a part; along the opening if that matches nearly as many points: a flat face says little about shifts along itself.
+    fn slide(
+        &self,
+        points: &PerState<IndexedCloud<'_>>,
+        free: &Registration,
+        options: &RegistrationOptions,
+    ) -> Registration {
+        let any = on_joint(points, free, JointKind::Prismatic, options);
+        let Some(opening) = self.opening else { return any };
+        let length = register_along(both(points), opening, any.motion.translation.dot(opening), options);
+        let along = Rigid::shift(opening * length);
+        let pairs = |motion: &Rigid| matched(both(points), motion, options.last_reach, options.max_points) as f64;
+        let as_many = pairs(&along) > self.settings.noisy_as_many * pairs(&any.motion);
+        if as_many { Registration { motion: along, ..any } } else { any }
+    }
+
+    /// True if a slide matches nearly as many points as a motion that turns, too.
+    fn as_many(&self, slide: &Registration, other: &Registration) -> bool {
+        slide.pairs as f64 > self.settings.noisy_as_many * other.pairs as f64
+    }
+
     /// True if a slide along an axis is more than noise.
     fn slides(&self, slide: f64) -> bool {
         let least = self.settings.slide_spacings * f64::from(self.lengths.spacing);
@@ -190,16 +248,19 @@ impl JointFit<'_> {
         let fit = |kind| on_joint(points, free, kind, options);
         let turn = free.motion.angle().to_degrees();
         if turn < settings.no_turn_deg {
-            return (JointKind::Prismatic, fit(JointKind::Prismatic));
+            return (JointKind::Prismatic, self.slide(points, free, options));
         }
         let hinge = fit(JointKind::Revolute);
         if turn > settings.sure_turn * revolute_deg {
             return (JointKind::Revolute, hinge);
         }
-        let slide = fit(JointKind::Prismatic);
+        let slide = self.slide(points, free, options);
         let rms = |r: &Registration| r.rms.unwrap_or(f64::INFINITY);
         let as_many = hinge.pairs as f64 > settings.as_many * slide.pairs as f64;
-        let hinge_wins = turn > revolute_deg || (rms(&hinge) < settings.better * rms(&slide) && as_many);
+        let within_noise =
+            self.spreading && self.as_many(&slide, &hinge) && rms(&slide) < settings.noisy_rms * self.tolerance;
+        let better = rms(&hinge) < settings.better * rms(&slide) && as_many;
+        let hinge_wins = !within_noise && (turn > revolute_deg || better);
         if hinge_wins { (JointKind::Revolute, hinge) } else { (JointKind::Prismatic, slide) }
     }
 }
@@ -230,4 +291,77 @@ fn on_joint(
         }
     };
     register(both(points), guess, Some(kind), options)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    /// A front of 0.6 x 0.3 with a box behind it, seen at the start and moved by `motion`, with noise along the normals.
+    fn drawer(motion: &Rigid, noise: f32) -> PerState<Cloud> {
+        let mut clouds = PerState::<Cloud>::default();
+        let wave = |i: usize, s: State| noise * ((i * (3 + 4 * s.index())) as f32 * 0.7).sin();
+        let mut add = |i: usize, p: Vec3, n: Vec3| {
+            for s in State::ALL {
+                let at = p + n * wave(i, s);
+                let (p, n) = match s {
+                    State::START => (at, n),
+                    _ => (motion.apply(at.as_dvec3()).as_vec3(), motion.turn(n.as_dvec3()).as_vec3()),
+                };
+                let cloud = &mut clouds[s];
+                cloud.points.push(p);
+                cloud.normals.push(n);
+                cloud.colors.push(Vec3::ZERO);
+                cloud.roughness.push(noise);
+            }
+        };
+        for i in 0..1800 {
+            let (u, v) = ((i % 60) as f32 * 0.01, (i / 60) as f32 * 0.01);
+            add(i, Vec3::new(u, 0.0, v), Vec3::NEG_Y);
+        }
+        for i in 0..300 {
+            let (u, v) = ((i % 20) as f32 * 0.01, (i / 20) as f32 * 0.01);
+            add(i, Vec3::new(0.05, u, v), Vec3::NEG_X);
+        }
+        clouds
+    }
+
+    fn decided(motion: &Rigid, spreading: bool) -> JointEstimate {
+        let (lengths, settings, config) =
+            (Lengths { spacing: 0.01, diagonal: 1.6 }, JointSettings::default(), DiscoverConfig::default());
+        let opening = spreading.then_some(DVec3::NEG_Y);
+        let fit = JointFit {
+            lengths: &lengths,
+            tolerance: 0.012,
+            settings: &settings,
+            config: &config,
+            spreading,
+            opening,
+            last: true,
+        };
+        let own = drawer(motion, 0.002);
+        fit.decide(&fit.refine(&JointEstimate::new(JointKind::Screw, *motion), &own), &own, None).joint
+    }
+
+    #[test]
+    fn a_small_turn_of_noisy_points_is_a_slide_along_the_opening() {
+        // What noise makes of a drawer that opens by 0.15: it turns by half a degree and drifts aside.
+        let turned = Rigid::about(DVec3::Z, DVec3::new(0.3, 0.0, 0.0), 0.5f64.to_radians());
+        let wandered = Rigid::shift(DVec3::new(0.004, -0.15, 0.003)) * turned;
+        let slide = decided(&wandered, true);
+        assert_eq!(slide.kind, JointKind::Prismatic);
+        let off = slide.motion.translation.angle_between(DVec3::NEG_Y).to_degrees();
+        assert!(off < 0.01 && (slide.motion.translation.length() - 0.15).abs() < 0.004, "{:?}", slide.motion);
+        let exact = decided(&wandered, false).motion;
+        let off = exact.translation.angle_between(DVec3::NEG_Y).to_degrees();
+        assert!(off > 0.1, "exact depth keeps the direction: {exact:?}");
+    }
+
+    #[test]
+    fn a_door_that_opens_a_little_stays_a_hinge_where_depth_is_noisy() {
+        let door = decided(&Rigid::about(DVec3::Z, DVec3::ZERO, 9f64.to_radians()), true);
+        assert_eq!(door.kind, JointKind::Revolute);
+        assert!((door.motion.angle().to_degrees() - 9.0).abs() < 0.5, "{:?}", door.motion);
+    }
 }

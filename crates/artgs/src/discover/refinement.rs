@@ -38,7 +38,11 @@ impl Refinement<'_> {
     /// share one at first: once they are separated, each is registered by itself, and all points are labelled again with
     /// the motions found then.
     pub(super) fn parts(&self, motions: &[Rigid], movable: &RangeInclusive<usize>) -> Parts {
-        let mut found = self.separated(motions, movable);
+        self.aligned(self.separated(motions, movable))
+    }
+
+    /// With slides along the direction that they and the front agree on, where depth noise spreads points.
+    fn aligned(&self, mut found: Parts) -> Parts {
         if self.scene.spreading && self.config.decide_joints {
             self.settings.rails.align(self.scene, self.clouds, &found.labels, &mut found.parts, self.front);
         }
@@ -110,7 +114,12 @@ impl Refinement<'_> {
             let (parts, labels) =
                 refine_parts(scene, clouds, evidence, &motions, &bodies, &kinds, order, config, settings);
             let supports = settings.support.of_parts(scene, clouds, &evidence.occupancy, &labels, &parts);
-            let mut found = Parts { parts, labels };
+            let mut found = self.aligned(Parts { parts, labels });
+            if let Some((kept, other)) = self.same_body(&found) {
+                let regions = bodies.remove(other).regions;
+                bodies[kept].regions.extend(regions);
+                continue;
+            }
             let least_moved = self.least_moved();
             let mut supported = supports.iter().map(|s| {
                 s.moved >= least_moved
@@ -125,6 +134,34 @@ impl Refinement<'_> {
                 return found;
             }
         }
+    }
+
+    /// Two parts that move alike and are not apart, the larger one first, where depth noise spreads points: one body of which noise
+    /// made two.
+    fn same_body(&self, found: &Parts) -> Option<(usize, usize)> {
+        /// Places this close are the same, spacings.
+        const SAME: f64 = 2.0;
+        if !self.scene.spreading {
+            return None;
+        }
+        let same = SAME * f64::from(self.scene.lengths.spacing);
+        let size = |k: usize| found.labels.iter().flatten().filter(|l| usize::from(**l) == k + 1).count();
+        let alike = |a: usize, b: usize| {
+            let (m, n) = (found.parts[a].motion, found.parts[b].motion);
+            let near = |p: &glam::Vec3| m.apply(p.as_dvec3()).distance(n.apply(p.as_dvec3())) < same;
+            let points = points_of_part(self.clouds, &found.labels, b as u16 + 1);
+            points[State::START].points.iter().step_by(16).all(near)
+        };
+        let whole = |a: usize, b: usize| {
+            let mut labels = found.labels.as_ref().map(|labels| {
+                labels.iter().map(|l| u16::from([a + 1, b + 1].contains(&usize::from(*l)))).collect::<Vec<u16>>()
+            });
+            let motions = [found.parts[a].motion];
+            self.settings.instances.split(self.scene, &mut labels, &motions, self.front, 2).is_empty()
+        };
+        let pairs = (0..found.parts.len()).flat_map(|a| (0..found.parts.len()).map(move |b| (a, b)));
+        let mut pairs = pairs.filter(|(a, b)| a != b && (size(*a), *b) > (size(*b), *a));
+        pairs.find(|(a, b)| alike(*a, *b) && whole(*a, *b))
     }
 
     /// The part with the least support, if that is too little: few points moved for certain, or other motions explain all
@@ -171,9 +208,8 @@ impl Refinement<'_> {
         found.labels = labels;
         changed.sort_unstable();
         changed.dedup();
-        let Self { scene, config, settings, .. } = *self;
-        let (lengths, tolerance) = (&scene.lengths, scene.tolerance.into());
-        let fit = JointFit { lengths, tolerance, settings: &settings.joints, config, last: true };
+        let Self { scene, config, settings, front, .. } = *self;
+        let fit = JointFit::new(scene, front, &settings.joints, config, true);
         for k in changed {
             // The joint of a carried part is relative to its carrier.
             if found.parts[k].parent > 0 {
@@ -211,11 +247,12 @@ pub(super) fn refine_parts(
     };
     let mut labels = PerState::default();
     let rounds = config.rounds.max(1);
+    let front = if scene.spreading { evidence.front(scene, clouds, settings) } else { None };
     for round in 0..rounds {
         let motions: Vec<Rigid> = parts.iter().map(|p| p.motion).collect();
         labels = labelling.labels(&motions);
-        let (lengths, tolerance, last) = (&scene.lengths, scene.tolerance.into(), round + 1 == rounds);
-        let fit = JointFit { lengths, tolerance, settings: &settings.joints, config, last };
+        let last = round + 1 == rounds;
+        let fit = JointFit::new(scene, front, &settings.joints, config, last);
         let own = |part: usize| points_of_part(clouds, &labels, part as u16);
         if last && config.decide_joints {
             let clouds = (0..=parts.len()).map(own).collect();
@@ -241,4 +278,48 @@ pub(super) fn points_of_part(
         let members: Vec<usize> = (0..labels[s].len()).filter(|&i| labels[s][i] == part).collect();
         clouds[s].cloud.select(&members)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::discover::discover;
+    use crate::discover::scene::DepthPicture;
+    use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
+
+    #[test]
+    fn pieces_of_one_body_are_the_same_body_only_where_depth_is_noisy() {
+        let options = CabinetOptions { views: 16, size: 96, ..CabinetOptions::default() };
+        let (capture, _) = cabinet_capture(&options).unwrap();
+        let pictures = PerState::from_fn(|s| {
+            let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
+            capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
+        });
+        let (config, settings) = (DiscoverConfig::default(), StepSettings::default());
+        let mut scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config).unwrap();
+        let found = discover(&scene, 2..=2, &config).unwrap();
+        let mut parts = Parts { parts: found.parts.clone(), labels: found.labels.clone() };
+        parts.parts.push(found.parts[0]);
+        // The third part is one half of the first.
+        let middle = found.middle(1, State::START).as_vec3();
+        for s in State::ALL {
+            let back = found.parts[0].motion.away_from(State::END);
+            for (label, p) in parts.labels[s].iter_mut().zip(&found.clouds[s].points) {
+                let at_start = if s == State::START { *p } else { back.apply(p.as_dvec3()).as_vec3() };
+                if *label == 1 && at_start.z > middle.z {
+                    *label = 3;
+                }
+            }
+        }
+        for spreading in [false, true] {
+            scene.spreading = spreading;
+            let (clouds, evidence) = (scene.indexed_clouds(), Evidence::new(&scene, &settings).unwrap());
+            let (front, begun) = (evidence.front(&scene, &clouds, &settings), &|| ());
+            let (scene, clouds, evidence) = (&scene, &clouds, &evidence);
+            let work = Refinement { scene, clouds, evidence, config: &config, settings: &settings, front, begun };
+            let same = work.same_body(&parts).map(|(a, b)| (a.min(b), a.max(b)));
+            assert_eq!(same, spreading.then_some((0, 2)));
+            assert_eq!(work.same_body(&Parts { parts: found.parts.clone(), labels: found.labels.clone() }), None);
+        }
+    }
 }

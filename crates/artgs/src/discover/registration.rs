@@ -220,6 +220,13 @@ pub(super) fn shows_other_side(points: Matching<'_>, motion: &Rigid, reach: f64)
     either >= settings.least_pairs && (count(false) as f64) < FEW * either as f64
 }
 
+/// Number of matches within `reach` under a motion, of at most `max_points` of each state.
+pub(super) fn matched(points: Matching<'_>, motion: &Rigid, reach: f64, max_points: usize) -> usize {
+    let options =
+        RegistrationOptions { first_reach: reach, last_reach: reach, iterations: 1, max_points, either_side: false };
+    collect_pairs(points, motion, reach, &options, &RobustSettings::default()).len()
+}
+
 /// Root mean square distance between the matched surfaces per unit of displacement in the direction, among shifts and
 /// turns, that they hold least; turns count by the displacement of the pairs' mean radius. Between 0 and 1; 0 without
 /// enough pairs.

@@ -147,6 +147,12 @@ impl SupportSettings {
             let to_other: Vec<Rigid> = motions.iter().map(|m| m.away_from(s)).collect();
             let landings = pair.landings(&to_other, &self.costs);
             let each = stride as f64;
+            // Where noise spreads points, a motion that takes a moved point onto a moved point explains it alone if the others
+            // only hide it.
+            let confirmed = |landing: Landing| match landing {
+                Landing::Surface(j, _) => scene.spreading && occupancy[s.other()][j as usize] == Occupancy::Empty,
+                _ => false,
+            };
             for (landings, i) in landings.chunks_exact(to_other.len()).zip(&picked) {
                 row.clear();
                 row.extend(landings.iter().map(|landing| landing.cost(&self.costs)));
@@ -164,7 +170,9 @@ impl SupportSettings {
                     let fits = row[k] < self.explained;
                     out.explained += if fits { each } else { 0.0 };
                     let others = (0..count).filter(|j| *j != k);
-                    let alone = others.map(|j| row[j]).all(|cost| cost > row[k] + self.fall);
+                    let alone = others.clone().map(|j| row[j]).all(|cost| cost > row[k] + self.fall)
+                        || confirmed(landings[k])
+                            && others.clone().all(|j| !matches!(landings[j], Landing::Surface(..)));
                     out.exclusive += if fits && alone { each } else { 0.0 };
                 }
             }
@@ -243,5 +251,28 @@ mod tests {
         mixed[State::END].iter_mut().filter(|label| **label == 1).for_each(|label| *label = 2);
         let mixed = contested(&mixed);
         assert!(mixed[0] > 0.5, "{mixed:?}");
+    }
+
+    #[test]
+    fn where_depth_is_noisy_motions_that_only_hide_points_do_not_explain_them() {
+        let options = CabinetOptions { views: 16, size: 96, ..CabinetOptions::default() };
+        let (capture, _) = cabinet_capture(&options).unwrap();
+        let pictures = PerState::from_fn(|s| {
+            let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
+            capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
+        });
+        let config = DiscoverConfig::default();
+        let mut scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config).unwrap();
+        let found = discover(&scene, 2..=2, &config).unwrap();
+        let evidence = Evidence::new(&scene, &StepSettings::default()).unwrap();
+        let mut exclusive = |spreading: bool| {
+            scene.spreading = spreading;
+            let (clouds, settings) = (scene.indexed_clouds(), StepSettings::default().support);
+            let all = settings.of_parts(&scene, &clouds, &evidence.occupancy, &found.labels, &found.parts);
+            [all[0].exclusive, all[1].exclusive]
+        };
+        let (exact, noisy) = (exclusive(false), exclusive(true));
+        assert!((0..2).all(|k| noisy[k] >= exact[k] && noisy[k] <= 1.0), "{exact:?} {noisy:?}");
+        assert!(noisy.iter().sum::<f64>() > exact.iter().sum::<f64>() + 0.01, "{exact:?} {noisy:?}");
     }
 }
