@@ -41,7 +41,7 @@ def places(urdf):
     for link in root.iter("link"):
         visual = link.find("visual/geometry/mesh")
         if visual is not None:
-            meshes[link.get("name")] = _mesh(Path(urdf).parent / visual.get("filename"))
+            meshes[link.get("name")] = read_mesh(Path(urdf).parent / visual.get("filename"))
     out = []
     for name, (points, triangles) in meshes.items():
         joint, upper, axis = slides.get(name, (None, 0.0, np.zeros(3)))
@@ -58,7 +58,8 @@ def places(urdf):
     return out
 
 
-def _mesh(path):
+def read_mesh(path):
+    """Vertices `[n, 3]` and triangles `[m, 3]` of an OBJ file."""
     points, triangles = [], []
     for line in path.read_text().splitlines():
         if line.startswith("v "):

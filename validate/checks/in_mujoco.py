@@ -7,6 +7,8 @@ import numpy as np
 
 from .drive import check_motion
 from .drop import CELL, LEAST, RADIUS, TIME, places, report_drops
+from .fingers import HALF, fingers, report_fingers, turned_to
+from .fingers import RADIUS as FINGER
 from .report import collect_warnings
 
 # Bandwidth of the servo, 1/s.
@@ -122,6 +124,7 @@ def check_mjcf(path, states, report):
     with collect_warnings(report):
         check_motion(engine, states, report)
         _drop(path, report)
+        _fingers(path, report)
     counts = {mujoco.mjtWarning(i).name: w.number for i, w in enumerate(engine.data.warning) if w.number}
     report.add("-", "simulates without warnings", not counts, note=str(counts or ""))
 
@@ -156,6 +159,32 @@ def _drop(path, report):
                 low = min(low, data.qpos[at + 2])
         found.append((place, low))
     report_drops(found, report)
+
+
+def _fingers(path, report):
+    """Puts a finger behind every handle, joints at 0, without simulating."""
+    urdf = next(iter(sorted(Path(path).parent.parent.glob("urdf/*.urdf"))), None)
+    wanted = [] if urdf is None else fingers(urdf)
+    if not wanted:
+        return
+    spec = mujoco.MjSpec.from_file(path)
+    # Keyframes do not know the finger.
+    for key in list(spec.keys):
+        spec.delete(key)
+    body = spec.worldbody.add_body(name="finger")
+    body.add_freejoint()
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[FINGER, HALF, 0], mass=0.02)
+    model = spec.compile()
+    data, found = mujoco.MjData(model), []
+    own = model.body("finger")
+    at = model.joint(own.jntadr[0]).qposadr[0]
+    for finger in wanted:
+        data.qpos[:] = 0.0
+        data.qpos[at : at + 3], data.qpos[at + 3 : at + 7] = finger.middle, turned_to(finger.along)
+        mujoco.mj_fwdPosition(model, data)
+        touched = [c.dist for c in data.contact if own.id in (model.geom_bodyid[c.geom[0]], model.geom_bodyid[c.geom[1]])]
+        found.append((finger, max([0.0] + [-dist for dist in touched])))
+    report_fingers(found, report)
 
 
 def check_urdf(path, _states, report):

@@ -5,6 +5,8 @@ import pybullet as bullet
 
 from .drive import check_motion
 from .drop import CELL, LEAST, RADIUS, TIME, places, report_drops
+from .fingers import HALF, fingers, report_fingers, turned_to
+from .fingers import RADIUS as FINGER
 from .report import collect_warnings
 
 
@@ -120,6 +122,25 @@ def _drop(path, client, body, engine, report):
     report_drops(found, report)
 
 
+def _fingers(path, client, body, engine, report):
+    """Puts a finger behind every handle, joints at 0, without simulating."""
+    kept, found = engine.get(), []
+    engine.set(np.zeros(len(engine.names)))
+    for finger in fingers(path):
+        shape = bullet.createCollisionShape(
+            bullet.GEOM_CAPSULE, radius=FINGER, height=2.0 * HALF, physicsClientId=client
+        )
+        w, x, y, z = turned_to(finger.along)
+        own = bullet.createMultiBody(
+            0.0, shape, basePosition=finger.middle.tolist(), baseOrientation=[x, y, z, w], physicsClientId=client
+        )
+        near = bullet.getClosestPoints(own, body, 0.0, physicsClientId=client)
+        found.append((finger, max([0.0] + [-point[8] for point in near])))
+        bullet.removeBody(own, client)
+    engine.set(*kept)
+    report_fingers(found, report)
+
+
 def check_urdf(path, states, report):
     """Opens, drives and sweeps a URDF."""
     client = bullet.connect(bullet.DIRECT)
@@ -143,6 +164,7 @@ def check_urdf(path, states, report):
     report.add("-", "masses above 0", min(masses) > 0, sum(masses), "kg")
     check_motion(engine, states, report)
     _drop(path, client, body, engine, report)
+    _fingers(path, client, body, engine, report)
     # The file itself has to fix the base.
     moved = np.linalg.norm(bullet.getBasePositionAndOrientation(body, client)[0])
     report.add("-", "base stays", moved <= 1e-6, moved, "m")

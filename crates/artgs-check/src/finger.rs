@@ -3,7 +3,7 @@
 use crate::CheckOptions;
 use crate::coverage::Drawn;
 use crate::model::Model;
-use crate::poses::{Scene, vector};
+use crate::poses::{Scene, signed};
 use crate::report::FingerFinding;
 use artgs_core::Rigid;
 use artgs_io::export_report::HandleReport;
@@ -102,10 +102,8 @@ fn deepest(scene: &Scene, poses: &[Rigid], finger: &Rigid) -> f64 {
     let middles: Vec<DVec3> = balls.map(|p| finger.apply(p)).collect();
     let of_link = |(hulls, link): (&Vec<SharedShape>, &Rigid)| {
         let to_link = link.inverse();
-        let own: Vec<_> = middles.iter().map(|p| vector(to_link.apply(*p))).collect();
-        let near = |hull: &SharedShape| {
-            own.iter().map(|p| f64::from(hull.distance_to_local_point(*p, false))).fold(f64::INFINITY, f64::min)
-        };
+        let own: Vec<DVec3> = middles.iter().map(|p| to_link.apply(*p)).collect();
+        let near = |hull: &SharedShape| own.iter().map(|p| signed(hull, *p)).fold(f64::INFINITY, f64::min);
         hulls.iter().map(near).fold(f64::INFINITY, f64::min)
     };
     RADIUS - scene.hulls.iter().zip(poses).map(of_link).fold(RADIUS, f64::min)

@@ -27,6 +27,20 @@ pub(crate) fn pose(motion: &Rigid) -> Pose {
     Pose::from_parts(vector(motion.translation), Rotation::from_xyzw(q.x, q.y, q.z, q.w))
 }
 
+/// Distance of a point of the link's frame from a hull, negative inside; from outside at least the distance from the plane of one of its
+/// faces. The planes decide on the side: the engine's search takes some points 5 mm beside thin hulls for points inside.
+pub(crate) fn signed(hull: &SharedShape, p: DVec3) -> f64 {
+    let found = f64::from(hull.distance_to_local_point(vector(p), false));
+    let Some(hull) = hull.as_convex_polyhedron() else { return found };
+    let corners = hull.vertices_adj_to_face();
+    let planes = hull.faces().iter().map(|face| {
+        let corner = hull.points()[corners[face.first_vertex_or_edge as usize] as usize];
+        f64::from(face.normal.dot(vector(p) - corner))
+    });
+    let beyond = planes.fold(f64::NEG_INFINITY, f64::max);
+    if beyond > 0.0 { found.max(beyond) } else { beyond }
+}
+
 impl Scene {
     /// The hull of every collision mesh, and problems of meshes without a hull, with their links.
     pub(crate) fn of(model: &Model) -> (Self, Vec<(usize, String)>) {
@@ -50,8 +64,8 @@ impl Scene {
     /// True if a hull reaches within `near` of a point of the object's frame; with a negative value, at least so deep.
     pub(crate) fn holds(&self, poses: &[Rigid], p: DVec3, near: f64) -> bool {
         let inside = |(hulls, at): (&Vec<SharedShape>, &Rigid)| {
-            let own = vector(at.inverse().apply(p));
-            hulls.iter().any(|hull| f64::from(hull.distance_to_local_point(own, false)) <= near)
+            let own = at.inverse().apply(p);
+            hulls.iter().any(|hull| signed(hull, own) <= near)
         };
         self.hulls.iter().zip(poses).any(inside)
     }
