@@ -123,9 +123,9 @@ def turned_to(direction):
 
 
 def report_fingers(found, report):
-    """Adds a finding per link; `found` holds (finger, how far hulls reach into it)."""
+    """Adds a finding per link; `found` holds (finger, how far hulls reach into it). A hand needs half of the places."""
     for link in sorted({finger.link for finger, _ in found}):
         depths = [depth for finger, depth in found if finger.link == link]
         blocked = sum(depth > TOUCH for depth in depths)
         note = f"hulls are up to {1000 * max(depths):.1f} mm in the way" if blocked else ""
-        report.add(link, "fingers fit behind handles", not blocked, len(depths) - blocked, f"of {len(depths)}", note)
+        report.add(link, "fingers fit behind handles", 2 * blocked <= len(depths), len(depths) - blocked, f"of {len(depths)}", note)

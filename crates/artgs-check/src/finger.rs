@@ -65,7 +65,8 @@ pub(crate) fn link(
     if out.blocked > 0 {
         let (blocked, gaps, mm) = (out.blocked, out.gaps, 1e3 * out.deepest);
         let text = "places behind handles hold no finger of 10 mm, hulls are up to";
-        out.problems.push(format!("{blocked} of {gaps} {text} {mm:.1} mm in the way"));
+        let list = if 2 * blocked > gaps { &mut out.problems } else { &mut out.warnings };
+        list.push(format!("{blocked} of {gaps} {text} {mm:.1} mm in the way"));
     }
     (out.gaps > 0).then_some(out)
 }

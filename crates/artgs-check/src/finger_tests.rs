@@ -55,6 +55,11 @@ fn a_finger_enters_behind_a_bar_and_not_behind_a_filled_one() {
     let closed = found(0.03, &filled).unwrap();
     assert_eq!((closed.gaps, closed.blocked, closed.problems.len()), (5, 5, 1), "{closed:?}");
     assert!(closed.deepest > 5e-3, "{closed:?}");
+    let mut partly = drawn(0.03);
+    partly.push(Mesh::cuboid([-0.1, -0.04, -0.005], [-0.045, 0.0, 0.005]));
+    let partly = found_in(0.03, &drawn(0.03), &partly).unwrap();
+    assert_eq!((partly.gaps, partly.blocked), (5, 1), "{partly:?}");
+    assert_eq!((partly.problems.len(), partly.warnings.len()), (0, 1), "{partly:?}");
 }
 
 #[test]

@@ -143,8 +143,10 @@ pub struct FingerFinding {
     pub blocked: usize,
     /// How deep hulls reach into a finger.
     pub deepest: f64,
-    /// Problems, one sentence each.
+    /// Problems, one sentence each: most places are blocked.
     pub problems: Vec<String>,
+    /// What does not fail the check: a hand finds another place.
+    pub warnings: Vec<String>,
 }
 
 /// A joint of the URDF.
@@ -216,6 +218,7 @@ impl CheckReport {
         let joints = self.joints.iter().map(|j| j.problems.len());
         let states = self.states.iter().map(|s| s.problems.len());
         let warnings = self.coverage.iter().map(|c| &c.warnings).chain(self.drops.iter().map(|d| &d.warnings));
+        let warnings = warnings.chain(self.fingers.iter().map(|f| &f.warnings));
         self.warnings = warnings.map(Vec::len).sum();
         self.failures = files
             .chain(formats)

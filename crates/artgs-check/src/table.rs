@@ -173,9 +173,10 @@ impl fmt::Display for CheckReport {
         if !self.fingers.is_empty() {
             let mut fingers = Table::new(&["fingers behind the handles of", "", "places", "blocked"]);
             for found in &self.fingers {
-                let verdict = verdict(&found.problems);
+                let verdict = graded(&found.problems, &found.warnings);
                 let [places, blocked] = [found.gaps, found.blocked].map(|n| n.to_string());
-                fingers.push(vec![found.link.clone(), verdict.into(), places, blocked], &found.problems);
+                let said = warned(&found.problems, &found.warnings);
+                fingers.push(vec![found.link.clone(), verdict.into(), places, blocked], &said);
             }
             write!(f, "\n{fingers}")?;
         }

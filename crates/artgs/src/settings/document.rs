@@ -11,7 +11,7 @@ const HEAD: &str = "# Settings
 
 Every setting of `config.toml`, with its value in the default preset and in `--preset paper`. A file for `--config` may hold any of
 them; [Reconstruction](reconstruct.md#settings) shows one. Values are checked before any work: NaN and infinity are refused
-everywhere, and so is a number out of its range or a key that is not listed here. `artgs settings` prints this table, and
+everywhere, and so is a number out of its range or a key that is not listed here. `artgs settings` prints every key with its value and range, and
 `cargo doc --open` has the full documentation of each field (type `artgs::config::Config`).
 
 `--preset registration` differs from the default in `method` alone. A setting without a value is absent, or is the alternative of
