@@ -140,7 +140,7 @@ impl Refinement<'_> {
     /// made two.
     fn same_body(&self, found: &Parts) -> Option<(usize, usize)> {
         /// Places this close are the same, spacings.
-        const SAME: f64 = 2.0;
+        const SAME: f64 = 0.5;
         if !self.scene.spreading {
             return None;
         }
