@@ -33,6 +33,8 @@ pub(crate) struct JointSettings {
     pub(crate) noisy_as_many: f64,
     /// A root mean square distance below this many depth tolerances is noise there.
     pub(crate) noisy_rms: f64,
+    /// Slides that differ by less from the front keep their direction in the last round, degrees.
+    pub(crate) wandered_deg: f64,
     /// A surely turning motion is general, neither slide nor hinge, if it slides along its axis by at least so many depth
     /// tolerances,
     pub(crate) slide_tolerances: f64,
@@ -58,6 +60,7 @@ impl Default for JointSettings {
             as_many: 0.95,
             noisy_as_many: 0.9,
             noisy_rms: 0.3,
+            wandered_deg: 3.0,
             slide_tolerances: 4.0,
             slide_spacings: 3.0,
             more: 1.2,
@@ -192,6 +195,11 @@ impl<'a> JointFit<'a> {
     ) -> Registration {
         let any = on_joint(points, free, JointKind::Prismatic, options);
         let Some(opening) = self.opening else { return any };
+        // In the end, the direction of a slide that has not wandered off is better than that of the front; see `rails`.
+        let off = any.motion.translation.angle_between(opening).to_degrees();
+        if self.last && off.min(180.0 - off) < self.settings.wandered_deg {
+            return any;
+        }
         let length = register_along(both(points), opening, any.motion.translation.dot(opening), options);
         let along = Rigid::shift(opening * length);
         let pairs = |motion: &Rigid| matched(both(points), motion, options.last_reach, options.max_points) as f64;
@@ -352,10 +360,7 @@ mod tests {
         let slide = decided(&wandered, true);
         assert_eq!(slide.kind, JointKind::Prismatic);
         let off = slide.motion.translation.angle_between(DVec3::NEG_Y).to_degrees();
-        assert!(off < 0.01 && (slide.motion.translation.length() - 0.15).abs() < 0.004, "{:?}", slide.motion);
-        let exact = decided(&wandered, false).motion;
-        let off = exact.translation.angle_between(DVec3::NEG_Y).to_degrees();
-        assert!(off > 0.1, "exact depth keeps the direction: {exact:?}");
+        assert!(off < 2.0 && (slide.motion.translation.length() - 0.15).abs() < 0.004, "{:?}", slide.motion);
     }
 
     #[test]
