@@ -129,22 +129,29 @@ def check_mjcf(path, states, report):
     report.add("-", "simulates without warnings", not counts, note=str(counts or ""))
 
 
+def _with_body(path, **geom):
+    """The model of an MJCF with one more, free body, the number of this body, and the address of its position."""
+    spec = mujoco.MjSpec.from_file(path)
+    # Keyframes do not know the body.
+    for key in list(spec.keys):
+        spec.delete(key)
+    body = spec.worldbody.add_body(name="tested_body")
+    body.add_freejoint()
+    body.add_geom(mass=0.02, **geom)
+    model = spec.compile()
+    body = model.body("tested_body")
+    return model, body.id, model.joint(body.jntadr[0]).qposadr[0]
+
+
 def _drop(path, report):
     """Drops a ball onto every flat place of the URDF beside the MJCF, if there is one."""
     urdf = next(iter(sorted(Path(path).parent.parent.glob("urdf/*.urdf"))), None)
     wanted = [] if urdf is None else places(urdf)
     if not wanted:
         return
-    spec = mujoco.MjSpec.from_file(path)
-    # Keyframes do not know the ball.
-    for key in list(spec.keys):
-        spec.delete(key)
-    ball = spec.worldbody.add_body(name="dropped_ball")
-    ball.add_freejoint()
-    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0], mass=0.02, condim=6, friction=[0.6, 5e-3, 1e-3])
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    at, found = model.joint(model.body("dropped_ball").jntadr[0]).qposadr[0], []
+    sphere = mujoco.mjtGeom.mjGEOM_SPHERE
+    model, _, at = _with_body(path, type=sphere, size=[RADIUS, 0, 0], condim=6, friction=[0.6, 5e-3, 1e-3])
+    data, found = mujoco.MjData(model), []
     for place in wanted:
         mujoco.mj_resetData(model, data)
         values = {model.joint(name).qposadr[0]: value for name, value in place.values.items()}
@@ -167,22 +174,13 @@ def _fingers(path, report):
     wanted = [] if urdf is None else fingers(urdf)
     if not wanted:
         return
-    spec = mujoco.MjSpec.from_file(path)
-    # Keyframes do not know the finger.
-    for key in list(spec.keys):
-        spec.delete(key)
-    body = spec.worldbody.add_body(name="finger")
-    body.add_freejoint()
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[FINGER, HALF, 0], mass=0.02)
-    model = spec.compile()
+    model, own, at = _with_body(path, type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[FINGER, HALF, 0])
     data, found = mujoco.MjData(model), []
-    own = model.body("finger")
-    at = model.joint(own.jntadr[0]).qposadr[0]
     for finger in wanted:
         data.qpos[:] = 0.0
         data.qpos[at : at + 3], data.qpos[at + 3 : at + 7] = finger.middle, turned_to(finger.along)
         mujoco.mj_fwdPosition(model, data)
-        touched = [c.dist for c in data.contact if own.id in (model.geom_bodyid[c.geom[0]], model.geom_bodyid[c.geom[1]])]
+        touched = [c.dist for c in data.contact if own in (model.geom_bodyid[c.geom[0]], model.geom_bodyid[c.geom[1]])]
         found.append((finger, max([0.0] + [-dist for dist in touched])))
     report_fingers(found, report)
 

@@ -144,7 +144,9 @@ pub fn correct(
     let motions: Vec<Rigid> = kept.iter().map(|k| k.motion).collect();
     // Corrections and the page name parts by their numbers.
     let order = Numbering::Kept;
-    let (parts, labels) = refine_parts(scene, &clouds, &evidence, &motions, &[], &kinds, order, config, &settings);
+    let front = evidence.front(scene, &clouds, &settings);
+    let (parts, labels) =
+        refine_parts(scene, &clouds, &evidence, &motions, &[], &kinds, front, order, config, &settings);
     let numbers: Vec<usize> = kept.iter().map(|k| k.number).collect();
     let pieces = split.apply(&clouds, &numbers, &parts, labels)?;
     if pieces.numbers.is_empty() {

@@ -202,7 +202,8 @@ impl<'a> JointFit<'a> {
         }
         let length = register_along(both(points), opening, any.motion.translation.dot(opening), options);
         let along = Rigid::shift(opening * length);
-        let pairs = |motion: &Rigid| matched(both(points), motion, options.last_reach, options.max_points) as f64;
+        let pairs =
+            |motion: &Rigid| matched(both(points), motion, options.last_reach, options.max_points, false) as f64;
         let as_many = pairs(&along) > self.settings.noisy_as_many * pairs(&any.motion);
         if as_many { Registration { motion: along, ..any } } else { any }
     }

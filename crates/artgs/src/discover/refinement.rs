@@ -99,27 +99,28 @@ impl Refinement<'_> {
     fn refined(&self, motions: &[Rigid]) -> Parts {
         (self.begun)();
         let kinds = vec![None; motions.len()];
-        let Self { scene, clouds, evidence, config, settings, .. } = *self;
+        let Self { scene, clouds, evidence, config, settings, front, .. } = *self;
         let order = Numbering::ParentsFirst;
-        let (parts, labels) = refine_parts(scene, clouds, evidence, motions, &[], &kinds, order, config, settings);
+        let (parts, labels) =
+            refine_parts(scene, clouds, evidence, motions, &[], &kinds, front, order, config, settings);
         Parts { parts, labels }
     }
 
     /// Parts of bodies, each of which only explains what is in its regions. Those without enough support are removed.
     pub(super) fn of_bodies(&self, mut bodies: Vec<Body>) -> Parts {
-        let Self { scene, clouds, evidence, config, settings, .. } = *self;
+        let Self { scene, clouds, evidence, config, settings, front, .. } = *self;
         loop {
             let motions: Vec<Rigid> = bodies.iter().map(|b| b.motion).collect();
             let (kinds, order) = (vec![None; motions.len()], Numbering::Kept);
             let (parts, labels) =
-                refine_parts(scene, clouds, evidence, &motions, &bodies, &kinds, order, config, settings);
-            let supports = settings.support.of_parts(scene, clouds, &evidence.occupancy, &labels, &parts);
+                refine_parts(scene, clouds, evidence, &motions, &bodies, &kinds, front, order, config, settings);
             let mut found = self.aligned(Parts { parts, labels });
             if let Some((kept, other)) = self.same_body(&found) {
                 let regions = bodies.remove(other).regions;
                 bodies[kept].regions.extend(regions);
                 continue;
             }
+            let supports = settings.support.of_parts(scene, clouds, &evidence.occupancy, &found.labels, &found.parts);
             let least_moved = self.least_moved();
             let mut supported = supports.iter().map(|s| {
                 s.moved >= least_moved
@@ -231,6 +232,7 @@ pub(super) fn refine_parts(
     motions: &[Rigid],
     bodies: &[Body],
     kinds: &[Option<JointKind>],
+    front: Option<Front>,
     numbering: Numbering,
     config: &DiscoverConfig,
     settings: &StepSettings,
@@ -247,7 +249,6 @@ pub(super) fn refine_parts(
     };
     let mut labels = PerState::default();
     let rounds = config.rounds.max(1);
-    let front = if scene.spreading { evidence.front(scene, clouds, settings) } else { None };
     for round in 0..rounds {
         let motions: Vec<Rigid> = parts.iter().map(|p| p.motion).collect();
         labels = labelling.labels(&motions);

@@ -206,24 +206,14 @@ pub(super) fn shows_other_side(points: Matching<'_>, motion: &Rigid, reach: f64)
     /// Points compared.
     const SAMPLES: usize = 1000;
     let settings = RobustSettings::default();
-    let count = |either_side: bool| {
-        let options = RegistrationOptions {
-            first_reach: reach,
-            last_reach: reach,
-            iterations: 1,
-            max_points: SAMPLES,
-            either_side,
-        };
-        collect_pairs(points, motion, reach, &options, &settings).len()
-    };
+    let count = |either_side: bool| matched(points, motion, reach, SAMPLES, either_side);
     let either = count(true);
     either >= settings.least_pairs && (count(false) as f64) < FEW * either as f64
 }
 
 /// Number of matches within `reach` under a motion, of at most `max_points` of each state.
-pub(super) fn matched(points: Matching<'_>, motion: &Rigid, reach: f64, max_points: usize) -> usize {
-    let options =
-        RegistrationOptions { first_reach: reach, last_reach: reach, iterations: 1, max_points, either_side: false };
+pub(super) fn matched(points: Matching<'_>, motion: &Rigid, reach: f64, max_points: usize, either_side: bool) -> usize {
+    let options = RegistrationOptions { first_reach: reach, last_reach: reach, iterations: 1, max_points, either_side };
     collect_pairs(points, motion, reach, &options, &RobustSettings::default()).len()
 }
 

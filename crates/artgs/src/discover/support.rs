@@ -169,10 +169,9 @@ impl SupportSettings {
                     out.moved += each;
                     let fits = row[k] < self.explained;
                     out.explained += if fits { each } else { 0.0 };
-                    let others = (0..count).filter(|j| *j != k);
+                    let mut others = (0..count).filter(|j| *j != k);
                     let alone = others.clone().map(|j| row[j]).all(|cost| cost > row[k] + self.fall)
-                        || confirmed(landings[k])
-                            && others.clone().all(|j| !matches!(landings[j], Landing::Surface(..)));
+                        || confirmed(landings[k]) && others.all(|j| !matches!(landings[j], Landing::Surface(..)));
                     out.exclusive += if fits && alone { each } else { 0.0 };
                 }
             }
