@@ -1,8 +1,9 @@
 //! Chains of links in every format: where each link is in the world when several joints move at once.
 
 use crate::readers::open_all;
-use artgs_core::{Asset, AssetJoint, AssetLink, JointKind, Mesh, PerState, Rigid, TexturedMesh};
+use artgs_core::{Asset, AssetJoint, AssetLink, JointKind, Mesh, PerState, Rigid, State, TexturedMesh};
 use artgs_io::asset::{Format, WriteOptions};
+use artgs_io::export_report::{ExportReport, LinkReport};
 use glam::DVec3;
 
 fn link(name: &str, parent: Option<usize>, origin: DVec3, joint: Option<AssetJoint>) -> AssetLink {
@@ -80,6 +81,27 @@ fn links_of_a_chain_are_at_the_same_places_in_every_format() {
         read.push(name);
     }
     assert_eq!(read, ["urdf", "mjcf", "usda", "usdc", "usdz", "glb", "sdf", "partnet"]);
+}
+
+#[test]
+fn observed_values_that_urdf_does_not_hold_come_from_the_report() {
+    let asset = chain();
+    let dir = tempfile::tempdir().unwrap();
+    Format::Urdf.write(&dir.path().join(Format::Urdf.name()), &asset, &WriteOptions::default()).unwrap();
+    let mut model = open_all(dir.path()).into_iter().find_map(|opened| opened.model).unwrap();
+    let values = |model: &crate::model::Model| -> Vec<Option<PerState<f64>>> {
+        model.links.iter().filter_map(|l| Some(l.motion.as_ref()?.observed)).collect()
+    };
+    assert_eq!(values(&model), [None; 4]);
+    let report = |link: &AssetLink| LinkReport {
+        name: link.name.clone(),
+        observed: link.joint.map(|j| [j.observed[State::START], j.observed[State::END]]),
+        ..LinkReport::default()
+    };
+    let exported = ExportReport { links: asset.links.iter().map(report).collect(), ..ExportReport::default() };
+    crate::add_observed(&mut model, &exported);
+    let wanted: Vec<_> = asset.movable().map(|(_, _, joint)| Some(joint.observed)).collect();
+    assert_eq!(values(&model), wanted);
 }
 
 fn index(asset: &Asset, name: &str) -> Option<usize> {

@@ -89,8 +89,9 @@ pub fn check(out: &Path, options: &CheckOptions) -> Result<CheckReport, CheckErr
         Some(model) if !model.faults().is_empty() => {
             report.notes.push("invalid numbers, see above: no joint was driven".into());
         }
-        Some(model) => {
+        Some(mut model) => {
             let exported = ExportReport::load(&RunFolder::new(out))?.unwrap_or_default();
+            add_observed(&mut model, &exported);
             let observed = observed::all(&RunFolder::new(out), &replica, &exported, &model);
             physics(&model, &exported, &observed, options, &mut report);
         }
@@ -103,6 +104,16 @@ pub fn check(out: &Path, options: &CheckOptions) -> Result<CheckReport, CheckErr
     report.formats = opened.into_iter().map(|o| o.finding).collect();
     report.count();
     Ok(report)
+}
+
+/// The joint values of both states from `export.json`, where the files of the model do not hold them: URDF has no place for them.
+fn add_observed(model: &mut Model, exported: &ExportReport) {
+    for link in &mut model.links {
+        let report = exported.links.iter().find(|report| report.name == link.name);
+        if let (Some(motion), Some(report)) = (&mut link.motion, report) {
+            motion.observed = motion.observed.or(report.observed.map(|[start, end]| PerState::new(start, end)));
+        }
+    }
 }
 
 /// Says what is wrong with the size of an object; none if the physics engine can compute with it.

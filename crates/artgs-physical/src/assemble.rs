@@ -7,10 +7,10 @@ use crate::describe::{Described, describe, diagonal, to_identifier};
 use crate::hull::Hull;
 use crate::looks::{PartSurface, Wall};
 use crate::mass::{inertial, walls};
+use crate::motions::{PairMotions, RelativeMotion, arm, pair_motions, stances};
 use crate::semantics;
 use crate::stance::{Range, extend};
 use crate::sweep::Surface;
-use crate::topology::points;
 use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, Replica, Rigid, State, TexturedMesh};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -36,17 +36,10 @@ pub(crate) struct Decisions {
     pub to_link: Vec<Rigid>,
 }
 
-/// Least and most tested poses per joint while the others are at zero.
-pub(crate) const POSES: [usize; 2] = [121, 401];
-/// Way of the farthest point of a part between them, metres: corners that pass each other at 2 mm are 2.3 mm apart at such a pose.
-const POSE_STEP: f64 = 2e-3;
 /// What the surface of a link counts against that of a part that it carries, where only one of them can be.
 const CARRIER: f64 = 0.3;
 /// Corners of a convex piece: MuJoCo and PhysX refuse more.
 const MOST_CORNERS: usize = 64;
-/// Tested poses per joint while the others are in an observed state.
-pub(crate) const POSES_WITH_OTHERS: usize = 31;
-
 /// Assembles an asset from a valid replica and the surfaces of its parts, without splats. Fails only if `decomposer` fails, or if
 /// the settings name a part that is not there.
 pub(crate) fn assemble(
@@ -197,8 +190,8 @@ fn collide(
         asset.links.par_iter().enumerate().map(convex).collect::<Result<_, String>>()?;
     let (mut pieces, surface): (Pieces, Vec<Vec<DVec3>>) = decomposed.into_iter().unzip();
     // Poses in which several joints move are not cleared: contacts there are real.
-    let wide = stances(asset, &decisions.ranges);
-    decisions.clearance = clear(&mut pieces, &surface, &wide, &spacing, related);
+    let motions = pair_motions(&stances(asset, &decisions.ranges), asset.links.len());
+    decisions.clearance = clear(&mut pieces, &surface, &motions, &spacing, related);
     // What cuts left open gets thin pieces of its own.
     let thin = DecomposeOptions { most: config.most_hulls, skin: 2.0 * options.least, ..options };
     let patched = |part: usize| {
@@ -210,19 +203,19 @@ fn collide(
     if decomposer.is_none() {
         let added: Pieces = (0..asset.links.len()).into_par_iter().map(patched).collect();
         pieces.iter_mut().zip(added).for_each(|(link, added)| link.extend(added));
-        clear(&mut pieces, &surface, &wide, &spacing, related);
+        clear(&mut pieces, &surface, &motions, &spacing, related);
     }
-    separate(&mut pieces, &surface, &wide, &spacing, related);
+    separate(&mut pieces, &surface, &motions, &spacing, related);
     // A gap and both margins may be free of hulls.
     let near = 2.0 * (cover + spacing.gap + spacing.margins);
     let missing = |(hulls, points): (&Vec<Hull>, &Vec<DVec3>)| uncovered(hulls, points, near, apart, 2.0 * waste);
     decisions.lost = pieces.par_iter().zip(&surface).map(missing).collect();
-    let left = |stance: &Vec<Rigid>| deepest(&pieces, stance, 0.0, |_, _| true).0;
-    decisions.penetration = wide.par_iter().map(left).reduce(|| 0.0, f64::max);
+    let left = motions.iter().flat_map(|pair| overlaps(&pieces, pair));
+    decisions.penetration = left.map(|(_, depth)| depth).fold(0.0, f64::max);
     if config.collision == Collision::Hulls {
         for (link, hulls) in asset.links.iter_mut().zip(&pieces) {
             // Cuts add corners.
-            let coarse = |hull: &Hull| hull.clone().with_at_most(MOST_CORNERS, thinnest);
+            let coarse = |hull: &Hull| hull.clone().for_engines(MOST_CORNERS, thinnest);
             link.collision = hulls.iter().filter_map(coarse).map(|hull| hull.mesh()).collect();
         }
     }
@@ -234,7 +227,7 @@ fn collide(
 fn separate(
     pieces: &mut Pieces,
     surface: &[Vec<DVec3>],
-    stances: &[Vec<Rigid>],
+    motions: &[PairMotions],
     spacing: &Spacing,
     related: impl Fn(usize, usize) -> bool,
 ) {
@@ -242,8 +235,12 @@ fn separate(
     const ROUNDS: usize = 4;
     let sure = Spacing { sure: true, ..*spacing };
     for _ in 0..ROUNDS {
-        let overlaps = |stance: &&Vec<Rigid>| deepest(pieces, stance, 0.0, |_, _| true).0 > spacing.tolerance;
-        let left: Vec<Vec<Rigid>> = stances.par_iter().filter(overlaps).cloned().collect();
+        let left = |pair: &PairMotions| {
+            let deep = overlaps(pieces, pair).into_iter().filter(|(_, depth)| *depth > spacing.tolerance);
+            let motions: Vec<RelativeMotion> = deep.map(|(motion, _)| motion).collect();
+            (!motions.is_empty()).then_some(PairMotions { motions, ..*pair })
+        };
+        let left: Vec<PairMotions> = motions.iter().filter_map(left).collect();
         if left.is_empty() {
             return;
         }
@@ -251,32 +248,9 @@ fn separate(
     }
 }
 
-/// Link poses in which no penetration is allowed: both observed states, and every joint at many values across its limits
-/// while the others are at zero, or across its free range while they are in either observed state.
-pub(crate) fn stances(asset: &Asset, ranges: &[Option<Range>]) -> Vec<Vec<Rigid>> {
-    let zero = vec![0.0; asset.links.len()];
-    let observed = State::ALL.map(|state| asset.observed(state));
-    let mut out: Vec<Vec<Rigid>> = observed.iter().chain([&zero]).map(|values| asset.poses(values)).collect();
-    for (i, _, joint) in asset.movable() {
-        let [least, most] = POSES;
-        let way = (joint.limits[1] - joint.limits[0])
-            * match joint.kind {
-                JointKind::Prismatic => 1.0,
-                _ => arm(joint, &asset.links[i].visual.mesh),
-            };
-        let alone = ((way / POSE_STEP) as usize + 1).clamp(least, most);
-        let free =
-            |state: State| ranges.get(i).and_then(Option::as_ref).map_or(joint.limits, |range| range.free[state]);
-        let with_others = State::ALL.map(|state| (&observed[state.index()], free(state), POSES_WITH_OTHERS));
-        for (others, [lower, upper], poses) in std::iter::once((&zero, joint.limits, alone)).chain(with_others) {
-            for step in 0..poses {
-                let mut values = others.clone();
-                values[i] = lower + (upper - lower) * step as f64 / (poses - 1) as f64;
-                out.push(asset.poses(&values));
-            }
-        }
-    }
-    out
+/// The deepest penetration in each motion of a pair of links.
+fn overlaps(pieces: &Pieces, pair: &PairMotions) -> Vec<(RelativeMotion, f64)> {
+    pair.motions.par_iter().map(|motion| (*motion, deepest(pieces, pair.links, motion, 0.0))).collect()
 }
 
 /// Scales the masses to the total that was asked for.
@@ -287,11 +261,6 @@ fn weigh(links: &mut [AssetLink], config: &PhysicalConfig) {
         link.inertial.mass *= mass / total;
         link.inertial.inertia.iter_mut().for_each(|i| *i *= mass / total);
     }
-}
-
-/// Distance of the farthest point of a part from its axis, metres.
-fn arm(joint: &AssetJoint, mesh: &Mesh) -> f64 {
-    points(mesh).map(|p| p.reject_from_normalized(joint.axis).length()).fold(0.0, f64::max)
 }
 
 /// Effort, speed, damping and friction of a joint whose part reaches `arm` from the axis.

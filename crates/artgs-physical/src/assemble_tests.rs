@@ -142,9 +142,6 @@ fn no_pose_has_collisions() {
     let (asset, decisions) =
         assemble("a", &replica, &surfaces(&replica, &meshes, None, &config), &config, None).unwrap();
     assert!(decisions.penetration < 1e-4, "{}", decisions.penetration);
-    let reached = stances(&asset, &decisions.ranges);
-    let [least, most] = POSES.map(|poses| 3 + 2 * (poses + 2 * POSES_WITH_OTHERS));
-    assert!((least..=most).contains(&reached.len()), "{}", reached.len());
     // The back wall limits the drawer.
     let drawer = asset.links[1].joint.unwrap();
     assert!(drawer.limits[0] > -0.1, "{drawer:?}");

@@ -161,7 +161,7 @@ impl Default for PhysicalConfig {
             collision: Collision::Hulls,
             cover: 5e-3,
             cover_share: 5e-3,
-            most_hulls: 128,
+            most_hulls: 160,
             gap_share: 2e-3,
             engine_margins: 3e-3,
             most_margins_share: 5e-3,

@@ -1,10 +1,12 @@
-//! Convex polyhedra that can be cut by planes.
+//! Convex polyhedra that can be cut by planes, in double precision.
 
 use artgs_core::{Mesh, Rigid};
 use glam::DVec3;
-use parry3d::math::{Pose3, Rot3, Vec3};
-use parry3d::shape::ConvexPolyhedron;
-use parry3d::transformation::try_convex_hull;
+use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::math::{Pose3, Rot3, Vec3};
+use parry3d_f64::query::PointQuery as _;
+use parry3d_f64::shape::{ConvexPolyhedron, Shape as _};
+use parry3d_f64::transformation::try_convex_hull;
 
 /// A half space: points with `normal . x <= offset` are inside.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,10 +89,33 @@ impl Hull {
         Some(out)
     }
 
+    /// The hull with so few corners, at most `most`, that it is also one in single precision, which engines use; inside this hull.
+    pub fn for_engines(self, most: usize, thinnest: f64) -> Option<Self> {
+        let mut out = self.with_at_most(most, thinnest)?;
+        while !out.is_hull_in_single_precision() {
+            let fewer = 3 * out.points.len() / 4;
+            out = out.with_at_most(fewer, thinnest).filter(|hull| hull.points.len() >= 4)?;
+        }
+        Some(out)
+    }
+
+    fn is_hull_in_single_precision(&self) -> bool {
+        let points: Vec<_> = self.points.iter().map(|p| crate::convert::to_parry(*p)).collect();
+        let found = parry3d::transformation::try_convex_hull(&points).ok();
+        found
+            .is_some_and(|(points, faces)| parry3d::shape::ConvexPolyhedron::from_convex_mesh(points, &faces).is_some())
+    }
+
     /// Lowest and highest corner of the box around it.
     pub fn bounds(&self) -> [DVec3; 2] {
         let start = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         self.points.iter().fold(start, |[low, high], p| [low.min(*p), high.max(*p)])
+    }
+
+    /// Area of the surface.
+    pub fn area(&self) -> f64 {
+        let corners = |t: &[u32; 3]| t.map(|i| self.points[i as usize]);
+        self.triangles.iter().map(|t| corners(t)).map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum()
     }
 
     /// About `count` points evenly spread on the surface.
@@ -119,9 +144,14 @@ impl Hull {
         &self.points
     }
 
-    /// The shape for the collision library.
-    pub fn shape(&self) -> &ConvexPolyhedron {
-        &self.shape
+    /// Axis-aligned box around the posed hull.
+    pub fn around(&self, pose: &Pose3) -> Aabb {
+        self.shape.compute_aabb(pose)
+    }
+
+    /// Distance of a point from the hull, 0 inside.
+    pub fn distance(&self, p: DVec3) -> f64 {
+        self.shape.distance_to_local_point(to_parry(p), true)
     }
 
     /// The hull as a closed mesh without colours.
@@ -182,10 +212,23 @@ impl Hull {
     /// How far another hull is short of `gap` metres from this one, both posed in one frame; more than `gap` where they
     /// penetrate, 0 where they are far enough apart.
     pub fn shortfall(&self, pose: &Pose3, other: &Self, other_pose: &Pose3, gap: f64) -> f64 {
-        match parry3d::query::contact(pose, &self.shape, other_pose, &other.shape, gap as f32) {
-            Ok(Some(contact)) => (gap - f64::from(contact.dist)).max(0.0),
+        match parry3d_f64::query::contact(pose, &self.shape, other_pose, &other.shape, gap) {
+            Ok(Some(contact)) if contact.dist < gap => {
+                // The query reports penetrations of thin hulls that a face of one of them separates.
+                let apart = self.separation(pose, other, other_pose).max(other.separation(other_pose, self, pose));
+                (gap - apart.max(contact.dist)).max(0.0)
+            }
             _ => 0.0,
         }
+    }
+
+    /// Largest distance of another hull from the plane of a face of this one, negative if it is behind all of them. Two hulls are
+    /// at least so far apart, or penetrate at most so deep.
+    fn separation(&self, pose: &Pose3, other: &Self, other_pose: &Pose3) -> f64 {
+        let relative = pose.inv_mul(other_pose);
+        let points: Vec<DVec3> = other.points.iter().map(|p| from_parry(relative * to_parry(*p))).collect();
+        let before = |plane: Plane| points.iter().map(|p| plane.distance(*p)).fold(f64::INFINITY, f64::min);
+        self.planes().into_iter().map(before).fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// [`Self::shortfall`] that also finds penetrations which the query for contacts within a distance misses near thin pieces.
@@ -208,19 +251,19 @@ fn apart(points: &[DVec3], least: f64) -> Vec<DVec3> {
 }
 
 /// A point as a vector of the collision library, which uses another version of the vector crate.
-pub(crate) fn to_parry(p: DVec3) -> Vec3 {
-    Vec3::from_array(p.as_vec3().to_array())
+fn to_parry(p: DVec3) -> Vec3 {
+    Vec3::from_array(p.to_array())
 }
 
 /// From a point of the collision library.
-pub(crate) fn from_parry(p: Vec3) -> DVec3 {
-    DVec3::from_array(p.to_array().map(f64::from))
+fn from_parry(p: Vec3) -> DVec3 {
+    DVec3::from_array(p.to_array())
 }
 
 /// A motion as a pose of the collision library.
 pub(crate) fn pose(motion: &Rigid) -> Pose3 {
-    let q = motion.rotation.as_quat();
-    Pose3::from_parts(to_parry(motion.translation), Rot3::from_xyzw(q.x, q.y, q.z, q.w))
+    let [x, y, z, w] = motion.rotation.to_array();
+    Pose3::from_parts(to_parry(motion.translation), Rot3::from_xyzw(x, y, z, w))
 }
 
 #[cfg(test)]
@@ -269,6 +312,39 @@ mod tests {
         assert!(whole.points().len() > 64 && few.points().len() <= 64 && few.volume() > 0.8 * whole.volume());
         assert_eq!(few.bounds().map(|p| p.length() < 2.0), [true; 2]);
         assert!(few.samples(200).iter().all(|p| p.length() < 1.0 + 1e-6) && few.samples(200).len().abs_diff(200) < 3);
+    }
+
+    #[test]
+    fn a_long_thin_hull_keeps_few_corners_for_engines() {
+        // A strip of which the library of engines finds no hull.
+        let corners = [
+            [0.5728755, -0.020939115, 0.22079329],
+            [0.5565982, -0.022825975, 0.47290632],
+            [0.54590994, -0.024194848, 0.22284634],
+            [0.5545035, -0.02337135, -0.46270174],
+            [0.57017964, -0.021185879, 0.47289777],
+            [0.57233, -0.020984827, 0.2853048],
+            [0.5724721, -0.021203281, -0.46853992],
+            [0.56687814, -0.021878812, -0.46853805],
+            [0.5494158, -0.023939779, -0.3156471],
+            [0.5558346, -0.023212386, -0.468396],
+            [0.53957725, -0.025011828, 0.05569251],
+            [0.5471928, -0.02202747, -0.25015855],
+            [0.572215, -0.019074004, -0.46845526],
+            [0.5391218, -0.022906912, 0.054465506],
+            [0.55459666, -0.021200264, -0.46415997],
+            [0.5710445, -0.018921139, 0.47289637],
+            [0.54431677, -0.022236712, 0.19158818],
+            [0.57269555, -0.018759323, 0.35269672],
+            [0.5724355, -0.018781118, 0.3834548],
+            [0.5587035, -0.020705663, -0.46845073],
+            [0.55584437, -0.021050919, -0.46841395],
+            [0.55634105, -0.02069673, 0.47290567],
+        ];
+        let strip = Hull::of(&corners.map(DVec3::from_array), 1e-4).unwrap();
+        let volume = strip.volume();
+        let found = strip.for_engines(64, 1e-4).unwrap();
+        assert!(found.is_hull_in_single_precision() && found.volume() > 0.8 * volume, "{}", found.volume() / volume);
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use crate::bake::{BakeOptions, BakeView, bake, depth_of};
 use crate::config::PhysicalConfig;
+use crate::convert::{from_parry, pose, to_parry};
 use crate::describe::diagonal;
-use crate::hull::{from_parry, to_parry};
 use crate::passage::{Passage, carved, freed};
 use crate::repair::{RepairOptions, mean_edge, repair, trimesh};
 use crate::shade::{CREASE, with_normals};
@@ -12,6 +12,7 @@ use crate::topology::{bounds, points};
 use crate::unwrap::{UnwrapOptions, unwrap};
 use artgs_core::{Capture, DepthMap, Joint, Mesh, PerState, Replica, State, TexturedMesh};
 use glam::DVec3;
+use parry3d::math::Pose3;
 use parry3d::query::{PointQuery as _, PointQueryWithLocation as _, Ray, RayCullingMode};
 use parry3d::shape::TriMesh;
 use rayon::prelude::*;
@@ -92,7 +93,9 @@ pub fn surfaces(
     // Views without depth use the rendered depth of all meshes.
     let hidden = PerState::from_fn(|state| rendered_depth(replica, meshes, capture, state));
     let meshes = &consistent(replica, meshes);
-    (0..meshes.len()).into_par_iter().map(|part| surface(part, replica, meshes, capture, &hidden, config)).collect()
+    let shapes: Vec<Option<TriMesh>> = meshes.par_iter().map(|mesh| trimesh(mesh)).collect();
+    let surface = |part| surface(part, replica, (meshes, &shapes), capture, &hidden, config);
+    (0..meshes.len()).into_par_iter().map(surface).collect()
 }
 
 /// Edge of a voxel of a fused mesh.
@@ -131,19 +134,21 @@ fn consistent(replica: &Replica, meshes: &[Mesh]) -> Vec<Mesh> {
     (0..meshes.len()).into_par_iter().map(free).collect()
 }
 
-/// Surfaces of the other parts in both states, frame of a part at the start state.
-fn others(replica: &Replica, meshes: &[Mesh], part: usize) -> Vec<TriMesh> {
+/// Surfaces of the other parts in both states, with their poses in the frame of a part at the start state. `shapes` are the surfaces
+/// of all parts, none without triangles.
+fn others<'a>(replica: &Replica, shapes: &'a [Option<TriMesh>], part: usize) -> Vec<(&'a TriMesh, Pose3)> {
     let at = |(state, q): (State, usize)| {
-        trimesh(&meshes[q].moved(&(replica.motion_to(part, state).inverse() * replica.motion_to(q, state))))
+        let relative = replica.motion_to(part, state).inverse() * replica.motion_to(q, state);
+        Some((shapes[q].as_ref()?, pose(&relative)))
     };
-    let all = State::ALL.into_iter().flat_map(|state| (0..meshes.len()).map(move |q| (state, q)));
-    all.filter(|(_, q)| *q != part && !meshes[*q].is_empty()).filter_map(at).collect()
+    let all = State::ALL.into_iter().flat_map(|state| (0..shapes.len()).map(move |q| (state, q)));
+    all.filter(|(_, q)| *q != part).filter_map(at).collect()
 }
 
 fn surface(
     part: usize,
     replica: &Replica,
-    meshes: &[Mesh],
+    (meshes, shapes): (&[Mesh], &[Option<TriMesh>]),
     capture: Option<&Capture>,
     hidden: &PerState<Vec<Option<DepthMap>>>,
     config: &PhysicalConfig,
@@ -158,9 +163,8 @@ fn surface(
         return PartSurface { warnings, ..PartSurface::default() };
     }
     let carried = passages(replica, meshes, part, voxel);
-    let others = others(replica, meshes, part);
+    let others = others(replica, shapes, part);
     let obstacles = |p: DVec3| carried.iter().any(|c| c.holds(p));
-    let others: Vec<&TriMesh> = others.iter().collect();
     let repaired = repair(fused, &obstacles, &others, &RepairOptions::at_resolution(edge));
     /// Share of the triangles asked for that is enough where it keeps the surface within a part of a voxel.
     const FLAT: usize = 4;
@@ -174,7 +178,7 @@ fn surface(
         closed: repaired.watertight,
         fused: fused.triangles.len(),
         error: simple.error,
-        observed: trimesh(fused).map(|shape| Seen { shape, reach: voxel }),
+        observed: shapes[part].clone().map(|shape| Seen { shape, reach: voxel }),
         ..PartSurface::default()
     };
     let shaded = with_normals(&simple.mesh, CREASE);

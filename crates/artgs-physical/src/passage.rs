@@ -6,7 +6,7 @@
 //! either, such as the edge of a door that hardly moves beside its hinge. A surface of the part that passes through an observed
 //! surface of the carrier belongs to something behind it.
 
-use crate::hull::{from_parry, to_parry};
+use crate::convert::{from_parry, to_parry};
 use crate::repair::trimesh;
 use crate::topology::{bounds, corners, cross, points};
 use artgs_core::{Joint, JointKind, Mesh, Rigid, State};
@@ -21,10 +21,10 @@ pub(crate) struct Passage {
     inner: [DVec3; 2],
     outer: [DVec3; 2],
     back: Vec<Rigid>,
+    /// Way from the first of these poses to the last one, for a part that slides.
+    way: Option<DVec3>,
     surface: Option<TriMesh>,
     voxel: f64,
-    /// The box holds nothing of the carrier: a drawer is hollow, what turns is not its box.
-    slides: bool,
 }
 
 impl Passage {
@@ -50,7 +50,7 @@ impl Passage {
             back,
             surface: trimesh(mesh),
             voxel,
-            slides: joint.kind == JointKind::Prismatic,
+            way: (joint.kind == JointKind::Prismatic).then(|| joint.motion(travel).inverse().translation),
         })
     }
 
@@ -61,10 +61,36 @@ impl Passage {
         self.sweeps(point) || self.contradicts(point, NOISE * self.voxel)
     }
 
+    /// The positions of the part at which a point can be in this box of it: all if the part turns.
+    fn reached(&self, point: DVec3, [low, high]: [DVec3; 2]) -> &[Rigid] {
+        let Some(way) = self.way else { return &self.back };
+        let stops = (self.back.len() - 1) as f64;
+        let (mut first, mut last) = (0.0_f64, stops);
+        for axis in 0..3 {
+            let (at, speed) = (point[axis], way[axis] / stops);
+            if speed == 0.0 {
+                if at < low[axis] || at > high[axis] {
+                    return &[];
+                }
+                continue;
+            }
+            let (one, other) = ((low[axis] - at) / speed, (high[axis] - at) / speed);
+            first = first.max(one.min(other));
+            last = last.min(one.max(other));
+        }
+        // One position more at each end, because of rounding.
+        if first > last + 2.0 {
+            return &[];
+        }
+        let first = (first.floor() - 1.0).max(0.0) as usize;
+        let end = ((last.ceil() + 2.0).max(0.0) as usize).min(self.back.len());
+        self.back.get(first..end).unwrap_or_default()
+    }
+
     /// True in the box that the part sweeps.
     fn sweeps(&self, point: DVec3) -> bool {
         let [low, high] = self.inner;
-        self.back.iter().any(|back| {
+        self.reached(point, self.inner).iter().any(|back| {
             let p = back.apply(point);
             p.cmpgt(low).all() && p.cmplt(high).all()
         })
@@ -72,7 +98,7 @@ impl Passage {
 
     /// True for points that are, at some position of the part, more than `depth` inside its solid as it was seen from both sides.
     fn contradicts(&self, point: DVec3, depth: f64) -> bool {
-        self.back.iter().any(|back| self.encloses(back.apply(point), depth))
+        self.reached(point, self.outer).iter().any(|back| self.encloses(back.apply(point), depth))
     }
 
     /// True for points of a surface with this unit normal that are inside the part or on its surface in both observed states.
@@ -144,7 +170,9 @@ pub(crate) fn carved(mesh: &Mesh, passages: &[Passage]) -> Mesh {
         passages.iter().any(|passage| passage.contradicts(p, passage.voxel) || passage.explains(p, normal))
     };
     let mut wrong: Vec<bool> = mesh.triangles.par_iter().map(is_wrong).collect();
-    let is_inside = |t: &[u32; 3]| passages.iter().any(|passage| passage.slides && passage.sweeps(middle(mesh, *t)));
+    // The box of a part that slides holds nothing of its carrier; what turns is not its box.
+    let slides: Vec<&Passage> = passages.iter().filter(|passage| passage.way.is_some()).collect();
+    let is_inside = |t: &[u32; 3]| slides.iter().any(|passage| passage.sweeps(middle(mesh, *t)));
     let inside: Vec<bool> = mesh.triangles.par_iter().map(is_inside).collect();
     for _ in 0..RINGS {
         let mut of_vertex = vec![false; mesh.vertices.len()];

@@ -2,11 +2,10 @@
 
 use crate::config::PhysicalConfig;
 use crate::flush;
-use crate::hull::{Hull, to_parry};
+use crate::hull::Hull;
 use crate::sweep::{Contact, Part, Precision, Surface, Sweep, first_contact, reach};
 use artgs_core::{Asset, JointKind, Mesh, PerState, State};
 use glam::DVec3;
-use parry3d::query::PointQuery as _;
 
 /// The state in which a part lies closer to its parent, nearer to being closed; none if the distances differ by less than
 /// `significant`. `part` and `parent` are the surfaces in both states, in one frame. Open drawers and doors protrude.
@@ -28,7 +27,7 @@ fn protrusion(part: &Mesh, parent: &Mesh) -> Option<f64> {
     };
     let hull = Hull::of(&sampled(parent), 0.0)?;
     let points = sampled(part);
-    let far = |p: &DVec3| f64::from(hull.shape().distance_to_local_point(to_parry(*p), true));
+    let far = |p: &DVec3| hull.distance(*p);
     (!points.is_empty()).then(|| points.iter().map(far).sum::<f64>() / points.len() as f64)
 }
 

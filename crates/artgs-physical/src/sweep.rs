@@ -5,9 +5,9 @@
 //! one that measurement let them overlap with, are not. A contact is where stopped points stand for a meaningful area, so that
 //! noise stops nothing.
 
+use crate::convert::{from_parry, to_parry};
 use crate::decompose::Observed;
 use crate::decompose::solid::{Sample, Solid};
-use crate::hull::{from_parry, to_parry};
 use crate::repair::trimesh;
 use artgs_core::{Asset, JointKind, Mesh, Rigid};
 use glam::DVec3;

@@ -126,21 +126,33 @@ impl Mask {
         best
     }
 
-    /// The rectangle grown in all directions while all cells are set.
-    fn grown(&self, [mut x0, mut y0, mut x1, mut y1]: [usize; 4]) -> [usize; 4] {
+    /// The rectangle grown in all directions while each further row or column is near set cells everywhere, by their
+    /// `distances`, and on at least half of its length.
+    fn grown(&self, [mut x0, mut y0, mut x1, mut y1]: [usize; 4], distances: &[usize], slack: usize) -> [usize; 4] {
         let [columns, rows] = self.size;
+        let joins = |cells: &mut dyn Iterator<Item = (usize, usize)>| {
+            let (mut set, mut all) = (0, 0);
+            for (x, y) in cells {
+                if distances[x * rows + y] > slack {
+                    return false;
+                }
+                all += 1;
+                set += usize::from(self.at(x, y));
+            }
+            2 * set >= all
+        };
         loop {
             let before = [x0, y0, x1, y1];
-            if x0 > 0 && (y0..y1).all(|y| self.at(x0 - 1, y)) {
+            if x0 > 0 && joins(&mut (y0..y1).map(|y| (x0 - 1, y))) {
                 x0 -= 1;
             }
-            if x1 < columns && (y0..y1).all(|y| self.at(x1, y)) {
+            if x1 < columns && joins(&mut (y0..y1).map(|y| (x1, y))) {
                 x1 += 1;
             }
-            if y0 > 0 && (x0..x1).all(|x| self.at(x, y0 - 1)) {
+            if y0 > 0 && joins(&mut (x0..x1).map(|x| (x, y0 - 1))) {
                 y0 -= 1;
             }
-            if y1 < rows && (x0..x1).all(|x| self.at(x, y1)) {
+            if y1 < rows && joins(&mut (x0..x1).map(|x| (x, y1))) {
                 y1 += 1;
             }
             if before == [x0, y0, x1, y1] {
@@ -165,8 +177,11 @@ impl Mask {
         convex(corners)
     }
 
-    /// How many cells the polygon reaches beyond the set ones, by their distances.
-    fn excess(&self, polygon: &[DVec2], distances: &[usize]) -> usize {
+    /// True if the polygon reaches little beyond the set cells, by their distances: nowhere by more than twice the slack, and by
+    /// more than the slack only in a small share of its cells.
+    fn is_followed_by(&self, polygon: &[DVec2], distances: &[usize], slack: usize) -> bool {
+        /// Share of the cells of a polygon that may be beyond the slack.
+        const BEYOND: f64 = 0.015;
         let rows = self.size[1];
         let inside = |p: DVec2| {
             (0..polygon.len()).all(|i| {
@@ -174,9 +189,17 @@ impl Mask {
                 (b - a).perp_dot(p - a) >= 0.0
             })
         };
-        let outer = (0..self.cells.len()).filter(|i| distances[*i] > 0);
-        let held = outer.filter(|i| inside(DVec2::new((i / rows) as f64 + 0.5, (i % rows) as f64 + 0.5)));
-        held.map(|i| distances[i]).max().unwrap_or(0)
+        let (mut all, mut beyond) = (0_u32, 0_u32);
+        for (i, distance) in distances.iter().enumerate() {
+            if inside(DVec2::new((i / rows) as f64 + 0.5, (i % rows) as f64 + 0.5)) {
+                if *distance > 2 * slack {
+                    return false;
+                }
+                all += 1;
+                beyond += u32::from(*distance > slack);
+            }
+        }
+        f64::from(beyond) <= BEYOND * f64::from(all)
     }
 
     fn split(&self) -> [Self; 2] {
@@ -230,21 +253,21 @@ fn coarser(polygon: Vec<DVec2>, most: usize) -> Vec<DVec2> {
     kept.into_iter().map(|i| polygon[i]).collect()
 }
 
-/// Convex polygons, in cells, that cover `todo` and reach at most `slack` cells beyond `allowed`, which holds `todo`. What is
-/// at most twice `slack` cells wide is left out.
+/// Convex polygons, in cells, that cover `todo` and reach little beyond `allowed`, which holds `todo`: see
+/// [`Mask::is_followed_by`]. What is at most twice `slack` cells wide is left out.
 pub(crate) fn cover(allowed: &Mask, todo: &Mask, slack: usize) -> Vec<Vec<DVec2>> {
     /// Corners of a polygon.
     const CORNERS: usize = 24;
     /// Least share of a component that a rectangle has to cover; below it the component is split.
     const WORTH: f64 = 0.2;
-    let distances = allowed.distances(slack + 2);
+    let distances = allowed.distances(2 * slack + 2);
     let (mut out, mut stack) = (Vec::new(), todo.components());
     while let Some(part) = stack.pop() {
         if part.is_empty() || part.widest() <= 2 * slack {
             continue;
         }
         let hull = part.hull();
-        if allowed.excess(&hull, &distances) <= slack {
+        if allowed.is_followed_by(&hull, &distances, slack) {
             out.push(coarser(hull, CORNERS));
             continue;
         }
@@ -254,7 +277,7 @@ pub(crate) fn cover(allowed: &Mask, todo: &Mask, slack: usize) -> Vec<Vec<DVec2>
             stack.extend(part.split().iter().flat_map(Mask::components));
             continue;
         }
-        let [x0, y0, x1, y1] = allowed.grown([x0, y0, x1, y1]);
+        let [x0, y0, x1, y1] = allowed.grown([x0, y0, x1, y1], &distances, slack);
         out.push([[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(|[x, y]| DVec2::new(x as f64, y as f64)).to_vec());
         let mut rest = part;
         for x in x0..x1 {

@@ -50,16 +50,21 @@ pub type Observed<'a> = dyn Fn(DVec3) -> bool + Sync + 'a;
 
 /// Convex pieces that together cover what was observed of a surface, and large flat regions of the rest, largest first.
 pub fn decompose(mesh: &Mesh, observed: &Observed, options: &DecomposeOptions) -> Vec<Hull> {
-    let Some(solid) = Solid::new(mesh, observed) else { return Vec::new() };
+    let Some(mut solid) = Solid::new(mesh, observed) else { return Vec::new() };
     let mut pieces = Pieces::default();
     let neighbours = sheets::neighbours(&solid);
     let least = (3.0 * options.tolerance) * (3.0 * options.tolerance);
     let regions = regions::regions(&solid.mesh, 0.8 * options.tolerance, least);
-    for region in regions.iter().filter(|region| is_needed(&solid, region, options)) {
+    let needed: Vec<&regions::Region> = regions.iter().filter(|region| is_needed(&solid, region, options)).collect();
+    for region in needed {
+        region.triangles.iter().for_each(|t| solid.seen[*t as usize] = true);
         sheets::add(&solid, region, &neighbours, options, &mut pieces);
     }
     rest::add(&solid, &axes(&regions), options, &mut pieces);
-    let mut hulls = union::joined(union::pruned(pieces, &solid, options), &solid, options);
+    let needed = union::Needed::of(&solid, options);
+    let most = options.most as usize;
+    let hulls = union::joined(needed.pruned(pieces.hulls, most, 3.0 * options.tolerance, options), &solid, options);
+    let mut hulls = union::reduced(needed.pruned(hulls, most, 6.0 * options.tolerance, options), &solid, options);
     hulls = hulls.into_iter().filter_map(|hull| hull.with_at_most(options.corners, options.thinnest)).collect();
     hulls.sort_by(|a, b| b.volume().total_cmp(&a.volume()));
     hulls

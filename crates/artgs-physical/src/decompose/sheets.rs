@@ -102,7 +102,7 @@ pub(super) fn add(solid: &Solid, region: &Region, twins: &[u32], options: &Decom
     let near = 0.8 * options.tolerance;
     let grid = Grid::new(solid, region, twins, 0.4 * options.tolerance);
     let slack = ((0.8 * options.tolerance / grid.cell).round() as usize).max(1);
-    let own = grid.mask(solid, &region.triangles).closed(slack.div_ceil(2));
+    let own = grid.mask(solid, &region.triangles).closed(slack);
     let mut todo = own.clone();
     for i in 0..todo.cells.len() {
         todo.cells[i] = own.cells[i] && !pieces.cover(grid.middle(i), near);

@@ -1,6 +1,6 @@
 //! The surface that is decomposed: distances, rays and samples.
 
-use crate::hull::to_parry;
+use crate::convert::to_parry;
 use crate::repair::welded;
 use crate::topology::{bounds, corners};
 use artgs_core::Mesh;

@@ -3,115 +3,169 @@
 use super::solid::Solid;
 use super::{DecomposeOptions, Pieces};
 use crate::hull::Hull;
+use glam::DVec3;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
 
-/// Pieces without those that are needed for little: first those that cover nothing alone, then, as long as there are too many,
-/// those that alone cover the least, up to a small area.
-pub(super) fn pruned(pieces: Pieces, solid: &Solid, options: &DecomposeOptions) -> Vec<Hull> {
-    /// Samples of the whole surface at most.
-    const MOST: f64 = 30_000.0;
-    /// Side of the area that may stay uncovered, in tolerances.
-    const SPECK: f64 = 3.0;
-    let area: f64 = solid.mesh.triangles.iter().map(|t| 0.5 * crate::topology::cross(&solid.mesh, *t).length()).sum();
-    let spacing = options.tolerance.max((area / MOST).sqrt());
-    let samples = solid.samples(spacing, false).into_iter();
-    let covers: Vec<Vec<usize>> = samples.map(|s| pieces.covering(s.point, options.tolerance)).collect();
-    // Samples that each piece covers, and how many of them no other piece covers.
-    let mut of_piece: Vec<Vec<usize>> = vec![Vec::new(); pieces.hulls.len()];
-    for (sample, by) in covers.iter().enumerate() {
-        by.iter().for_each(|p| of_piece[*p].push(sample));
-    }
-    let mut times: Vec<usize> = covers.iter().map(Vec::len).collect();
-    let mut kept = vec![true; pieces.hulls.len()];
-    let mut count = kept.len();
-    let most_alone = (SPECK * options.tolerance / spacing).powi(2).max(1.0) as usize;
-    loop {
-        let alone = |p: usize| of_piece[p].iter().filter(|s| times[**s] == 1).count();
-        // Later pieces are smaller.
-        let candidates = (0..kept.len()).rev().filter(|p| kept[*p]).map(|p| (alone(p), p));
-        let Some((least, p)) = candidates.min_by_key(|(alone, _)| *alone) else { break };
-        if least > 0 && (count <= options.most as usize || least > most_alone) {
-            break;
-        }
-        kept[p] = false;
-        count -= 1;
-        of_piece[p].iter().for_each(|s| times[*s] -= 1);
-    }
-    pieces.hulls.into_iter().zip(kept).filter_map(|(hull, kept)| kept.then_some(hull)).collect()
+/// Samples of the surface with their weights.
+pub(super) struct Needed {
+    samples: Vec<(DVec3, usize)>,
+    /// Area for which each sample stands.
+    area: f64,
 }
 
-/// Pieces, joined where the union is nearly convex, and further until there are at most `options.most`.
-pub(super) fn joined(mut hulls: Vec<Hull>, solid: &Solid, options: &DecomposeOptions) -> Vec<Hull> {
-    /// Volume that a join may add, as a share.
-    const ADDED: f64 = 0.02;
-    const SAMPLES: usize = 100;
-    let near = |a: &Hull, b: &Hull, by: f64| {
-        let ([al, ah], [bl, bh]) = (a.bounds(), b.bounds());
-        (al - by).cmple(bh).all() && (bl - by).cmple(ah).all()
-    };
-    let join = |a: &Hull, b: &Hull| {
-        let points: Vec<_> = a.points().iter().chain(b.points()).copied().collect();
-        Hull::of(&points, options.thinnest)
-    };
-    let mut changed = true;
-    while changed {
-        changed = false;
-        let mut i = 0;
-        while i < hulls.len() {
-            let found = (i + 1..hulls.len()).filter(|j| near(&hulls[i], &hulls[*j], 1e-4)).find_map(|j| {
-                let both = join(&hulls[i], &hulls[j])?;
-                // Overlap counts twice here, so a join can only fill less than this.
-                let sum = hulls[i].volume() + hulls[j].volume();
-                let fits = both.volume() <= (1.0 + ADDED) * sum && both.points().len() <= options.corners;
-                (fits && solid.protrusion(&both, SAMPLES) <= options.tolerance).then_some((j, both))
-            });
-            match found {
-                Some((j, both)) => {
-                    hulls.swap_remove(j);
-                    hulls[i] = both;
-                    changed = true;
-                }
-                None => i += 1,
-            }
-        }
+/// Weight of a sample that was observed; others have 1.
+const OBSERVED: usize = 4;
+
+impl Needed {
+    pub(super) fn of(solid: &Solid, options: &DecomposeOptions) -> Self {
+        /// Samples of the whole surface at most.
+        const MOST: f64 = 30_000.0;
+        let area: f64 =
+            solid.mesh.triangles.iter().map(|t| 0.5 * crate::topology::cross(&solid.mesh, *t).length()).sum();
+        let spacing = options.tolerance.max((area / MOST).sqrt());
+        let samples = solid.samples(spacing, false).into_iter().map(|s| (s.point, if s.seen { OBSERVED } else { 1 }));
+        Self { samples: samples.collect(), area: spacing * spacing }
     }
-    // The join that sticks out least, as long as there are too many.
-    let mut costs: Vec<(f64, usize, usize)> = Vec::new();
-    let cost = |a: &Hull, b: &Hull| {
-        let both = join(a, b)?;
-        Some(solid.protrusion(&both, SAMPLES) + 0.05 * both.volume().cbrt())
-    };
-    if hulls.len() > options.most as usize {
-        for i in 0..hulls.len() {
-            for j in i + 1..hulls.len() {
-                if near(&hulls[i], &hulls[j], 2.0 * options.tolerance) {
-                    costs.extend(cost(&hulls[i], &hulls[j]).map(|c| (c, i, j)));
-                }
-            }
+
+    /// Pieces without those that are needed for little: first those that alone cover next to nothing, then, as long as there are more
+    /// than `most`, those that alone cover the least, up to the square of `speck`. What was not observed may be four times as large.
+    pub(super) fn pruned(&self, hulls: Vec<Hull>, most: usize, speck: f64, options: &DecomposeOptions) -> Vec<Hull> {
+        /// Observed samples that need no piece.
+        const FEW: usize = 4;
+        let mut pieces = Pieces::default();
+        hulls.into_iter().for_each(|hull| pieces.push(hull));
+        let covers: Vec<Vec<usize>> =
+            self.samples.iter().map(|(p, _)| pieces.covering(*p, options.tolerance)).collect();
+        // Samples that each piece covers, and how many of them no other piece covers.
+        let mut of_piece: Vec<Vec<usize>> = vec![Vec::new(); pieces.hulls.len()];
+        for (sample, by) in covers.iter().enumerate() {
+            by.iter().for_each(|p| of_piece[*p].push(sample));
         }
+        let mut times: Vec<usize> = covers.iter().map(Vec::len).collect();
+        let mut kept = vec![true; pieces.hulls.len()];
+        let mut count = kept.len();
+        let most_alone = OBSERVED * (speck * speck / self.area).max(1.0) as usize;
+        loop {
+            let alone = |p: usize| -> usize {
+                of_piece[p].iter().filter(|s| times[**s] == 1).map(|s| self.samples[*s].1).sum()
+            };
+            // Later pieces are smaller.
+            let candidates = (0..kept.len()).rev().filter(|p| kept[*p]).map(|p| (alone(p), p));
+            let Some((least, p)) = candidates.min_by_key(|(alone, _)| *alone) else { break };
+            if least > FEW * OBSERVED && (count <= most || least > most_alone) {
+                break;
+            }
+            kept[p] = false;
+            count -= 1;
+            of_piece[p].iter().for_each(|s| times[*s] -= 1);
+        }
+        pieces.hulls.into_iter().zip(kept).filter_map(|(hull, kept)| kept.then_some(hull)).collect()
     }
+}
+
+/// A pair of pieces that may be joined, ordered by what the join would add, least first.
+struct Candidate {
+    /// Volume of the join without those of the pieces; or how much the join sticks out, if there are too many pieces.
+    cost: f64,
+    pair: [usize; 2],
+    both: Hull,
+}
+
+impl PartialEq for Candidate {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Candidate {}
+
+impl PartialOrd for Candidate {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Candidate {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.cost.total_cmp(&self.cost).then(other.pair.cmp(&self.pair))
+    }
+}
+
+/// Pieces, joined as long as a join stays within the tolerance of the solid.
+pub(super) fn joined(hulls: Vec<Hull>, solid: &Solid, options: &DecomposeOptions) -> Vec<Hull> {
     let mut alive: Vec<Option<Hull>> = hulls.into_iter().map(Some).collect();
-    let mut count = alive.len();
-    while count > options.most as usize {
-        let Some(best) = (0..costs.len()).min_by(|a, b| costs[*a].0.total_cmp(&costs[*b].0)) else { break };
-        let (_, i, j) = costs[best];
-        let both = match (&alive[i], &alive[j]) {
-            (Some(a), Some(b)) => join(a, b),
-            _ => None,
-        };
-        costs.retain(|(_, a, b)| ![i, j].contains(a) && ![i, j].contains(b));
-        let Some(both) = both else { continue };
-        (alive[i], alive[j]) = (None, None);
-        for (k, other) in alive.iter().enumerate() {
-            if let Some(other) = other.as_ref().filter(|o| near(&both, o, 2.0 * options.tolerance)) {
-                costs.extend(cost(&both, other).map(|c| (c, k, alive.len())));
-            }
-        }
-        alive.push(Some(both));
-        count -= 1;
-    }
+    let fits = |both: &Hull| both.points().len() <= options.corners && stays_within(both, solid, options.tolerance);
+    join(&mut alive, 1, options, |a, b, both| Some(both.volume() - a.volume() - b.volume()), fits);
+    alive.into_iter().flatten().collect()
+}
+
+/// Pieces, joined until there are at most `options.most`, those first of which the join sticks out least.
+pub(super) fn reduced(hulls: Vec<Hull>, solid: &Solid, options: &DecomposeOptions) -> Vec<Hull> {
+    let mut alive: Vec<Option<Hull>> = hulls.into_iter().map(Some).collect();
+    let out = |_: &Hull, _: &Hull, both: &Hull| Some(solid.protrusion(both, SAMPLES) + 0.05 * both.volume().cbrt());
+    join(&mut alive, options.most as usize, options, out, |_| true);
     let mut hulls: Vec<Hull> = alive.into_iter().flatten().collect();
     // Pieces that touch no other one cannot be joined: the largest stay.
     hulls.sort_by(|a, b| b.volume().total_cmp(&a.volume()));
     hulls.truncate(options.most as usize);
     hulls
+}
+
+/// Samples of a hull that are tested first.
+const SAMPLES: usize = 100;
+
+/// True if no sample of the surface of a hull is outside the solid by more than the tolerance.
+fn stays_within(hull: &Hull, solid: &Solid, tolerance: f64) -> bool {
+    /// Distance of the samples, in tolerances, ...
+    const SPACING: f64 = 1.5;
+    /// ... and how many there are at most.
+    const MOST: f64 = 3000.0;
+    let few = hull.samples(SAMPLES);
+    let step = SPACING * tolerance;
+    let count = (hull.area() / (step * step)).min(MOST) as usize;
+    few.into_iter().all(|p| solid.signed(p) <= tolerance)
+        && (count <= SAMPLES || hull.samples(count).into_iter().all(|p| solid.signed(p) <= tolerance))
+}
+
+/// Joins neighbours, those with the least cost first, as long as there are more than `most` and while `fits` is true for the join.
+fn join(
+    alive: &mut Vec<Option<Hull>>,
+    most: usize,
+    options: &DecomposeOptions,
+    cost: impl Fn(&Hull, &Hull, &Hull) -> Option<f64>,
+    fits: impl Fn(&Hull) -> bool,
+) {
+    let near = |a: &Hull, b: &Hull| {
+        let ([al, ah], [bl, bh]) = (a.bounds(), b.bounds());
+        (al - 2.0 * options.tolerance).cmple(bh).all() && (bl - 2.0 * options.tolerance).cmple(ah).all()
+    };
+    let candidate = |alive: &[Option<Hull>], i: usize, j: usize| {
+        let (a, b) = (alive[i].as_ref()?, alive[j].as_ref()?);
+        if !near(a, b) {
+            return None;
+        }
+        let points: Vec<_> = a.points().iter().chain(b.points()).copied().collect();
+        let both = Hull::of(&points, options.thinnest)?;
+        Some(Candidate { cost: cost(a, b, &both)?, pair: [i, j], both })
+    };
+    let mut count = alive.iter().flatten().count();
+    if count <= most {
+        return;
+    }
+    let pairs = (0..alive.len()).flat_map(|i| (i + 1..alive.len()).map(move |j| [i, j]));
+    let mut heap: BinaryHeap<Candidate> = pairs.filter_map(|[i, j]| candidate(alive, i, j)).collect();
+    while let Some(Candidate { pair: [i, j], both, .. }) = heap.pop() {
+        if count <= most {
+            break;
+        }
+        if alive[i].is_none() || alive[j].is_none() || !fits(&both) {
+            continue;
+        }
+        (alive[i], alive[j]) = (None, None);
+        alive.push(Some(both));
+        count -= 1;
+        let last = alive.len() - 1;
+        heap.extend((0..last).filter_map(|k| candidate(alive, k, last)));
+    }
 }

@@ -15,13 +15,14 @@ pub(crate) use thicken::trimesh;
 use crate::topology::{open_edges, refine, signed_volume, split_to_manifold};
 use artgs_core::Mesh;
 use glam::DVec3;
+use parry3d::math::Pose3;
 use parry3d::shape::TriMesh;
 
 /// Where a part must not have material: true for points that other parts occupy or pass through. Called from many threads.
 pub(crate) type Obstacles<'a> = dyn Fn(DVec3) -> bool + Sync + 'a;
 
-/// Observed surfaces of other parts where they are in the observed states: walls end before them.
-pub(crate) type Others<'a> = [&'a TriMesh];
+/// Observed surfaces of other parts and their poses in the observed states: walls end before them.
+pub(crate) type Others<'a> = [(&'a TriMesh, Pose3)];
 
 /// Settings of [`repair`]; lengths in scene units.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -70,7 +70,7 @@ fn walls_end_before_other_parts_and_narrow_obstacles() {
     assert!(free > 0.75, "{free}");
     // The wall of another part, half a unit behind the sheet.
     let other = trimesh(&Mesh::cuboid([-1.0, -1.0, 0.5], [6.0, 6.0, 0.6])).unwrap();
-    let before = highest(&nothing, &[&other]);
+    let before = highest(&nothing, &[(&other, Pose3::IDENTITY)]);
     assert!(before < 0.2 && before > 0.1, "{before}");
     // What moves there is narrower than the wall would be.
     let slab = |p: DVec3| p.z > 0.3 && p.z < 0.4;

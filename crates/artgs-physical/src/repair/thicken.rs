@@ -74,11 +74,10 @@ fn depths(
         let from = p - n * (1e-3 * thickness);
         let [origin, along] = [from, -n].map(|q| Vector::from_array(q.as_vec3().to_array()));
         let reach = (thickness / SHARE) as f32;
-        for surface in solid.iter().chain(others.iter().copied()) {
-            if let Some(hit) = surface.cast_local_ray(&Ray::new(origin, along), reach, false) {
-                depth = depth.min(SHARE * f64::from(hit));
-            }
-        }
+        let ray = Ray::new(origin, along);
+        let own = solid.iter().filter_map(|surface| surface.cast_local_ray(&ray, reach, false));
+        let of_others = others.iter().filter_map(|(surface, pose)| surface.cast_ray(pose, &ray, reach, false));
+        depth = own.chain(of_others).map(|hit| SHARE * f64::from(hit)).fold(depth, f64::min);
         // A wall needs some depth: without it, simplification turns the solid inside out.
         let least = (0.1 * thickness).min(depth);
         // An obstacle can be narrower than the wall.

@@ -1,0 +1,142 @@
+//! Relative motions of pairs of links over all poses in which they must not collide.
+
+use crate::hull::Hull;
+use crate::stance::Range;
+use crate::topology::points;
+use artgs_core::{Asset, AssetJoint, JointKind, Mesh, Rigid, State};
+use glam::DVec3;
+use std::collections::BTreeSet;
+
+/// Least and most tested poses of a hinge while the other joints are at zero.
+const POSES: [usize; 2] = [121, 401];
+/// Way of the farthest point of a part between them, metres: corners that pass each other at 2 mm are 2.3 mm apart at such a pose.
+const POSE_STEP: f64 = 2e-3;
+/// Tested poses of a hinge while the other joints are in an observed state.
+const POSES_WITH_OTHERS: usize = 31;
+
+/// Poses of the second link of a pair in the frame of the first one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct RelativeMotion {
+    /// First pose.
+    pub start: Rigid,
+    /// Translation from there, in the frame of the second link; zero for a single pose.
+    pub way: DVec3,
+}
+
+/// Different motions of two links relative to each other, long slides first.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct PairMotions {
+    /// First and second link.
+    pub links: [usize; 2],
+    /// At least one.
+    pub motions: Vec<RelativeMotion>,
+}
+
+/// Link poses in the frame of the object, and a translation of some links from there.
+#[derive(Clone, Debug)]
+pub(crate) struct Stance {
+    /// One pose per link.
+    pub poses: Vec<Rigid>,
+    /// The links that slide, and how far.
+    pub slide: Option<(Vec<bool>, DVec3)>,
+}
+
+impl Stance {
+    /// Poses in which nothing slides.
+    pub(crate) fn still(poses: Vec<Rigid>) -> Self {
+        Self { poses, slide: None }
+    }
+
+    fn between(&self, a: usize, b: usize) -> RelativeMotion {
+        let start = self.poses[a].inverse() * self.poses[b];
+        let way = match &self.slide {
+            Some((moved, way)) => *way * (f64::from(moved[b]) - f64::from(moved[a])),
+            None => DVec3::ZERO,
+        };
+        RelativeMotion { start, way: self.poses[b].inverse().turn(way) }
+    }
+}
+
+impl RelativeMotion {
+    /// The volume through which a hull of the second link slides, in the frame of this link; none if it does not.
+    pub(crate) fn swept(&self, hull: &Hull, thinnest: f64) -> Option<Hull> {
+        /// Corners of a swept hull may be closer than those of one that is exported.
+        const FINER: f64 = 0.1;
+        if self.way == DVec3::ZERO {
+            return None;
+        }
+        let ends = hull.points().iter().flat_map(|p| [*p, *p + self.way]);
+        Hull::of(&ends.collect::<Vec<_>>(), FINER * thinnest)
+    }
+
+    /// Key for distinct motions.
+    fn bits(&self) -> [u64; 10] {
+        let ([x, y, z, w], [tx, ty, tz]) = (self.start.rotation.to_array(), self.start.translation.to_array());
+        let [u, v, r] = self.way.to_array();
+        [x, y, z, w, tx, ty, tz, u, v, r].map(f64::to_bits)
+    }
+}
+
+/// The different relative motions of every pair of `links` links. Two links have the same relative pose in many stances: it
+/// occurs once.
+pub(crate) fn pair_motions(stances: &[Stance], links: usize) -> Vec<PairMotions> {
+    let pairs = (0..links).flat_map(|a| (a + 1..links).map(move |b| [a, b]));
+    let of_pair = |[a, b]: [usize; 2]| {
+        let mut seen = BTreeSet::new();
+        let all = stances.iter().map(|stance| stance.between(a, b));
+        let mut motions: Vec<RelativeMotion> = all.filter(|motion| seen.insert(motion.bits())).collect();
+        motions.sort_by(|x, y| y.way.length().total_cmp(&x.way.length()));
+        PairMotions { links: [a, b], motions }
+    };
+    pairs.map(of_pair).collect()
+}
+
+/// Stances in which no penetration is allowed: both observed states, and every joint across its limits while the others are at
+/// zero, or across its free range while they are in either observed state. A slide is one stance, a hinge is many.
+pub(crate) fn stances(asset: &Asset, ranges: &[Option<Range>]) -> Vec<Stance> {
+    let zero = vec![0.0; asset.links.len()];
+    let observed = State::ALL.map(|state| asset.observed(state));
+    let mut out: Vec<Stance> =
+        observed.iter().chain([&zero]).map(|values| Stance::still(asset.poses(values))).collect();
+    for (i, _, joint) in asset.movable() {
+        let [least, most] = POSES;
+        let arc = (joint.limits[1] - joint.limits[0]) * arm(joint, &asset.links[i].visual.mesh);
+        let alone = ((arc / POSE_STEP) as usize + 1).clamp(least, most);
+        let free =
+            |state: State| ranges.get(i).and_then(Option::as_ref).map_or(joint.limits, |range| range.free[state]);
+        let with_others = State::ALL.map(|state| (&observed[state.index()], free(state), POSES_WITH_OTHERS));
+        for (others, [lower, upper], poses) in std::iter::once((&zero, joint.limits, alone)).chain(with_others) {
+            let at = |value: f64| {
+                let mut values = others.clone();
+                values[i] = value;
+                asset.poses(&values)
+            };
+            match joint.kind {
+                JointKind::Prismatic => out.push(slide(asset, i, at(lower), &at(upper))),
+                _ => out.extend(
+                    (0..poses)
+                        .map(|step| Stance::still(at(lower + (upper - lower) * step as f64 / (poses - 1) as f64))),
+                ),
+            }
+        }
+    }
+    out
+}
+
+/// The slide of a link and all that it carries from one stance to another.
+fn slide(asset: &Asset, link: usize, from: Vec<Rigid>, to: &[Rigid]) -> Stance {
+    let carried = |mut q: usize| loop {
+        match asset.links[q].parent {
+            _ if q == link => return true,
+            Some(parent) => q = parent,
+            None => return false,
+        }
+    };
+    let way = to[link].translation - from[link].translation;
+    Stance { slide: Some(((0..from.len()).map(carried).collect(), way)), poses: from }
+}
+
+/// Distance of the farthest point of a part from its axis, metres.
+pub(crate) fn arm(joint: &AssetJoint, mesh: &Mesh) -> f64 {
+    points(mesh).map(|p| p.reject_from_normalized(joint.axis).length()).fold(0.0, f64::max)
+}
