@@ -95,6 +95,11 @@ fn of_folder(folder: &Path) -> Result<Vec<Row>, TableError> {
         }
     }
     files.sort();
+    if files.iter().any(|file| file.file_name().is_some_and(|name| name == "bench.json")) {
+        let reason =
+            "is a folder of `artgs bench`, whose tables are in BENCHMARKS.md; give the folder of `artgs batch`";
+        return Err(fail(folder, reason.into()));
+    }
     let read = |file: PathBuf| {
         let bytes = std::fs::read(&file).map_err(|e| fail(&file, e.to_string()))?;
         row_of(&bytes).map_err(|reason| fail(&file, format!("{reason}; {ROW_REMEDY}")))

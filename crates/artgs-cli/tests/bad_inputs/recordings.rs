@@ -441,6 +441,12 @@ fn other_formats() {
             &["not a recording of a known format", "nerfstudio"],
             |f| f.write("a/b.txt", ""),
         ),
+        bad("photos without poses", "", "inspect IN/a IN/a", &["contains images but no camera poses", "COLMAP"], |f| {
+            f.write("a/IMG_0001.JPG", "")
+        }),
+        bad("a folder of photos without poses", "", "reconstruct IN/a -o OUT", &["no camera poses", "COLMAP"], |f| {
+            f.write("a/IMG_0001.JPG", "")
+        }),
         bad("a text file", "", "inspect IN/a.txt IN/a.txt", &["a.txt", "not a recording"], |f| {
             f.write("a.txt", "hello")
         }),

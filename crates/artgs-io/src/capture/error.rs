@@ -21,6 +21,12 @@ pub enum CaptureError {
         /// The given path.
         path: PathBuf,
     },
+    /// Images alone.
+    #[error("{}: {}", dir.display(), super::NO_POSES)]
+    NoPoses {
+        /// The given path.
+        dir: PathBuf,
+    },
     /// The folder contains none of the known camera files.
     #[error(
         "{}: not a capture, it contains none of {looked_for}; give the folder of an ArtGS or PARIS capture",

@@ -152,9 +152,27 @@ impl Layout {
         }
         Err(match half {
             Some((found, missing)) => CaptureError::OneState { dir: dir.into(), found, missing },
+            None if has_only_images(dir) => CaptureError::NoPoses { dir: dir.into() },
             None => CaptureError::NoLayout { dir: dir.into(), looked_for: looked_for.join(", ") },
         })
     }
+}
+
+/// Said of a folder of images without poses.
+pub(crate) const NO_POSES: &str = "contains images but no camera poses; record with an app that saves poses, or compute them with COLMAP and \
+                                   give the folder with its files `cameras` and `images`";
+
+/// True for a folder with images and without any other file but hidden ones.
+pub(crate) fn has_only_images(dir: &Path) -> bool {
+    const IMAGES: [&str; 7] = ["jpg", "jpeg", "png", "heic", "webp", "tif", "tiff"];
+    let Ok(listed) = std::fs::read_dir(dir) else { return false };
+    let names = listed.flatten().filter(|e| e.path().is_file()).filter_map(|e| e.file_name().into_string().ok());
+    let is_image = |name: &String| {
+        let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_lowercase());
+        ending.is_some_and(|ending| IMAGES.contains(&ending.as_str()))
+    };
+    let mut shown = names.filter(|name| !name.starts_with('.')).peekable();
+    shown.peek().is_some() && shown.all(|name| is_image(&name))
 }
 
 fn load_split(

@@ -21,6 +21,12 @@ pub enum RecordingError {
         /// Every format with the files that it is recognised by.
         known: String,
     },
+    /// Images alone.
+    #[error("{}: {}", path.display(), crate::capture::NO_POSES)]
+    NoPoses {
+        /// The given path.
+        path: PathBuf,
+    },
     /// A format without a needed file or value.
     #[error("{}: {reason}", path.display())]
     Incomplete {

@@ -56,8 +56,11 @@ pub fn load_recording(path: &Path, options: &RecordingOptions) -> Result<Recordi
     }
     options.check(path)?;
     let format = options.format.or_else(|| RecordingFormat::detect(path)).or_else(|| RecordingFormat::by_name(path));
-    let format =
-        format.ok_or_else(|| RecordingError::Unknown { path: path.into(), known: RecordingFormat::known() })?;
+    let unknown = || match crate::capture::has_only_images(path) {
+        true => RecordingError::NoPoses { path: path.into() },
+        false => RecordingError::Unknown { path: path.into(), known: RecordingFormat::known() },
+    };
+    let format = format.ok_or_else(unknown)?;
     let index = match format {
         RecordingFormat::ScannerApp => scanner_app::index(path)?,
         RecordingFormat::Tum => tum::index(path, options)?,

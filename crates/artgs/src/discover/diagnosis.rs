@@ -40,7 +40,7 @@ impl DiagnosisSettings {
         if share > self.unexplained {
             let percent = (100.0 * share).round();
             warnings.push(format!(
-                "{percent} % of what moved fits none of the found motions: are there more parts than asked for?"
+                "{percent} % of what moved fits none of the found motions: there may be more parts than these"
             ));
         }
         for (k, part) in parts.iter().enumerate() {
@@ -48,9 +48,7 @@ impl DiagnosisSettings {
             let farthest = points_of(scene, labels, k as u16 + 1, State::START).map(distance).fold(0.0, f64::max);
             if farthest < self.least_motion * f64::from(scene.tolerance) {
                 let number = k + 1;
-                warnings.push(format!(
-                    "part {number} hardly moves or is hardly seen: are there fewer parts than asked for?"
-                ));
+                warnings.push(format!("part {number} hardly moves or is hardly seen: it may not be a part"));
             }
         }
         warnings
