@@ -20,6 +20,8 @@ pub(crate) struct Passage {
     /// A box inside that of the part.
     inner: [DVec3; 2],
     outer: [DVec3; 2],
+    /// A box around the part at all positions.
+    around: [DVec3; 2],
     back: Vec<Rigid>,
     /// Way from the first of these poses to the last one, for a part that slides.
     way: Option<DVec3>,
@@ -42,11 +44,16 @@ impl Passage {
             _ => points(mesh).map(|p| (p - joint.origin).reject_from(joint.axis).length()).fold(0.0, f64::max),
         };
         let stops = (travel.abs() * arm / voxel).clamp(STOPS[0], STOPS[1]).ceil();
-        let back = (0..=stops as usize).map(|i| joint.motion(travel * i as f64 / stops).inverse()).collect();
+        let ways: Vec<Rigid> = (0..=stops as usize).map(|i| joint.motion(travel * i as f64 / stops)).collect();
+        let corner = |i: usize| DVec3::select(glam::BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0), high, low);
+        let corners = ways.iter().flat_map(|way| (0..8).map(move |i| way.apply(corner(i))));
+        let around = corners.fold([low, high], |[low, high], p| [low.min(p), high.max(p)]);
+        let back = ways.iter().map(Rigid::inverse).collect();
         let inner = [low + shrink, high - shrink];
         Some(Self {
             inner,
             outer: [low, high],
+            around,
             back,
             surface: trimesh(mesh),
             voxel,
@@ -61,8 +68,11 @@ impl Passage {
         self.sweeps(point) || self.contradicts(point, NOISE * self.voxel)
     }
 
-    /// The positions of the part at which a point can be in this box of it: all if the part turns.
+    /// The positions of the part at which a point can be in this box of it: all or none if the part turns.
     fn reached(&self, point: DVec3, [low, high]: [DVec3; 2]) -> &[Rigid] {
+        if point.cmplt(self.around[0]).any() || point.cmpgt(self.around[1]).any() {
+            return &[];
+        }
         let Some(way) = self.way else { return &self.back };
         let stops = (self.back.len() - 1) as f64;
         let (mut first, mut last) = (0.0_f64, stops);
