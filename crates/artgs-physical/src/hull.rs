@@ -115,7 +115,7 @@ impl Hull {
     /// Area of the surface.
     pub fn area(&self) -> f64 {
         let corners = |t: &[u32; 3]| t.map(|i| self.points[i as usize]);
-        self.triangles.iter().map(|t| corners(t)).map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum()
+        self.triangles.iter().map(corners).map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum()
     }
 
     /// About `count` points evenly spread on the surface.

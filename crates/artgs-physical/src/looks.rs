@@ -93,7 +93,7 @@ pub fn surfaces(
     // Views without depth use the rendered depth of all meshes.
     let hidden = PerState::from_fn(|state| rendered_depth(replica, meshes, capture, state));
     let meshes = &consistent(replica, meshes);
-    let shapes: Vec<Option<TriMesh>> = meshes.par_iter().map(|mesh| trimesh(mesh)).collect();
+    let shapes: Vec<Option<TriMesh>> = meshes.par_iter().map(trimesh).collect();
     let surface = |part| surface(part, replica, (meshes, &shapes), capture, &hidden, config);
     (0..meshes.len()).into_par_iter().map(surface).collect()
 }
