@@ -1,8 +1,8 @@
 """Draws exported URDFs beside the photos of their capture: `pictures.py EXPORTS CAPTURE OUT.png`.
 
 PyBullet's software renderer takes the cameras of training views of both states, in the layout of ArtGS, with the joints at
-the observed values (the keyframes of the MJCF). Photo, drawing and their difference stand side by side. For captures with +Z
-up in metres, exported with the same.
+the observed values (the keyframes of the MJCF). Photo, drawing and their difference stand side by side. `export.json` says where
+the object is in the frame of the capture.
 """
 
 import json
@@ -17,13 +17,25 @@ from PIL import Image
 STATES = ("start", "end")
 
 
-def camera_matrices(frame, meta, near=0.01, far=100.0):
-    """View and projection as OpenGL takes them, column by column."""
+def to_object(exports):
+    """Scale of the capture, and the motion from its scaled frame to that of the object, from `export.json`."""
+    report = json.loads((exports / "export.json").read_text())
+    x, y, z, w = report["frame"]["rotation"]
+    motion = np.eye(4)
+    motion[:3, :3] = np.reshape(bullet.getMatrixFromQuaternion([x, y, z, w]), (3, 3))
+    motion[:3, 3] = report["frame"]["translation"]
+    return report["scale"], motion
+
+
+def camera_matrices(frame, meta, scale, motion, near=0.01, far=100.0):
+    """View and projection as OpenGL takes them, column by column, in the frame of the object."""
     w, h = meta["w"], meta["h"]
     fx = meta.get("fl_x") or 0.5 * w / np.tan(0.5 * meta["camera_angle_x"])
     fy = meta.get("fl_y") or 0.5 * h / np.tan(0.5 * meta["camera_angle_y"])
     cx, cy = meta.get("cx", w / 2), meta.get("cy", h / 2)
-    view = np.linalg.inv(np.array(frame["transform_matrix"], float))
+    camera_to_world = np.array(frame["transform_matrix"], float)
+    camera_to_world[:3, 3] *= scale
+    view = np.linalg.inv(motion @ camera_to_world)
     projection = np.zeros((4, 4))
     projection[0] = [2 * fx / w, 0, 1 - 2 * cx / w, 0]
     projection[1] = [0, 2 * fy / h, 2 * cy / h - 1, 0]
@@ -46,6 +58,7 @@ def main(exports, capture, out, views=2):
     body = bullet.loadURDF(str(next((exports / "urdf").glob("*.urdf"))), useFixedBase=True)
     joints = {bullet.getJointInfo(body, i)[1].decode(): i for i in range(bullet.getNumJoints(body))}
     values, rows = observed(exports), []
+    metres, motion = to_object(exports)
     for s, state in enumerate(STATES):
         for name, value in values[s].items():
             if name in joints:
@@ -59,7 +72,7 @@ def main(exports, capture, out, views=2):
             photo = np.asarray(images[k], float)
             meta.setdefault("w", photo.shape[1])
             meta.setdefault("h", photo.shape[0])
-            view, projection, (w, h) = camera_matrices(frames[k], meta)
+            view, projection, (w, h) = camera_matrices(frames[k], meta, metres, motion)
             scale = 2
             _, _, rgba, _, mask = bullet.getCameraImage(
                 scale * w, scale * h, view, projection, lightDirection=[0, 0, 1], shadow=0, lightAmbientCoeff=1.0,
