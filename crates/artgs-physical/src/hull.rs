@@ -99,11 +99,15 @@ impl Hull {
         Some(out)
     }
 
+    /// True if the library of engines, in single precision, finds about the same hull of the corners.
     fn is_hull_in_single_precision(&self) -> bool {
+        /// Least share of the volume.
+        const LEAST: f64 = 0.8;
         let points: Vec<_> = self.points.iter().map(|p| crate::convert::to_parry(*p)).collect();
-        let found = parry3d::transformation::try_convex_hull(&points).ok();
-        found
-            .is_some_and(|(points, faces)| parry3d::shape::ConvexPolyhedron::from_convex_mesh(points, &faces).is_some())
+        let Ok((points, faces)) = parry3d::transformation::try_convex_hull(&points) else { return false };
+        let at = |i: u32| crate::convert::from_parry(points[i as usize] - points[0]);
+        let volume: f64 = faces.iter().map(|f| at(f[0]).dot(at(f[1]).cross(at(f[2]))) / 6.0).sum();
+        volume > LEAST * self.volume() && parry3d::shape::ConvexPolyhedron::from_convex_mesh(points, &faces).is_some()
     }
 
     /// Lowest and highest corner of the box around it.
