@@ -32,7 +32,7 @@ impl Needed {
     /// than `most`, those that alone cover the least, up to the square of `speck`. What was not observed may be four times as large.
     pub(super) fn pruned(&self, hulls: Vec<Hull>, most: usize, speck: f64, options: &DecomposeOptions) -> Vec<Hull> {
         /// Observed samples that need no piece.
-        const FEW: usize = 4;
+        const FEW: usize = 1;
         let mut pieces = Pieces::default();
         hulls.into_iter().for_each(|hull| pieces.push(hull));
         let covers: Vec<Vec<usize>> =
