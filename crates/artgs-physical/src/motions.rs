@@ -140,3 +140,40 @@ fn slide(asset: &Asset, link: usize, from: Vec<Rigid>, to: &[Rigid]) -> Stance {
 pub(crate) fn arm(joint: &AssetJoint, mesh: &Mesh) -> f64 {
     points(mesh).map(|p| p.reject_from_normalized(joint.axis).length()).fold(0.0, f64::max)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn turned(angle: f64) -> Rigid {
+        Rigid::about(DVec3::Z, DVec3::new(0.3, 0.1, 0.0), angle)
+    }
+
+    #[test]
+    fn a_relative_motion_occurs_once_and_slides_come_first() {
+        // A base, a drawer that slides by half a metre, and a door.
+        let poses = |door: f64| vec![Rigid::IDENTITY, Rigid::shift(DVec3::Y), turned(door)];
+        let slide = (vec![false, true, false], DVec3::new(0.0, -0.5, 0.0));
+        let stances =
+            [Stance::still(poses(0.0)), Stance::still(poses(0.4)), Stance { poses: poses(0.4), slide: Some(slide) }];
+        let pairs = pair_motions(&stances, 3);
+        assert_eq!(pairs.iter().map(|p| p.links).collect::<Vec<_>>(), [[0, 1], [0, 2], [1, 2]]);
+        assert_eq!(pairs.iter().map(|p| p.motions.len()).collect::<Vec<_>>(), [2, 2, 3]);
+        assert_eq!(pairs[0].motions[0].way, DVec3::new(0.0, -0.5, 0.0));
+        // In the frame of the door, the drawer goes one way if the door goes the other.
+        let RelativeMotion { start, way } = pairs[2].motions[0];
+        let end = start * Rigid::shift(way);
+        let wanted = Rigid::shift(DVec3::new(0.0, 0.5, 0.0)).inverse() * turned(0.4);
+        assert!(end.apply(DVec3::ONE).distance(wanted.apply(DVec3::ONE)) < 1e-12);
+    }
+
+    #[test]
+    fn a_swept_hull_holds_all_places_of_the_way() {
+        let corners = (0..8).map(|i| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2 & 1)));
+        let cube = Hull::of(&corners.collect::<Vec<_>>(), 1e-3).unwrap();
+        let motion = RelativeMotion { start: Rigid::IDENTITY, way: DVec3::new(2.0, 0.0, 0.0) };
+        let swept = motion.swept(&cube, 1e-3).unwrap();
+        assert!((swept.volume() - 3.0).abs() < 1e-9 && swept.bounds() == [DVec3::ZERO, DVec3::new(3.0, 1.0, 1.0)]);
+        assert!(RelativeMotion { way: DVec3::ZERO, ..motion }.swept(&cube, 1e-3).is_none());
+    }
+}

@@ -285,6 +285,30 @@ mod tests {
     }
 
     #[test]
+    fn a_point_is_tested_at_all_positions_that_can_hold_it() {
+        let (mesh, turning) = door();
+        let axis = DVec3::new(0.2, -1.0, 0.1).normalize();
+        let sliding = Joint { kind: JointKind::Prismatic, axis, state_values: PerState::new(-0.1, 0.35), ..turning };
+        for joint in [turning, sliding] {
+            let passage = Passage::of(&mesh, &joint, 0.005).unwrap();
+            let holds = |back: &Rigid, p: DVec3| {
+                let [low, high] = passage.outer;
+                back.apply(p).cmpgt(low).all() && back.apply(p).cmplt(high).all()
+            };
+            let mut held = 0;
+            for i in 0..4000 {
+                let spread = |k: f64| (k * f64::from(i)).fract();
+                let p = DVec3::new(spread(0.754_877_6), spread(0.569_840_2), spread(0.438_289_1)) * 1.6 - 0.6;
+                let all = passage.back.iter().filter(|back| holds(back, p)).count();
+                let reached = passage.reached(p, passage.outer).iter().filter(|back| holds(back, p)).count();
+                assert_eq!(all, reached, "{p}");
+                held += usize::from(all > 0);
+            }
+            assert!(held > 100, "{held}");
+        }
+    }
+
+    #[test]
     fn a_part_seen_from_one_side_contradicts_nothing() {
         let (mut door, joint) = door();
         // Without its back, the door could be a thin sheet.

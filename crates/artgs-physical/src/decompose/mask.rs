@@ -336,6 +336,17 @@ mod tests {
     }
 
     #[test]
+    fn a_ragged_rim_needs_one_polygon_and_a_deep_notch_more() {
+        // The rim varies by two cells, which is the slack.
+        let ragged = mask([120, 80], |x, y| x >= 4 + y % 3 && x < 116 - y % 2 && y >= 4 + x % 3 && y < 76);
+        assert_eq!(cover(&ragged, &ragged, 2).len(), 1);
+        let notched =
+            mask([120, 80], |x, y| (4..116).contains(&x) && (4..76).contains(&y) && !(x > 50 && x < 70 && y > 50));
+        let found = cover(&notched, &notched, 2);
+        assert!(found.len() > 1 && faults(&notched, &found, 4) == [0, 0], "{found:?}");
+    }
+
+    #[test]
     fn only_what_is_to_do_is_covered_and_gaps_of_noise_are_closed() {
         let plain = mask([50, 50], |x, y| !(x == 20 && y == 20));
         let found = cover(&plain.closed(1), &plain, 2);
