@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+import types
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -233,6 +234,17 @@ def test_the_command_is_that_of_the_program(capture: Path) -> None:
     assert module.stdout == version.stdout
 
 
+def test_the_command_starts_without_numpy() -> None:
+    program = "import sys, artgs._command; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
+    assert "artgs._native" in loaded and "numpy" not in loaded and "artgs._arrays" not in loaded
+
+
+def test_the_names_of_the_package_are_there() -> None:
+    assert set(artgs.__all__) <= set(dir(artgs))
+    assert all(hasattr(artgs, name) for name in artgs.__all__) and not hasattr(artgs, "no_such_name")
+
+
 def test_the_page_is_complete_in_itself(replica: artgs.Replica) -> None:
     from artgs import _page
 
@@ -241,6 +253,23 @@ def test_the_page_is_complete_in_itself(replica: artgs.Replica) -> None:
     assert _page.frame('<p class="a">', 300) == (
         '<iframe srcdoc="&lt;p class=&quot;a&quot;&gt;" style="width: 100%; height: 300px; border: 0"></iframe>'
     )
+
+
+def test_a_notebook_gets_the_page_as_a_frame(monkeypatch: pytest.MonkeyPatch, replica: artgs.Replica) -> None:
+    from artgs import _page
+
+    shown: list[tuple[dict[str, str], bool]] = []
+
+    def display(data: dict[str, str], *, raw: bool) -> None:
+        shown.append((data, raw))
+
+    display_module: Any = types.ModuleType("IPython.display")
+    display_module.display = display
+    monkeypatch.setitem(sys.modules, "IPython.display", display_module)
+    monkeypatch.setattr(_page, "_shell", object)
+    replica.show(height=300)
+    [(data, raw)] = shown
+    assert raw and data["text/html"] == _page.frame(replica.page(), 300) and str(replica.path) in data["text/plain"]
 
 
 def test_meshes_become_those_of_trimesh(replica: artgs.Replica) -> None:

@@ -32,7 +32,8 @@ def show(folder: Path, height: int) -> None:
         webbrowser.open(target.as_uri())
         return
     shown: Any = import_module("IPython.display")
-    shown.display(shown.HTML(frame(page_of(folder), height)))
+    # `IPython.display.HTML` warns of every frame.
+    shown.display({"text/html": frame(page_of(folder), height), "text/plain": f"viewer of {folder}"}, raw=True)
 
 
 def frame(page: str, height: int) -> str:
