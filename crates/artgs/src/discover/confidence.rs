@@ -167,6 +167,7 @@ mod tests {
             cost: 0.08,
             margin: 0.2,
             rival: Some(0),
+            fair_rival: None,
             stiffness: 0.2,
             residual: 0.03,
             shift: 20.0,

@@ -38,6 +38,7 @@ mod face_motions;
 mod facets;
 mod flatten;
 mod front;
+mod glide;
 mod graph_cut;
 mod instances;
 mod joints;
@@ -263,7 +264,9 @@ fn without_doubtful(
         doubtful.sort_by(|a, b| confidence(&found, *a).total_cmp(&confidence(&found, *b)));
         for k in doubtful {
             let others: Vec<Rigid> = (0..count).filter(|&other| other != k).map(|k| found.parts[k].motion).collect();
-            let with_rival = found.support[k].rival.map(|rival| {
+            let support = &found.support[k];
+            let rival = if is_contested(k) { support.fair_rival.or(support.rival) } else { support.rival };
+            let with_rival = rival.map(|rival| {
                 let motions = others.iter().copied().chain([pool[rival].motion]).collect::<Vec<_>>();
                 (motions, count)
             });

@@ -72,6 +72,10 @@ pub struct Support {
     pub margin: f64,
     /// Index of that motion among the candidates.
     pub rival: Option<usize>,
+    /// The same of the best different motion if landing on another part counts as landing in empty space: two bodies are not in one
+    /// place.
+    #[serde(default)]
+    pub fair_rival: Option<usize>,
     /// Displacement of the part in the direction that the matched surfaces hold least, as a root mean square distance
     /// between the surfaces per unit: 0 if the part slides freely in some direction, 1 at most.
     pub stiffness: f64,
@@ -128,11 +132,18 @@ impl SupportSettings {
         sample: usize,
         k: usize,
     ) -> Support {
+        /// Cost of a place that another part takes.
+        const IN_EMPTY: f64 = 1.0;
         let own = parts[k].motion;
+        let is_another = |j: u32, s: State| {
+            let there = usize::from(labels[s][j as usize]);
+            there > 0 && there != k + 1
+        };
         let motions: Vec<Rigid> = parts.iter().map(|p| p.motion).chain(pool.iter().map(|c| c.motion)).collect();
         let count = parts.len();
         let mut out = Support::default();
         let mut costs = vec![0.0f64; motions.len()];
+        let mut fair_costs = vec![0.0f64; motions.len()];
         let mut onto_own = 0.0f64;
         let mut row: Vec<f32> = Vec::with_capacity(motions.len());
         let (mut weight, mut farthest) = (0.0f64, vec![0.0f64; motions.len()]);
@@ -165,6 +176,10 @@ impl SupportSettings {
                     }
                 }
                 costs.iter_mut().zip(&row).for_each(|(sum, cost)| *sum += each * f64::from(*cost));
+                for ((sum, cost), landing) in fair_costs.iter_mut().zip(&row).zip(landings) {
+                    let taken = matches!(landing, Landing::Surface(j, _) if is_another(*j, s.other()));
+                    *sum += each * if taken { IN_EMPTY } else { f64::from(*cost) };
+                }
                 if occupancy[s][*i] == Occupancy::Empty {
                     out.moved += each;
                     let fits = row[k] < self.explained;
@@ -193,8 +208,12 @@ impl SupportSettings {
         out.contested /= (out.contested + onto_own).max(1.0);
         out.cost = mean(costs[k]);
         let plausible = |c: usize| f64::from(pool[c].implausibility);
-        let different = (0..pool.len()).filter(|c| farthest[count + c] > same);
-        let rival = different.map(|c| (mean(costs[count + c]) + plausible(c), c)).min_by(|a, b| a.0.total_cmp(&b.0));
+        let best = |costs: &[f64]| {
+            let different = (0..pool.len()).filter(|c| farthest[count + c] > same);
+            different.map(|c| (mean(costs[count + c]) + plausible(c), c)).min_by(|a, b| a.0.total_cmp(&b.0))
+        };
+        let rival = best(&costs);
+        out.fair_rival = best(&fair_costs).map(|r| r.1);
         out.margin = rival.map_or(1.0, |r| r.0 - out.cost);
         out.rival = rival.map(|r| r.1);
         out.shift = mean(shift) / spacing;
@@ -225,6 +244,7 @@ mod tests {
     use crate::discover::scene::DepthPicture;
     use crate::discover::{DiscoverConfig, Evidence, discover};
     use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
+    use glam::DVec3;
 
     #[test]
     fn parts_that_land_on_other_parts_are_contested() {
@@ -248,8 +268,24 @@ mod tests {
         // The first part is given to the second one in the end state only.
         let mut mixed = found.labels.clone();
         mixed[State::END].iter_mut().filter(|label| **label == 1).for_each(|label| *label = 2);
-        let mixed = contested(&mixed);
-        assert!(mixed[0] > 0.5, "{mixed:?}");
+        let share = contested(&mixed);
+        assert!(share[0] > 0.5, "{share:?}");
+        // Of a motion onto the other part and rest, the other part leaves only rest.
+        let candidate = |motion: Rigid| Candidate {
+            motion,
+            explained: PerState::default(),
+            gain: 1.0,
+            implausibility: 0.0,
+            turned_over: false,
+        };
+        let aside = Rigid::shift(DVec3::Z * f64::from(6.0 * scene.lengths.spacing));
+        let pool = [candidate(found.parts[0].motion * aside), candidate(Rigid::IDENTITY)];
+        let rivals = |labels: &PerState<Vec<u16>>| {
+            let all = settings.measure(&scene, &clouds, &evidence.occupancy, labels, &found.parts, &pool);
+            (all[0].rival, all[0].fair_rival)
+        };
+        assert_eq!(rivals(&found.labels), (Some(0), Some(0)));
+        assert_eq!(rivals(&mixed), (Some(0), Some(1)));
     }
 
     #[test]
