@@ -72,6 +72,7 @@ pub use correct::{CorrectError, correct};
 use front::Front;
 use glam::{DVec3, Vec3};
 pub use moved_points::{MovedPoints, moved_points};
+use rayon::prelude::*;
 use refinement::{Parts, Refinement};
 pub use scene::{DepthPicture, Scene, pixel_step};
 use segmentation::Graph;
@@ -395,13 +396,14 @@ impl Evidence {
         const MARGIN: f32 = 0.05;
         let pad = Vec3::splat(MARGIN * scene.lengths.diagonal);
         let voxel = config.voxel as f32 * scene.lengths.diagonal;
-        let grids = PerState::from_fn(|s| {
+        let grid = |s: State| {
             let (lower, upper) = (scene.lower - pad, scene.upper + pad);
             SpaceGrid::new(clouds[s].cloud, &scene.states[s].views, lower, upper, voxel, scene.tolerance)
-        });
+        };
+        let grids: Vec<SpaceGrid> = State::ALL.into_par_iter().map(grid).collect();
         let states = PerState::from_fn(|s| SearchState {
             points: &clouds[s],
-            grid: &grids[s],
+            grid: &grids[s.index()],
             moved: &self.moved[s],
             unseen: &self.unseen[s],
         });
