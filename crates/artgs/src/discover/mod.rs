@@ -58,6 +58,7 @@ mod segmentation;
 mod selection;
 mod space_grid;
 mod support;
+mod surface_paths;
 mod twins;
 pub(crate) mod visibility;
 
