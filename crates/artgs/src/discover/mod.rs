@@ -41,6 +41,7 @@ mod front;
 mod graph_cut;
 mod instances;
 mod joints;
+mod known;
 mod landing;
 mod morton;
 mod moved_points;
@@ -72,6 +73,7 @@ use config::StepSettings;
 pub use correct::{CorrectError, correct};
 use front::Front;
 use glam::{DVec3, Vec3};
+use known::{KnownFits, KnownLandings, KnownSamples};
 pub use moved_points::{MovedPoints, moved_points};
 use rayon::prelude::*;
 use refinement::{Parts, Refinement};
@@ -298,6 +300,10 @@ struct Evidence {
     unseen: PerState<Vec<usize>>,
     /// Which points are next to each other.
     graphs: PerState<Graph>,
+    /// What refinements have found out.
+    landings: KnownLandings,
+    samples: KnownSamples,
+    fits: KnownFits,
 }
 
 /// Fewer moved points are noise.
@@ -321,7 +327,8 @@ impl Evidence {
         }
         let [moved, unseen] = [Occupancy::Empty, Occupancy::Unseen]
             .map(|what| occupancy.as_ref().map(|at| (0..at.len()).filter(|&i| at[i] == what).collect::<Vec<usize>>()));
-        let evidence = Self { occupancy, moved, unseen, graphs: PerState::default() };
+        let (graphs, landings, samples, fits) = Default::default();
+        let evidence = Self { occupancy, moved, unseen, graphs, landings, samples, fits };
         let points: usize = evidence.occupancy.iter().map(Vec::len).sum();
         let least =
             if scene.noisy { LEAST_MOVED.max((LEAST_NOISY_SHARE * points as f64) as usize) } else { LEAST_MOVED };
@@ -430,7 +437,7 @@ impl Evidence {
         pool: &[Candidate],
         settings: &StepSettings,
     ) -> Discovery {
-        let support = settings.support.measure(scene, clouds, &self.occupancy, &labels, &parts, pool);
+        let support = settings.support.measure(scene, clouds, &self.occupancy, &self.samples, &labels, &parts, pool);
         for (k, (part, support)) in parts.iter_mut().zip(&support).enumerate() {
             let fit = settings.diagnosis.fit(scene, &labels, k as u16 + 1, &part.motion);
             part.confidence = Some(settings.confidence.confidence(support, fit));

@@ -5,6 +5,7 @@ use super::bodies::Body;
 use super::cloud::{Cloud, IndexedCloud, components};
 use super::enclosure::Enclosure;
 use super::graph_cut;
+use super::known::KnownLandings;
 use super::landing::Landing;
 use super::scene::Scene;
 use super::surface_paths::SurfaceGraph;
@@ -172,6 +173,7 @@ pub(super) struct Labelling<'a> {
     pub(super) scene: &'a Scene,
     pub(super) clouds: &'a PerState<IndexedCloud<'a>>,
     pub(super) graphs: &'a PerState<Graph>,
+    pub(super) known: &'a KnownLandings,
     /// What the other state shows at each point.
     pub(super) occupancy: &'a PerState<Vec<Occupancy>>,
     /// Where each part may be; everywhere if there are none.
@@ -226,9 +228,7 @@ impl Labelling<'_> {
     pub(super) fn labels(&self, motions: &[Rigid]) -> PerState<Vec<u16>> {
         let parts = motions.len() + 1;
         let landings = PerState::from_fn(|s| {
-            let moving = motions.iter().map(|m| m.away_from(s));
-            let to_other: Vec<Rigid> = std::iter::once(Rigid::IDENTITY).chain(moving).collect();
-            let mut landings = self.scene.pair(self.clouds, s).landings(&to_other, &self.costs);
+            let mut landings = self.known.rows(&self.scene.pair(self.clouds, s), s, motions, &self.costs);
             self.confine(s, motions, &mut landings);
             landings
         });
