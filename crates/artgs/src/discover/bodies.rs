@@ -136,12 +136,11 @@ fn tabulate(
             let part = own.select(&inside);
             let part = IndexedCloud::new(&part);
             let pair = StatePair { own: &part, ..scene.pair(clouds, s) }.with_few_views();
-            // The first motion is rest.
-            let rows = pair.plain_costs(&[Rigid::IDENTITY, motion.away_from(s)], &settings.costs);
+            let landings = pair.landings(&[motion.away_from(s)], &settings.costs);
             let first = costs.len();
             costs.resize(first + own.len(), OUTSIDE);
-            for (i, row) in inside.iter().zip(rows.chunks_exact(2)) {
-                costs[first + i] = row[1] + implausibility;
+            for (i, landing) in inside.iter().zip(&landings) {
+                costs[first + i] = landing.cost(&settings.costs) + implausibility;
             }
         }
         table.weights.extend(vec![stride as f32; picked.len()]);

@@ -156,8 +156,8 @@ fn halves(cloud: &Cloud, group: &[usize]) -> [Vec<usize>; 2] {
     [sorted[..split].iter().map(|s| s.1).collect(), sorted[split..].iter().map(|s| s.1).collect()]
 }
 
-/// Motions (own state to other state) that were found for a group of a state.
-type Searched = (State, Vec<usize>, Vec<(f32, Rigid)>);
+/// Motions (own state to other state) that were found for a group of points.
+type Searched = (Vec<usize>, Vec<(f32, Rigid)>);
 
 /// Collects candidate motions from both states.
 pub(super) struct Search<'a> {
@@ -182,15 +182,15 @@ impl Search<'_> {
         let all_open = open.clone();
         let all_values = self.landing_values(&open);
         let faces = self.settings.poses.face_directions(self.states[State::END].points.cloud);
-        let mut cache = Vec::new();
+        let mut cache = PerState::default();
         let (mut winners, mut others): (Vec<Rigid>, Vec<Rigid>) = Default::default();
         let moved = open.iter().map(Vec::len).sum::<usize>().max(1) as f64;
         for _ in 0..rounds {
             done(1.0 - open.iter().map(Vec::len).sum::<usize>() as f64 / moved);
             let values = self.landing_values(&open);
             let found = self.hypotheses(&open, &values, &faces, &mut cache);
-            let weighed = found.iter().map(|m| self.weigh(&open, &values, *m));
-            let best = weighed.reduce(|a, b| if b.gain > a.gain { b } else { a });
+            let weighed: Vec<Candidate> = found.par_iter().map(|m| self.weigh(&open, &values, *m)).collect();
+            let best = weighed.into_iter().reduce(|a, b| if b.gain > a.gain { b } else { a });
             winners.extend(best.iter().map(|b| b.motion));
             others.extend(found);
             let Some(best) = best.filter(|b| b.gain > self.least_round) else { break };
@@ -201,7 +201,8 @@ impl Search<'_> {
         }
         // Winners of each round first: variants of a large part's motion must not displace a small part's.
         let judge = |m: Rigid| self.weigh(&all_open, &all_values, m);
-        let rest: Vec<Candidate> = others.into_iter().map(judge).filter(|c| c.gain > 0.3 * self.least_gain).collect();
+        let rest = others.into_par_iter().map(judge).filter(|c| c.gain > 0.3 * self.least_gain);
+        let rest: Vec<Candidate> = rest.collect();
         let winners: Vec<Candidate> = winners.into_iter().map(judge).collect();
         let twins: Vec<Candidate> = winners.iter().flat_map(|winner| self.twins(winner)).collect();
         let order = self.order(&rest, 2 * pool);
@@ -246,25 +247,34 @@ impl Search<'_> {
 
     /// Registers candidates in their order until `pool` distinct motions are found.
     fn registered(&self, ranked: impl Iterator<Item = Candidate>, pool: usize, faces: &[Vec3]) -> Vec<Candidate> {
+        /// Candidates that are registered at once.
+        const BATCH: usize = 16;
         let same = |m: &Rigid, c: &Candidate| alike(m, c, self.clouds(), &self.lengths);
         let mut unregistered: Vec<Rigid> = Vec::new();
+        let mut distinct = ranked.filter(|c| {
+            let is_new = !unregistered.iter().any(|m| same(m, c));
+            unregistered.extend(is_new.then_some(c.motion));
+            is_new
+        });
         let mut kept: Vec<Candidate> = Vec::new();
-        for c in ranked {
-            if kept.len() >= pool {
-                break;
-            }
-            if unregistered.iter().any(|m| same(m, &c)) {
-                continue;
-            }
-            unregistered.push(c.motion);
-            for motion in self.variants(&c, faces) {
-                let candidate = Candidate { motion, ..c.clone() };
-                if kept.iter().all(|k| !same(&k.motion, &candidate)) {
-                    kept.push(candidate);
+        loop {
+            let batch: Vec<Candidate> = distinct.by_ref().take(BATCH).collect();
+            let variants: Vec<Vec<Rigid>> = batch.par_iter().map(|c| self.variants(c, faces)).collect();
+            for (c, motions) in batch.iter().zip(variants) {
+                if kept.len() >= pool {
+                    break;
+                }
+                for motion in motions {
+                    let candidate = Candidate { motion, ..c.clone() };
+                    if kept.iter().all(|k| !same(&k.motion, &candidate)) {
+                        kept.push(candidate);
+                    }
                 }
             }
+            if batch.len() < BATCH || kept.len() >= pool {
+                return kept;
+            }
         }
-        kept
     }
 
     /// Value of landing on each point of each state while `open` of its moved points are unexplained.
@@ -290,7 +300,7 @@ impl Search<'_> {
         radius: f32,
     ) -> f32 {
         let q = pose.apply(p);
-        let (nearest, empty) = target.grid.lookup(q);
+        let (nearest, empty) = target.grid.lookup(q, radius);
         if nearest != NO_POINT {
             let cloud = target.points.cloud;
             let d = cloud.points[nearest as usize].distance(q) / radius;
@@ -305,7 +315,7 @@ impl Search<'_> {
     /// The same where landing on every point counts alike.
     pub(super) fn value_anywhere(&self, pose: &Pose, p: Vec3, n: Vec3, target: &SearchState<'_>, radius: f32) -> f32 {
         let q = pose.apply(p);
-        let (nearest, _) = target.grid.lookup(q);
+        let (nearest, _) = target.grid.lookup(q, radius);
         if nearest == NO_POINT {
             return 0.0;
         }
@@ -322,12 +332,16 @@ impl Search<'_> {
         landing: &[f32],
         radius: f32,
     ) -> f32 {
-        // A third of the points is enough to reject most poses of the wide search.
+        /// More than the largest value of a point.
+        const MOST: f32 = 1.001;
+        // A third of the points is enough to reject most poses of the wide search, as soon as the points up to there cannot
+        // make up for the ones before.
         let (tenth, third) = (sample.len() / 10, sample.len() / 3);
         let mut sum = 0.0;
         for (i, (p, n)) in sample.iter().enumerate() {
             sum += self.value(pose, *p, *n, target, landing, radius);
-            if (i == third && sum < 0.0) || (i == tenth && sum < -0.3 * tenth as f32) {
+            let falls_short = |at: usize, least: f32| i <= at && sum + (at - i) as f32 * MOST < least;
+            if falls_short(third, 0.0) || falls_short(tenth, -0.3 * tenth as f32) {
                 return -1.0;
             }
         }
@@ -341,32 +355,42 @@ impl Search<'_> {
         open: &PerState<Vec<usize>>,
         landing: &PerState<Vec<f32>>,
         faces: &[Vec3],
+        cache: &mut PerState<Vec<Searched>>,
+    ) -> Vec<Rigid> {
+        let of_states: Vec<(State, &mut Vec<Searched>)> = State::ALL.into_iter().zip(cache.iter_mut()).collect();
+        let of_state = |(s, cache): (State, &mut Vec<Searched>)| self.hypotheses_of(s, open, landing, faces, cache);
+        of_states.into_par_iter().map(of_state).collect::<Vec<Vec<Rigid>>>().concat()
+    }
+
+    /// The same for the groups of one state.
+    fn hypotheses_of(
+        &self,
+        s: State,
+        open: &PerState<Vec<usize>>,
+        landing: &PerState<Vec<f32>>,
+        faces: &[Vec3],
         cache: &mut Vec<Searched>,
     ) -> Vec<Rigid> {
         let settings = &self.settings;
         let least = settings.least_cluster.max((0.3 * self.least_gain) as usize);
-        let mut motions = Vec::new();
-        for s in State::ALL {
-            let cloud = self.states[s].points.cloud;
-            let groups = components(cloud, &open[s], settings.cluster_reach * self.lengths.spacing, least);
-            let mut queue: Vec<(Vec<usize>, usize)> =
-                groups.into_iter().take(settings.clusters).map(|g| (g, 0)).collect();
-            let mut next = 0;
-            while next < queue.len() {
-                let (group, depth) = queue[next].clone();
-                next += 1;
-                let hit = cache.iter().position(|c| c.0 == s && c.1 == group).unwrap_or_else(|| {
-                    let found = self.search(s, &group, &landing[s.other()], faces);
-                    cache.push((s, group.clone(), found));
-                    cache.len() - 1
-                });
-                let found = &cache[hit].2;
-                motions.extend(found.iter().map(|(_, m)| m.away_from(s)));
-                let explained = found.first().map_or(0.0, |f| f.0);
-                if explained < settings.explained && depth < settings.cuts && group.len() >= 4 * least {
-                    let parts = halves(cloud, &group).into_iter().filter(|h| h.len() >= least);
-                    queue.extend(parts.map(|h| (h, depth + 1)));
-                }
+        let cloud = self.states[s].points.cloud;
+        let groups = components(cloud, &open[s], settings.cluster_reach * self.lengths.spacing, least);
+        let mut queue: Vec<(Vec<usize>, usize)> = groups.into_iter().take(settings.clusters).map(|g| (g, 0)).collect();
+        let (mut motions, mut next) = (Vec::new(), 0);
+        while next < queue.len() {
+            let (group, depth) = queue[next].clone();
+            next += 1;
+            let hit = cache.iter().position(|c| c.0 == group).unwrap_or_else(|| {
+                let found = self.search(s, &group, &landing[s.other()], faces);
+                cache.push((group.clone(), found));
+                cache.len() - 1
+            });
+            let found = &cache[hit].1;
+            motions.extend(found.iter().map(|(_, m)| m.away_from(s)));
+            let explained = found.first().map_or(0.0, |f| f.0);
+            if explained < settings.explained && depth < settings.cuts && group.len() >= 4 * least {
+                let parts = halves(cloud, &group).into_iter().filter(|h| h.len() >= least);
+                queue.extend(parts.map(|h| (h, depth + 1)));
             }
         }
         motions
@@ -389,13 +413,16 @@ impl Search<'_> {
                 max_points,
                 either_side: false,
             };
-            let judged = guesses.par_iter().map(|guess| {
+            let judged = guesses.par_iter().filter_map(|guess| {
                 let motion =
                     register(Matching::one_sided(&source, target.points, target.grid), *guess, None, &options).motion;
                 let radius = settings.fine_reach * self.lengths.spacing;
                 let value = self.mean_value(&Pose::of(&motion), &fine, target, landing, radius);
+                if value <= settings.least_value {
+                    return None;
+                }
                 let implausibility = self.ranking.implausibility(&motion, &fine, &self.lengths, self.front);
-                (value * (1.0 - implausibility), value * self.ranking.small_motion(implausibility), motion)
+                Some((value * (1.0 - implausibility), value * self.ranking.small_motion(implausibility), motion))
             });
             judged.filter(|r| r.0 > settings.least_value).collect()
         };
@@ -432,14 +459,13 @@ impl Search<'_> {
                 if kept.len() >= most {
                     break;
                 }
-                let pose = poses[*i];
+                let (pose, rigid) = (poses[*i], poses[*i].rigid());
                 let differs = |k: &Rigid| {
                     let shift = pose.apply(centre).distance(k.apply(centre.as_dvec3()).as_vec3());
-                    let angle = (k.inverse() * pose.rigid()).angle();
-                    shift > 0.7 * radius || angle > 0.2
+                    shift > 0.7 * radius || (k.inverse() * rigid).angle() > 0.2
                 };
                 if kept.iter().all(differs) {
-                    kept.push(pose.rigid());
+                    kept.push(rigid);
                 }
             }
         }

@@ -7,6 +7,7 @@ use super::visibility::{DepthLookup, STEEPEST};
 use crate::neighbours::PointTree;
 use glam::{DVec3, IVec3, Vec3};
 use rayon::prelude::*;
+use std::sync::OnceLock;
 
 /// Oriented, coloured surface points.
 #[derive(Clone, Debug, Default)]
@@ -93,16 +94,23 @@ impl Cloud {
 pub(crate) struct IndexedCloud<'a> {
     /// The points.
     pub(crate) cloud: &'a Cloud,
-    tree: PointTree,
+    /// Built for the first search that needs it.
+    tree: OnceLock<PointTree>,
     /// For short searches, if there are many.
     grid: Option<NearGrid>,
 }
 
 impl<'a> IndexedCloud<'a> {
-    /// Builds the tree.
+    /// For any search.
     pub(crate) fn new(cloud: &'a Cloud) -> Self {
-        let points: Vec<[f32; 3]> = cloud.points.iter().map(|p| p.to_array()).collect();
-        Self { cloud, tree: PointTree::new(&points), grid: None }
+        Self { cloud, tree: OnceLock::new(), grid: None }
+    }
+
+    fn tree(&self) -> &PointTree {
+        self.tree.get_or_init(|| {
+            let points: Vec<[f32; 3]> = self.cloud.points.iter().map(|p| p.to_array()).collect();
+            PointTree::new(&points)
+        })
     }
 
     /// The same for many searches within a few times `spacing`, the distance between neighbouring points in scene units.
@@ -120,7 +128,7 @@ impl<'a> IndexedCloud<'a> {
                 grid.nearest_n(point, 1, limit, |i, d| found = Some((i, d)));
                 found
             }
-            _ => self.tree.nearest_within(&point.to_array(), limit),
+            _ => self.tree().nearest_within(&point.to_array(), limit),
         }
     }
 
@@ -130,7 +138,7 @@ impl<'a> IndexedCloud<'a> {
             Some(grid) if grid.suits(n, limit) => {
                 grid.nearest_n(point, n, limit, visit);
             }
-            _ => self.tree.nearest_n(&point.to_array(), n, limit, visit),
+            _ => self.tree().nearest_n(&point.to_array(), n, limit, visit),
         }
     }
 }

@@ -109,6 +109,9 @@ impl Search<'_> {
         let judge = |motion: &Rigid, reach: f32| {
             let radius = reach * self.lengths.spacing;
             let value = self.mean_value(&Pose::of(motion), &sample, target, &landing[state.other()], radius);
+            if value <= self.settings.least_value {
+                return None;
+            }
             let implausibility = self.ranking.implausibility(motion, &sample, &self.lengths, self.front);
             let by_small = value * self.ranking.small_motion(implausibility);
             (value * (1.0 - implausibility) > self.settings.least_value).then_some((

@@ -1,5 +1,6 @@
 //! Labelling by graph cuts: a Potts energy lowered by alpha expansion (Boykov, Veksler and Zabih 2001) over a maximum
-//! flow that keeps its two search trees (Boykov and Kolmogorov 2004).
+//! flow with a search tree that is kept (Boykov and Kolmogorov 2004). Only the tree of the sink grows: an expansion changes
+//! few of the points, and the others are not visited.
 
 use std::collections::VecDeque;
 
@@ -10,7 +11,8 @@ const TERMINAL: u32 = u32::MAX - 1;
 const ORPHAN: u32 = u32::MAX - 2;
 
 /// Lowers `sum data[i][label_i] + smooth * sum weight_ij [label_i != label_j]` from the given labels by at most `sweeps`
-/// rounds of expansion. `data` is `[n * parts]`; no expansion raises the energy, so the result is never worse.
+/// rounds of expansion. `data` is `[n * parts]`; no expansion raises the energy, so the result is never worse. Of equally
+/// good expansions the one that changes least is taken.
 pub(super) fn expand(
     data: &[f32],
     parts: usize,
@@ -20,37 +22,28 @@ pub(super) fn expand(
     sweeps: usize,
 ) {
     let units = |x: f32| (x * UNIT).round() as i32;
+    let columns = columns(data, parts, |x| units(*x));
+    let mut own: Vec<i32> = labels.iter().enumerate().map(|(i, l)| columns[usize::from(*l)][i]).collect();
     let weights: Vec<i32> = edges.iter().map(|e| units(smooth * e.2)).collect();
-    let data: Vec<i32> = data.iter().map(|x| units(*x)).collect();
-    let mut flow = Flow::new(labels.len(), edges);
+    let mut flow = Flow::new(labels, edges, &weights);
     for _ in 0..sweeps {
         let mut changed = false;
         for alpha in 0..parts as u16 {
-            flow.clear();
-            for (i, label) in labels.iter().enumerate().filter(|(_, l)| **l != alpha) {
-                let row = &data[i * parts..(i + 1) * parts];
-                flow.excess[i] += row[usize::from(alpha)] - row[usize::from(*label)];
+            let column = &columns[usize::from(alpha)];
+            for ((excess, label), (new, old)) in flow.excess.iter_mut().zip(&*labels).zip(column.iter().zip(&own)) {
+                *excess = if *label == alpha { 0 } else { new - old };
             }
-            for (e, (edge, &w)) in edges.iter().zip(&weights).enumerate() {
-                let (i, j) = (edge.0 as usize, edge.1 as usize);
-                match (labels[i] == alpha, labels[j] == alpha) {
-                    (true, true) => {}
-                    (true, false) => flow.excess[j] -= w,
-                    (false, true) => flow.excess[i] -= w,
-                    (false, false) if labels[i] == labels[j] => flow.connect(e, w, w),
-                    (false, false) => {
-                        flow.excess[j] -= w;
-                        flow.connect(e, w, 0);
-                    }
-                }
+            for &e in &flow.border {
+                let ((i, j, _), w) = (edges[e as usize], weights[e as usize]);
+                let paid = if labels[j as usize] == alpha { i } else { j };
+                flow.excess[paid as usize] -= w;
             }
-            flow.run();
-            for (i, label) in labels.iter_mut().enumerate().filter(|(_, l)| **l != alpha) {
-                if !flow.on_source_side(i) {
-                    *label = alpha;
-                    changed = true;
-                }
+            let moved = flow.run(labels, alpha);
+            changed |= !moved.is_empty();
+            for &i in &moved {
+                (labels[i], own[i]) = (alpha, column[i]);
             }
+            flow.relabel(&moved, labels);
         }
         if !changed {
             break;
@@ -58,11 +51,23 @@ pub(super) fn expand(
     }
 }
 
+/// The columns of rows of `count` values each.
+pub(super) fn columns<T, U>(rows: &[T], count: usize, convert: impl Fn(&T) -> U) -> Vec<Vec<U>> {
+    let mut out: Vec<Vec<U>> = (0..count).map(|_| Vec::with_capacity(rows.len() / count.max(1))).collect();
+    // Row by row: one pass over the memory.
+    for row in rows.chunks_exact(count.max(1)) {
+        out.iter_mut().zip(row).for_each(|(column, value)| column.push(convert(value)));
+    }
+    out
+}
+
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Tree {
     Free,
     Source,
     Sink,
+    /// Has the label already.
+    Outside,
 }
 
 /// Where the steps from each node start in a list of all of them, both ways of every edge, and the end: `[nodes + 1]`.
@@ -78,15 +83,23 @@ pub(super) fn first_steps(nodes: usize, edges: &[(u32, u32, f32)]) -> Vec<u32> {
     first
 }
 
-/// Maximum flow on a fixed undirected graph whose capacities are set again for each run.
+/// Maximum flow on a fixed undirected graph, for one expansion after the other.
 struct Flow {
     /// Arcs of node i are `first[i]..first[i + 1]`.
     first: Vec<u32>,
     head: Vec<u32>,
     twin: Vec<u32>,
-    /// The two arcs of each edge, forwards and back.
-    arcs_of_edge: Vec<[u32; 2]>,
+    weight: Vec<i32>,
+    /// Edge of each arc.
+    edge: Vec<u32>,
+    /// Edges between different labels, and whether each edge is one.
+    border: Vec<u32>,
+    in_border: Vec<bool>,
+    /// Capacity of each arc without flow: that between equal labels both ways, that between others from the lower node only.
+    empty: Vec<i32>,
     capacity: Vec<i32>,
+    /// Arcs that flow was pushed along.
+    used: Vec<u32>,
     /// Capacity left from the source (positive) or to the sink (negative).
     excess: Vec<i32>,
     tree: Vec<Tree>,
@@ -102,25 +115,32 @@ struct Flow {
 }
 
 impl Flow {
-    fn new(nodes: usize, edges: &[(u32, u32, f32)]) -> Self {
+    fn new(labels: &[u16], edges: &[(u32, u32, f32)], weights: &[i32]) -> Self {
+        let nodes = labels.len();
         let first = first_steps(nodes, edges);
         let mut next = first.clone();
-        let (mut head, mut twin) = (vec![0; 2 * edges.len()], vec![0; 2 * edges.len()]);
-        let mut arcs_of_edge = Vec::with_capacity(edges.len());
-        for (i, j, _) in edges {
+        let [mut head, mut twin] = [(); 2].map(|_| vec![0; 2 * edges.len()]);
+        let (mut weight, mut edge) = (vec![0; head.len()], vec![0; head.len()]);
+        for (e, ((i, j, _), w)) in edges.iter().zip(weights).enumerate() {
             let (a, b) = (next[*i as usize], next[*j as usize]);
             next[*i as usize] += 1;
             next[*j as usize] += 1;
             (head[a as usize], head[b as usize]) = (*j, *i);
             (twin[a as usize], twin[b as usize]) = (b, a);
-            arcs_of_edge.push([a, b]);
+            (weight[a as usize], weight[b as usize]) = (*w, *w);
+            (edge[a as usize], edge[b as usize]) = (e as u32, e as u32);
         }
-        Self {
+        let mut flow = Self {
             first,
+            empty: vec![0; head.len()],
             capacity: vec![0; head.len()],
             head,
             twin,
-            arcs_of_edge,
+            weight,
+            edge,
+            border: Vec::new(),
+            in_border: vec![false; edges.len()],
+            used: Vec::new(),
             excess: vec![0; nodes],
             tree: vec![Tree::Free; nodes],
             parent: vec![NO_ARC; nodes],
@@ -131,23 +151,30 @@ impl Flow {
             active: VecDeque::new(),
             orphans: VecDeque::new(),
             steps: Vec::new(),
+        };
+        flow.relabel(&(0..nodes).collect::<Vec<_>>(), labels);
+        flow
+    }
+
+    /// Sets the arcs to and from nodes whose labels changed, and the border.
+    fn relabel(&mut self, nodes: &[usize], labels: &[u16]) {
+        for &i in nodes {
+            for arc in self.first[i] as usize..self.first[i + 1] as usize {
+                let (j, w, twin, e) =
+                    (self.head[arc] as usize, self.weight[arc], self.twin[arc] as usize, self.edge[arc]);
+                let same = labels[i] == labels[j];
+                self.empty[arc] = if same || i < j { w } else { 0 };
+                self.empty[twin] = if same || j < i { w } else { 0 };
+                (self.capacity[arc], self.capacity[twin]) = (self.empty[arc], self.empty[twin]);
+                if !same && !self.in_border[e as usize] {
+                    self.border.push(e);
+                }
+                self.in_border[e as usize] = !same;
+            }
         }
-    }
-
-    fn clear(&mut self) {
-        self.capacity.fill(0);
-        self.excess.fill(0);
-    }
-
-    fn connect(&mut self, edge: usize, forwards: i32, back: i32) {
-        let [a, b] = self.arcs_of_edge[edge];
-        self.capacity[a as usize] = forwards;
-        self.capacity[b as usize] = back;
-    }
-
-    fn on_source_side(&self, node: usize) -> bool {
-        // Nodes that neither tree reaches keep their label.
-        self.tree[node] != Tree::Sink
+        if !nodes.is_empty() {
+            self.border.retain(|e| self.in_border[*e as usize]);
+        }
     }
 
     fn activate(&mut self, node: u32) {
@@ -156,72 +183,75 @@ impl Flow {
         }
     }
 
-    /// Capacity left on the way between the two ends of an arc that leaves a node of `tree`.
-    fn residual(&self, tree: Tree, arc: u32) -> i32 {
-        self.capacity[if tree == Tree::Source { arc } else { self.twin[arc as usize] } as usize]
-    }
-
-    fn run(&mut self) {
-        self.active.clear();
-        self.orphans.clear();
-        self.queued.fill(false);
-        self.stamp.fill(0);
-        self.now = 0;
-        for i in 0..self.tree.len() {
+    /// The nodes from which there is a way to the sink at the maximum flow, the same for every maximum flow. Those that have
+    /// the label `alpha` take no part.
+    fn run(&mut self, labels: &[u16], alpha: u16) -> Vec<usize> {
+        self.now += 1;
+        for (i, label) in labels.iter().enumerate() {
             self.tree[i] = match self.excess[i] {
+                _ if *label == alpha => Tree::Outside,
                 0 => Tree::Free,
                 x if x > 0 => Tree::Source,
                 _ => Tree::Sink,
             };
-            self.parent[i] = NO_ARC;
-            if self.tree[i] != Tree::Free {
+            if self.tree[i] == Tree::Sink {
                 self.parent[i] = TERMINAL;
-                self.distance[i] = 1;
+                (self.stamp[i], self.distance[i]) = (self.now, 1);
                 self.activate(i as u32);
             }
         }
+        if self.active.is_empty() {
+            return Vec::new();
+        }
         while let Some(&node) = self.active.front() {
-            if self.tree[node as usize] != Tree::Free
+            if self.tree[node as usize] == Tree::Sink
                 && let Some(arc) = self.grow(node)
             {
                 self.now += 1;
-                self.augment(arc);
+                self.augment(node, arc);
                 self.adopt();
                 continue;
             }
             self.active.pop_front();
             self.queued[node as usize] = false;
         }
+        for arc in self.used.drain(..) {
+            self.capacity[arc as usize] = self.empty[arc as usize];
+        }
+        (0..self.tree.len()).filter(|&i| self.tree[i] == Tree::Sink).collect()
     }
 
-    /// Extends the tree of a node to its neighbours; returns an arc from the source tree to the sink tree if they meet.
+    /// Extends the tree to the neighbours of a node; returns the arc to a node with capacity left from the source if they
+    /// meet.
     fn grow(&mut self, node: u32) -> Option<u32> {
         let i = node as usize;
-        let tree = self.tree[i];
         for arc in self.first[i]..self.first[i + 1] {
-            if self.residual(tree, arc) == 0 {
+            let other = self.head[arc as usize];
+            let (j, towards) = (other as usize, self.twin[arc as usize]);
+            if self.tree[j] == Tree::Outside || self.capacity[towards as usize] == 0 {
                 continue;
             }
-            let other = self.head[arc as usize];
-            let j = other as usize;
-            if self.tree[j] == Tree::Free {
-                self.tree[j] = tree;
-                self.parent[j] = self.twin[arc as usize];
-                self.stamp[j] = self.stamp[i];
-                self.distance[j] = self.distance[i] + 1;
-                self.activate(other);
-            } else if self.tree[j] != tree {
-                return Some(if tree == Tree::Source { arc } else { self.twin[arc as usize] });
-            } else if self.stamp[j] <= self.stamp[i] && self.distance[j] > self.distance[i] + 1 {
-                self.parent[j] = self.twin[arc as usize];
-                self.stamp[j] = self.stamp[i];
-                self.distance[j] = self.distance[i] + 1;
+            match self.tree[j] {
+                Tree::Source => return Some(arc),
+                Tree::Free => {
+                    self.tree[j] = Tree::Sink;
+                    self.parent[j] = towards;
+                    self.stamp[j] = self.stamp[i];
+                    self.distance[j] = self.distance[i] + 1;
+                    self.activate(other);
+                }
+                _ if self.stamp[j] <= self.stamp[i] && self.distance[j] > self.distance[i] + 1 => {
+                    self.parent[j] = towards;
+                    self.stamp[j] = self.stamp[i];
+                    self.distance[j] = self.distance[i] + 1;
+                }
+                _ => {}
             }
         }
         None
     }
 
-    /// Calls `visit` with every node from `from` to the root of its tree and the arc to the parent.
+    /// Calls `visit` with every node from `from` to the root of the tree and the arc to the parent.
     fn path(&self, from: u32, mut visit: impl FnMut(usize, u32)) {
         let mut node = from as usize;
         loop {
@@ -234,51 +264,45 @@ impl Flow {
         }
     }
 
-    /// Pushes as much as the path through the arc takes.
-    fn augment(&mut self, arc: u32) {
-        let (source_end, sink_end) = (self.head[self.twin[arc as usize] as usize], self.head[arc as usize]);
-        let mut amount = self.capacity[arc as usize];
-        for end in [source_end, sink_end] {
-            let tree = self.tree[end as usize];
-            self.path(end, |node, up| {
-                let left = match (up, tree) {
-                    (TERMINAL, _) => self.excess[node].abs(),
-                    (_, Tree::Source) => self.capacity[self.twin[up as usize] as usize],
-                    _ => self.capacity[up as usize],
-                };
-                amount = amount.min(left);
-            });
+    /// Pushes as much as possible from the head of `arc` to `node` and on to the sink.
+    fn augment(&mut self, node: u32, arc: u32) {
+        let (source, towards) = (self.head[arc as usize] as usize, self.twin[arc as usize]);
+        let mut amount = self.capacity[towards as usize].min(self.excess[source]);
+        let mut steps = std::mem::take(&mut self.steps);
+        steps.clear();
+        self.path(node, |node, up| {
+            amount = amount.min(if up == TERMINAL { -self.excess[node] } else { self.capacity[up as usize] });
+            steps.push((node, up));
+        });
+        self.push(towards, amount);
+        self.excess[source] -= amount;
+        if self.excess[source] == 0 {
+            self.tree[source] = Tree::Free;
         }
-        self.push(arc, amount);
-        for end in [source_end, sink_end] {
-            let tree = self.tree[end as usize];
-            let mut steps = std::mem::take(&mut self.steps);
-            steps.clear();
-            self.path(end, |node, up| steps.push((node, up)));
-            for &(node, up) in &steps {
-                let full = if up == TERMINAL {
-                    self.excess[node] -= if tree == Tree::Source { amount } else { -amount };
-                    self.excess[node] == 0
-                } else {
-                    let along = if tree == Tree::Source { self.twin[up as usize] } else { up };
-                    self.push(along, amount);
-                    self.capacity[along as usize] == 0
-                };
-                if full {
-                    self.parent[node] = ORPHAN;
-                    self.orphans.push_back(node as u32);
-                }
+        for &(node, up) in &steps {
+            let full = if up == TERMINAL {
+                self.excess[node] += amount;
+                self.excess[node] == 0
+            } else {
+                self.push(up, amount);
+                self.capacity[up as usize] == 0
+            };
+            if full {
+                self.parent[node] = ORPHAN;
+                self.orphans.push_back(node as u32);
             }
-            self.steps = steps;
         }
+        self.steps = steps;
     }
 
     fn push(&mut self, arc: u32, amount: i32) {
+        let twin = self.twin[arc as usize];
         self.capacity[arc as usize] -= amount;
-        self.capacity[self.twin[arc as usize] as usize] += amount;
+        self.capacity[twin as usize] += amount;
+        self.used.extend([arc, twin]);
     }
 
-    /// Distance of a node to the root of its tree, if it is still connected to one. Stores the distances of the nodes on the way.
+    /// Distance of a node to the root of the tree, if it is still connected to one. Stores the distances of the nodes on the way.
     fn depth(&mut self, node: u32) -> Option<u32> {
         let (mut at, mut steps) = (node as usize, 0);
         loop {
@@ -308,20 +332,17 @@ impl Flow {
         Some(steps)
     }
 
-    /// Finds new parents for nodes cut off from their root, or takes them out of their tree.
+    /// Finds new parents for nodes cut off from their root, or takes them out of the tree.
     fn adopt(&mut self) {
         while let Some(node) = self.orphans.pop_front() {
             let i = node as usize;
-            let tree = self.tree[i];
             let mut best: Option<(u32, u32)> = None;
             for arc in self.first[i]..self.first[i + 1] {
-                // Flow runs from the parent to the node in the source tree, and from the node to the parent in the sink tree.
-                if self.residual(tree, self.twin[arc as usize]) == 0
-                    || self.tree[self.head[arc as usize] as usize] != tree
-                {
+                let other = self.head[arc as usize];
+                if self.capacity[arc as usize] == 0 || self.tree[other as usize] != Tree::Sink {
                     continue;
                 }
-                if let Some(d) = self.depth(self.head[arc as usize])
+                if let Some(d) = self.depth(other)
                     && best.is_none_or(|b| d < b.0)
                 {
                     best = Some((d, arc));
@@ -338,10 +359,10 @@ impl Flow {
             for arc in self.first[i]..self.first[i + 1] {
                 let other = self.head[arc as usize];
                 let j = other as usize;
-                if self.tree[j] != tree {
+                if self.tree[j] != Tree::Sink {
                     continue;
                 }
-                if self.residual(tree, self.twin[arc as usize]) > 0 {
+                if self.capacity[arc as usize] > 0 {
                     self.activate(other);
                 }
                 let up = self.parent[j];
@@ -396,6 +417,27 @@ mod tests {
             let found = energy(&data, 2, &edges, &labels);
             assert!(found < best + 0.02, "{found} against {best}");
         }
+    }
+
+    #[test]
+    fn of_equally_good_expansions_the_smallest_is_taken() {
+        let mut rng = Pcg64Mcg::seed_from_u64(7);
+        let (mut tied, nodes) = (0, 10);
+        for _ in 0..200 {
+            let (mut data, mut edges) = problem(&mut rng, nodes, 2);
+            data.iter_mut().for_each(|cost| *cost = (*cost * 2.0).round() / 2.0);
+            edges.iter_mut().for_each(|edge| edge.2 = 0.5);
+            let mut labels = vec![0; nodes];
+            expand(&data, 2, &edges, 1.0, &mut labels, 1);
+            let all: Vec<(f32, Vec<u16>)> =
+                every_labelling(nodes, 2).map(|l| (energy(&data, 2, &edges, &l), l)).collect();
+            let least = all.iter().map(|l| l.0).fold(f32::INFINITY, f32::min);
+            let best: Vec<&Vec<u16>> = all.iter().filter(|l| l.0 < least + 0.1).map(|l| &l.1).collect();
+            let changed_in_all = |i: usize| best.iter().map(|l| l[i]).min().unwrap_or(0);
+            assert_eq!(labels, (0..nodes).map(changed_in_all).collect::<Vec<u16>>());
+            tied += usize::from(best.len() > 1);
+        }
+        assert!(tied > 20, "{tied}");
     }
 
     #[test]

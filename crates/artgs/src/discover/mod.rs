@@ -42,6 +42,7 @@ mod glide;
 mod graph_cut;
 mod instances;
 mod joints;
+mod known;
 mod landing;
 mod morton;
 mod moved_points;
@@ -59,6 +60,7 @@ mod segmentation;
 mod selection;
 mod space_grid;
 mod support;
+mod surface_paths;
 mod twins;
 pub(crate) mod visibility;
 
@@ -72,7 +74,9 @@ use config::StepSettings;
 pub use correct::{CorrectError, correct};
 use front::Front;
 use glam::{DVec3, Vec3};
+use known::{KnownFits, KnownLandings, KnownSamples};
 pub use moved_points::{MovedPoints, moved_points};
+use rayon::prelude::*;
 use refinement::{Parts, Refinement};
 pub use scene::{DepthPicture, Scene, pixel_step};
 use segmentation::Graph;
@@ -115,6 +119,17 @@ impl Discovery {
         sum / count.max(1) as f64
     }
 
+    /// Parts whose joints are probably wrong, the least confident first.
+    fn doubtful_parts(&self) -> Vec<usize> {
+        /// Confidence below which a part is doubtful: among joints of captures with ground truth, one in ten was correct.
+        const DOUBTFUL: f64 = 0.3;
+        let confidence = |k: usize| self.parts[k].confidence.unwrap_or(0.0);
+        let is_doubtful = |&k: &usize| confidence(k) < DOUBTFUL || self.support[k].contested > CONTESTED;
+        let mut doubtful: Vec<usize> = (0..self.parts.len()).filter(is_doubtful).collect();
+        doubtful.sort_by(|a, b| confidence(*a).total_cmp(&confidence(*b)));
+        doubtful
+    }
+
     /// Points that moved for certain and that the parts explain, also those that are contested.
     fn explained(&self) -> f64 {
         self.support.iter().map(|s| s.explained * s.moved).sum()
@@ -129,6 +144,10 @@ impl Discovery {
         explained / moved.max(1) as f64
     }
 }
+
+/// A part with a larger [`Support::contested`] is doubtful: of 327 joints of captures with ground truth, all but one of the
+/// wrong ones had more, and all but one of the correct ones less.
+const CONTESTED: f64 = 0.2;
 
 /// Why parts could not be found.
 #[derive(Debug, thiserror::Error)]
@@ -217,21 +236,40 @@ fn best_parts(
     remaining.borrow_mut().1(1.0);
     let found = evidence.result(scene, &clouds, found, warnings, &pool, &settings);
     let result = |parts: Parts| evidence.result(scene, &clouds, parts, Vec::new(), &pool, &settings);
-    let found = without_doubtful(found, &work, *movable.start(), &pool, &result);
-    let quality = found.quality(evidence.total());
-    if quality > settings.bodies.doubtful || !config.decide_joints || evidence.is_scarce() {
-        return Ok(found);
+    let bodies = || {
+        let hypotheses = evidence.search(scene, &clouds, &movable, config, &settings, |search| {
+            search.hypotheses_of_faces(&settings.facets, settings.bodies.hypotheses)
+        });
+        let bodies = settings.bodies.choose(scene, &clouds, &evidence.moved, &hypotheses, &settings.selection);
+        (!bodies.is_empty()).then(|| result(work.of_bodies(bodies)))
+    };
+    Ok(settled(found, &work, &movable, &pool, &result, &bodies))
+}
+
+/// The better of the parts that were found first, without doubtful ones, and of `bodies`, which are tried where the first parts
+/// are doubtful. Where bodies are sure, no part is exchanged for another.
+fn settled(
+    found: Discovery,
+    work: &Refinement<'_>,
+    movable: &RangeInclusive<usize>,
+    pool: &[Candidate],
+    result: &dyn Fn(Parts) -> Discovery,
+    bodies: &dyn Fn() -> Option<Discovery>,
+) -> Discovery {
+    let (total, settings) = (work.evidence.total(), &work.settings.bodies);
+    let may_be_bodies = work.config.decide_joints && !work.evidence.is_scarce();
+    let is_doubtful = |found: &Discovery| may_be_bodies && found.quality(total) <= settings.doubtful;
+    let others = if is_doubtful(&found) { bodies() } else { None };
+    let others = others.filter(|others| movable.contains(&others.parts.len()));
+    let better = |others: &Discovery, found: &Discovery| others.quality(total) > found.quality(total) + settings.better;
+    if let Some(sure) = others.as_ref().filter(|o| better(o, &found) && o.doubtful_parts().is_empty()) {
+        return sure.clone();
     }
-    let hypotheses = evidence.search(scene, &clouds, &movable, config, &settings, |search| {
-        search.hypotheses_of_faces(&settings.facets, settings.bodies.hypotheses)
-    });
-    let bodies = settings.bodies.choose(scene, &clouds, &evidence.moved, &hypotheses, &settings.selection);
-    if bodies.is_empty() {
-        return Ok(found);
+    let found = without_doubtful(found, work, *movable.start(), pool, result);
+    match others {
+        Some(others) if is_doubtful(&found) && better(&others, &found) => others,
+        _ => found,
     }
-    let others = result(work.of_bodies(bodies));
-    let better = others.quality(evidence.total()) > quality + settings.bodies.better;
-    Ok(if better && movable.contains(&others.parts.len()) { others } else { found })
 }
 
 /// Without doubtful parts, but at least `least` parts, or with their motion replaced by the best different one, while the parts
@@ -244,25 +282,16 @@ fn without_doubtful(
     pool: &[Candidate],
     result: &dyn Fn(Parts) -> Discovery,
 ) -> Discovery {
-    /// Confidence below which a part is doubtful: among joints of captures with ground truth, one in ten was correct.
-    const DOUBTFUL: f64 = 0.3;
-    /// A part with a larger [`Support::contested`] is doubtful too: of 327 joints of captures with ground truth, all but one of the
-    /// wrong ones had more, and all but one of the correct ones less.
-    const CONTESTED: f64 = 0.2;
     /// Least share of the explained points that are explained without a contested part.
     const KEPT: f64 = 0.95;
     /// Sets of parts that are tried at most: each needs a refinement.
     const TRIALS: usize = 6;
     let total = work.evidence.total();
-    let confidence = |found: &Discovery, k: usize| found.parts[k].confidence.unwrap_or(0.0);
     let mut tried = 0;
     'improved: loop {
         let count = found.parts.len();
         let is_contested = |k: usize| found.support[k].contested > CONTESTED;
-        let is_doubtful = |&k: &usize| confidence(&found, k) < DOUBTFUL || is_contested(k);
-        let mut doubtful: Vec<usize> = (0..count).filter(is_doubtful).collect();
-        doubtful.sort_by(|a, b| confidence(&found, *a).total_cmp(&confidence(&found, *b)));
-        for k in doubtful {
+        for k in found.doubtful_parts() {
             let others: Vec<Rigid> = (0..count).filter(|&other| other != k).map(|k| found.parts[k].motion).collect();
             let support = &found.support[k];
             let rival = if is_contested(k) { support.fair_rival.or(support.rival) } else { support.rival };
@@ -299,6 +328,10 @@ struct Evidence {
     unseen: PerState<Vec<usize>>,
     /// Which points are next to each other.
     graphs: PerState<Graph>,
+    /// What refinements have found out.
+    landings: KnownLandings,
+    samples: KnownSamples,
+    fits: KnownFits,
 }
 
 /// Fewer moved points are noise.
@@ -322,7 +355,8 @@ impl Evidence {
         }
         let [moved, unseen] = [Occupancy::Empty, Occupancy::Unseen]
             .map(|what| occupancy.as_ref().map(|at| (0..at.len()).filter(|&i| at[i] == what).collect::<Vec<usize>>()));
-        let evidence = Self { occupancy, moved, unseen, graphs: PerState::default() };
+        let (graphs, landings, samples, fits) = Default::default();
+        let evidence = Self { occupancy, moved, unseen, graphs, landings, samples, fits };
         let points: usize = evidence.occupancy.iter().map(Vec::len).sum();
         let least =
             if scene.noisy { LEAST_MOVED.max((LEAST_NOISY_SHARE * points as f64) as usize) } else { LEAST_MOVED };
@@ -398,13 +432,14 @@ impl Evidence {
         const MARGIN: f32 = 0.05;
         let pad = Vec3::splat(MARGIN * scene.lengths.diagonal);
         let voxel = config.voxel as f32 * scene.lengths.diagonal;
-        let grids = PerState::from_fn(|s| {
+        let grid = |s: State| {
             let (lower, upper) = (scene.lower - pad, scene.upper + pad);
             SpaceGrid::new(clouds[s].cloud, &scene.states[s].views, lower, upper, voxel, scene.tolerance)
-        });
+        };
+        let grids: Vec<SpaceGrid> = State::ALL.into_par_iter().map(grid).collect();
         let states = PerState::from_fn(|s| SearchState {
             points: &clouds[s],
-            grid: &grids[s],
+            grid: &grids[s.index()],
             moved: &self.moved[s],
             unseen: &self.unseen[s],
         });
@@ -430,7 +465,7 @@ impl Evidence {
         pool: &[Candidate],
         settings: &StepSettings,
     ) -> Discovery {
-        let support = settings.support.measure(scene, clouds, &self.occupancy, &labels, &parts, pool);
+        let support = settings.support.measure(scene, clouds, &self.occupancy, &self.samples, &labels, &parts, pool);
         for (k, (part, support)) in parts.iter_mut().zip(&support).enumerate() {
             let fit = settings.diagnosis.fit(scene, &labels, k as u16 + 1, &part.motion);
             part.confidence = Some(settings.confidence.confidence(support, fit));

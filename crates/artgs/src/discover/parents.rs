@@ -60,15 +60,14 @@ pub(super) struct Carriers<'a> {
 }
 
 impl Carriers<'_> {
-    /// Decides all joints, beginning with the motions of `parts`. `kinds` are the types that the user gave.
-    pub(super) fn joints(&self, parts: &[JointEstimate], kinds: &[Option<JointKind>]) -> Vec<JointEstimate> {
-        let decide = |k: usize| self.fit.decide(&parts[k], &self.clouds[k + 1], kinds[k]);
-        let decided: Vec<Decided> = (0..parts.len()).map(decide).collect();
+    /// The joints of all parts, of which those against the static part were `decided`. `kinds` are the types that the user
+    /// gave.
+    pub(super) fn joints(&self, decided: &[Decided], kinds: &[Option<JointKind>]) -> Vec<JointEstimate> {
         let on_base =
             |(k, d): (usize, &Decided)| (d.general.is_none() && !self.in_mid_air(k, &d.joint)).then_some(d.joint);
         let mut settled: Vec<Option<JointEstimate>> = decided.iter().enumerate().map(on_base).collect();
         // A part that is carried may carry others.
-        while let Some((k, joint)) = self.next_carried(&settled, &decided, kinds) {
+        while let Some((k, joint)) = self.next_carried(&settled, decided, kinds) {
             settled[k] = Some(joint);
         }
         let otherwise = |(k, joint): (usize, Option<JointEstimate>)| {

@@ -106,14 +106,12 @@ impl PoseSettings {
             }
         }
         for axis in distinct(likely()) {
+            let angles = (1..=self.turns).flat_map(|step| [1.0, -1.0].map(|sign| sign * step as f32));
+            let turn = |steps: f32| Quat::from_axis_angle(axis, steps * self.turn_step.to_radians());
+            let rotations: Vec<Mat3> = angles.map(|steps| Mat3::from_quat(turn(steps))).collect();
             for pivot in self.pivots(cloud, group, axis, diagonal) {
-                for step in 1..=self.turns {
-                    for sign in [1.0, -1.0] {
-                        let angle = sign * step as f32 * self.turn_step.to_radians();
-                        let rotation = Mat3::from_quat(Quat::from_axis_angle(axis, angle));
-                        poses.push(Pose { rotation, translation: pivot - rotation * pivot });
-                    }
-                }
+                let about = |rotation: &Mat3| Pose { rotation: *rotation, translation: pivot - *rotation * pivot };
+                poses.extend(rotations.iter().map(about));
             }
         }
         poses

@@ -5,13 +5,15 @@ use super::bodies::Body;
 use super::cloud::{Cloud, IndexedCloud};
 use super::config::StepSettings;
 use super::front::Front;
-use super::joints::JointFit;
+use super::joints::{Decided, JointFit};
+use super::known::{members_of_parts, selected};
 use super::parents::{Carriers, Numbering, parents_first};
 use super::scene::Scene;
 use super::segmentation::Labelling;
 use super::support::Support;
 use super::{DiscoverConfig, Evidence};
 use artgs_core::{JointEstimate, JointKind, PerState, Rigid, State};
+use rayon::prelude::*;
 use std::ops::RangeInclusive;
 
 /// Parts with their labelled points.
@@ -123,7 +125,14 @@ impl Refinement<'_> {
                 bodies[kept].regions.extend(regions);
                 continue;
             }
-            let supports = settings.support.of_parts(scene, clouds, &evidence.occupancy, &found.labels, &found.parts);
+            let supports = settings.support.of_parts(
+                scene,
+                clouds,
+                &evidence.occupancy,
+                &evidence.samples,
+                &found.labels,
+                &found.parts,
+            );
             let least_moved = self.least_moved();
             let mut supported = supports.iter().map(|s| {
                 s.moved >= least_moved
@@ -174,7 +183,14 @@ impl Refinement<'_> {
         /// Least share of the moved points that only the motion of a panel explains.
         const PANEL_SHARE: f64 = 0.05;
         let Self { scene, clouds, evidence, settings, .. } = *self;
-        let supports = settings.support.of_parts(scene, clouds, &evidence.occupancy, &found.labels, &found.parts);
+        let supports = settings.support.of_parts(
+            scene,
+            clouds,
+            &evidence.occupancy,
+            &evidence.samples,
+            &found.labels,
+            &found.parts,
+        );
         let least_moved = self.least_moved();
         // Of a panel, rails hold what surfaces leave free, if the motion explains enough.
         let least_of_panel = PANEL_SHARE * evidence.total() as f64;
@@ -251,25 +267,42 @@ pub(super) fn refine_parts(
         scene,
         clouds,
         graphs: &evidence.graphs,
+        known: &evidence.landings,
         occupancy: &evidence.occupancy,
         bodies,
         costs: settings.label_costs,
         settings: settings.segmentation,
     };
-    let mut labels = PerState::default();
+    let (mut labels, mut labelled_by) = (PerState::default(), None);
     let rounds = config.rounds.max(1);
     for round in 0..rounds {
         let motions: Vec<Rigid> = parts.iter().map(|p| p.motion).collect();
-        labels = labelling.labels(&motions);
+        // The same motions lead to the same labels.
+        if labelled_by.as_ref() != Some(&motions) {
+            labels = labelling.labels(&motions);
+            labelled_by = Some(motions);
+        }
         let last = round + 1 == rounds;
         let fit = JointFit::new(scene, front, &settings.joints, config, last);
-        let own = |part: usize| points_of_part(clouds, &labels, part as u16);
+        let members = members_of_parts(&labels, parts.len());
+        let own = |part: usize| selected(clouds.as_ref().map(|c| c.cloud), &members[part]);
+        let numbered = parts.par_iter().enumerate();
         if last && config.decide_joints {
+            let decide = |(k, part): (usize, &JointEstimate)| {
+                evidence.fits.decided(part, &members[k + 1], kinds[k], || fit.decide(part, &own(k + 1), kinds[k]))
+            };
+            let decided: Vec<Decided> = numbered.map(decide).collect();
             let clouds = (0..=parts.len()).map(own).collect();
             let carriers = Carriers { fit: &fit, settings: &settings.parents, clouds, numbering };
-            parts = carriers.joints(&parts, kinds);
+            parts = carriers.joints(&decided, kinds);
+            for (k, part) in parts.iter().enumerate() {
+                evidence.fits.settle(&part.motion, &members[k + 1], kinds[k], &decided[k]);
+            }
         } else {
-            parts.iter_mut().enumerate().for_each(|(k, part)| *part = fit.refine(part, &own(k + 1)));
+            let refine = |(k, part): (usize, &JointEstimate)| {
+                evidence.fits.refined(part, &members[k + 1], || fit.refine(part, &own(k + 1)))
+            };
+            parts = numbered.map(refine).collect();
         }
     }
     if numbering == Numbering::ParentsFirst {
@@ -296,6 +329,31 @@ mod tests {
     use crate::discover::discover;
     use crate::discover::scene::DepthPicture;
     use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
+
+    #[test]
+    fn parts_whose_points_stay_keep_their_joints_in_another_refinement() {
+        let options = CabinetOptions { views: 16, size: 96, ..CabinetOptions::default() };
+        let (capture, _) = cabinet_capture(&options).unwrap();
+        let pictures = PerState::from_fn(|s| {
+            let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
+            capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
+        });
+        let (config, settings) = (DiscoverConfig::default(), StepSettings::default());
+        let scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config).unwrap();
+        let found = discover(&scene, 2..=2, &config).unwrap();
+        let (clouds, evidence) = (scene.indexed_clouds(), Evidence::new(&scene, &settings).unwrap());
+        let (front, begun) = (evidence.front(&scene, &clouds, &settings), &|| ());
+        let (scene, clouds, evidence) = (&scene, &clouds, &evidence);
+        let work = Refinement { scene, clouds, evidence, config: &config, settings: &settings, front, begun };
+        let motions: Vec<Rigid> = found.parts.iter().map(|p| p.motion).collect();
+        let first = work.refined(&motions);
+        let motions: Vec<Rigid> = first.parts.iter().map(|p| p.motion).collect();
+        let again = work.refined(&motions);
+        assert_eq!(again.parts, first.parts);
+        let different =
+            again.labels.iter().flatten().zip(first.labels.iter().flatten()).filter(|(a, b)| a != b).count();
+        assert!(different * 500 < first.labels.iter().flatten().count(), "{different}");
+    }
 
     #[test]
     fn pieces_of_one_body_are_the_same_body_only_where_depth_is_noisy() {

@@ -98,7 +98,7 @@ impl<'a> Matching<'a> {
     /// Index of the point of a target nearest to a place, within a squared distance.
     fn nearest(target: &IndexedCloud<'_>, grid: Option<&SpaceGrid>, place: Vec3, limit: f32) -> Option<usize> {
         let Some(grid) = grid else { return target.nearest_within(place, limit).map(|found| found.0) };
-        let (index, _) = grid.lookup(place);
+        let (index, _) = grid.lookup(place, limit.sqrt());
         let index = (index != NO_POINT).then_some(index as usize)?;
         (target.cloud.points[index].distance_squared(place) <= limit).then_some(index)
     }

@@ -4,16 +4,16 @@
 use super::bodies::Body;
 use super::cloud::{Cloud, IndexedCloud, components};
 use super::enclosure::Enclosure;
-use super::graph_cut::{self, first_steps};
+use super::graph_cut;
+use super::known::KnownLandings;
 use super::landing::Landing;
 use super::scene::Scene;
+use super::surface_paths::SurfaceGraph;
 use super::visibility::Occupancy;
 use crate::neighbours::PointTree;
 use artgs_core::{PerState, Rigid, State};
 use glam::Vec3;
 use rayon::prelude::*;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 
 /// Costs of one labelling, each relative to the cost 1 of a point in empty space. Calibrated on the stand-ins of the
 /// paper's objects and the demo cabinet.
@@ -119,8 +119,14 @@ impl Default for GraphSettings {
     }
 }
 
-/// Edges `(i, j, weight in (0, 1])` with i < j, sorted.
-pub(super) type Graph = Vec<(u32, u32, f32)>;
+/// How the points of a cloud are connected.
+#[derive(Default)]
+pub(super) struct Graph {
+    /// Edges `(i, j, weight in (0, 1])` with i < j, sorted.
+    edges: Vec<(u32, u32, f32)>,
+    /// Ways along them.
+    surface: SurfaceGraph,
+}
 
 impl GraphSettings {
     /// Symmetric nearest-neighbour graph of a cloud.
@@ -129,7 +135,7 @@ impl GraphSettings {
         let coords: Vec<[f32; 3]> = points.iter().map(|p| p.to_array()).collect();
         let tree = PointTree::new(&coords);
         let [color_rate, least_color] = self.color;
-        let mut edges: Graph = (0..points.len())
+        let mut edges: Vec<(u32, u32, f32)> = (0..points.len())
             .into_par_iter()
             .with_min_len(256)
             .flat_map_iter(|i| {
@@ -147,7 +153,7 @@ impl GraphSettings {
             .collect();
         edges.par_sort_unstable_by(|a, b| (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2)));
         edges.dedup_by_key(|e| (e.0, e.1));
-        edges
+        Graph { surface: SurfaceGraph::new(points.len(), &edges), edges }
     }
 
     /// How strongly two points are connected, in (0, 1]: strongly on a smooth surface, less across an edge that bulges,
@@ -167,6 +173,7 @@ pub(super) struct Labelling<'a> {
     pub(super) scene: &'a Scene,
     pub(super) clouds: &'a PerState<IndexedCloud<'a>>,
     pub(super) graphs: &'a PerState<Graph>,
+    pub(super) known: &'a KnownLandings,
     /// What the other state shows at each point.
     pub(super) occupancy: &'a PerState<Vec<Occupancy>>,
     /// Where each part may be; everywhere if there are none.
@@ -221,19 +228,18 @@ impl Labelling<'_> {
     pub(super) fn labels(&self, motions: &[Rigid]) -> PerState<Vec<u16>> {
         let parts = motions.len() + 1;
         let landings = PerState::from_fn(|s| {
-            let moving = motions.iter().map(|m| m.away_from(s));
-            let to_other: Vec<Rigid> = std::iter::once(Rigid::IDENTITY).chain(moving).collect();
-            let mut landings = self.scene.pair(self.clouds, s).landings(&to_other, &self.costs);
+            let mut landings = self.known.rows(&self.scene.pair(self.clouds, s), s, motions, &self.costs);
             self.confine(s, motions, &mut landings);
             landings
         });
         let label = |s: State| {
             let own = part_costs(&landings[s], &landings[s.other()], &self.occupancy[s.other()], parts, &self.costs);
             let mut data = own.clone();
-            add_distance_costs(&mut data, parts, &self.graphs[s], self.costs.not_nearest, self.settings.lead);
+            let Graph { edges, surface } = &self.graphs[s];
+            add_distance_costs(&mut data, parts, surface, self.costs.not_nearest, self.settings.lead);
             self.add_enclosure_costs(&mut data, &own, s, motions);
             let mut labels = cheapest(&data, parts);
-            graph_cut::expand(&data, parts, &self.graphs[s], self.costs.smooth, &mut labels, self.settings.sweeps);
+            graph_cut::expand(&data, parts, edges, self.costs.smooth, &mut labels, self.settings.sweeps);
             let reach = self.settings.island_reach * self.scene.lengths.spacing;
             drop_islands(&mut labels, &own, parts, self.clouds[s].cloud, reach, &self.settings);
             labels
@@ -301,11 +307,10 @@ fn evident(row: &[f32], lead: f32) -> Option<usize> {
 /// Adds, for points without evidence, nothing for the part whose points with evidence are nearest along the surface, up
 /// to `not_nearest` for others. A step of weight w has length 1 / w, so a path across a smooth face is short and one across
 /// a groove is long.
-fn add_distance_costs(data: &mut [f32], parts: usize, edges: &[(u32, u32, f32)], not_nearest: f32, lead: f32) {
+fn add_distance_costs(data: &mut [f32], parts: usize, surface: &SurfaceGraph, not_nearest: f32, lead: f32) {
     let evidence: Vec<Option<usize>> = data.chunks_exact(parts).map(|row| evident(row, lead)).collect();
-    let surface = SurfaceGraph::new(evidence.len(), edges);
-    let distances: Vec<Vec<f32>> =
-        (0..parts).into_par_iter().map(|k| surface.distances(|i| evidence[i] == Some(k))).collect();
+    let sources = |k: usize| evidence.iter().enumerate().filter(move |(_, e)| **e == Some(k)).map(|(i, _)| i);
+    let distances: Vec<Vec<f32>> = (0..parts).into_par_iter().map(|k| surface.distances(sources(k))).collect();
     data.par_chunks_mut(parts).enumerate().with_min_len(512).filter(|(i, _)| evidence[*i].is_none()).for_each(
         |(i, row)| {
             let least = distances.iter().map(|w| w[i]).fold(f32::INFINITY, f32::min);
@@ -319,53 +324,6 @@ fn add_distance_costs(data: &mut [f32], parts: usize, edges: &[(u32, u32, f32)],
             }
         },
     );
-}
-
-/// Neighbours of every point, with the lengths of the steps to them.
-struct SurfaceGraph {
-    first: Vec<u32>,
-    steps: Vec<(u32, f32)>,
-}
-
-impl SurfaceGraph {
-    fn new(nodes: usize, edges: &[(u32, u32, f32)]) -> Self {
-        let first = first_steps(nodes, edges);
-        let mut next = first.clone();
-        let mut steps = vec![(0, 0.0); 2 * edges.len()];
-        for (i, j, weight) in edges {
-            for (from, to) in [(i, j), (j, i)] {
-                steps[next[*from as usize] as usize] = (*to, 1.0 / weight.max(1e-3));
-                next[*from as usize] += 1;
-            }
-        }
-        Self { first, steps }
-    }
-
-    /// Length of the shortest path from any source to every node (Dijkstra 1959); infinite if there is none.
-    fn distances(&self, is_source: impl Fn(usize) -> bool) -> Vec<f32> {
-        let nodes = self.first.len() - 1;
-        let mut distance = vec![f32::INFINITY; nodes];
-        let mut queue = BinaryHeap::new();
-        // Lengths are not negative, so their bits are in the same order.
-        for i in (0..nodes).filter(|i| is_source(*i)) {
-            distance[i] = 0.0;
-            queue.push(Reverse((0u32, i as u32)));
-        }
-        while let Some(Reverse((bits, node))) = queue.pop() {
-            let (length, i) = (f32::from_bits(bits), node as usize);
-            if length > distance[i] {
-                continue;
-            }
-            for (to, step) in &self.steps[self.first[i] as usize..self.first[i + 1] as usize] {
-                let through_here = length + step;
-                if through_here < distance[*to as usize] {
-                    distance[*to as usize] = through_here;
-                    queue.push(Reverse((through_here.to_bits(), *to)));
-                }
-            }
-        }
-        distance
-    }
 }
 
 /// The cheapest part of every point by itself.
@@ -451,7 +409,7 @@ mod tests {
         data[..2].copy_from_slice(&[0.0, 1.0]);
         data[2 * n - 2..].copy_from_slice(&[1.0, 0.0]);
         let edges: Vec<_> = (0..n as u32 - 1).map(|i| (i, i + 1, if i == 30 { 0.05 } else { 1.0 })).collect();
-        add_distance_costs(&mut data, 2, &edges, 0.02, 0.25);
+        add_distance_costs(&mut data, 2, &SurfaceGraph::new(n, &edges), 0.02, 0.25);
         let labels = cheapest(&data, 2);
         assert!(
             labels.iter().enumerate().all(|(i, l)| *l == u16::from(i > 30) || (20..=30).contains(&i)),

@@ -3,6 +3,7 @@
 
 use super::candidates::Candidate;
 use super::cloud::IndexedCloud;
+use super::known::KnownSamples;
 use super::landing::{Landing, StatePair};
 use super::refinement::points_of_part;
 use super::registration::{Matching, stiffness};
@@ -96,11 +97,14 @@ impl SupportSettings {
         scene: &Scene,
         clouds: &PerState<IndexedCloud<'_>>,
         occupancy: &PerState<Vec<Occupancy>>,
+        known: &KnownSamples,
         labels: &PerState<Vec<u16>>,
         parts: &[JointEstimate],
         pool: &[Candidate],
     ) -> Vec<Support> {
-        let of_part = |k: usize| self.measure_part(scene, clouds, occupancy, labels, parts, pool, self.sample, k);
+        known.begin();
+        let of_part =
+            |k: usize| self.measure_part(scene, clouds, occupancy, known, labels, parts, pool, self.sample, k);
         let mut all: Vec<Support> = (0..parts.len()).map(of_part).collect();
         let total = occupancy.iter().flatten().filter(|o| **o == Occupancy::Empty).count() as f64;
         let explained: f64 = all.iter().map(|s| s.explained * s.moved).sum();
@@ -114,10 +118,13 @@ impl SupportSettings {
         scene: &Scene,
         clouds: &PerState<IndexedCloud<'_>>,
         occupancy: &PerState<Vec<Occupancy>>,
+        known: &KnownSamples,
         labels: &PerState<Vec<u16>>,
         parts: &[JointEstimate],
     ) -> Vec<Support> {
-        let of_part = |k: usize| self.measure_part(scene, clouds, occupancy, labels, parts, &[], self.part_sample, k);
+        known.begin();
+        let of_part =
+            |k: usize| self.measure_part(scene, clouds, occupancy, known, labels, parts, &[], self.part_sample, k);
         (0..parts.len()).map(of_part).collect()
     }
 
@@ -126,6 +133,7 @@ impl SupportSettings {
         scene: &Scene,
         clouds: &PerState<IndexedCloud<'_>>,
         occupancy: &PerState<Vec<Occupancy>>,
+        known: &KnownSamples,
         labels: &PerState<Vec<u16>>,
         parts: &[JointEstimate],
         pool: &[Candidate],
@@ -139,7 +147,8 @@ impl SupportSettings {
             let there = usize::from(labels[s][j as usize]);
             there > 0 && there != k + 1
         };
-        let motions: Vec<Rigid> = parts.iter().map(|p| p.motion).chain(pool.iter().map(|c| c.motion)).collect();
+        let of_parts: Vec<Rigid> = parts.iter().map(|p| p.motion).collect();
+        let motions: Vec<Rigid> = of_parts.iter().copied().chain(pool.iter().map(|c| c.motion)).collect();
         let count = parts.len();
         let mut out = Support::default();
         let mut costs = vec![0.0f64; motions.len()];
@@ -156,7 +165,8 @@ impl SupportSettings {
             let points = IndexedCloud::new(&cloud);
             let pair = StatePair { own: &points, ..scene.pair(clouds, s) }.with_few_views();
             let to_other: Vec<Rigid> = motions.iter().map(|m| m.away_from(s)).collect();
-            let landings = pair.landings(&to_other, &self.costs);
+            let landings = known.rows(&scene.pair(clouds, s).with_few_views(), s, &picked, &of_parts, &self.costs);
+            let of_pool = if pool.is_empty() { Vec::new() } else { pair.landings(&to_other[count..], &self.costs) };
             let each = stride as f64;
             // Where noise spreads points, a motion that takes a moved point onto a moved point explains it alone if the others
             // only hide it.
@@ -164,9 +174,10 @@ impl SupportSettings {
                 Landing::Surface(j, _) => scene.spreading && occupancy[s.other()][j as usize] == Occupancy::Empty,
                 _ => false,
             };
-            for (landings, i) in landings.chunks_exact(to_other.len()).zip(&picked) {
+            for (n, (landings, i)) in landings.chunks_exact(count).zip(&picked).enumerate() {
+                let of_pool = &of_pool[n * pool.len()..(n + 1) * pool.len()];
                 row.clear();
-                row.extend(landings.iter().map(|landing| landing.cost(&self.costs)));
+                row.extend(landings.iter().chain(of_pool).map(|landing| landing.cost(&self.costs)));
                 weight += each;
                 if let Landing::Surface(j, _) = landings[k] {
                     match usize::from(labels[s.other()][j as usize]) {
@@ -176,7 +187,7 @@ impl SupportSettings {
                     }
                 }
                 costs.iter_mut().zip(&row).for_each(|(sum, cost)| *sum += each * f64::from(*cost));
-                for ((sum, cost), landing) in fair_costs.iter_mut().zip(&row).zip(landings) {
+                for ((sum, cost), landing) in fair_costs.iter_mut().zip(&row).zip(landings.iter().chain(of_pool)) {
                     let taken = matches!(landing, Landing::Surface(j, _) if is_another(*j, s.other()));
                     *sum += each * if taken { IN_EMPTY } else { f64::from(*cost) };
                 }
@@ -260,7 +271,8 @@ mod tests {
         let evidence = Evidence::new(&scene, &StepSettings::default()).unwrap();
         let (clouds, settings) = (scene.indexed_clouds(), StepSettings::default().support);
         let contested = |labels: &PerState<Vec<u16>>| {
-            let all = settings.of_parts(&scene, &clouds, &evidence.occupancy, labels, &found.parts);
+            let all =
+                settings.of_parts(&scene, &clouds, &evidence.occupancy, &KnownSamples::default(), labels, &found.parts);
             [all[0].contested, all[1].contested]
         };
         let right = contested(&found.labels);
@@ -303,7 +315,14 @@ mod tests {
         let mut exclusive = |spreading: bool| {
             scene.spreading = spreading;
             let (clouds, settings) = (scene.indexed_clouds(), StepSettings::default().support);
-            let all = settings.of_parts(&scene, &clouds, &evidence.occupancy, &found.labels, &found.parts);
+            let all = settings.of_parts(
+                &scene,
+                &clouds,
+                &evidence.occupancy,
+                &KnownSamples::default(),
+                &found.labels,
+                &found.parts,
+            );
             [all[0].exclusive, all[1].exclusive]
         };
         let (exact, noisy) = (exclusive(false), exclusive(true));
