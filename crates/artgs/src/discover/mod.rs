@@ -32,6 +32,7 @@ mod correct;
 mod cube_votes;
 mod denoise;
 pub(crate) mod diagnosis;
+mod doubts;
 mod enclosure;
 mod extents;
 mod face_motions;
@@ -69,6 +70,7 @@ use cloud::{IndexedCloud, components};
 pub use config::DiscoverConfig;
 use config::StepSettings;
 pub use correct::{CorrectError, correct};
+use doubts::{certain_bodies, without_doubtful};
 use front::Front;
 use glam::{DVec3, Vec3};
 pub use moved_points::{MovedPoints, moved_points};
@@ -117,6 +119,12 @@ impl Discovery {
     /// Points that moved for certain and that the parts explain, also those that are contested.
     fn explained(&self) -> f64 {
         self.support.iter().map(|s| s.explained * s.moved).sum()
+    }
+
+    /// True if one of the states shows hardly a point of a part.
+    fn hides_a_part(&self) -> bool {
+        let has = |labels: &Vec<u16>, k: usize| labels.iter().filter(|l| usize::from(**l) == k).count() >= LEAST_MOVED;
+        (1..=self.parts.len()).any(|k| !self.labels.iter().all(|labels| has(labels, k)))
     }
 
     /// Share of `moved` points, those that moved for certain, that the joints of the parts explain without contradiction, each
@@ -216,8 +224,10 @@ fn best_parts(
     remaining.borrow_mut().1(1.0);
     let found = evidence.result(scene, &clouds, found, warnings, &pool, &settings);
     let result = |parts: Parts| evidence.result(scene, &clouds, parts, Vec::new(), &pool, &settings);
+    // With a body that its motion only hides, the parts explain less than it seems once that body is part of another one again.
+    let hiding = (scene.spreading && found.hides_a_part()).then(|| found.quality(evidence.total()));
     let found = without_doubtful(found, &work, *movable.start(), &pool, &result);
-    let quality = found.quality(evidence.total());
+    let quality = hiding.unwrap_or_else(|| found.quality(evidence.total()));
     if quality > settings.bodies.doubtful || !config.decide_joints || evidence.is_scarce() {
         return Ok(found);
     }
@@ -228,63 +238,9 @@ fn best_parts(
     if bodies.is_empty() {
         return Ok(found);
     }
-    let others = result(work.of_bodies(bodies));
+    let others = certain_bodies(bodies, &work, *movable.start(), &result);
     let better = others.quality(evidence.total()) > quality + settings.bodies.better;
     Ok(if better && movable.contains(&others.parts.len()) { others } else { found })
-}
-
-/// Without doubtful parts, but at least `least` parts, or with their motion replaced by the best different one, while the parts
-/// then explain more for certain: where depth is noisy or parts look alike, a wrong motion takes points from the part that they
-/// belong to.
-fn without_doubtful(
-    mut found: Discovery,
-    work: &Refinement<'_>,
-    least: usize,
-    pool: &[Candidate],
-    result: &dyn Fn(Parts) -> Discovery,
-) -> Discovery {
-    /// Confidence below which a part is doubtful: among joints of captures with ground truth, one in ten was correct.
-    const DOUBTFUL: f64 = 0.3;
-    /// A part with a larger [`Support::contested`] is doubtful too: of 327 joints of captures with ground truth, all but one of the
-    /// wrong ones had more, and all but one of the correct ones less.
-    const CONTESTED: f64 = 0.2;
-    /// Least share of the explained points that are explained without a contested part.
-    const KEPT: f64 = 0.95;
-    /// Sets of parts that are tried at most: each needs a refinement.
-    const TRIALS: usize = 6;
-    let total = work.evidence.total();
-    let confidence = |found: &Discovery, k: usize| found.parts[k].confidence.unwrap_or(0.0);
-    let mut tried = 0;
-    'improved: loop {
-        let count = found.parts.len();
-        let is_contested = |k: usize| found.support[k].contested > CONTESTED;
-        let is_doubtful = |&k: &usize| confidence(&found, k) < DOUBTFUL || is_contested(k);
-        let mut doubtful: Vec<usize> = (0..count).filter(is_doubtful).collect();
-        doubtful.sort_by(|a, b| confidence(&found, *a).total_cmp(&confidence(&found, *b)));
-        for k in doubtful {
-            let others: Vec<Rigid> = (0..count).filter(|&other| other != k).map(|k| found.parts[k].motion).collect();
-            let with_rival = found.support[k].rival.map(|rival| {
-                let motions = others.iter().copied().chain([pool[rival].motion]).collect::<Vec<_>>();
-                (motions, count)
-            });
-            let without = (count > least.max(1)).then_some((others, count - 1));
-            for (motions, most) in [without, with_rival].into_iter().flatten() {
-                if tried == TRIALS {
-                    return found;
-                }
-                tried += 1;
-                let other = result(work.parts(&motions, &(least.max(1)..=most)));
-                let allowed = !other.parts.is_empty() && other.parts.len() <= most;
-                // What only a contested part explains did move, though otherwise.
-                let explains = !is_contested(k) || other.explained() >= KEPT * found.explained();
-                if allowed && explains && other.quality(total) > found.quality(total) {
-                    found = other;
-                    continue 'improved;
-                }
-            }
-        }
-        return found;
-    }
 }
 
 /// What the depth maps of the other state show at the points of each state, and how these are connected.
