@@ -19,6 +19,7 @@ mod shape;
 #[cfg(test)]
 mod tests;
 mod trace;
+mod visible;
 mod write;
 
 pub use catalog::{ObjectInfo, SUITES, object, objects, suite};

@@ -159,6 +159,12 @@ pub fn render_recording(
     Ok((recordings, RecordingTruth { object: placed, end_to_start, cameras, labels, room_to_world }))
 }
 
+/// The surface of an object and the room around it.
+#[cfg(test)]
+pub(crate) fn room_surface(object: Object, state: State) -> crate::trace::Surface {
+    crate::trace::Surface::new(&Room::new(object, false, 0).expect("a room").all, state)
+}
+
 /// A world frame whose origin is within two metres of the middle of the room, about where a recording begins.
 fn world_from_room(room: &Room, axes: WorldAxes, rng: &mut Pcg64Mcg) -> Rigid {
     let mut within = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();

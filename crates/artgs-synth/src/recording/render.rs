@@ -6,7 +6,8 @@ use super::{MILLIMETRES, RecordingCaptureOptions, exposure};
 use crate::Material;
 use crate::light::LightMap;
 use crate::material::value_noise;
-use crate::trace::Surface;
+use crate::trace::{Intersection, Surface};
+use crate::visible::visible;
 use artgs_core::{Camera, DepthMap, Intrinsics, PerState, Rigid, State, View};
 use glam::DVec3;
 use rand::SeedableRng;
@@ -73,6 +74,7 @@ struct Seen {
 
 /// Rays of the pixels of an image.
 struct Rays {
+    room_to_camera: Rigid,
     eye: DVec3,
     axes: [DVec3; 3],
     k: Intrinsics,
@@ -81,7 +83,12 @@ struct Rays {
 impl Rays {
     fn new(room_to_camera: &Rigid, k: Intrinsics) -> Self {
         let pose = room_to_camera.inverse();
-        Self { eye: pose.translation, axes: DVec3::AXES.map(|axis| pose.turn(axis)), k }
+        Self {
+            room_to_camera: *room_to_camera,
+            eye: pose.translation,
+            axes: DVec3::AXES.map(|axis| pose.turn(axis)),
+            k,
+        }
     }
 
     /// Direction through a point of the image, 1 along the optical axis.
@@ -106,19 +113,18 @@ impl<'a> Renderer<'a> {
     pub(super) fn render(&self, state: State, plan: &FramePlan, pose: &dyn Fn(f64) -> Rigid) -> RenderedFrame {
         let mut rng = Pcg64Mcg::seed_from_u64(plan.seed);
         let (width, height) = (plan.intrinsics.width, plan.intrinsics.height);
-        let exposed = SAMPLES.map(|(_, at)| Rays::new(&pose(plan.time + at * plan.shutter), plan.intrinsics));
         let pixels = width as usize * height as usize;
-        let (mut colors, mut points) = (Vec::with_capacity(pixels), Vec::with_capacity(pixels));
-        let mut labels = Vec::with_capacity(pixels);
-        for pixel in 0..pixels {
-            let (x, y) = ((pixel % width as usize) as f64 + 0.5, (pixel / width as usize) as f64 + 0.5);
-            let samples = [0, 1, 2, 3, 4].map(|s| {
-                let [dx, dy] = SAMPLES[s].0;
-                self.look(state, exposed[s].eye, exposed[s].direction(x + dx, y + dy))
-            });
-            colors.push(samples.iter().map(|s| s.color).sum::<DVec3>() / SAMPLES.len() as f64);
-            points.push(samples[0].point);
-            labels.push(samples[0].label);
+        let (mut colors, mut points, mut labels) = (vec![DVec3::ZERO; pixels], Vec::new(), Vec::new());
+        for (offset, at) in SAMPLES {
+            let rays = Rays::new(&pose(plan.time + at * plan.shutter), plan.intrinsics);
+            let keep = points.is_empty();
+            for (color, seen) in colors.iter_mut().zip(self.look(state, &rays, offset)) {
+                *color += seen.color / SAMPLES.len() as f64;
+                if keep {
+                    points.push(seen.point);
+                    labels.push(seen.label);
+                }
+            }
         }
         let mean = colors.iter().map(|c| c.element_sum() / 3.0).sum::<f64>() / pixels as f64;
         let gains = exposure::gains(mean, plan.index as f64, plan.state_seed);
@@ -128,7 +134,8 @@ impl<'a> Renderer<'a> {
         let k = plan.intrinsics.resized(depth_width, depth_height);
         let mut depth_labels = labels.clone();
         if depth_width != width {
-            (points, depth_labels) = self.look_at_all(state, &Rays::new(&pose(plan.time), k));
+            let rays = Rays::new(&pose(plan.time), k);
+            (points, depth_labels) = self.look(state, &rays, [0.0; 2]).map(|seen| (seen.point, seen.label)).unzip();
         }
         let seed = plan.state_seed;
         let image =
@@ -144,19 +151,19 @@ impl<'a> Renderer<'a> {
         }
     }
 
-    /// Points and labels at the centres of all pixels.
-    fn look_at_all(&self, state: State, rays: &Rays) -> (Vec<SeenPoint>, Vec<u8>) {
-        let pixels = (0..rays.k.height).flat_map(|y| (0..rays.k.width).map(move |x| (x, y)));
-        let look = |(x, y): (u32, u32)| {
-            let seen = self.look(state, rays.eye, rays.direction(f64::from(x) + 0.5, f64::from(y) + 0.5));
-            (seen.point, seen.label)
-        };
-        pixels.map(look).unzip()
+    /// What all pixels see, row-major, `offset` (pixels) from their centres.
+    fn look<'b>(&'b self, state: State, rays: &'b Rays, offset: [f64; 2]) -> impl Iterator<Item = Seen> + 'b {
+        let hits = visible(&self.surfaces[state], &rays.room_to_camera, &rays.k, offset);
+        let width = rays.k.width as usize;
+        hits.into_iter().enumerate().map(move |(pixel, hit)| {
+            let (x, y) = ((pixel % width) as f64 + 0.5 + offset[0], (pixel / width) as f64 + 0.5 + offset[1]);
+            let ray = rays.direction(x, y);
+            hit.map_or_else(|| self.ceiling(rays.eye, ray), |hit| self.surface(state, rays.eye, ray, &hit))
+        })
     }
 
-    fn look(&self, state: State, eye: DVec3, ray: DVec3) -> Seen {
+    fn surface(&self, state: State, eye: DVec3, ray: DVec3, hit: &Intersection) -> Seen {
         let surface = &self.surfaces[state];
-        let Some(hit) = surface.cast(eye, ray) else { return self.ceiling(eye, ray) };
         let (part, piece) = surface.owner(hit.triangle);
         let all = &self.room.all;
         let material = &all.parts[part].pieces[piece].material;

@@ -59,6 +59,10 @@ impl BodySettings {
         selection: &SelectionSettings,
     ) -> Vec<Body> {
         let reach = f64::from(self.same * scene.lengths.spacing);
+        // Noise takes points of the floor of a drawer below the lower edge of its front.
+        let margin = if scene.spreading { scene.tolerance } else { 0.0 };
+        let widened = |h: &Hypothesis| Hypothesis { region: h.region.widened(margin), ..h.clone() };
+        let hypotheses: &[Hypothesis] = &hypotheses.iter().map(widened).collect::<Vec<_>>();
         // The face of a body is seen in parts, in one state more of it than in the other.
         let all: Vec<Body> = hypotheses.par_iter().map(|h| united(clouds, h, hypotheses, reach)).collect();
         let implausibility: Vec<f32> =

@@ -55,6 +55,14 @@ impl Region {
     }
 }
 
+impl Region {
+    /// The same region, wider by this much on each side across the normal of its face, scene units.
+    pub(super) fn widened(self, by: f32) -> Self {
+        let [a, b, depth] = self.half;
+        Self { half: [a + by, b + by, depth], ..self }
+    }
+}
+
 /// A motion and the space that it is assumed for.
 #[derive(Clone, Debug)]
 pub(super) struct Hypothesis {
@@ -244,5 +252,8 @@ pub(super) mod tests {
             let at_end = motion.apply(place.as_dvec3()).as_vec3();
             assert_eq!(region.contains(State::END, at_end, &motion), expected, "{place}");
         }
+        let just_below = Vec3::new(12.0, 4.0, -2.0);
+        assert!(!region.contains(State::START, just_below, &motion));
+        assert!(region.widened(1.5).contains(State::START, just_below, &motion));
     }
 }

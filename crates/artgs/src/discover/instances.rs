@@ -29,6 +29,10 @@ pub(crate) struct InstanceSettings {
     pub(crate) least_extent: f32,
     /// Least share of a box that is behind a front, seen along the opening; where depth noise spreads points.
     pub(crate) least_covered: f32,
+    /// Least extent of a box towards the other boxes, as a share of the extent of its front; where depth noise spreads points.
+    pub(crate) least_width: f32,
+    /// Least share of a part's points in a body that only one state shows; where depth noise spreads points.
+    pub(crate) least_single: f32,
 }
 
 impl Default for InstanceSettings {
@@ -42,6 +46,8 @@ impl Default for InstanceSettings {
             least_box: 0.06,
             least_extent: 4.0,
             least_covered: 0.5,
+            least_width: 0.5,
+            least_single: 0.25,
         }
     }
 }
@@ -120,13 +126,19 @@ impl InstanceSettings {
         (0..*count).all(|k| self.is_large(body, &group(k)))
     }
 
-    /// True if a group has enough of the part's points in each state.
+    /// True if a group has enough of the part's points.
     fn is_large(&self, body: &Body<'_>, group: &[usize]) -> bool {
-        State::ALL.into_iter().all(|s| {
-            let total = body.origin.iter().filter(|o| o.0 == s).count();
-            let own = group.iter().filter(|&&i| body.origin[i].0 == s).count();
-            own >= self.least_points.max((self.least_share * total as f32) as usize)
-        })
+        let total = PerState::from_fn(|s| body.origin.iter().filter(|o| o.0 == s).count());
+        let own = PerState::from_fn(|s| group.iter().filter(|&&i| body.origin[i].0 == s).count());
+        self.is_enough(&own, &total, body.scene.spreading)
+    }
+
+    /// True if `own` of the `total` points of a part in each state are enough for a body. Where depth noise spreads points, more of
+    /// them in one state are enough: a motion that is too long hides a drawer that closes inside of the object.
+    fn is_enough(&self, own: &PerState<usize>, total: &PerState<usize>, spreading: bool) -> bool {
+        let has = |share: f32, s: State| own[s] >= self.least_points.max((share * total[s] as f32) as usize);
+        let in_each = State::ALL.into_iter().all(|s| has(self.least_share, s));
+        in_each || spreading && State::ALL.into_iter().any(|s| has(self.least_single, s))
     }
 
     /// True if most of the shortest connections between two groups cross space that a state shows as empty.
@@ -179,14 +191,32 @@ impl InstanceSettings {
         // Seen along the opening, so that a front is nearest to its own box.
         let mut seen = Body { cloud: body.cloud.clone(), origin: Vec::new(), ..*body };
         seen.cloud.points.iter_mut().for_each(|p| *p = p.reject_from_normalized(opening));
-        Some((seen.nearest(&boxes), boxes.len()))
+        let of_point = seen.nearest(&boxes);
+        let fronts: Vec<Vec<usize>> = (0..boxes.len())
+            .map(|k| (0..of_point.len()).filter(|&i| of_point[i] == k && body.faces(i, opening)).collect())
+            .collect();
+        let as_wide = !body.scene.spreading || self.as_wide(&seen.cloud, &boxes, &fronts);
+        as_wide.then_some((of_point, boxes.len()))
+    }
+
+    /// True if every box reaches behind enough of its front in the direction of the nearest other box. The two sides of one drawer
+    /// do not.
+    fn as_wide(&self, seen: &Cloud, boxes: &[Vec<usize>], fronts: &[Vec<usize>]) -> bool {
+        let middles: Vec<Vec3> = boxes.iter().map(|b| seen.select(b).middle()).collect();
+        let is_wide = |k: usize| {
+            let others = (0..boxes.len()).filter(|other| *other != k).map(|other| middles[other] - middles[k]);
+            let nearest =
+                others.min_by(|a, b| a.length().total_cmp(&b.length())).map_or(Vec3::ZERO, Vec3::normalize_or_zero);
+            extent(seen, &boxes[k], nearest) >= self.least_width * extent(seen, &fronts[k], nearest)
+        };
+        (0..boxes.len()).all(is_wide)
     }
 
     /// Keeps the groups that are behind points that face the opening, seen along it. Fronts of drawers that share a motion at
     /// first have different depths.
     fn keep_behind_fronts(&self, body: &Body<'_>, opening: Vec3, groups: &mut Vec<Vec<usize>>) {
-        let Cloud { points, normals, .. } = &body.cloud;
-        let facing: Vec<usize> = (0..points.len()).filter(|&i| normals[i].dot(opening) > FACING).collect();
+        let points = &body.cloud.points;
+        let facing: Vec<usize> = (0..points.len()).filter(|&i| body.faces(i, opening)).collect();
         let mut fronts = body.cloud.select(&facing);
         fronts.points.iter_mut().for_each(|p| *p = p.reject_from_normalized(opening));
         let fronts = IndexedCloud::new(&fronts);
@@ -213,12 +243,15 @@ impl InstanceSettings {
         }
         let turn = 0.5 * (2.0 * uv).atan2(uu - vv);
         let axes = [u * turn.cos() + v * turn.sin(), v * turn.cos() - u * turn.sin()];
-        axes.iter().all(|axis| {
-            let along: Vec<f32> = flat.iter().map(|p| p.dot(*axis)).collect();
-            let extent = quantile(along.clone(), 0.98).zip(quantile(along, 0.02)).map_or(0.0, |(hi, lo)| hi - lo);
-            extent > self.least_extent * body.scene.lengths.spacing
-        })
+        let least = self.least_extent * body.scene.lengths.spacing;
+        axes.iter().all(|axis| extent(&body.cloud, group, *axis) > least)
     }
+}
+
+/// Extent of a group of points along a unit axis without the outermost ones.
+fn extent(cloud: &Cloud, group: &[usize], axis: Vec3) -> f32 {
+    let along: Vec<f32> = group.iter().map(|&i| cloud.points[i].dot(axis)).collect();
+    quantile(along.clone(), 0.98).zip(quantile(along, 0.02)).map_or(0.0, |(hi, lo)| hi - lo)
 }
 
 impl<'a> Body<'a> {
@@ -234,6 +267,11 @@ impl<'a> Body<'a> {
             body.origin.extend(members.into_iter().map(|i| (s, i)));
         }
         body
+    }
+
+    /// True for points that face the opening, as those of a front do.
+    fn faces(&self, point: usize, opening: Vec3) -> bool {
+        self.cloud.normals[point].dot(opening) > FACING
     }
 
     /// Whether a state shows each place of the part's frame as empty.
@@ -269,4 +307,40 @@ fn front_plate(cloud: &Cloud, opening: Vec3, spacing: f32) -> Option<f32> {
     steps.sort_unstable();
     let fullest = steps.chunk_by(|a, b| a == b).max_by_key(|run| run.len())?;
     Some(fullest[0] as f32 * spacing)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sides_of_one_drawer_are_not_two_drawers() {
+        let settings = InstanceSettings::default();
+        let mut cloud = Cloud::default();
+        let mut add = |from: f32, to: f32, y: f32| {
+            let first = cloud.points.len();
+            for (i, j) in (0..40).flat_map(|i| (0..10).map(move |j| (i as f32 / 39.0, j as f32 / 9.0))) {
+                cloud.points.push(Vec3::new(from + (to - from) * i, y, 0.2 * j));
+                cloud.normals.push(Vec3::NEG_Y);
+                cloud.colors.push(Vec3::ONE);
+                cloud.roughness.push(0.0);
+            }
+            (first..cloud.points.len()).collect::<Vec<usize>>()
+        };
+        let fronts = [add(0.0, 0.3, 0.0), add(0.3, 0.6, 0.0)];
+        let sides = [add(0.01, 0.06, 0.1), add(0.54, 0.59, 0.1)];
+        let boxes = [add(0.01, 0.29, 0.1), add(0.31, 0.59, 0.1)];
+        assert!(!settings.as_wide(&cloud, &sides, &fronts));
+        assert!(settings.as_wide(&cloud, &boxes, &fronts));
+    }
+
+    #[test]
+    fn a_body_that_one_state_hides_is_one_only_where_depth_is_noisy() {
+        let settings = InstanceSettings::default();
+        let total = PerState::new(1000, 200);
+        let enough = |start, end, spreading| settings.is_enough(&PerState::new(start, end), &total, spreading);
+        assert!(enough(200, 60, false) && enough(200, 60, true));
+        assert!(!enough(400, 0, false) && enough(400, 0, true));
+        assert!(!enough(200, 0, true), "a small one");
+    }
 }

@@ -32,6 +32,7 @@ mod correct;
 mod cube_votes;
 mod denoise;
 pub(crate) mod diagnosis;
+mod doubts;
 mod enclosure;
 mod extents;
 mod face_motions;
@@ -72,6 +73,7 @@ use cloud::{IndexedCloud, components};
 pub use config::DiscoverConfig;
 use config::StepSettings;
 pub use correct::{CorrectError, correct};
+use doubts::{certain_bodies, settled};
 use front::Front;
 use glam::{DVec3, Vec3};
 use known::{KnownFits, KnownLandings, KnownSamples};
@@ -119,20 +121,15 @@ impl Discovery {
         sum / count.max(1) as f64
     }
 
-    /// Parts whose joints are probably wrong, the least confident first.
-    fn doubtful_parts(&self) -> Vec<usize> {
-        /// Confidence below which a part is doubtful: among joints of captures with ground truth, one in ten was correct.
-        const DOUBTFUL: f64 = 0.3;
-        let confidence = |k: usize| self.parts[k].confidence.unwrap_or(0.0);
-        let is_doubtful = |&k: &usize| confidence(k) < DOUBTFUL || self.support[k].contested > CONTESTED;
-        let mut doubtful: Vec<usize> = (0..self.parts.len()).filter(is_doubtful).collect();
-        doubtful.sort_by(|a, b| confidence(*a).total_cmp(&confidence(*b)));
-        doubtful
-    }
-
     /// Points that moved for certain and that the parts explain, also those that are contested.
     fn explained(&self) -> f64 {
         self.support.iter().map(|s| s.explained * s.moved).sum()
+    }
+
+    /// True if one of the states shows hardly a point of a part.
+    fn hides_a_part(&self) -> bool {
+        let has = |labels: &Vec<u16>, k: usize| labels.iter().filter(|l| usize::from(**l) == k).count() >= LEAST_MOVED;
+        (1..=self.parts.len()).any(|k| !self.labels.iter().all(|labels| has(labels, k)))
     }
 
     /// Share of `moved` points, those that moved for certain, that the joints of the parts explain without contradiction, each
@@ -144,10 +141,6 @@ impl Discovery {
         explained / moved.max(1) as f64
     }
 }
-
-/// A part with a larger [`Support::contested`] is doubtful: of 327 joints of captures with ground truth, all but one of the
-/// wrong ones had more, and all but one of the correct ones less.
-const CONTESTED: f64 = 0.2;
 
 /// Why parts could not be found.
 #[derive(Debug, thiserror::Error)]
@@ -241,82 +234,9 @@ fn best_parts(
             search.hypotheses_of_faces(&settings.facets, settings.bodies.hypotheses)
         });
         let bodies = settings.bodies.choose(scene, &clouds, &evidence.moved, &hypotheses, &settings.selection);
-        (!bodies.is_empty()).then(|| result(work.of_bodies(bodies)))
+        (!bodies.is_empty()).then(|| certain_bodies(bodies, &work, *movable.start(), &result))
     };
     Ok(settled(found, &work, &movable, &pool, &result, &bodies))
-}
-
-/// The better of the parts that were found first, without doubtful ones, and of `bodies`, which are tried where the first parts
-/// are doubtful. Where bodies are sure, no part is exchanged for another.
-fn settled(
-    found: Discovery,
-    work: &Refinement<'_>,
-    movable: &RangeInclusive<usize>,
-    pool: &[Candidate],
-    result: &dyn Fn(Parts) -> Discovery,
-    bodies: &dyn Fn() -> Option<Discovery>,
-) -> Discovery {
-    let (total, settings) = (work.evidence.total(), &work.settings.bodies);
-    let may_be_bodies = work.config.decide_joints && !work.evidence.is_scarce();
-    let is_doubtful = |found: &Discovery| may_be_bodies && found.quality(total) <= settings.doubtful;
-    let others = if is_doubtful(&found) { bodies() } else { None };
-    let others = others.filter(|others| movable.contains(&others.parts.len()));
-    let better = |others: &Discovery, found: &Discovery| others.quality(total) > found.quality(total) + settings.better;
-    if let Some(sure) = others.as_ref().filter(|o| better(o, &found) && o.doubtful_parts().is_empty()) {
-        return sure.clone();
-    }
-    let found = without_doubtful(found, work, *movable.start(), pool, result);
-    match others {
-        Some(others) if is_doubtful(&found) && better(&others, &found) => others,
-        _ => found,
-    }
-}
-
-/// Without doubtful parts, but at least `least` parts, or with their motion replaced by the best different one, while the parts
-/// then explain more for certain: where depth is noisy or parts look alike, a wrong motion takes points from the part that they
-/// belong to.
-fn without_doubtful(
-    mut found: Discovery,
-    work: &Refinement<'_>,
-    least: usize,
-    pool: &[Candidate],
-    result: &dyn Fn(Parts) -> Discovery,
-) -> Discovery {
-    /// Least share of the explained points that are explained without a contested part.
-    const KEPT: f64 = 0.95;
-    /// Sets of parts that are tried at most: each needs a refinement.
-    const TRIALS: usize = 6;
-    let total = work.evidence.total();
-    let mut tried = 0;
-    'improved: loop {
-        let count = found.parts.len();
-        let is_contested = |k: usize| found.support[k].contested > CONTESTED;
-        for k in found.doubtful_parts() {
-            let others: Vec<Rigid> = (0..count).filter(|&other| other != k).map(|k| found.parts[k].motion).collect();
-            let support = &found.support[k];
-            let rival = if is_contested(k) { support.fair_rival.or(support.rival) } else { support.rival };
-            let with_rival = rival.map(|rival| {
-                let motions = others.iter().copied().chain([pool[rival].motion]).collect::<Vec<_>>();
-                (motions, count)
-            });
-            let without = (count > least.max(1)).then_some((others, count - 1));
-            for (motions, most) in [without, with_rival].into_iter().flatten() {
-                if tried == TRIALS {
-                    return found;
-                }
-                tried += 1;
-                let other = result(work.parts(&motions, &(least.max(1)..=most)));
-                let allowed = !other.parts.is_empty() && other.parts.len() <= most;
-                // What only a contested part explains did move, though otherwise.
-                let explains = !is_contested(k) || other.explained() >= KEPT * found.explained();
-                if allowed && explains && other.quality(total) > found.quality(total) {
-                    found = other;
-                    continue 'improved;
-                }
-            }
-        }
-        return found;
-    }
 }
 
 /// What the depth maps of the other state show at the points of each state, and how these are connected.

@@ -111,15 +111,16 @@ impl Refinement<'_> {
         Parts { parts, labels }
     }
 
-    /// Parts of bodies, each of which only explains what is in its regions. Those without enough support are removed.
-    pub(super) fn of_bodies(&self, mut bodies: Vec<Body>) -> Parts {
+    /// Parts of bodies, each of which only explains what is in its regions, and the bodies. Those without enough support are
+    /// removed.
+    pub(super) fn of_bodies(&self, mut bodies: Vec<Body>) -> (Parts, Vec<Body>) {
         let Self { scene, clouds, evidence, config, settings, front, .. } = *self;
         loop {
             let motions: Vec<Rigid> = bodies.iter().map(|b| b.motion).collect();
             let (kinds, order) = (vec![None; motions.len()], Numbering::Kept);
             let (parts, labels) =
                 refine_parts(scene, clouds, evidence, &motions, &bodies, &kinds, front, order, config, settings);
-            let mut found = self.aligned(Parts { parts, labels });
+            let found = self.aligned(Parts { parts, labels });
             if let Some((kept, other)) = self.same_body(&found) {
                 let regions = bodies.remove(other).regions;
                 bodies[kept].regions.extend(regions);
@@ -143,8 +144,7 @@ impl Refinement<'_> {
             bodies.retain(|_| supported.next().unwrap_or(false));
             // Each round but the last removes a body.
             if bodies.len() == before {
-                parents_first(&mut found.parts, &mut found.labels);
-                return found;
+                return (found, bodies);
             }
         }
     }
