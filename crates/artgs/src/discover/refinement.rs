@@ -122,8 +122,7 @@ impl Refinement<'_> {
                 refine_parts(scene, clouds, evidence, &motions, &bodies, &kinds, front, order, config, settings);
             let found = self.aligned(Parts { parts, labels });
             if let Some((kept, other)) = self.same_body(&found) {
-                let regions = bodies.remove(other).regions;
-                bodies[kept].regions.extend(regions);
+                join(&mut bodies, kept, other);
                 continue;
             }
             let supports = settings.support.of_parts(
@@ -311,6 +310,13 @@ pub(super) fn refine_parts(
     (parts, labels)
 }
 
+/// Gives the regions of body `other` to body `kept`.
+fn join(bodies: &mut Vec<Body>, kept: usize, other: usize) {
+    let regions = std::mem::take(&mut bodies[other].regions);
+    bodies[kept].regions.extend(regions);
+    bodies.remove(other);
+}
+
 /// Points of one part in every state.
 pub(super) fn points_of_part(
     clouds: &PerState<IndexedCloud<'_>>,
@@ -326,7 +332,10 @@ pub(super) fn points_of_part(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::discover::Cloud;
     use crate::discover::discover;
+    use crate::discover::face_motions::Region;
+    use crate::discover::facets::Facet;
     use crate::discover::scene::DepthPicture;
     use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 
@@ -353,6 +362,21 @@ mod tests {
         let different =
             again.labels.iter().flatten().zip(first.labels.iter().flatten()).filter(|(a, b)| a != b).count();
         assert!(different * 500 < first.labels.iter().flatten().count(), "{different}");
+    }
+
+    #[test]
+    fn a_body_keeps_its_place_when_an_earlier_one_joins_it() {
+        let facet = Facet { members: Vec::new(), centre: glam::Vec3::ZERO, normal: glam::Vec3::X };
+        let region = Region::around(&Cloud::default(), &facet, State::START, 1.0, 1.0);
+        let body =
+            |x: f64, count: usize| Body { motion: Rigid::shift(glam::DVec3::X * x), regions: vec![region; count] };
+        for (kept, other, expected) in [(2, 0, [1.0, 2.0]), (0, 2, [0.0, 1.0])] {
+            let mut bodies = vec![body(0.0, 1), body(1.0, 1), body(2.0, 1)];
+            join(&mut bodies, kept, other);
+            assert_eq!([0, 1].map(|k| bodies[k].motion.translation.x), expected);
+            assert_eq!(bodies.iter().map(|b| b.regions.len()).sum::<usize>(), 3);
+            assert!(bodies.iter().any(|b| b.regions.len() == 2 && b.motion.translation.x == kept as f64));
+        }
     }
 
     #[test]
