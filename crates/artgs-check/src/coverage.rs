@@ -110,7 +110,7 @@ pub(crate) fn link(
     let near = seen.iter().filter(|p| pieces.iter().any(|h| h.is_near(**p, tolerance))).count();
     out.visual = near as f64 / seen.len().max(1) as f64;
     out.hulls = covered_hulls(&pieces, &drawn, tolerance, options);
-    (out.phantom_volume, out.phantom_depth) = phantom(&pieces, &drawn, hole);
+    phantom(&pieces, &drawn, hole, &mut out);
     // Triangles that close the visual mesh.
     let closing: Vec<Vec<[u32; 3]>> = visuals
         .iter()
@@ -142,9 +142,8 @@ fn covered_hulls(pieces: &[Piece], drawn: &Drawn, tolerance: f64, options: &Chec
     f64::from(near as u32) / f64::from(outer.max(1) as u32)
 }
 
-/// Volume of the hulls more than `depth` in front of the visual mesh, and the largest such distance.
-fn phantom(pieces: &[Piece], drawn: &Drawn, depth: f64) -> (f64, f64) {
-    let (mut volume, mut deepest) = (0.0, 0.0_f64);
+/// Volume of the hulls more than `depth` in front of the visual mesh, the largest such distance, and where it is.
+fn phantom(pieces: &[Piece], drawn: &Drawn, depth: f64, out: &mut CoverageFinding) {
     for (i, piece) in pieces.iter().enumerate() {
         let size = piece.high - piece.low;
         let step = (0.5 * depth).max(size.max_element() / 80.0);
@@ -160,14 +159,15 @@ fn phantom(pieces: &[Piece], drawn: &Drawn, depth: f64) -> (f64, f64) {
                     }
                     let far = drawn.outside(p);
                     if far > depth {
-                        volume += cell.element_product();
-                        deepest = deepest.max(far);
+                        out.phantom_volume += cell.element_product();
+                        if far > out.phantom_depth {
+                            (out.phantom_depth, out.phantom_at) = (far, Some(p.to_array()));
+                        }
                     }
                 }
             }
         }
     }
-    (volume, deepest)
 }
 
 /// Parallel rays along the axes. Those that first meet a surface of `closing` need not meet a hull.
@@ -195,8 +195,12 @@ fn shadows(
             hits += seen.hits();
             missed += holes.iter().filter(|m| **m).count();
             extra += before.iter().filter(|m| **m).count();
-            out.hole = out.hole.max(seen.widest(&holes) as f64 * step);
-            out.obstacle = out.obstacle.max(seen.widest(&before) as f64 * step);
+            let square = seen.widest(&holes);
+            if square.cells as f64 * step > out.hole {
+                out.hole = square.cells as f64 * step;
+                out.hole_at = Some(seen.point(square.middle, side).to_array());
+            }
+            out.obstacle = out.obstacle.max(seen.widest(&before).cells as f64 * step);
         }
     }
     out.missed = f64::from(missed as u32) / f64::from(hits.max(1) as u32);
@@ -230,18 +234,23 @@ fn judge(out: &mut CoverageFinding, hole: f64, options: &CheckOptions) {
     /// A hole of this many times the allowed width fails the check.
     const WIDE: f64 = 5.0;
     let mm = |v: f64| format!("{:.0} mm", 1e3 * v);
+    let place = |at: Option<[f64; 3]>| {
+        at.map_or(String::new(), |[x, y, z]| format!(", at ({x:.3}, {y:.3}, {z:.3}) in the frame of the link"))
+    };
     if out.lost > 0 {
         let places = if out.lost == 1 { "1 place".into() } else { format!("{} places", out.lost) };
         out.warnings.push(format!("{places} of the surface lost the hull to the clearance between links"));
     }
     if out.hole > hole {
-        let text = format!("the hulls have a hole {} wide that the visual mesh does not have", mm(out.hole));
+        let what = format!("the hulls have a hole {} wide that the visual mesh does not have", mm(out.hole));
+        let text = what + &place(out.hole_at);
         if out.hole > WIDE * hole { out.problems.push(text) } else { out.warnings.push(text) }
     }
     if out.phantom_depth > hole && out.obstacle > hole {
         let litres = 1e3 * out.phantom_volume;
         let text = "hulls fill space where nothing is drawn";
-        out.warnings.push(format!("{text}: {litres:.2} l, up to {} from the surface", mm(out.phantom_depth)));
+        let deepest = mm(out.phantom_depth) + " from the surface" + &place(out.phantom_at);
+        out.warnings.push(format!("{text}: {litres:.2} l, up to {deepest}"));
     }
     let least = 100.0 * options.covered;
     for (what, share) in

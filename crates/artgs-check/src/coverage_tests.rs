@@ -48,6 +48,10 @@ fn a_shifted_hull_misses_a_side() {
     assert!((found.visual - (1.0 - (1.0 + 4.0 * 0.045 / 0.4) / 6.0)).abs() < 5e-3, "{found:?}");
     assert!((found.hole - 0.4).abs() < 5e-3 && (found.obstacle - 0.4).abs() < 5e-3, "{found:?}");
     assert!((found.phantom_depth - 0.05).abs() < 4e-3, "{found:?}");
+    // Where: below, and above the drawn box.
+    let at = [found.hole_at, found.phantom_at].map(|at| DVec3::from_array(at.unwrap()));
+    assert!(at[0].distance(DVec3::new(0.2, 0.2, 0.0)) < 5e-3 && (0.43..0.46).contains(&at[1].z), "{at:?}");
+    assert!(found.problems[0].contains(", at (0."), "{found:?}");
     // What is more than 1 cm away: 4 cm of the 5 cm.
     assert!((found.phantom_volume - 0.4 * 0.4 * 0.04).abs() < 1.5e-3, "{found:?}");
 }

@@ -95,6 +95,16 @@ pub(crate) fn link(
     Some(out)
 }
 
+/// A box, with a ball in each corner: of a face with more than four corners the engine uses the first four, so that a box on such a
+/// floor has one point of contact and tips into it. Balls are not affected.
+fn small_box() -> Vec<(SharedShape, DVec3)> {
+    const CORNER: f64 = 0.2 * RADIUS;
+    let half = RADIUS as Real;
+    let side = |i: usize, k: usize| if i >> k & 1 == 0 { CORNER - RADIUS } else { RADIUS - CORNER };
+    let corner = |i: usize| (SharedShape::ball(CORNER as Real), DVec3::new(side(i, 0), side(i, 1), side(i, 2)));
+    std::iter::once((SharedShape::cuboid(half, half, half), DVec3::ZERO)).chain((0..8).map(corner)).collect()
+}
+
 /// Simulates a ball and a box at every start.
 fn drop(
     scene: &Scene,
@@ -122,11 +132,9 @@ fn drop(
             world.insert_collider(collider, Some(ground));
         }
     }
-    let mut things: Vec<(usize, RigidBodyHandle, f64)> = Vec::new();
+    let mut things: Vec<(usize, RigidBodyHandle, DVec3, f64)> = Vec::new();
     for (place, start) in starts {
-        for shape in
-            [SharedShape::ball(RADIUS as Real), SharedShape::cuboid(RADIUS as Real, RADIUS as Real, RADIUS as Real)]
-        {
+        for shapes in [vec![(SharedShape::ball(RADIUS as Real), DVec3::ZERO)], small_box()] {
             out.dropped += 1;
             if scene.holds(poses, *start, -0.5 * RADIUS) {
                 out.blocked += 1;
@@ -135,14 +143,16 @@ fn drop(
             let body = RigidBodyBuilder::dynamic().translation(vector(*start)).ccd_enabled(true);
             let body = world.insert_body(body);
             let groups = InteractionGroups::new(thing, solid, InteractionTestMode::And);
-            let collider = ColliderBuilder::new(shape).density(500.0).friction(0.6).collision_groups(groups);
-            world.insert_collider(collider, Some(body));
-            things.push((*place, body, 0.0));
+            for (shape, at) in shapes {
+                let collider = ColliderBuilder::new(shape).translation(vector(at)).density(500.0).friction(0.6);
+                world.insert_collider(collider.collision_groups(groups), Some(body));
+            }
+            things.push((*place, body, *start, 0.0));
         }
     }
     for _ in 0..(TIME / options.step).ceil() as usize {
         world.step_with_events(&(), &());
-        for (place, body, deepest) in &mut things {
+        for (place, body, _, deepest) in &mut things {
             let Some(body) = world.bodies.get(*body) else { continue };
             let at = DVec3::from_array(body.translation().to_array().map(f64::from));
             // A thing that rolls over the border of a place may fall there.
@@ -154,4 +164,45 @@ fn drop(
     let deeper = |than: f64| things.iter().filter(|(.., deepest)| *deepest > than).count();
     out.fell = deeper(THROUGH);
     out.sank = deeper(SINKS) - out.fell;
+    out.lost_at = things.iter().filter(|(.., deepest)| *deepest > SINKS).map(|(_, _, at, _)| at.to_array()).collect();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Link, Shape};
+    use rapier3d::parry::transformation::try_convex_hull;
+
+    #[test]
+    fn boxes_stay_on_a_floor_with_many_corners_and_fall_beside_it() {
+        // The floor of a drawer, 12 mm thick, with ten corners.
+        let rim = [
+            [-0.5318, -0.5666],
+            [-0.4947, -0.5751],
+            [-0.3217, -0.5763],
+            [0.5108, -0.57],
+            [0.5314, -0.566],
+            [0.5317, -0.5248],
+            [0.5262, -0.1374],
+            [0.5222, -0.1291],
+            [0.378, -0.1281],
+            [-0.5286, -0.1339],
+        ];
+        let corners = rim.iter().flat_map(|[x, y]| [1.0475, 1.0596].map(|z| vector(DVec3::new(*x, *y, z))));
+        let (points, triangles) = try_convex_hull(&corners.collect::<Vec<_>>()).unwrap();
+        let mut link = Link::new("floor", None, Rigid::IDENTITY);
+        let shown = points.iter().map(|p| DVec3::from_array(p.to_array().map(f64::from))).collect();
+        link.visuals = vec![Shape { points: shown, triangles: triangles.clone() }];
+        let floor = ConvexPolyhedron::from_convex_mesh(points, &triangles).unwrap();
+        let scene = Scene { hulls: vec![vec![SharedShape::new(floor)]] };
+        let poses = [Rigid::IDENTITY];
+        let places = places::of(&link, &poses[0], None);
+        let starts = |z: f64| places[0].points.iter().map(|p| (0, *p + DVec3::Z * z)).collect::<Vec<_>>();
+        let mut out = DropFinding::default();
+        drop(&scene, &poses, &places, &starts(0.09), &CheckOptions::default(), &mut out);
+        assert!(out.dropped >= 6 && out.fell + out.sank == 0 && out.lost_at.is_empty(), "{out:?}");
+        let mut out = DropFinding::default();
+        drop(&scene, &poses, &places, &starts(-0.04), &CheckOptions::default(), &mut out);
+        assert!(out.fell == out.dropped && out.lost_at.len() == out.fell, "{out:?}");
+    }
 }

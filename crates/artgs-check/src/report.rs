@@ -97,12 +97,16 @@ pub struct CoverageFinding {
     pub extra: f64,
     /// Side of the largest square of rays that meet no hull where they meet the visual mesh.
     pub hole: f64,
+    /// The middle of that square, link frame; none without a hole.
+    pub hole_at: Option<[f64; 3]>,
     /// The same for rays that meet a hull before the visual mesh.
     pub obstacle: f64,
     /// Volume of hulls in front of the visual mesh, cubic metres, ...
     pub phantom_volume: f64,
     /// ... and how far it reaches from the visual mesh.
     pub phantom_depth: f64,
+    /// Where it is farthest from it, link frame; none without such volume.
+    pub phantom_at: Option<[f64; 3]>,
     /// Pieces of the surface that lost their hull.
     pub lost: usize,
     /// Problems, one sentence each.
@@ -126,6 +130,8 @@ pub struct DropFinding {
     pub fell: usize,
     /// Those that sink more than 10 mm below the surface and stay there.
     pub sank: usize,
+    /// Where those that fall through or sink were dropped, object's frame, joint of the link open if it slides.
+    pub lost_at: Vec<[f64; 3]>,
     /// Problems, one sentence each.
     pub problems: Vec<String>,
     /// Findings that do not fail the check.

@@ -8,9 +8,21 @@ pub(crate) type Triangles<'a> = (&'a [DVec3], &'a [[u32; 3]]);
 /// Rays along one axis on a square grid, with the first and the last point at which each of them meets a surface.
 #[derive(Clone, Debug)]
 pub(crate) struct Shadow {
+    axis: usize,
+    low: DVec3,
+    step: f64,
     size: [usize; 2],
     /// Lowest and highest coordinate along the axis, `f64::INFINITY` and its negative where a ray meets nothing.
     ends: Vec<[f64; 2]>,
+}
+
+/// A square of rays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Square {
+    /// Its side.
+    pub(crate) cells: usize,
+    /// The ray in its middle.
+    pub(crate) middle: [usize; 2],
 }
 
 impl Shadow {
@@ -18,7 +30,8 @@ impl Shadow {
     pub(crate) fn new(axis: usize, [low, high]: [DVec3; 2], step: f64, surfaces: &[Triangles]) -> Self {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let size = [u, v].map(|a| ((high[a] - low[a]) / step).ceil().max(1.0) as usize);
-        let mut out = Self { size, ends: vec![[f64::INFINITY, f64::NEG_INFINITY]; size[0] * size[1]] };
+        let ends = vec![[f64::INFINITY, f64::NEG_INFINITY]; size[0] * size[1]];
+        let mut out = Self { axis, low, step, size, ends };
         for (points, triangles) in surfaces {
             for t in *triangles {
                 let corner = t.map(|i| {
@@ -71,18 +84,31 @@ impl Shadow {
         self.ends.iter().zip(&other.ends).map(|(own, other)| later(own, other)).collect()
     }
 
-    /// Side of the largest square of marked rays, in cells.
-    pub(crate) fn widest(&self, marked: &[bool]) -> usize {
+    /// The largest square of marked rays.
+    pub(crate) fn widest(&self, marked: &[bool]) -> Square {
         let [_, rows] = self.size;
-        let (mut before, mut widest) = (vec![0_usize; rows + 1], 0);
-        for column in marked.chunks(rows) {
+        let (mut before, mut widest) = (vec![0_usize; rows + 1], Square::default());
+        for (x, column) in marked.chunks(rows).enumerate() {
             let mut now = vec![0; rows + 1];
             for (y, _) in column.iter().enumerate().filter(|(_, m)| **m) {
-                now[y + 1] = 1 + before[y].min(before[y + 1]).min(now[y]);
-                widest = widest.max(now[y + 1]);
+                let cells = 1 + before[y].min(before[y + 1]).min(now[y]);
+                now[y + 1] = cells;
+                if cells > widest.cells {
+                    widest = Square { cells, middle: [x - cells / 2, y - cells / 2] };
+                }
             }
             before = now;
         }
         widest
+    }
+
+    /// Where a ray from below (side 0) or above (side 1) meets this surface.
+    pub(crate) fn point(&self, [x, y]: [usize; 2], side: usize) -> DVec3 {
+        let (u, v) = ((self.axis + 1) % 3, (self.axis + 2) % 3);
+        let mut out = self.low;
+        out[u] += (x as f64 + 0.5) * self.step;
+        out[v] += (y as f64 + 0.5) * self.step;
+        out[self.axis] = self.ends[x * self.size[1] + y][side];
+        out
     }
 }
