@@ -129,6 +129,24 @@ impl Passage {
         }
     }
 
+    /// True for points of a surface with this unit normal that are, at some position of the part, on a side of it that faces the same
+    /// way: what is behind one of the two surfaces would be in the place of the other.
+    fn covers(&self, point: DVec3, normal: DVec3) -> bool {
+        /// Largest distances in front of the surface and behind it, in voxels.
+        const NEAR: [f64; 2] = [0.5, 0.75];
+        /// Cosine of the largest angle between the normals.
+        const ALIKE: f64 = 0.8;
+        /// Largest distance beside the surface, in voxels: the carrier may be flush with the part.
+        const RIM: f64 = 0.1;
+        self.reached(point, self.outer).iter().any(|back| {
+            let Some((way, own)) = self.nearest(back.apply(point), NEAR[1] * self.voxel) else { return false };
+            let height = way.dot(own);
+            height < NEAR[0] * self.voxel
+                && (way - own * height).length() < RIM * self.voxel
+                && own.dot(back.turn(normal)) > ALIKE
+        })
+    }
+
     /// The way from the nearest point of the surface, within `reach`, to a point, and the unit normal there.
     fn nearest(&self, p: DVec3, reach: f64) -> Option<(DVec3, DVec3)> {
         let ([low, high], surface) = (self.outer, self.surface.as_ref()?);
@@ -177,7 +195,9 @@ pub(crate) fn carved(mesh: &Mesh, passages: &[Passage]) -> Mesh {
     }
     let is_wrong = |t: &[u32; 3]| {
         let (p, normal) = (middle(mesh, *t), cross(mesh, *t).normalize_or_zero());
-        passages.iter().any(|passage| passage.contradicts(p, passage.voxel) || passage.explains(p, normal))
+        passages.iter().any(|passage| {
+            passage.contradicts(p, passage.voxel) || passage.explains(p, normal) || passage.covers(p, normal)
+        })
     };
     let mut wrong: Vec<bool> = mesh.triangles.par_iter().map(is_wrong).collect();
     // The box of a part that slides holds nothing of its carrier; what turns is not its box.
@@ -343,6 +363,33 @@ mod tests {
         let mut large = copy.clone();
         large.triangles.retain(|t| cross(&copy, *t).normalize_or_zero().x.abs() > 0.9);
         assert!(left.len() <= base.triangles.len() - large.triangles.len(), "{}", left.len());
+    }
+
+    #[test]
+    fn a_copy_of_a_drawer_floor_is_not_of_the_carrier_and_what_is_flush_with_a_door_stays() {
+        // A floor of 12 mm that slides within its plane, with a wall, and a sheet on it that the open drawer only covers in part.
+        let mut floor = Mesh::cuboid([0.0, 0.0, 0.0], [0.4, 0.5, 0.012]);
+        floor.append(&Mesh::cuboid([0.0, 0.0, 0.012], [0.015, 0.5, 0.1]));
+        let joint = Joint {
+            kind: JointKind::Prismatic,
+            axis: DVec3::NEG_Y,
+            origin: DVec3::ZERO,
+            pitch: 0.0,
+            state_values: PerState::new(0.0, 0.3),
+            limits: [0.0, 0.3],
+        };
+        let passage = Passage::of(&floor, &joint, 0.01).unwrap();
+        let mut sheet = Mesh::cuboid([0.02, 0.1, -0.05], [0.38, 0.48, 0.013]);
+        refine(&mut sheet, 0.05);
+        let upper = |mesh: &Mesh| mesh.triangles.iter().filter(|t| cross(mesh, **t).normalize().z > 0.9).count();
+        assert!(upper(&sheet) > 20);
+        assert_eq!(upper(&carved(&sheet, &[passage])), 0);
+        // The front of a frame, flush with that of a door beside it; a wall whose front is behind that of the door, by its thickness.
+        let (door, joint) = door();
+        let passage = [Passage::of(&door, &joint, 0.01).unwrap()];
+        let mut frame = Mesh::cuboid([0.602, -0.04, 0.0], [0.8, 0.1, 0.9]);
+        frame.append(&Mesh::cuboid([0.0, 0.002, 0.0], [0.6, 0.1, 0.9]));
+        assert_eq!(carved(&frame, &passage).triangles, frame.triangles);
     }
 
     #[test]
