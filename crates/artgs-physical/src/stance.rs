@@ -3,7 +3,7 @@
 use crate::config::PhysicalConfig;
 use crate::flush;
 use crate::hull::Hull;
-use crate::sweep::{Contact, Part, Precision, Surface, Sweep, first_contact, reach};
+use crate::sweep::{Contact, Part, Precision, Surface, Sweep, first_contact, first_crossing, reach};
 use artgs_core::{Asset, JointKind, Mesh, PerState, State};
 use glam::DVec3;
 
@@ -277,7 +277,7 @@ impl Search<'_> {
             let source = if seen.is_some_and(is_near) { Source::Contact } else { Source::Inferred };
             return self.met(first, source);
         }
-        match self.assumed() {
+        match self.uncrossed(self.assumed(), 0.0, sign) {
             found if found.way > 0.0 => found,
             _ => Found { way: 0.0, stop: Stop::Observed, source: Source::Observed },
         }
@@ -301,9 +301,31 @@ impl Search<'_> {
         };
         let zero = vec![0.0; self.asset.links.len()];
         match self.contact(&zero, from, sign * most, [Part::Seen; 2]) {
-            Some(contact) => self.met(contact, Source::Contact),
+            Some(contact) => {
+                let met = self.met(contact, Source::Contact);
+                // Between the observed value and the contact, nothing but an assumption says that the way is free.
+                match end.source {
+                    Source::Assumed => self.uncrossed(met, from, sign),
+                    _ => met,
+                }
+            }
             None if most <= 0.0 => Found { way: 0.0, stop: Stop::Observed, source: Source::Observed },
+            None if end.source == Source::Assumed => self.uncrossed(end, from, sign),
             None => end,
+        }
+    }
+
+    /// The way of a slide from a joint value, ended where the part begins to cross another one; other ways stay.
+    fn uncrossed(&self, found: Found, from: f64, sign: f64) -> Found {
+        if self.kind() != JointKind::Prismatic || found.way <= 0.0 {
+            return found;
+        }
+        let zero = vec![0.0; self.asset.links.len()];
+        let sweep = Sweep { link: self.link, from, way: sign * found.way, own: Part::Seen, others: Part::Seen };
+        let precision = Precision { overlap: 0.5 * self.precision.overlap, ..self.precision };
+        match first_crossing(self.asset, self.surfaces, &zero, &sweep, &precision) {
+            Some(contact) => self.met(contact, Source::Inferred),
+            None => found,
         }
     }
 

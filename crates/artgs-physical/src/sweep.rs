@@ -11,7 +11,7 @@ use crate::decompose::solid::{Sample, Solid};
 use crate::repair::trimesh;
 use artgs_core::{Asset, JointKind, Mesh, Rigid};
 use glam::DVec3;
-use parry3d::query::{Ray, RayCullingMode};
+use parry3d::query::{PointQueryWithLocation as _, Ray, RayCullingMode};
 use parry3d::shape::TriMesh;
 use rayon::prelude::*;
 
@@ -158,6 +158,63 @@ pub(crate) fn first_contact(
         }
     }
     best
+}
+
+/// Where a slide, and what it carries, begins to cross other links on a way: more of their observed surfaces are deeper inside each
+/// other than errors of measurement explain. A part that moves along a wall meets nothing that faces it, however far it is inside.
+/// None if it crosses no other link than where the way begins.
+pub(crate) fn first_crossing(
+    asset: &Asset,
+    surfaces: &[Surface],
+    values: &[f64],
+    sweep: &Sweep,
+    precision: &Precision,
+) -> Option<Contact> {
+    /// Tested places on the way.
+    const STEPS: usize = 16;
+    let is_carried = carried(asset, sweep.link);
+    let poses = |k: usize| {
+        let mut values = values.to_vec();
+        values[sweep.link] = sweep.from + sweep.way * k as f64 / STEPS as f64;
+        asset.poses(&values)
+    };
+    let pairs = || (0..asset.links.len()).flat_map(|a| (0..asset.links.len()).map(move |b| (a, b)));
+    let pairs: Vec<(usize, usize)> = pairs().filter(|(a, b)| is_carried[*a] && !is_carried[*b]).collect();
+    let inside = |(a, b): (usize, usize), poses: &[Rigid]| {
+        let b_from_a = poses[b].inverse() * poses[a];
+        let [own, other] = [&surfaces[a], &surfaces[b]];
+        let depth = precision.overlap;
+        deep(own.points(sweep.own), other.triangles(sweep.others), &b_from_a, depth)
+            + deep(other.points(sweep.others), own.triangles(sweep.own), &b_from_a.inverse(), depth)
+    };
+    let before: Vec<usize> = pairs.iter().map(|pair| inside(*pair, &poses(0))).collect();
+    (1..=STEPS).find_map(|k| {
+        let now = poses(k);
+        let crossed =
+            pairs.iter().zip(&before).find(|(pair, before)| inside(**pair, &now) > **before + precision.points);
+        let way = sweep.way.abs() * (k - 1) as f64 / STEPS as f64;
+        crossed.map(|((_, link), _)| Contact { way, link: *link })
+    })
+}
+
+/// Number of points that are behind a surface by more than `depth`, and near it.
+fn deep<'a>(points: impl Iterator<Item = &'a Sample>, shape: Option<&TriMesh>, pose: &Rigid, depth: f64) -> usize {
+    /// Largest depth, in multiples of the least one: what is farther from the surface is behind a wall.
+    const NEAR: f64 = 3.0;
+    /// Cosine of the largest angle between the way to the surface and its normal: beside a rim, nothing is known.
+    const STRAIGHT: f64 = 0.9;
+    let Some(shape) = shape else { return 0 };
+    let is_deep = |sample: &&&Sample| {
+        let p = to_parry(pose.apply(sample.point));
+        let found = shape.project_local_point_and_get_location_with_max_dist(p, false, (NEAR * depth) as f32);
+        let Some((near, (triangle, _))) = found else { return false };
+        let Some(normal) = shape.triangle(triangle).normal() else { return false };
+        let way = from_parry(p - near.point);
+        let behind = -way.dot(from_parry(normal));
+        behind > depth && behind > STRAIGHT * way.length()
+    };
+    let points: Vec<&Sample> = points.collect();
+    points.par_iter().filter(|sample| is_deep(sample)).count()
 }
 
 /// The number of steps after which the surfaces of two links are in contact; `other_from_own`: poses of the first in the frame of

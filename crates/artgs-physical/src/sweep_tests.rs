@@ -76,3 +76,20 @@ fn only_what_was_seen_stops_a_part() {
     assert_eq!(free(&slide, [&wall, &block], 0.5, &|p| p.y < 0.1), None);
     assert!(free(&slide, [&wall, &block], 0.5, &|_| true).is_some());
 }
+
+#[test]
+fn a_panel_that_enters_a_post_from_the_side_crosses_it() {
+    // A sheet of 10 mm, whose edge is too narrow for a contact, and a post in its way that reaches 4 or 12 mm over its front.
+    let sheet = cuboid(DVec3::new(0.0, 0.0, 0.0), DVec3::new(0.3, 0.01, 0.3));
+    let slide = asset(JointKind::Prismatic, DVec3::X, DVec3::ZERO);
+    let sweep = Sweep { link: 1, from: 0.0, way: 0.4, own: Part::Seen, others: Part::Seen };
+    let precision = Precision { overlap: 5e-3, ..PRECISION };
+    for (overlap, met) in [(0.002, false), (0.008, true)] {
+        let post = cuboid(DVec3::new(0.5, -0.05, 0.0), DVec3::new(0.6, overlap, 0.3));
+        let surfaces = [Surface::of(&post, &|_| true, SPACING), Surface::of(&sheet, &|_| true, SPACING)];
+        let found = first_crossing(&slide, &surfaces, &[0.0; 2], &sweep, &precision);
+        assert_eq!(found.is_some(), met, "{found:?}");
+        // The way to the post is 0.2; the sheet is inside by less than one step.
+        assert!(found.is_none_or(|contact| contact.link == 0 && (0.17..=0.2).contains(&contact.way)), "{found:?}");
+    }
+}
