@@ -7,8 +7,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mesh = artgs_io::read_mesh_ply(file.as_ref())?;
         for tolerance in [0.01, 0.005] {
             let began = std::time::Instant::now();
-            let options =
-                DecomposeOptions { tolerance, most: 64, corners: 64, skin: 0.015, least: 2e-3, thinnest: 1e-3 };
+            let options = DecomposeOptions {
+                tolerance,
+                most: 64,
+                corners: 64,
+                rounding: 5e-4,
+                skin: 0.015,
+                least: 2e-3,
+                thinnest: 1e-3,
+            };
             let hulls = decompose(&mesh, &|_| true, &options);
             let corners: usize = hulls.iter().map(|h| h.points().len()).sum();
             println!(

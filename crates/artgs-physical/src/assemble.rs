@@ -40,6 +40,8 @@ pub(crate) struct Decisions {
 const CARRIER: f64 = 0.3;
 /// Corners of a convex piece: MuJoCo and PhysX refuse more.
 const MOST_CORNERS: usize = 64;
+/// Corners that stand out by less than this share of the largest distance from the surface are left out.
+const ROUNDING: f64 = 0.1;
 /// Assembles an asset from a valid replica and the surfaces of its parts, without splats. Fails only if `decomposer` fails, or if
 /// the settings name a part that is not there.
 pub(crate) fn assemble(
@@ -171,6 +173,7 @@ fn collide(
         // The others are left for the clearance between links.
         most: config.most_hulls.div_ceil(2).max(1) + config.most_hulls / 4,
         corners: MOST_CORNERS,
+        rounding: ROUNDING * cover,
         skin: config.wall_share * diagonal,
         least: 2.0 * thinnest,
         thinnest,
@@ -215,7 +218,7 @@ fn collide(
     if config.collision == Collision::Hulls {
         for (link, hulls) in asset.links.iter_mut().zip(&pieces) {
             // Cuts add corners.
-            let coarse = |hull: &Hull| hull.clone().for_engines(MOST_CORNERS, thinnest);
+            let coarse = |hull: &Hull| hull.clone().for_engines(MOST_CORNERS, ROUNDING * cover, thinnest);
             link.collision = hulls.iter().filter_map(coarse).map(|hull| hull.mesh()).collect();
         }
     }

@@ -57,44 +57,67 @@ impl Hull {
         (thickness >= thinnest && hull.volume() > 0.0).then_some(hull)
     }
 
-    /// The hull of the corners that are extreme in evenly spread directions and along the edges of the bounding box:
-    /// inside this hull, with at most about `2 / 3` of `directions` corners.
-    pub fn coarser(self, directions: usize, thinnest: f64) -> Option<Self> {
-        if self.points.len() <= directions {
-            return Some(self);
+    /// A hull inside this one with at most `most` of its corners: first those of a large tetrahedron, then always the one farthest
+    /// from the hull of those before, until none is farther than `within`.
+    pub fn with_fewer_corners(self, most: usize, within: f64, thinnest: f64) -> Option<Self> {
+        let mut kept = tetrahedron(&self.points)?;
+        let mut left: Vec<DVec3> = self.points.iter().copied().filter(|p| !kept.contains(p)).collect();
+        let mut out = Self::of(&kept, 0.0);
+        while kept.len() < most.min(self.points.len()) && !left.is_empty() {
+            let distances: Vec<f64> = match &out {
+                Some(hull) => left.iter().map(|p| hull.before(*p)).collect(),
+                None => vec![f64::INFINITY; left.len()],
+            };
+            let farthest = (0..left.len()).max_by(|a, b| distances[*a].total_cmp(&distances[*b]));
+            let Some(next) = farthest.filter(|i| distances[*i] > within) else { break };
+            kept.push(left.swap_remove(next));
+            out = Self::of(&kept, 0.0);
         }
-        let spread = (0..directions).map(|i| {
-            let z = 1.0 - (2 * i + 1) as f64 / directions as f64;
-            let (sin, cos) = (2.399_963_229_728_653 * i as f64).sin_cos();
-            let r = (1.0 - z * z).sqrt();
-            DVec3::new(r * cos, r * sin, z)
-        });
-        let farthest =
-            |d: DVec3| (0..self.points.len()).max_by(|a, b| self.points[*a].dot(d).total_cmp(&self.points[*b].dot(d)));
-        let mut kept: Vec<usize> = spread.filter_map(farthest).collect();
-        kept.sort_unstable();
-        kept.dedup();
-        let points: Vec<DVec3> = kept.into_iter().map(|i| self.points[i]).collect();
-        Self::of(&points, thinnest)
+        let thickness = |hull: &Self| hull.planes().iter().map(|plane| hull.depth(plane)).fold(f64::INFINITY, f64::min);
+        // A thin piece keeps its corners rather than being lost.
+        let whole = self.points.len() <= most;
+        out.filter(|hull| thickness(hull) >= thinnest).or_else(|| whole.then_some(self))
     }
 
-    /// The hull with at most `most` corners, inside this hull.
-    pub fn with_at_most(self, most: usize, thinnest: f64) -> Option<Self> {
-        let mut directions = 3 * most / 2;
-        let mut out = self;
-        while out.points.len() > most {
-            out = out.coarser(directions, thinnest)?;
-            directions = 4 * directions / 5;
-        }
-        Some(out)
+    /// Largest distance of a point from the plane of a face, negative inside.
+    fn before(&self, p: DVec3) -> f64 {
+        self.planes().iter().map(|plane| plane.distance(p)).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Unit normal of the face with the largest area: of all triangles whose normals are nearly the same.
+    pub fn widest_face(&self) -> Option<DVec3> {
+        /// Cosine of the largest angle between the normals of one face.
+        const SAME: f64 = 0.9999;
+        let crosses: Vec<DVec3> = self
+            .triangles
+            .iter()
+            .map(|t| {
+                let [a, b, c] = t.map(|i| self.points[i as usize]);
+                (b - a).cross(c - a)
+            })
+            .collect();
+        let area = |normal: DVec3| -> f64 {
+            crosses.iter().filter(|c| c.dot(normal) > SAME * c.length()).map(|c| c.length()).sum()
+        };
+        let normals = crosses.iter().filter_map(|c| c.try_normalize());
+        normals.max_by(|a, b| area(*a).total_cmp(&area(*b)))
+    }
+
+    /// Edges of the triangles, from corner to corner.
+    pub fn edges(&self) -> impl Iterator<Item = DVec3> {
+        let edge = |[i, j]: [u32; 2]| self.points[j as usize] - self.points[i as usize];
+        self.triangles.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]).map(edge)
     }
 
     /// The hull with so few corners, at most `most`, that it is also one in single precision, which engines use; inside this hull.
-    pub fn for_engines(self, most: usize, thinnest: f64) -> Option<Self> {
-        let mut out = self.with_at_most(most, thinnest)?;
+    /// Corners that stand out by less than `within` are left out: narrow faces between them slow engines down, and their normals
+    /// are wrong in single precision.
+    pub fn for_engines(self, most: usize, within: f64, thinnest: f64) -> Option<Self> {
+        let mut out = self.with_fewer_corners(most, within, thinnest)?;
         while !out.is_hull_in_single_precision() {
+            // Always fewer than before, so that this ends.
             let fewer = 3 * out.points.len() / 4;
-            out = out.with_at_most(fewer, thinnest).filter(|hull| hull.points.len() >= 4)?;
+            out = out.with_fewer_corners(fewer, within, thinnest).filter(|hull| hull.points.len() >= 4)?;
         }
         Some(out)
     }
@@ -243,6 +266,19 @@ impl Hull {
     }
 }
 
+/// Four points that span a large volume; none if all lie in a plane.
+fn tetrahedron(points: &[DVec3]) -> Option<Vec<DVec3>> {
+    let farthest = |from: &dyn Fn(DVec3) -> f64| points.iter().copied().max_by(|p, q| from(*p).total_cmp(&from(*q)));
+    let first = *points.first()?;
+    let a = farthest(&|p| p.distance_squared(first))?;
+    let b = farthest(&|p| p.distance_squared(a))?;
+    let along = (b - a).try_normalize()?;
+    let c = farthest(&|p| (p - a).reject_from_normalized(along).length_squared())?;
+    let normal = along.cross(c - a).try_normalize()?;
+    let d = farthest(&|p| (p - a).dot(normal).abs())?;
+    ((d - a).dot(normal).abs() > 0.0).then(|| vec![a, b, c, d])
+}
+
 /// Those points that are at least `least` from all kept before them.
 fn apart(points: &[DVec3], least: f64) -> Vec<DVec3> {
     let mut kept: Vec<DVec3> = Vec::with_capacity(points.len());
@@ -312,10 +348,27 @@ mod tests {
             })
             .collect();
         let whole = Hull::of(&ball, 1e-3).unwrap();
-        let few = whole.clone().with_at_most(64, 1e-3).unwrap();
+        let few = whole.clone().with_fewer_corners(64, 0.0, 1e-3).unwrap();
         assert!(whole.points().len() > 64 && few.points().len() <= 64 && few.volume() > 0.8 * whole.volume());
         assert_eq!(few.bounds().map(|p| p.length() < 2.0), [true; 2]);
         assert!(few.samples(200).iter().all(|p| p.length() < 1.0 + 1e-6) && few.samples(200).len().abs_diff(200) < 3);
+    }
+
+    #[test]
+    fn corners_that_hardly_stand_out_are_left_out() {
+        let corner = |i: usize| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, 0.1 * (i >> 2 & 1) as f64);
+        let mut points: Vec<DVec3> = (0..8).map(corner).collect();
+        // Above the middle of the upper face, and a little beyond an edge.
+        points.extend([DVec3::new(0.5, 0.5, 0.1002), DVec3::new(-2e-4, 0.4, 0.1), DVec3::new(0.3, 0.6, 0.1001)]);
+        let hull = Hull::of(&points, 1e-4).unwrap();
+        assert!(hull.points().len() > 8);
+        let few = hull.clone().with_fewer_corners(64, 5e-4, 1e-4).unwrap();
+        assert_eq!(few.points().len(), 8);
+        assert!(hull.points().iter().all(|p| few.before(*p) <= 5e-4));
+        assert_eq!(hull.clone().with_fewer_corners(64, 0.0, 1e-4).unwrap().points().len(), hull.points().len());
+        assert!(few.widest_face().unwrap().z.abs() > 0.999);
+        // Without the corners that make it thicker than the least, the plate would be lost.
+        assert_eq!(hull.clone().with_fewer_corners(64, 5e-4, 0.10015).unwrap().points().len(), hull.points().len());
     }
 
     #[test]
@@ -347,7 +400,7 @@ mod tests {
         ];
         let strip = Hull::of(&corners.map(DVec3::from_array), 1e-4).unwrap();
         let volume = strip.volume();
-        let found = strip.for_engines(64, 1e-4).unwrap();
+        let found = strip.for_engines(64, 0.0, 1e-4).unwrap();
         assert!(found.is_hull_in_single_precision() && found.volume() > 0.8 * volume, "{}", found.volume() / volume);
     }
 

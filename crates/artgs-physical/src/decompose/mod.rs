@@ -1,6 +1,7 @@
 //! Convex decomposition of surfaces: flat regions become prisms, the rest is split by planes until it is followed closely.
 //! Cavities stay empty, because pieces only cover the surface and a skin behind it.
 
+mod boxes;
 mod mask;
 mod regions;
 mod rest;
@@ -22,6 +23,8 @@ pub struct DecomposeOptions {
     pub most: u32,
     /// Largest number of corners of a piece.
     pub corners: usize,
+    /// Corners of a piece that stand out by less than this are left out.
+    pub rounding: f64,
     /// Thickness of pieces where the solid behind the surface is thicker.
     pub skin: f64,
     /// Least thickness of pieces.
@@ -65,7 +68,11 @@ pub fn decompose(mesh: &Mesh, observed: &Observed, options: &DecomposeOptions) -
     let most = options.most as usize;
     let hulls = union::joined(needed.pruned(pieces.hulls, most, 3.0 * options.tolerance, options), &solid, options);
     let mut hulls = union::reduced(needed.pruned(hulls, most, 6.0 * options.tolerance, options), &solid, options);
-    hulls = hulls.into_iter().filter_map(|hull| hull.with_at_most(options.corners, options.thinnest)).collect();
+    hulls = hulls
+        .into_iter()
+        .map(|hull| boxes::boxed(hull, &solid, options))
+        .filter_map(|hull| hull.with_fewer_corners(options.corners, options.rounding, options.thinnest))
+        .collect();
     hulls.sort_by(|a, b| b.volume().total_cmp(&a.volume()));
     hulls
 }
@@ -78,7 +85,8 @@ pub(crate) fn patches(mesh: &Mesh, observed: &Observed, hulls: &[Hull], options:
     hulls.iter().for_each(|hull| pieces.push(hull.clone()));
     rest::add(&solid, &[DVec3::X, DVec3::Y, DVec3::Z], options, &mut pieces);
     let mut added = pieces.hulls.split_off(hulls.len());
-    added = added.into_iter().filter_map(|hull| hull.with_at_most(options.corners, options.thinnest)).collect();
+    let simple = |hull: Hull| hull.with_fewer_corners(options.corners, options.rounding, options.thinnest);
+    added = added.into_iter().filter_map(simple).collect();
     added.sort_by(|a, b| b.volume().total_cmp(&a.volume()));
     added.truncate((options.most as usize).saturating_sub(hulls.len()));
     added

@@ -1,7 +1,14 @@
 use super::*;
 
-const OPTIONS: DecomposeOptions =
-    DecomposeOptions { tolerance: 5e-3, most: 64, corners: 64, skin: 0.01, least: 2e-3, thinnest: 1e-3 };
+const OPTIONS: DecomposeOptions = DecomposeOptions {
+    tolerance: 5e-3,
+    most: 64,
+    corners: 64,
+    rounding: 5e-4,
+    skin: 0.01,
+    least: 2e-3,
+    thinnest: 1e-3,
+};
 
 /// A box of five walls, open above.
 fn tray() -> Mesh {

@@ -116,7 +116,7 @@ pub(super) fn reduced(hulls: Vec<Hull>, solid: &Solid, options: &DecomposeOption
 const SAMPLES: usize = 100;
 
 /// True if no sample of the surface of a hull is outside the solid by more than the tolerance.
-fn stays_within(hull: &Hull, solid: &Solid, tolerance: f64) -> bool {
+pub(super) fn stays_within(hull: &Hull, solid: &Solid, tolerance: f64) -> bool {
     /// Distance of the samples, in tolerances, ...
     const SPACING: f64 = 1.5;
     /// ... and how many there are at most.
