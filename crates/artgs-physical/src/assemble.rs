@@ -163,7 +163,8 @@ fn collide(
     let most = (config.most_hulls - config.most_hulls / 8) as usize;
     let cover = config.cover.min(config.cover_share * diagonal);
     let apart = 2.0 * cover;
-    let (gap, area, waste) = (config.gap_share * diagonal, apart * apart, 3.0 * cover);
+    let gap = config.most_gap.min(config.gap_share * diagonal);
+    let (area, waste) = (apart * apart, 3.0 * cover);
     let spacing =
         Spacing { gap, margins, tolerance, thinnest, cover, area, carrier: CARRIER, waste, most, sure: false };
     let parents: Vec<Option<usize>> = asset.links.iter().map(|link| link.parent).collect();

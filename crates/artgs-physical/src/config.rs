@@ -90,6 +90,8 @@ pub struct PhysicalConfig {
     pub most_hulls: u32,
     /// Least distance between convex pieces of different links: engines put margins around them.
     pub gap_share: f64,
+    /// Upper bound of that distance, metres: the margins of engines do not grow with the object.
+    pub most_gap: f64,
     /// Further distance between links of which neither carries the other, metres: 1 mm around each hull in PyBullet, and 1 mm for
     /// its contacts beyond the rims of faces that pass each other.
     pub engine_margins: f64,
@@ -163,6 +165,7 @@ impl Default for PhysicalConfig {
             cover_share: 5e-3,
             most_hulls: 160,
             gap_share: 2e-3,
+            most_gap: 2.5e-3,
             engine_margins: 3e-3,
             most_margins_share: 5e-3,
             contact_share: 2e-4,
