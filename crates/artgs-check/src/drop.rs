@@ -188,7 +188,7 @@ mod tests {
             [0.378, -0.1281],
             [-0.5286, -0.1339],
         ];
-        let corners = rim.iter().flat_map(|[x, y]| [1.0472, 1.0596].map(|z| vector(DVec3::new(*x, *y, z))));
+        let corners = rim.iter().flat_map(|[x, y]| [1.0475, 1.0596].map(|z| vector(DVec3::new(*x, *y, z))));
         let (points, triangles) = try_convex_hull(&corners.collect::<Vec<_>>()).unwrap();
         let mut link = Link::new("floor", None, Rigid::IDENTITY);
         let shown = points.iter().map(|p| DVec3::from_array(p.to_array().map(f64::from))).collect();

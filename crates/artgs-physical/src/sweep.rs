@@ -214,7 +214,7 @@ fn deep<'a>(points: impl Iterator<Item = &'a Sample>, shape: Option<&TriMesh>, p
         behind > depth && behind > STRAIGHT * way.length()
     };
     let points: Vec<&Sample> = points.collect();
-    points.par_iter().filter(|sample| is_deep(&sample)).count()
+    points.par_iter().filter(|sample| is_deep(sample)).count()
 }
 
 /// The number of steps after which the surfaces of two links are in contact; `other_from_own`: poses of the first in the frame of
