@@ -176,7 +176,7 @@ mod tests {
     #[test]
     fn bodies_are_removed_while_the_others_explain_more() {
         let body = |x: f64| Body { motion: Rigid::shift(DVec3::X * x), regions: Vec::new() };
-        let bodies = vec![body(1.0), body(2.0), body(3.0), body(4.0), body(5.0)];
+        let bodies = [body(1.0), body(2.0), body(3.0), body(4.0), body(5.0)];
         let refined = |kept: Vec<f64>| {
             let bodies: Vec<Body> = bodies.iter().filter(|b| kept.contains(&b.motion.translation.x)).cloned().collect();
             let confidences = bodies.iter().map(|b| match (b.motion.translation.x as i32, kept.contains(&3.0)) {

@@ -126,7 +126,7 @@ mod tests {
 
     const SPACING: f64 = 0.01;
 
-    /// What a state shows of a panel of 60 by 40 points; with its borders if `whole`.
+    /// What a state shows of a panel of 60 by 40 points, with errors of depth that differ between states; with its borders if `whole`.
     fn panel(shift: DVec3, whole: bool) -> Cloud {
         let mut cloud = Cloud::default();
         let mut add = |x: f32, y: f32, z: f32, normal: Vec3| {
@@ -137,7 +137,8 @@ mod tests {
         };
         for i in 0..60 {
             for k in 0..40 {
-                add(SPACING as f32 * i as f32, 0.0, SPACING as f32 * k as f32, Vec3::NEG_Y);
+                let error = 1e-4 * (0.7 * i as f32 + 1.3 * k as f32 + 40.0 * shift.x as f32).sin();
+                add(SPACING as f32 * i as f32, error, SPACING as f32 * k as f32, Vec3::NEG_Y);
             }
         }
         if whole {

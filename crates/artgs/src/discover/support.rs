@@ -293,7 +293,8 @@ mod tests {
         let aside = Rigid::shift(DVec3::Z * f64::from(6.0 * scene.lengths.spacing));
         let pool = [candidate(found.parts[0].motion * aside), candidate(Rigid::IDENTITY)];
         let rivals = |labels: &PerState<Vec<u16>>| {
-            let all = settings.measure(&scene, &clouds, &evidence.occupancy, labels, &found.parts, &pool);
+            let all =
+                settings.measure(&scene, &clouds, &evidence.occupancy, &evidence.samples, labels, &found.parts, &pool);
             (all[0].rival, all[0].fair_rival)
         };
         assert_eq!(rivals(&found.labels), (Some(0), Some(0)));
