@@ -43,18 +43,9 @@ fn extent(hull: &Hull, axis: DVec3) -> [f64; 2] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::OPTIONS;
     use super::*;
     use artgs_core::Mesh;
-
-    const OPTIONS: DecomposeOptions = DecomposeOptions {
-        tolerance: 5e-3,
-        most: 64,
-        corners: 64,
-        rounding: 5e-4,
-        skin: 0.01,
-        least: 2e-3,
-        thinnest: 1e-3,
-    };
 
     /// A turned plate whose corners are cut off by `cut`.
     fn plate(cut: f64) -> Hull {

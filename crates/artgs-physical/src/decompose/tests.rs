@@ -1,6 +1,6 @@
 use super::*;
 
-const OPTIONS: DecomposeOptions = DecomposeOptions {
+pub(super) const OPTIONS: DecomposeOptions = DecomposeOptions {
     tolerance: 5e-3,
     most: 64,
     corners: 64,

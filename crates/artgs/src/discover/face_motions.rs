@@ -53,9 +53,7 @@ impl Region {
         let [a, b, _] = ranges.map(|(lo, hi)| 0.5 * (hi - lo) + MARGIN * spacing);
         Self { state, centre, axes, half: [a, b, DEPTH * diagonal] }
     }
-}
 
-impl Region {
     /// The same region, wider by this much on each side across the normal of its face, scene units.
     pub(super) fn widened(self, by: f32) -> Self {
         let [a, b, depth] = self.half;

@@ -2,6 +2,7 @@
 //! the plane. Such a panel keeps the shift that explains what moved, along the rails of a slide that surfaces do hold.
 
 use super::cloud::IndexedCloud;
+use super::rails::angle_deg;
 use super::refinement::points_of_part;
 use super::registration::{Matching, free_directions};
 use super::scene::Scene;
@@ -12,7 +13,7 @@ use glam::DVec3;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GlideSettings {
     /// A direction is free if the mean squared cosine between it and the normals of matched surfaces is below this: normals of a
-    /// plane that are wrong by a degree reach it.
+    /// plane that are wrong by three degrees reach it.
     pub(crate) free: f64,
     /// Points this close match, spacings.
     pub(crate) reach: f64,
@@ -110,12 +111,6 @@ impl GlideSettings {
 /// What a shift does along orthonormal directions.
 fn along(directions: &[DVec3], shift: DVec3) -> DVec3 {
     directions.iter().map(|d| *d * d.dot(shift)).sum()
-}
-
-/// Angle between two lines, degrees; 90 if one has no direction.
-fn angle_deg(a: DVec3, b: DVec3) -> f64 {
-    let cosine = (a.dot(b) / (a.length() * b.length()).max(1e-300)).abs();
-    cosine.min(1.0).acos().to_degrees()
 }
 
 #[cfg(test)]

@@ -193,13 +193,16 @@ impl Refinement<'_> {
         let least_moved = self.least_moved();
         // Of a panel, rails hold what surfaces leave free, if the motion explains enough.
         let least_of_panel = PANEL_SHARE * evidence.total() as f64;
-        let rails = settings.joints.glide.rails(scene, clouds, &found.labels, &found.parts);
+        let is_loose = |s: &Support| s.stiffness < settings.support.least_stiffness;
+        let rails = (!scene.spreading && supports.iter().any(is_loose))
+            .then(|| settings.joints.glide.rails(scene, clouds, &found.labels, &found.parts));
         let lacks = |k: usize, s: &Support| {
-            let railed = !scene.spreading && rails[k].is_some() && s.exclusive * s.moved >= least_of_panel;
+            let has_rails = rails.as_ref().is_some_and(|rails| rails[k].is_some());
+            let railed = has_rails && s.exclusive * s.moved >= least_of_panel;
             s.moved < least_moved
                 || s.exclusive * s.moved < settings.support.least_exclusive
                 || s.explained < settings.support.least_explained
-                || s.stiffness < settings.support.least_stiffness && !railed
+                || is_loose(s) && !railed
         };
         let lacking = supports.iter().enumerate().filter(|(k, s)| lacks(*k, s));
         let weakest = lacking.min_by(|a, b| (a.1.exclusive * a.1.moved).total_cmp(&(b.1.exclusive * b.1.moved)));
