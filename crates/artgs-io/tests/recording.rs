@@ -213,6 +213,19 @@ fn tum_with_indices() {
     std::fs::write(path("truth_cam_poses.txt"), fewer.join("\n")).unwrap();
     let text = message(dir.path());
     assert!(text.contains("truth_cam_poses.txt") && text.contains("2 poses for 4 images"), "{text}");
+
+    // Some of the images: with all poses, or with one per image.
+    for name in ["rgb", "depth"] {
+        let list: String = [1, 3].map(|i| format!("{i} {name}/{i:06}.png\n")).concat();
+        std::fs::write(path(&format!("{name}.txt")), list).unwrap();
+    }
+    let lines: Vec<&str> = poses.lines().collect();
+    for kept in [lines.clone(), vec![lines[0], lines[2], lines[4]]] {
+        std::fs::write(path("truth_cam_poses.txt"), kept.join("\n")).unwrap();
+        let some = read(dir.path());
+        let cameras = |frames: &[usize]| frames.iter().map(|i| expected.frames[*i].view.camera).collect::<Vec<_>>();
+        assert_eq!(some.frames.iter().map(|f| f.view.camera).collect::<Vec<_>>(), cameras(&[1, 3]));
+    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! TUM RGB-D: `rgb.txt` and `depth.txt` (`timestamp file`), `groundtruth.txt` (`timestamp tx ty tz qx qy qz qw`, camera-to-world,
-//! OpenCV axes, metres), depth in counts of 0.2 mm. Images may have indices as time stamps; then row i of the poses, for example
-//! in `truth_cam_poses.txt`, belongs to image i.
+//! OpenCV axes, metres), depth in counts of 0.2 mm. Images may have indices as time stamps; then the poses, for example in
+//! `truth_cam_poses.txt`, belong to them by row.
 
 use super::depth::Measured;
 use super::files::{Row, finite, first_file, names, rows, text};
@@ -72,17 +72,17 @@ pub(super) fn index(dir: &Path, options: &RecordingOptions) -> Result<Index, Rec
         return Err(RecordingError::incomplete(dir, "no groundtruth.txt; add the poses of the camera"));
     };
     let trajectory = Trajectory::read(&poses)?;
-    let by_row = counts_up(&images) && trajectory.nearest(images[0].time, NEAR).is_none();
-    if by_row && trajectory.poses.len() < images.len() {
-        let reason =
-            format!("{} poses for {} images of rgb.txt; each needs a row", trajectory.poses.len(), images.len());
-        return Err(RecordingError::malformed(&poses, reason));
-    }
+    let by_row = are_indices(&images) && images.iter().all(|image| trajectory.nearest(image.time, NEAR).is_none());
+    let pose_rows = if by_row {
+        Some(rows_of(&images, trajectory.poses.len()).map_err(|e| RecordingError::malformed(&poses, e))?)
+    } else {
+        None
+    };
     let mut index = Index { metric: true, ..Index::default() };
     let lens = lens(dir, options, &mut index.warnings)?;
     let (mut no_pose, mut no_image, mut no_depth) = (Vec::new(), Vec::new(), Vec::new());
-    for Listed { time, file } in &images {
-        let pose = if by_row { Some(trajectory.poses[*time as usize]) } else { trajectory.at(*time) };
+    for (i, Listed { time, file }) in images.iter().enumerate() {
+        let pose = pose_rows.as_ref().map_or_else(|| trajectory.at(*time), |rows| Some(trajectory.poses[rows[i]]));
         let path = dir.join(file);
         let Some(Pose { time: pose_time, world_to_camera }) = pose else {
             no_pose.push(file.clone());
@@ -112,9 +112,23 @@ pub(super) fn index(dir: &Path, options: &RecordingOptions) -> Result<Index, Rec
     Ok(index)
 }
 
-/// True if time stamps are indices from 0.
-fn counts_up(images: &[Listed]) -> bool {
-    !images.is_empty() && images.iter().enumerate().all(|(i, image)| image.time == i as f64)
+/// True if time stamps are ascending indices.
+fn are_indices(images: &[Listed]) -> bool {
+    let is_index = |image: &Listed| image.time >= 0.0 && image.time.fract() == 0.0;
+    !images.is_empty() && images.iter().all(is_index) && images.windows(2).all(|w| w[0].time < w[1].time)
+}
+
+/// Row of the pose of every image: its index if there are so many poses, else, with one pose per image, in order.
+fn rows_of(images: &[Listed], poses: usize) -> Result<Vec<usize>, String> {
+    let last = images.last().map_or(0.0, |image| image.time);
+    if last < poses as f64 {
+        Ok(images.iter().map(|image| image.time as usize).collect())
+    } else if poses == images.len() {
+        Ok((0..poses).collect())
+    } else {
+        let images = images.len();
+        Err(format!("{poses} poses for {images} images of rgb.txt with indices up to {last}; each image needs a row"))
+    }
 }
 
 fn nearest(depths: &[Listed], time: f64) -> Option<&Listed> {
