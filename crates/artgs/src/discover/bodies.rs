@@ -24,13 +24,23 @@ pub(crate) struct BodySettings {
     pub(crate) same: f32,
     /// Bodies are tried if the quality is below this; see `Discovery::quality`.
     pub(crate) doubtful: f64,
+    /// Bodies are tried before shared motions are refined any further if the quality is below this after one refinement.
+    pub(crate) insufficient: f64,
     /// Bodies are taken if they raise the quality by this.
     pub(crate) better: f64,
 }
 
 impl Default for BodySettings {
     fn default() -> Self {
-        Self { hypotheses: 240, least_share: 0.01, implausible: 2.0, same: 1.0, doubtful: 0.82, better: 0.03 }
+        Self {
+            hypotheses: 240,
+            least_share: 0.01,
+            implausible: 2.0,
+            same: 1.0,
+            doubtful: 0.82,
+            insufficient: 0.65,
+            better: 0.03,
+        }
     }
 }
 

@@ -9,23 +9,20 @@ use std::ops::RangeInclusive;
 
 /// The better of the parts that were found first, without doubtful ones, and of `bodies`, which are tried where the first parts are
 /// doubtful. Where depth noise does not spread points and bodies are sure, no part is exchanged for another before.
-pub(super) fn settled(
+pub(super) fn settled<'b>(
     found: Discovery,
     work: &Refinement<'_>,
     movable: &RangeInclusive<usize>,
     pool: &[Candidate],
     result: &dyn Fn(Parts) -> Discovery,
-    bodies: &dyn Fn() -> Option<Discovery>,
+    bodies: &dyn Fn() -> Option<&'b Discovery>,
 ) -> Discovery {
     let (total, settings) = (work.evidence.total(), &work.settings.bodies);
-    let may_be_bodies = work.config.decide_joints && !work.evidence.is_scarce();
-    let bodies = || bodies().filter(|others| movable.contains(&others.parts.len()));
-    let better = |others: &Discovery, quality: f64| others.quality(total) > quality + settings.better;
+    let may_be_bodies = may_be_bodies(work);
     let spreading = work.scene.spreading;
     let first = found.quality(total);
-    let at_once = if may_be_bodies && !spreading && first <= settings.doubtful { bodies() } else { None };
-    if let Some(sure) = at_once.as_ref().filter(|o| better(o, first) && doubtful(o, DOUBTFUL).is_empty()) {
-        return sure.clone();
+    if let Some(sure) = better_if_sure(&found, settings.doubtful, work, movable, bodies) {
+        return sure;
     }
     // With a body that its motion only hides, the parts explain less than it seems once that body is part of another one again.
     let hiding = (spreading && found.hides_a_part()).then_some(first);
@@ -34,8 +31,47 @@ pub(super) fn settled(
     if !may_be_bodies || quality > settings.doubtful {
         return found;
     }
-    let others = if spreading { bodies() } else { at_once };
-    others.filter(|others| better(others, quality)).unwrap_or(found)
+    let others = bodies().filter(|others| is_better(others, quality, work, movable));
+    others.cloned().unwrap_or(found)
+}
+
+/// Bodies, if parts of motions that were refined once explain far too little and bodies are sure: the parts are then not refined any
+/// further.
+pub(super) fn sure_bodies<'b>(
+    refined: &Discovery,
+    work: &Refinement<'_>,
+    movable: &RangeInclusive<usize>,
+    bodies: &dyn Fn() -> Option<&'b Discovery>,
+) -> Option<Discovery> {
+    better_if_sure(refined, work.settings.bodies.insufficient, work, movable, bodies)
+}
+
+/// Bodies if they are sure and better than what was found, of which the quality is `most` at most. Where depth noise spreads points, no
+/// bodies are sure.
+fn better_if_sure<'b>(
+    found: &Discovery,
+    most: f64,
+    work: &Refinement<'_>,
+    movable: &RangeInclusive<usize>,
+    bodies: &dyn Fn() -> Option<&'b Discovery>,
+) -> Option<Discovery> {
+    let quality = found.quality(work.evidence.total());
+    if !may_be_bodies(work) || work.scene.spreading || quality > most {
+        return None;
+    }
+    let sure = |others: &&Discovery| is_better(others, quality, work, movable) && doubtful(others, DOUBTFUL).is_empty();
+    bodies().filter(sure).cloned()
+}
+
+/// True if bodies are worth a trial.
+fn may_be_bodies(work: &Refinement<'_>) -> bool {
+    work.config.decide_joints && !work.evidence.is_scarce()
+}
+
+/// True if there are as many bodies as may be and they explain more than `quality`.
+fn is_better(bodies: &Discovery, quality: f64, work: &Refinement<'_>, movable: &RangeInclusive<usize>) -> bool {
+    let better = bodies.quality(work.evidence.total()) > quality + work.settings.bodies.better;
+    better && movable.contains(&bodies.parts.len())
 }
 
 /// Without doubtful parts, but at least `least` parts, or with their motion replaced by the best different one, while the parts
@@ -158,7 +194,9 @@ fn keeps_explaining(found: &Discovery, k: usize, other: &Discovery) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::discover::Support;
+    use crate::discover::scene::Scene;
+    use crate::discover::test_scene::cabinet_scene;
+    use crate::discover::{DiscoverConfig, Evidence, StepSettings, Support};
     use artgs_core::{JointEstimate, JointKind, PerState, State};
     use glam::DVec3;
 
@@ -202,6 +240,33 @@ mod tests {
         // Without the fourth, less would be explained, and without the fifth as well, but hardly any.
         assert_eq!(without(1), [0.95, 0.95, 0.65]);
         assert_eq!(without(5).len(), 5);
+    }
+
+    #[test]
+    fn sure_bodies_replace_motions_that_explain_far_too_little() {
+        let mut scene = cabinet_scene(12, 96);
+        let (config, settings) = (DiscoverConfig::default(), StepSettings::default());
+        let taken = |scene: &Scene, found: f64, confidences: &[f64], movable: RangeInclusive<usize>| {
+            let (clouds, evidence) = (scene.indexed_clouds(), Evidence::new(scene, &settings).unwrap());
+            let (clouds, evidence, begun) = (&clouds, &evidence, &|| ());
+            let work = Refinement { scene, clouds, evidence, config: &config, settings: &settings, front: None, begun };
+            // Each explains an equal share of what moved, so that the quality is the mean confidence.
+            let sharing = |confidences: &[f64]| {
+                let mut found = with_confidences(confidences);
+                let share = evidence.total() as f64 / confidences.len() as f64;
+                found.support.iter_mut().for_each(|s| s.moved = share);
+                found
+            };
+            let (found, bodies) = (sharing(&[found]), sharing(confidences));
+            sure_bodies(&found, &work, &movable, &|| Some(&bodies)).is_some()
+        };
+        assert!(taken(&scene, 0.5, &[0.9, 0.8], 0..=8));
+        assert!(!taken(&scene, 0.7, &[0.9, 0.8], 0..=8), "the motions explain enough to be refined");
+        assert!(!taken(&scene, 0.5, &[0.9, 0.2], 0..=8), "a body is doubtful");
+        assert!(!taken(&scene, 0.5, &[0.51, 0.52], 0..=8), "they are hardly better");
+        assert!(!taken(&scene, 0.5, &[0.9, 0.8], 3..=3), "another number of parts is given");
+        scene.spreading = true;
+        assert!(!taken(&scene, 0.5, &[0.9, 0.8], 0..=8), "depth is noisy");
     }
 
     #[test]

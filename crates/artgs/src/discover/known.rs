@@ -246,9 +246,8 @@ fn difference(a: &[u32], b: &[u32]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::discover::scene::{DepthPicture, Scene};
-    use crate::discover::{DiscoverConfig, StepSettings};
-    use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
+    use crate::discover::StepSettings;
+    use crate::discover::test_scene::cabinet_scene;
     use glam::DVec3;
 
     fn shift(x: f64) -> Rigid {
@@ -257,13 +256,7 @@ mod tests {
 
     #[test]
     fn known_landings_are_those_that_are_computed() {
-        let options = CabinetOptions { views: 8, size: 64, ..CabinetOptions::default() };
-        let (capture, _) = cabinet_capture(&options).unwrap();
-        let pictures = PerState::from_fn(|s| {
-            let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
-            capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
-        });
-        let scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &DiscoverConfig::default()).unwrap();
+        let scene = cabinet_scene(8, 64);
         let (clouds, costs) = (scene.indexed_clouds(), StepSettings::default().label_costs);
         let (landings, samples) = (KnownLandings::default(), KnownSamples::default());
         // The same motions, others, some again after they were dropped, and twice the same one.

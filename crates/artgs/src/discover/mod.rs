@@ -62,6 +62,8 @@ mod selection;
 mod space_grid;
 mod support;
 mod surface_paths;
+#[cfg(test)]
+mod test_scene;
 mod twins;
 pub(crate) mod visibility;
 
@@ -73,7 +75,7 @@ use cloud::{IndexedCloud, components};
 pub use config::DiscoverConfig;
 use config::StepSettings;
 pub use correct::{CorrectError, correct};
-use doubts::{certain_bodies, settled};
+use doubts::{certain_bodies, settled, sure_bodies};
 use front::Front;
 use glam::{DVec3, Vec3};
 use known::{KnownFits, KnownLandings, KnownSamples};
@@ -84,7 +86,7 @@ pub use scene::{DepthPicture, Scene, pixel_step};
 use segmentation::Graph;
 use selection::Selection;
 use space_grid::SpaceGrid;
-use std::cell::RefCell;
+use std::cell::{OnceCell, RefCell};
 use std::ops::RangeInclusive;
 pub use support::Support;
 use visibility::Occupancy;
@@ -186,6 +188,9 @@ const REFINED: f64 = 0.85;
 /// Share of what remains of the refinement that one of its rounds is shown as.
 const OF_REMAINING: f64 = 0.4;
 
+/// Where fewer motions explain what moved, the refinement that trying bodies early saves is short.
+const LEAST_FOR_BODIES: usize = 4;
+
 /// At least one part.
 fn best_parts(
     scene: &Scene,
@@ -213,7 +218,25 @@ fn best_parts(
     let motions = |chosen: Vec<usize>| chosen.into_iter().map(|c| pool[c].motion).collect::<Vec<Rigid>>();
     let chosen = selection.best(1..=*movable.end());
     let count = chosen.len();
-    let mut found = work.parts(&motions(chosen), &movable);
+    let result = |parts: Parts| evidence.result(scene, &clouds, parts, Vec::new(), &pool, &settings);
+    let of_bodies = OnceCell::new();
+    let bodies = || {
+        let find = || {
+            let hypotheses = evidence.search(scene, &clouds, &movable, config, &settings, |search| {
+                search.hypotheses_of_faces(&settings.facets, settings.bodies.hypotheses)
+            });
+            let bodies = settings.bodies.choose(scene, &clouds, &evidence.moved, &hypotheses, &settings.selection);
+            (!bodies.is_empty()).then(|| certain_bodies(bodies, &work, *movable.start(), &result))
+        };
+        of_bodies.get_or_init(find).as_ref()
+    };
+    let refined = work.refined(&motions(chosen));
+    if count >= LEAST_FOR_BODIES
+        && let Some(sure) = sure_bodies(&result(refined.clone()), &work, &movable, &bodies)
+    {
+        return Ok(sure);
+    }
+    let mut found = work.completed(refined, &movable);
     if found.parts.len() < *movable.start() {
         let count = count + movable.start() - found.parts.len();
         let more = work.parts(&motions(selection.best(count..=count)), &movable);
@@ -228,14 +251,6 @@ fn best_parts(
     }
     remaining.borrow_mut().1(1.0);
     let found = evidence.result(scene, &clouds, found, warnings, &pool, &settings);
-    let result = |parts: Parts| evidence.result(scene, &clouds, parts, Vec::new(), &pool, &settings);
-    let bodies = || {
-        let hypotheses = evidence.search(scene, &clouds, &movable, config, &settings, |search| {
-            search.hypotheses_of_faces(&settings.facets, settings.bodies.hypotheses)
-        });
-        let bodies = settings.bodies.choose(scene, &clouds, &evidence.moved, &hypotheses, &settings.selection);
-        (!bodies.is_empty()).then(|| certain_bodies(bodies, &work, *movable.start(), &result))
-    };
     Ok(settled(found, &work, &movable, &pool, &result, &bodies))
 }
 

@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use std::ops::RangeInclusive;
 
 /// Parts with their labelled points.
+#[derive(Clone)]
 pub(super) struct Parts {
     pub(super) parts: Vec<JointEstimate>,
     pub(super) labels: PerState<Vec<u16>>,
@@ -40,7 +41,12 @@ impl Refinement<'_> {
     /// share one at first: once they are separated, each is registered by itself, and all points are labelled again with
     /// the motions found then.
     pub(super) fn parts(&self, motions: &[Rigid], movable: &RangeInclusive<usize>) -> Parts {
-        self.aligned(self.separated(motions, movable))
+        self.completed(self.refined(motions), movable)
+    }
+
+    /// The same, from parts that were refined once.
+    pub(super) fn completed(&self, refined: Parts, movable: &RangeInclusive<usize>) -> Parts {
+        self.aligned(self.separated(refined, movable))
     }
 
     /// With slides along the direction that they and the front agree on, where depth noise spreads points.
@@ -54,26 +60,25 @@ impl Refinement<'_> {
         found
     }
 
-    fn separated(&self, motions: &[Rigid], movable: &RangeInclusive<usize>) -> Parts {
+    fn separated(&self, refined: Parts, movable: &RangeInclusive<usize>) -> Parts {
         /// Rounds of separating bodies.
         const ROUNDS: usize = 3;
-        let mut found = self.supported(motions, *movable.start());
+        let mut found = self.supported(refined, *movable.start());
         for round in 1..=ROUNDS {
             let before = found.parts.len();
-            let mut split = Parts { parts: found.parts.clone(), labels: found.labels.clone() };
+            let mut split = found.clone();
             self.split(&mut split, *movable.end());
             let distinct = self.distinct_motions(&split);
             if distinct.len() <= before || round == ROUNDS {
                 return split;
             }
-            found = self.supported(&distinct, *movable.start());
+            found = self.supported(self.refined(&distinct), *movable.start());
         }
         found
     }
 
-    /// Parts of which each has enough support, but at least `least`.
-    fn supported(&self, motions: &[Rigid], least: usize) -> Parts {
-        let mut found = self.refined(motions);
+    /// Without parts that lack support, but at least `least`.
+    fn supported(&self, mut found: Parts, least: usize) -> Parts {
         while found.parts.len() > least {
             let Some(weakest) = self.unsupported(&found) else { break };
             let kept = (0..found.parts.len()).filter(|k| *k != weakest);
@@ -101,7 +106,8 @@ impl Refinement<'_> {
         out
     }
 
-    fn refined(&self, motions: &[Rigid]) -> Parts {
+    /// Parts that move by `motions`, refined once.
+    pub(super) fn refined(&self, motions: &[Rigid]) -> Parts {
         (self.begun)();
         let kinds = vec![None; motions.len()];
         let Self { scene, clouds, evidence, config, settings, front, .. } = *self;
@@ -339,19 +345,12 @@ mod tests {
     use crate::discover::discover;
     use crate::discover::face_motions::Region;
     use crate::discover::facets::Facet;
-    use crate::discover::scene::DepthPicture;
-    use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
+    use crate::discover::test_scene::cabinet_scene;
 
     #[test]
     fn parts_whose_points_stay_keep_their_joints_in_another_refinement() {
-        let options = CabinetOptions { views: 16, size: 96, ..CabinetOptions::default() };
-        let (capture, _) = cabinet_capture(&options).unwrap();
-        let pictures = PerState::from_fn(|s| {
-            let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
-            capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
-        });
         let (config, settings) = (DiscoverConfig::default(), StepSettings::default());
-        let scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config).unwrap();
+        let scene = cabinet_scene(16, 96);
         let found = discover(&scene, 2..=2, &config).unwrap();
         let (clouds, evidence) = (scene.indexed_clouds(), Evidence::new(&scene, &settings).unwrap());
         let (front, begun) = (evidence.front(&scene, &clouds, &settings), &|| ());
@@ -384,14 +383,8 @@ mod tests {
 
     #[test]
     fn pieces_of_one_body_are_the_same_body_only_where_depth_is_noisy() {
-        let options = CabinetOptions { views: 16, size: 96, ..CabinetOptions::default() };
-        let (capture, _) = cabinet_capture(&options).unwrap();
-        let pictures = PerState::from_fn(|s| {
-            let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
-            capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
-        });
         let (config, settings) = (DiscoverConfig::default(), StepSettings::default());
-        let mut scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config).unwrap();
+        let mut scene = cabinet_scene(16, 96);
         let found = discover(&scene, 2..=2, &config).unwrap();
         let mut parts = Parts { parts: found.parts.clone(), labels: found.labels.clone() };
         parts.parts.push(found.parts[0]);

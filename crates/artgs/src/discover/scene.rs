@@ -335,6 +335,7 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::discover::test_scene::cabinet_scene;
     use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 
     #[test]
@@ -359,20 +360,10 @@ mod tests {
         assert!((fine.2 as f64 / coarse.2 as f64 - 1.0).abs() < 0.15, "{coarse:?} {fine:?}");
     }
 
-    fn small_scene() -> Scene {
-        let options = CabinetOptions { views: 12, size: 96, ..CabinetOptions::default() };
-        let (capture, _) = cabinet_capture(&options).unwrap();
-        let pictures = PerState::from_fn(|s| {
-            let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
-            capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
-        });
-        Scene::new(pictures.as_ref().map(Vec::as_slice), &DiscoverConfig::default()).unwrap()
-    }
-
     #[test]
     fn cubes_agree_with_the_views() {
         use crate::discover::cube_votes::Cube;
-        let scene = small_scene();
+        let scene = cabinet_scene(12, 96);
         let size = scene.upper - scene.lower;
         let place = |i: usize| {
             let t = i as f32;
@@ -394,7 +385,7 @@ mod tests {
 
     #[test]
     fn strips_of_moved_points_are_speckles_and_whole_surfaces_are_not() {
-        let scene = small_scene();
+        let scene = cabinet_scene(12, 96);
         let cloud = &scene.states[State::START].cloud;
         // Left of the middle all points have moved; right of it those of a strip of one spacing.
         let middle = 0.5 * (scene.lower.x + scene.upper.x);

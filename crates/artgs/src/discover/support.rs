@@ -252,21 +252,14 @@ impl SupportSettings {
 mod tests {
     use super::*;
     use crate::discover::config::StepSettings;
-    use crate::discover::scene::DepthPicture;
+    use crate::discover::test_scene::cabinet_scene;
     use crate::discover::{DiscoverConfig, Evidence, discover};
-    use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
     use glam::DVec3;
 
     #[test]
     fn parts_that_land_on_other_parts_are_contested() {
-        let options = CabinetOptions { views: 16, size: 96, ..CabinetOptions::default() };
-        let (capture, _) = cabinet_capture(&options).unwrap();
-        let pictures = PerState::from_fn(|s| {
-            let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
-            capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
-        });
         let config = DiscoverConfig::default();
-        let scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config).unwrap();
+        let scene = cabinet_scene(16, 96);
         let found = discover(&scene, 2..=2, &config).unwrap();
         let evidence = Evidence::new(&scene, &StepSettings::default()).unwrap();
         let (clouds, settings) = (scene.indexed_clouds(), StepSettings::default().support);
@@ -303,14 +296,8 @@ mod tests {
 
     #[test]
     fn where_depth_is_noisy_motions_that_only_hide_points_do_not_explain_them() {
-        let options = CabinetOptions { views: 16, size: 96, ..CabinetOptions::default() };
-        let (capture, _) = cabinet_capture(&options).unwrap();
-        let pictures = PerState::from_fn(|s| {
-            let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
-            capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
-        });
         let config = DiscoverConfig::default();
-        let mut scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config).unwrap();
+        let mut scene = cabinet_scene(16, 96);
         let found = discover(&scene, 2..=2, &config).unwrap();
         let evidence = Evidence::new(&scene, &StepSettings::default()).unwrap();
         let mut exclusive = |spreading: bool| {
