@@ -303,13 +303,49 @@ impl ExportError {
     }
 }
 
+/// What happens during an export.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ExportEvent<'a> {
+    /// A surface that is not as it should be, in one sentence.
+    Warning(&'a str),
+    /// The next step begins.
+    Begins(ExportStep),
+    /// So many formats of all are written.
+    Written(usize, usize),
+}
+
+/// A step of an export.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ExportStep {
+    /// Closed and textured meshes.
+    Surfaces,
+    /// Masses and joint limits.
+    Limits,
+    /// Convex pieces.
+    Hulls,
+    /// Files.
+    Write,
+}
+
+impl ExportStep {
+    /// Name for people.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Surfaces => "surfaces",
+            Self::Limits => "limits",
+            Self::Hulls => "hulls",
+            Self::Write => "write",
+        }
+    }
+}
+
 /// Exports the replica in a folder into its folder `exports`. Textures are baked from the training views of `capture`,
-/// without it they hold the colours of the meshes. `warn` gets one sentence per surface that is not as it should be.
+/// without it they hold the colours of the meshes. `watch` gets what happens meanwhile.
 pub fn export(
     folder: &RunFolder,
     options: &ExportOptions,
     capture: Option<&Capture>,
-    mut warn: impl FnMut(&str),
+    mut watch: impl FnMut(ExportEvent<'_>),
 ) -> Result<ExportReport, ExportError> {
     let mut config = options.config()?;
     if let Some(format) = options.formats.iter().find(|format| !format.is_available()) {
@@ -323,14 +359,19 @@ pub fn export(
     let by_coacd = |mesh: &Mesh| coacd::decompose(mesh);
     let decomposer =
         (options.collision == CollisionSource::Coacd).then_some(&by_coacd as &crate::decompose::Decomposer);
-    let built = build(&options.name, &parts, capture, &config, decomposer).map_err(ExportError::Build)?;
-    odd_size(built.asset.bounds_diagonal()).iter().for_each(|warning| warn(warning));
-    built.surfaces.iter().flat_map(|surface| &surface.warnings).for_each(|warning| warn(warning));
+    let mut begins = |step| watch(ExportEvent::Begins(step));
+    let built = build(&options.name, &parts, capture, &config, decomposer, &mut begins).map_err(ExportError::Build)?;
+    let warnings = built.surfaces.iter().flat_map(|surface| &surface.warnings);
+    for warning in odd_size(built.asset.bounds_diagonal()).iter().chain(warnings) {
+        watch(ExportEvent::Warning(warning));
+    }
     check_asset(&built.asset).map_err(|reason| ExportError::Asset { path: folder.replica(), reason })?;
+    watch(ExportEvent::Begins(ExportStep::Write));
     let mut files = Vec::new();
-    for format in &options.formats {
+    for (i, format) in options.formats.iter().enumerate() {
         files
             .extend(format.replace_with(&folder.exports(), &built.asset, &options.write).map_err(ExportError::Output)?);
+        watch(ExportEvent::Written(i + 1, options.formats.len()));
     }
     let decided = report(&built, &replica, config.up, &options.formats);
     let mut report = ExportReport { options: options.requested(), files, ..decided };
