@@ -74,6 +74,7 @@ fn options(args: &Export, up: UpAxis) -> ExportOptions {
         hulls: args.hulls,
         observed_limits: args.observed_limits,
         triangles: args.triangles,
+        texel: args.texel,
         front: args.front,
         part_names: args.part_names,
         write: WriteOptions { actuators: args.actuators, free_base: args.free_base, package: args.package.clone() },

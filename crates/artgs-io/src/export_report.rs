@@ -34,6 +34,9 @@ pub struct RequestedOptions {
     pub observed_limits: bool,
     /// Triangles per link, about.
     pub triangles: Option<usize>,
+    /// Millimetres per texel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub texel: Option<f64>,
     /// Front in the frame of the capture, as on the command line.
     pub front: Option<String>,
     /// Links keep the names of the replica's parts.

@@ -217,3 +217,17 @@ fn densities_and_masses_are_those_asked_for_and_a_hand_moves_every_part() {
         }
     }
 }
+
+#[test]
+fn texels_have_the_edge_that_was_asked_for() {
+    let (replica, meshes) = replica();
+    let texels = |texel: f64, scale: f64| -> Vec<f64> {
+        let config = PhysicalConfig { texel: Some(texel), scale, ..PhysicalConfig::default() };
+        surfaces(&replica, &meshes, None, &config).iter().map(|surface| surface.texels[0] as f64).collect()
+    };
+    let (coarse, fine, larger) = (texels(0.02, 1.0), texels(0.01, 1.0), texels(0.02, 2.0));
+    for ((coarse, fine), larger) in coarse.iter().zip(&fine).zip(&larger) {
+        assert!((3.6..4.4).contains(&(fine / coarse)), "{coarse} {fine}");
+        assert!((larger / fine - 1.0).abs() < 0.02, "{larger} {fine}");
+    }
+}

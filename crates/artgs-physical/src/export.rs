@@ -137,6 +137,8 @@ pub struct ExportOptions {
     pub observed_limits: bool,
     /// Triangles per link, about, for drawing; none for the default of [`PhysicalConfig`].
     pub triangles: Option<usize>,
+    /// Millimetres per texel; none for the resolution of the photos.
+    pub texel: Option<f64>,
     /// Front of the object in the frame of the capture.
     pub front: FrontAxis,
     /// Links keep the names of the replica's parts instead of names by their classes.
@@ -161,6 +163,7 @@ impl Default for ExportOptions {
             hulls: None,
             observed_limits: false,
             triangles: None,
+            texel: None,
             front: FrontAxis::Auto,
             part_names: false,
             write: WriteOptions::default(),
@@ -202,6 +205,7 @@ impl ExportOptions {
             hulls,
             observed_limits: asked.observed_limits,
             triangles: asked.triangles,
+            texel: asked.texel,
             front: front.unwrap_or_default(),
             part_names: asked.part_names,
             write,
@@ -221,13 +225,15 @@ impl ExportOptions {
             most_hulls: self.hulls.unwrap_or(defaults.most_hulls),
             extend_limits: !self.observed_limits,
             triangles: self.triangles.unwrap_or(defaults.triangles),
+            texel: self.texel.map(|millimetres| 1e-3 * millimetres),
             front: self.front.in_upright_frame(self.up).ok_or(ExportError::Front(self.front))?,
             part_names: self.part_names,
             ..defaults
         };
         let densities = config.densities.iter().map(|(_, density)| ("density", *density));
         let given = [("scale", config.scale), ("density", config.density)].into_iter().chain(densities);
-        for (name, value) in given.chain(config.mass.map(|mass| ("mass", mass))) {
+        let given = given.chain(config.mass.map(|mass| ("mass", mass)));
+        for (name, value) in given.chain(self.texel.map(|texel| ("texel", texel))) {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(ExportError::Setting { name, value });
             }
@@ -247,6 +253,7 @@ impl ExportOptions {
             hulls: self.hulls,
             observed_limits: self.observed_limits,
             triangles: self.triangles,
+            texel: self.texel,
             front: (self.front != FrontAxis::Auto).then(|| self.front.name().into()),
             part_names: self.part_names,
             free_base: self.write.free_base,

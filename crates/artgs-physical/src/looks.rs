@@ -188,7 +188,8 @@ fn surface(
     let shaded = with_normals(&simple.mesh, CREASE);
     let views = views(part, replica, capture, hidden);
     let extent = bounds(fused).map_or(0.0, |[low, high]| low.distance(high)).max(1e-12);
-    let texels_per_unit = texel_density(&views, fused).unwrap_or(1.0 / voxel).min(config.texels / extent);
+    let of_views = || texel_density(&views, fused).unwrap_or(1.0 / voxel).min(config.texels / extent);
+    let texels_per_unit = config.texel.map_or_else(of_views, |edge| config.scale / edge);
     let options = UnwrapOptions { texels_per_unit, max_side: config.texture_side, ..UnwrapOptions::default() };
     match unwrap(&shaded, &options) {
         Ok(flat) => {
