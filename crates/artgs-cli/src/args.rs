@@ -295,6 +295,9 @@ pub(crate) struct Export {
     /// Triangles per link, about, for drawing; 20000 if absent
     #[arg(long, value_name = "N", value_parser = triangles)]
     pub(crate) triangles: Option<usize>,
+    /// Millimetres per texel of the textures; as in the photos if absent
+    #[arg(long, value_name = "MM", value_parser = texel)]
+    pub(crate) texel: Option<f64>,
     /// Number of threads; all cores if absent
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<NonZeroUsize>,
@@ -609,6 +612,10 @@ fn object_name(text: &str) -> Result<String, String> {
 fn hulls(text: &str) -> Result<u32, String> {
     let number = text.parse().ok().filter(|n| (1..=1000).contains(n));
     number.ok_or_else(|| "a whole number from 1 to 1000".into())
+}
+
+fn texel(text: &str) -> Result<f64, String> {
+    number_in(text, 1e-2, 1e3)
 }
 
 /// Numbers of triangles that can show something.

@@ -5,13 +5,16 @@ use crate::commands::{Style, use_threads};
 use crate::failure::Failure;
 use crate::folder::{load_capture, lock, photos_of, require_replica};
 use crate::output::{Report, note};
+use crate::progress;
+use artgs::observer::{Event, Observer};
 use artgs_core::Capture;
 use artgs_io::RunFolder;
 use artgs_io::asset::WriteOptions;
 use artgs_io::run_folder::load_json;
 use artgs_physical::Up;
-use artgs_physical::export::{CollisionSource, ExportError, ExportOptions};
+use artgs_physical::export::{CollisionSource, ExportError, ExportEvent, ExportOptions, ExportStep};
 use std::path::Path;
+use std::time::Instant;
 
 pub(crate) fn run(args: &Export, style: Style) -> Result<(), Failure> {
     use_threads(args.threads)?;
@@ -31,9 +34,15 @@ pub(crate) fn report(args: &Export, style: Style, remark: &mut dyn FnMut(&str)) 
     options.config().map_err(failure)?;
     require_replica(&run)?;
     let lock = lock(&run, "artgs export", style)?;
-    let report = export_with(&run, &options, remark);
+    let report = export_with(&run, &options, remark, observer(style).as_mut());
     drop(lock);
     report
+}
+
+/// Shows the steps, but not between other JSON.
+fn observer(style: Style) -> Box<dyn Observer> {
+    let quiet = Style { silent: style.silent || style.quiet || style.json, ..style };
+    progress::renderer(quiet)
 }
 
 /// Upward axis of the recordings that a run aligned; none if it aligned none, they state none, or it is no axis.
@@ -65,6 +74,7 @@ fn options(args: &Export, up: UpAxis) -> ExportOptions {
         hulls: args.hulls,
         observed_limits: args.observed_limits,
         triangles: args.triangles,
+        texel: args.texel,
         front: args.front,
         part_names: args.part_names,
         write: WriteOptions { actuators: args.actuators, free_base: args.free_base, package: args.package.clone() },
@@ -73,15 +83,56 @@ fn options(args: &Export, up: UpAxis) -> ExportOptions {
 
 /// Writes the formats into a folder that is locked and reports what was decided.
 pub(crate) fn export_locked(run: &RunFolder, options: &ExportOptions, style: Style) -> Result<Report, Failure> {
-    export_with(run, options, &mut |text| note(text, style))
+    export_with(run, options, &mut |text| note(text, style), observer(style).as_mut())
 }
 
-fn export_with(run: &RunFolder, options: &ExportOptions, remark: &mut dyn FnMut(&str)) -> Result<Report, Failure> {
+fn export_with(
+    run: &RunFolder,
+    options: &ExportOptions,
+    remark: &mut dyn FnMut(&str),
+    shown: &mut dyn Observer,
+) -> Result<Report, Failure> {
     options.config().map_err(failure)?;
     require_replica(run)?;
     let capture = capture(run, options.capture.as_deref(), remark)?;
-    let report = artgs_physical::export::export(run, options, capture.as_ref(), |warning| remark(warning));
-    Report::new(&report.map_err(failure)?)
+    let mut steps = Steps::new(shown);
+    let report = artgs_physical::export::export(run, options, capture.as_ref(), |event| match event {
+        ExportEvent::Warning(warning) => remark(warning),
+        ExportEvent::Begins(step) => steps.begin(step),
+        ExportEvent::Written(done, all) => steps.written(done, all),
+    });
+    let report = report.map_err(failure)?;
+    steps.end();
+    Report::new(&report)
+}
+
+/// The steps of an export as stages of a run.
+struct Steps<'a> {
+    shown: &'a mut dyn Observer,
+    current: Option<(ExportStep, Instant)>,
+}
+
+impl<'a> Steps<'a> {
+    fn new(shown: &'a mut dyn Observer) -> Self {
+        Self { shown, current: None }
+    }
+
+    fn begin(&mut self, step: ExportStep) {
+        self.end();
+        self.current = Some((step, Instant::now()));
+        self.shown.event(Event::started(step.name()));
+    }
+
+    fn written(&mut self, done: usize, all: usize) {
+        let stage = ExportStep::Write.name().into();
+        self.shown.event(Event::Progress { stage, step: done, total: all, loss: None, psnr: None, gaussians: None });
+    }
+
+    fn end(&mut self) {
+        if let Some((step, begun)) = self.current.take() {
+            self.shown.event(Event::finished(step.name(), begun.elapsed().as_secs_f64(), false));
+        }
+    }
 }
 
 fn failure(error: ExportError) -> Failure {

@@ -84,6 +84,10 @@ fn every_format_is_written_and_passes_the_check() {
     assert_eq!(done.status.code(), Some(0), "{said}{noted}");
     assert!(said.contains("door: 0 = closed (start)") && said.contains("urdf/my_cabinet.urdf"), "{said}");
     assert!(noted.contains("--capture"), "{noted}");
+    for step in ["surfaces", "limits", "hulls", "write"] {
+        assert!(noted.contains(&format!("{step}: started\n{step}: ")), "{noted}");
+    }
+    assert!(said.contains("MB; together ") && said.contains("stored once"), "{said}");
     let exports = out.join("exports");
     for file in [
         "urdf/my_cabinet.urdf",

@@ -2,11 +2,12 @@
 
 use crate::asset::Format;
 use crate::run_folder::{RunFolder, load_json, save_json};
+use crate::shared_files::store_once;
 use crate::{FileDigest, FileError};
 use artgs_core::{Handle, HingeSide, JointKind, PartClass, Rigid};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::{Component, Path, PathBuf};
 
@@ -33,6 +34,9 @@ pub struct RequestedOptions {
     pub observed_limits: bool,
     /// Triangles per link, about.
     pub triangles: Option<usize>,
+    /// Millimetres per texel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub texel: Option<f64>,
     /// Front in the frame of the capture, as on the command line.
     pub front: Option<String>,
     /// Links keep the names of the replica's parts.
@@ -73,6 +77,8 @@ pub struct ExportReport {
     /// Empty in reports of versions before there were digests.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub digests: BTreeMap<String, FileDigest>,
+    /// Bytes that files of the same content in several formats would need in addition: they are stored once, as hard links.
+    pub shared_bytes: u64,
     /// Hash of the replica that was exported; none in reports of versions before there were digests.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub replica: Option<String>,
@@ -202,8 +208,25 @@ impl ExportReport {
             let words: Vec<_> = inside.iter().map(|word| word.to_string_lossy()).collect();
             self.digests.insert(words.join("/"), FileDigest::of(file)?);
         }
+        self.shared_bytes = store_once(self.written(&exports));
         self.replica = folder.replica_digest()?;
         Ok(())
+    }
+
+    /// The files written by this export into a folder of exports, with their digests, in the order of their names.
+    fn written<'a>(&'a self, exports: &'a Path) -> impl Iterator<Item = (PathBuf, &'a FileDigest)> {
+        let files: BTreeSet<&PathBuf> = self.files.iter().collect();
+        let all = self.digests.iter().map(|(name, digest)| (exports.join(name), digest));
+        all.filter(move |(path, _)| files.contains(path))
+    }
+
+    /// Bytes of all files of every format in the folder of exports.
+    pub fn sizes(&self) -> Vec<(Format, u64)> {
+        let size = |format: Format| {
+            let own = self.digests.iter().filter(|(name, _)| is_of(name, format));
+            own.map(|(_, digest)| digest.bytes).sum()
+        };
+        Format::ALL.into_iter().map(|format| (format, size(format))).filter(|(_, bytes)| *bytes > 0).collect()
     }
 
     /// What differs from what was written, one sentence per file; none if the report has no digests.
@@ -284,8 +307,24 @@ impl fmt::Display for ExportReport {
             100.0 * self.cut_share
         )?;
         writeln!(f)?;
-        self.files.iter().filter(|file| is_main(file)).try_for_each(|file| writeln!(f, "{}", file.display()))
+        self.files.iter().filter(|file| is_main(file)).try_for_each(|file| writeln!(f, "{}", file.display()))?;
+        let sizes = self.sizes();
+        if sizes.is_empty() {
+            return Ok(());
+        }
+        let all: u64 = sizes.iter().map(|(_, bytes)| bytes).sum();
+        let each: Vec<String> = sizes.iter().map(|(format, bytes)| format!("{format} {}", megabytes(*bytes))).collect();
+        writeln!(f)?;
+        write!(f, "{}; together {}", each.join(", "), megabytes(all))?;
+        match self.shared_bytes {
+            0 => writeln!(f),
+            shared => writeln!(f, ", of which {} are the same files and stored once", megabytes(shared)),
+        }
     }
+}
+
+fn megabytes(bytes: u64) -> String {
+    format!("{:.1} MB", bytes as f64 / 1e6)
 }
 
 /// With one digit, without a negative zero.
@@ -347,6 +386,23 @@ mod tests {
     }
 
     #[test]
+    fn the_summary_has_the_sizes_of_formats_and_what_they_share() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = RunFolder::new(root.path());
+        let names = ["urdf/meshes/base.obj", "sdf/meshes/base.obj", "glb/replica.glb"];
+        let files: Vec<PathBuf> = names.iter().map(|name| folder.exports().join(name)).collect();
+        for (file, byte) in files.iter().zip([b'a', b'a', b'b']) {
+            crate::write_atomic(file, &[byte; 1_500_000]).unwrap();
+        }
+        let mut report = ExportReport { files, ..ExportReport::default() };
+        assert!(!report.to_string().contains("MB"));
+        report.record_digests(&folder, &[Format::Urdf, Format::Sdf, Format::Glb]).unwrap();
+        let text = report.to_string();
+        let expected = "urdf 1.5 MB, glb 1.5 MB, sdf 1.5 MB; together 4.5 MB, of which 1.5 MB are the same files and stored once\n";
+        assert!(text.ends_with(expected), "{text}");
+    }
+
+    #[test]
     fn altered_and_missing_files_are_named_wherever_the_folder_is() {
         let root = tempfile::tempdir().unwrap();
         let folder = RunFolder::new(root.path().join("a"));
@@ -377,6 +433,8 @@ mod tests {
         {
             assert!(problem.contains(words), "{problem}");
         }
+        let sizes = ExportReport::load(&moved).unwrap().unwrap().sizes();
+        assert_eq!(sizes, [(Format::Urdf, 17 + 20), (Format::Glb, 7)]);
         // A format that is gone and was not written again is not expected any more.
         std::fs::remove_dir_all(moved.exports().join("urdf")).unwrap();
         let mut report = ExportReport::default();

@@ -21,6 +21,7 @@ mod reduce;
 pub mod replica;
 mod run_contents;
 pub mod run_folder;
+mod shared_files;
 mod splat_ply;
 pub mod summary;
 mod tensors;

@@ -4,6 +4,7 @@ use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest, uncovered};
 use crate::config::{Collision, PhysicalConfig};
 use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with, patches, seen_points};
 use crate::describe::{Described, describe, diagonal, to_identifier};
+use crate::export::ExportStep;
 use crate::hull::Hull;
 use crate::looks::{PartSurface, Wall};
 use crate::mass::{inertial, walls};
@@ -50,10 +51,13 @@ pub(crate) fn assemble(
     surfaces: &[PartSurface],
     config: &PhysicalConfig,
     decomposer: Option<&Decomposer>,
+    begins: &mut dyn FnMut(ExportStep),
 ) -> Result<(Asset, Decisions), String> {
+    begins(ExportStep::Limits);
     let (mut asset, mut decisions) = limited(name, replica, surfaces, config)?;
     let meshes: Vec<&Mesh> = surfaces.iter().map(|s| &s.visual.mesh).collect();
     let diagonal = config.scale * diagonal(&meshes);
+    begins(ExportStep::Hulls);
     collide(&mut asset, &mut decisions, surfaces, diagonal, config, decomposer)?;
     Ok((asset, decisions))
 }

@@ -61,7 +61,7 @@ fn observed_states_keep_their_positions_and_positive_values_open() {
     for (up, scale) in [(Up::Z, 1.0), (Up::Y, 2.5)] {
         let config = PhysicalConfig { up, scale, front: Front::Captured, ..PhysicalConfig::default() };
         let surfaces = surfaces(&replica, &meshes, None, &config);
-        let (asset, decisions) = assemble("A cabinet", &replica, &surfaces, &config, None).unwrap();
+        let (asset, decisions) = assemble("A cabinet", &replica, &surfaces, &config, None, &mut |_| {}).unwrap();
         assert_eq!(asset.name, "a_cabinet");
         let names: Vec<&str> = asset.links.iter().map(|l| l.name.as_str()).collect();
         assert_eq!(names, ["base", "drawer_lower", "world_2"]);
@@ -119,7 +119,7 @@ fn a_carried_part_and_a_screw_keep_their_places() {
     replica.validate().unwrap();
     let config = PhysicalConfig { scale: 2.5, front: Front::Captured, ..PhysicalConfig::default() };
     let (asset, decisions) =
-        assemble("a", &replica, &surfaces(&replica, &meshes, None, &config), &config, None).unwrap();
+        assemble("a", &replica, &surfaces(&replica, &meshes, None, &config), &config, None, &mut |_| {}).unwrap();
     assert_eq!(asset.links.iter().map(|l| l.parent).collect::<Vec<_>>(), [None, Some(0), Some(0), Some(2), Some(2)]);
     let turned = asset.links[3].joint.unwrap();
     assert_eq!(turned.kind, JointKind::Screw);
@@ -140,13 +140,14 @@ fn no_pose_has_collisions() {
     let (replica, meshes) = replica();
     let config = PhysicalConfig::default();
     let (asset, decisions) =
-        assemble("a", &replica, &surfaces(&replica, &meshes, None, &config), &config, None).unwrap();
+        assemble("a", &replica, &surfaces(&replica, &meshes, None, &config), &config, None, &mut |_| {}).unwrap();
     assert!(decisions.penetration < 1e-4, "{}", decisions.penetration);
     // The back wall limits the drawer.
     let drawer = asset.links[1].joint.unwrap();
     assert!(drawer.limits[0] > -0.1, "{drawer:?}");
     let none = PhysicalConfig { collision: Collision::None, ..config.clone() };
-    let (bare, _) = assemble("a", &replica, &surfaces(&replica, &meshes, None, &none), &none, None).unwrap();
+    let (bare, _) =
+        assemble("a", &replica, &surfaces(&replica, &meshes, None, &none), &none, None, &mut |_| {}).unwrap();
     assert!(bare.links.iter().all(|l| l.collision.is_empty()));
 }
 
@@ -157,7 +158,7 @@ fn a_part_without_a_surface_is_a_light_link() {
     let config = PhysicalConfig::default();
     let surfaces = surfaces(&replica, &meshes, None, &config);
     assert!(surfaces[2].warnings[0].contains("world has no surface"));
-    let (asset, _) = assemble("a", &replica, &surfaces, &config, None).unwrap();
+    let (asset, _) = assemble("a", &replica, &surfaces, &config, None, &mut |_| {}).unwrap();
     assert!(asset.links[2].visual.mesh.is_empty() && asset.links[2].inertial.mass == config.least_mass);
 }
 
@@ -178,10 +179,13 @@ fn a_decomposer_makes_the_pieces_or_fails() {
         let points = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)));
         Ok(vec![points.collect::<Vec<_>>(), vec![DVec3::ZERO; 5]])
     };
-    let (asset, _) = assemble("a", &replica, &surfaces, &config, Some(&boxes)).unwrap();
+    let (asset, _) = assemble("a", &replica, &surfaces, &config, Some(&boxes), &mut |_| {}).unwrap();
     assert_eq!(asset.links[2].collision.len(), 1);
     let failing = |_: &Mesh| Err("no such program".to_string());
-    assert_eq!(assemble("a", &replica, &surfaces, &config, Some(&failing)).unwrap_err(), "no such program");
+    assert_eq!(
+        assemble("a", &replica, &surfaces, &config, Some(&failing), &mut |_| {}).unwrap_err(),
+        "no such program"
+    );
 }
 
 #[test]
@@ -189,7 +193,8 @@ fn densities_and_masses_are_those_asked_for_and_a_hand_moves_every_part() {
     let (replica, meshes) = replica();
     let config = PhysicalConfig::default();
     let surfaces = surfaces(&replica, &meshes, None, &config);
-    let built = |config: &PhysicalConfig| assemble("a", &replica, &surfaces, config, None).map(|(asset, _)| asset);
+    let built =
+        |config: &PhysicalConfig| assemble("a", &replica, &surfaces, config, None, &mut |_| {}).map(|(asset, _)| asset);
     let masses = |asset: &Asset| asset.links.iter().map(|l| l.inertial.mass).collect::<Vec<f64>>();
     let plain = built(&config).unwrap();
     let oak = PhysicalConfig { densities: vec![("world_2".into(), 1300.0)], mass: Some(60.0), ..config.clone() };
@@ -210,5 +215,19 @@ fn densities_and_masses_are_those_asked_for_and_a_hand_moves_every_part() {
             let needed = (joint.friction + joint.damping * 0.5 / arm) / arm;
             assert!(needed > 0.1 && needed < 10.5, "{joint:?}: {needed} N");
         }
+    }
+}
+
+#[test]
+fn texels_have_the_edge_that_was_asked_for() {
+    let (replica, meshes) = replica();
+    let texels = |texel: f64, scale: f64| -> Vec<f64> {
+        let config = PhysicalConfig { texel: Some(texel), scale, ..PhysicalConfig::default() };
+        surfaces(&replica, &meshes, None, &config).iter().map(|surface| surface.texels[0] as f64).collect()
+    };
+    let (coarse, fine, larger) = (texels(0.02, 1.0), texels(0.01, 1.0), texels(0.02, 2.0));
+    for ((coarse, fine), larger) in coarse.iter().zip(&fine).zip(&larger) {
+        assert!((3.6..4.4).contains(&(fine / coarse)), "{coarse} {fine}");
+        assert!((larger / fine - 1.0).abs() < 0.02, "{larger} {fine}");
     }
 }

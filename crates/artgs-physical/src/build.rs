@@ -3,6 +3,7 @@
 use crate::assemble::{Decisions, assemble};
 use crate::config::PhysicalConfig;
 use crate::decompose::Decomposer;
+use crate::export::ExportStep;
 use crate::looks::{PartSurface, surfaces};
 use artgs_core::{Asset, Capture, Mesh, Replica, Rigid, Splats};
 
@@ -29,16 +30,18 @@ pub(crate) struct BuiltAsset {
 }
 
 /// Builds an asset. With a capture, textures are baked from its training views. Convex pieces come from [`crate::decompose`], or from
-/// `decomposer` if given; an error is that of the decomposer.
+/// `decomposer` if given; an error is that of the decomposer. `begins` gets the steps.
 pub(crate) fn build(
     name: &str,
     parts: &Parts,
     capture: Option<&Capture>,
     config: &PhysicalConfig,
     decomposer: Option<&Decomposer>,
+    begins: &mut dyn FnMut(ExportStep),
 ) -> Result<BuiltAsset, String> {
+    begins(ExportStep::Surfaces);
     let surfaces = surfaces(parts.replica, parts.meshes, capture, config);
-    let (mut asset, decisions) = assemble(name, parts.replica, &surfaces, config, decomposer)?;
+    let (mut asset, decisions) = assemble(name, parts.replica, &surfaces, config, decomposer, begins)?;
     if let Some(splats) = parts.splats {
         for (part, (link, splats)) in asset.links.iter_mut().zip(splats).enumerate() {
             let to_start = from_canonical(parts.replica, part);

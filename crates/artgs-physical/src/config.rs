@@ -141,7 +141,9 @@ pub struct PhysicalConfig {
     pub contact: ContactMaterial,
     /// Largest number of visual triangles of a link.
     pub triangles: usize,
-    /// Texels along the object's diagonal.
+    /// Edge of a texel, metres; none for the resolution of the photos.
+    pub texel: Option<f64>,
+    /// Texels along the diagonal of a part at most, unless the edge of a texel is given.
     pub texels: f64,
     /// Largest side of a texture, pixels.
     pub texture_side: u32,
@@ -189,6 +191,7 @@ impl Default for PhysicalConfig {
             hand: 5.0,
             contact: ContactMaterial::default(),
             triangles: 20_000,
+            texel: None,
             texels: 900.0,
             texture_side: 4096,
         }

@@ -137,6 +137,8 @@ pub struct ExportOptions {
     pub observed_limits: bool,
     /// Triangles per link, about, for drawing; none for the default of [`PhysicalConfig`].
     pub triangles: Option<usize>,
+    /// Millimetres per texel; none for the resolution of the photos.
+    pub texel: Option<f64>,
     /// Front of the object in the frame of the capture.
     pub front: FrontAxis,
     /// Links keep the names of the replica's parts instead of names by their classes.
@@ -161,6 +163,7 @@ impl Default for ExportOptions {
             hulls: None,
             observed_limits: false,
             triangles: None,
+            texel: None,
             front: FrontAxis::Auto,
             part_names: false,
             write: WriteOptions::default(),
@@ -202,6 +205,7 @@ impl ExportOptions {
             hulls,
             observed_limits: asked.observed_limits,
             triangles: asked.triangles,
+            texel: asked.texel,
             front: front.unwrap_or_default(),
             part_names: asked.part_names,
             write,
@@ -221,13 +225,15 @@ impl ExportOptions {
             most_hulls: self.hulls.unwrap_or(defaults.most_hulls),
             extend_limits: !self.observed_limits,
             triangles: self.triangles.unwrap_or(defaults.triangles),
+            texel: self.texel.map(|millimetres| 1e-3 * millimetres),
             front: self.front.in_upright_frame(self.up).ok_or(ExportError::Front(self.front))?,
             part_names: self.part_names,
             ..defaults
         };
         let densities = config.densities.iter().map(|(_, density)| ("density", *density));
         let given = [("scale", config.scale), ("density", config.density)].into_iter().chain(densities);
-        for (name, value) in given.chain(config.mass.map(|mass| ("mass", mass))) {
+        let given = given.chain(config.mass.map(|mass| ("mass", mass)));
+        for (name, value) in given.chain(self.texel.map(|texel| ("texel", texel))) {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(ExportError::Setting { name, value });
             }
@@ -247,6 +253,7 @@ impl ExportOptions {
             hulls: self.hulls,
             observed_limits: self.observed_limits,
             triangles: self.triangles,
+            texel: self.texel,
             front: (self.front != FrontAxis::Auto).then(|| self.front.name().into()),
             part_names: self.part_names,
             free_base: self.write.free_base,
@@ -303,13 +310,49 @@ impl ExportError {
     }
 }
 
+/// What happens during an export.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ExportEvent<'a> {
+    /// A surface that is not as it should be, in one sentence.
+    Warning(&'a str),
+    /// The next step begins.
+    Begins(ExportStep),
+    /// So many formats of all are written.
+    Written(usize, usize),
+}
+
+/// A step of an export.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ExportStep {
+    /// Closed and textured meshes.
+    Surfaces,
+    /// Masses and joint limits.
+    Limits,
+    /// Convex pieces.
+    Hulls,
+    /// Files.
+    Write,
+}
+
+impl ExportStep {
+    /// Name for people.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Surfaces => "surfaces",
+            Self::Limits => "limits",
+            Self::Hulls => "hulls",
+            Self::Write => "write",
+        }
+    }
+}
+
 /// Exports the replica in a folder into its folder `exports`. Textures are baked from the training views of `capture`,
-/// without it they hold the colours of the meshes. `warn` gets one sentence per surface that is not as it should be.
+/// without it they hold the colours of the meshes. `watch` gets what happens meanwhile.
 pub fn export(
     folder: &RunFolder,
     options: &ExportOptions,
     capture: Option<&Capture>,
-    mut warn: impl FnMut(&str),
+    mut watch: impl FnMut(ExportEvent<'_>),
 ) -> Result<ExportReport, ExportError> {
     let mut config = options.config()?;
     if let Some(format) = options.formats.iter().find(|format| !format.is_available()) {
@@ -323,14 +366,19 @@ pub fn export(
     let by_coacd = |mesh: &Mesh| coacd::decompose(mesh);
     let decomposer =
         (options.collision == CollisionSource::Coacd).then_some(&by_coacd as &crate::decompose::Decomposer);
-    let built = build(&options.name, &parts, capture, &config, decomposer).map_err(ExportError::Build)?;
-    odd_size(built.asset.bounds_diagonal()).iter().for_each(|warning| warn(warning));
-    built.surfaces.iter().flat_map(|surface| &surface.warnings).for_each(|warning| warn(warning));
+    let mut begins = |step| watch(ExportEvent::Begins(step));
+    let built = build(&options.name, &parts, capture, &config, decomposer, &mut begins).map_err(ExportError::Build)?;
+    let warnings = built.surfaces.iter().flat_map(|surface| &surface.warnings);
+    for warning in odd_size(built.asset.bounds_diagonal()).iter().chain(warnings) {
+        watch(ExportEvent::Warning(warning));
+    }
     check_asset(&built.asset).map_err(|reason| ExportError::Asset { path: folder.replica(), reason })?;
+    watch(ExportEvent::Begins(ExportStep::Write));
     let mut files = Vec::new();
-    for format in &options.formats {
+    for (i, format) in options.formats.iter().enumerate() {
         files
             .extend(format.replace_with(&folder.exports(), &built.asset, &options.write).map_err(ExportError::Output)?);
+        watch(ExportEvent::Written(i + 1, options.formats.len()));
     }
     let decided = report(&built, &replica, config.up, &options.formats);
     let mut report = ExportReport { options: options.requested(), files, ..decided };

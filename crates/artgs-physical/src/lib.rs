@@ -11,6 +11,7 @@ pub mod decompose;
 mod describe;
 pub mod export;
 mod flush;
+mod fused;
 mod hull;
 pub mod looks;
 mod mass;

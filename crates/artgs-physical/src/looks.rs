@@ -4,10 +4,11 @@ use crate::bake::{BakeOptions, BakeView, bake, depth_of};
 use crate::config::PhysicalConfig;
 use crate::convert::{from_parry, pose, to_parry};
 use crate::describe::diagonal;
+use crate::fused::Fused;
 use crate::passage::{Passage, carved, freed};
-use crate::repair::{RepairOptions, mean_edge, repair, trimesh};
+use crate::repair::{RepairOptions, mean_edge, repair};
 use crate::shade::{CREASE, with_normals};
-use crate::simplify::{SurfaceError, simplify, smoothed};
+use crate::simplify::{Original, SurfaceError, smoothed};
 use crate::topology::{bounds, points};
 use crate::unwrap::{UnwrapOptions, unwrap};
 use artgs_core::{Capture, DepthMap, Joint, Mesh, PerState, Replica, State, TexturedMesh};
@@ -16,6 +17,7 @@ use parry3d::math::Pose3;
 use parry3d::query::{PointQuery as _, PointQueryWithLocation as _, Ray, RayCullingMode};
 use parry3d::shape::TriMesh;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A part's surface at the start state, frame and unit of the capture.
 #[derive(Clone, Debug, Default)]
@@ -39,7 +41,7 @@ pub struct PartSurface {
 /// A fused mesh, for distances.
 #[derive(Clone, Debug)]
 pub struct Seen {
-    shape: TriMesh,
+    shape: Arc<TriMesh>,
     /// Points within this distance belong to it, units of the capture.
     reach: f64,
 }
@@ -92,10 +94,12 @@ pub fn surfaces(
 ) -> Vec<PartSurface> {
     // Views without depth use the rendered depth of all meshes.
     let hidden = PerState::from_fn(|state| rendered_depth(replica, meshes, capture, state));
-    let meshes = &consistent(replica, meshes);
-    let shapes: Vec<Option<TriMesh>> = meshes.par_iter().map(trimesh).collect();
-    let surface = |part| surface(part, replica, (meshes, &shapes), capture, &hidden, config);
-    (0..meshes.len()).into_par_iter().map(surface).collect()
+    let fused = &consistent(replica, meshes);
+    fused.par_iter().for_each(|fused| {
+        fused.shape();
+    });
+    let surface = |part| surface(part, replica, fused, capture, &hidden, config);
+    (0..fused.len()).into_par_iter().map(surface).collect()
 }
 
 /// Edge of a voxel of a fused mesh.
@@ -113,20 +117,21 @@ fn carried_by(replica: &Replica, part: usize) -> impl Iterator<Item = (usize, Jo
     (0..replica.parts.len()).filter(own).filter_map(|q| Some((q, replica.joint(q)?)))
 }
 
-fn passages(replica: &Replica, meshes: &[Mesh], part: usize, voxel: f64) -> Vec<Passage> {
+fn passages(replica: &Replica, meshes: &[Fused], part: usize, voxel: f64) -> Vec<Passage> {
     carried_by(replica, part).filter_map(|(q, joint)| Passage::of(&meshes[q], &joint, voxel)).collect()
 }
 
 /// Fused meshes without surfaces that contradict the motions: first those of carriers, then those of what they carry.
-fn consistent(replica: &Replica, meshes: &[Mesh]) -> Vec<Mesh> {
+fn consistent(replica: &Replica, meshes: &[Mesh]) -> Vec<Fused> {
     let diagonal = diagonal(&meshes.iter().collect::<Vec<_>>());
     let voxels: Vec<f64> = meshes.iter().map(|mesh| voxel(mesh, diagonal)).collect();
     let known = |part: usize| voxels[part] > 0.0;
+    let fused: Vec<Fused> = meshes.iter().cloned().map(Fused::from).collect();
     let carve = |part: usize| match known(part) {
-        true => carved(&meshes[part], &passages(replica, meshes, part, voxels[part])),
-        false => meshes[part].clone(),
+        true => carved(&fused[part], &passages(replica, &fused, part, voxels[part])),
+        false => fused[part].clone(),
     };
-    let carved: Vec<Mesh> = (0..meshes.len()).into_par_iter().map(carve).collect();
+    let carved: Vec<Fused> = (0..meshes.len()).into_par_iter().map(carve).collect();
     let free = |part: usize| match (replica.parts[part].parent, replica.joint(part)) {
         (Some(parent), Some(joint)) if known(part) => freed(&carved[part], &joint, &carved[parent], voxels[part]),
         _ => carved[part].clone(),
@@ -134,27 +139,26 @@ fn consistent(replica: &Replica, meshes: &[Mesh]) -> Vec<Mesh> {
     (0..meshes.len()).into_par_iter().map(free).collect()
 }
 
-/// Surfaces of the other parts in both states, with their poses in the frame of a part at the start state. `shapes` are the surfaces
-/// of all parts, none without triangles.
-fn others<'a>(replica: &Replica, shapes: &'a [Option<TriMesh>], part: usize) -> Vec<(&'a TriMesh, Pose3)> {
+/// Surfaces of the other parts in both states, with their poses in the frame of a part at the start state.
+fn others<'a>(replica: &Replica, meshes: &'a [Fused], part: usize) -> Vec<(&'a TriMesh, Pose3)> {
     let at = |(state, q): (State, usize)| {
         let relative = replica.motion_to(part, state).inverse() * replica.motion_to(q, state);
-        Some((shapes[q].as_ref()?, pose(&relative)))
+        Some((meshes[q].shape()?.as_ref(), pose(&relative)))
     };
-    let all = State::ALL.into_iter().flat_map(|state| (0..shapes.len()).map(move |q| (state, q)));
+    let all = State::ALL.into_iter().flat_map(|state| (0..meshes.len()).map(move |q| (state, q)));
     all.filter(|(_, q)| *q != part).filter_map(at).collect()
 }
 
 fn surface(
     part: usize,
     replica: &Replica,
-    (meshes, shapes): (&[Mesh], &[Option<TriMesh>]),
+    meshes: &[Fused],
     capture: Option<&Capture>,
     hidden: &PerState<Vec<Option<DepthMap>>>,
     config: &PhysicalConfig,
 ) -> PartSurface {
-    let diagonal = diagonal(&meshes.iter().collect::<Vec<_>>());
-    let fused = &meshes[part];
+    let diagonal = diagonal(&meshes.iter().map(Fused::mesh).collect::<Vec<_>>());
+    let fused = meshes[part].mesh();
     let voxel = voxel(fused, diagonal);
     let edge = voxel / VOXEL_PER_EDGE;
     if fused.is_empty() || edge.is_nan() || edge <= 0.0 {
@@ -163,7 +167,7 @@ fn surface(
         return PartSurface { warnings, ..PartSurface::default() };
     }
     let carried = passages(replica, meshes, part, voxel);
-    let others = others(replica, shapes, part);
+    let others = others(replica, meshes, part);
     let obstacles = |p: DVec3| carried.iter().any(|c| c.holds(p));
     let repaired = repair(fused, &obstacles, &others, &RepairOptions::at_resolution(edge));
     /// Share of the triangles asked for that is enough where it keeps the surface within a part of a voxel.
@@ -171,20 +175,21 @@ fn surface(
     const EXACT: f64 = 0.25;
     let smooth = smoothed(&repaired.mesh, 6, 0.5 * voxel);
     // Flat panels need few triangles.
-    let exact = simplify(&smooth, config.triangles / FLAT, EXACT * voxel);
-    let enough = exact.mesh.triangles.len() <= config.triangles && exact.error.most <= EXACT * voxel;
-    let simple = if enough { exact } else { simplify(&smooth, config.triangles, voxel) };
+    let original = Original::new(&smooth);
+    let exact = original.simplified_to(config.triangles / FLAT, EXACT * voxel, config.triangles);
+    let simple = exact.unwrap_or_else(|| original.simplified(config.triangles, voxel));
     let mut out = PartSurface {
         closed: repaired.watertight,
         fused: fused.triangles.len(),
         error: simple.error,
-        observed: shapes[part].clone().map(|shape| Seen { shape, reach: voxel }),
+        observed: meshes[part].shape().cloned().map(|shape| Seen { shape, reach: voxel }),
         ..PartSurface::default()
     };
     let shaded = with_normals(&simple.mesh, CREASE);
     let views = views(part, replica, capture, hidden);
     let extent = bounds(fused).map_or(0.0, |[low, high]| low.distance(high)).max(1e-12);
-    let texels_per_unit = texel_density(&views, fused).unwrap_or(1.0 / voxel).min(config.texels / extent);
+    let of_views = || texel_density(&views, fused).unwrap_or(1.0 / voxel).min(config.texels / extent);
+    let texels_per_unit = config.texel.map_or_else(of_views, |edge| config.scale / edge);
     let options = UnwrapOptions { texels_per_unit, max_side: config.texture_side, ..UnwrapOptions::default() };
     match unwrap(&shaded, &options) {
         Ok(flat) => {

@@ -7,13 +7,14 @@
 //! surface of the carrier belongs to something behind it.
 
 use crate::convert::{from_parry, to_parry};
-use crate::repair::trimesh;
+use crate::fused::Fused;
 use crate::topology::{bounds, corners, cross, points};
 use artgs_core::{Joint, JointKind, Mesh, Rigid, State};
 use glam::DVec3;
 use parry3d::query::{PointQueryWithLocation as _, Ray, RayCast as _, RayCullingMode};
 use parry3d::shape::TriMesh;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// The volume that a part sweeps on its way from start to end, world frame at the start state.
 pub(crate) struct Passage {
@@ -25,17 +26,18 @@ pub(crate) struct Passage {
     back: Vec<Rigid>,
     /// Way from the first of these poses to the last one, for a part that slides.
     way: Option<DVec3>,
-    surface: Option<TriMesh>,
+    surface: Option<Arc<TriMesh>>,
     voxel: f64,
 }
 
 impl Passage {
     /// None if the part has no surface. `voxel`: resolution of its fused mesh, scene units.
-    pub(crate) fn of(mesh: &Mesh, joint: &Joint, voxel: f64) -> Option<Self> {
+    pub(crate) fn of(fused: &Fused, joint: &Joint, voxel: f64) -> Option<Self> {
         /// Tested positions on the way, at least and at most; between, one per voxel.
         const STOPS: [f64; 2] = [8.0, 64.0];
         /// Measured surfaces overlap a little where parts touch.
         const SHRINK: f64 = 0.03;
+        let mesh = fused.mesh();
         let [low, high] = bounds(mesh)?;
         let shrink = SHRINK * (high - low);
         let travel = joint.state_values[State::END] - joint.state_values[State::START];
@@ -55,7 +57,7 @@ impl Passage {
             outer: [low, high],
             around,
             back,
-            surface: trimesh(mesh),
+            surface: fused.shape().cloned(),
             voxel,
             way: (joint.kind == JointKind::Prismatic).then(|| joint.motion(travel).inverse().translation),
         })
@@ -189,9 +191,10 @@ impl Passage {
 }
 
 /// A carrier's fused mesh without the triangles that contradict the motion of what it carries.
-pub(crate) fn carved(mesh: &Mesh, passages: &[Passage]) -> Mesh {
+pub(crate) fn carved(fused: &Fused, passages: &[Passage]) -> Fused {
+    let mesh = fused.mesh();
     if passages.is_empty() {
-        return mesh.clone();
+        return fused.clone();
     }
     let is_wrong = |t: &[u32; 3]| {
         let (p, normal) = (middle(mesh, *t), cross(mesh, *t).normalize_or_zero());
@@ -212,8 +215,7 @@ pub(crate) fn carved(mesh: &Mesh, passages: &[Passage]) -> Mesh {
             *wrong |= *inside && t.iter().any(|v| of_vertex[*v as usize]);
         }
     }
-    let triangles = mesh.triangles.iter().zip(&wrong).filter(|(_, wrong)| !**wrong).map(|(t, _)| *t).collect();
-    Mesh { triangles, ..mesh.clone() }
+    fused.kept(&wrong.iter().map(|wrong| !wrong).collect::<Vec<bool>>())
 }
 
 /// Rings of triangles about those that contradict the motion that go as well where the box of a sliding part moves: about four
@@ -225,13 +227,15 @@ fn middle(mesh: &Mesh, t: [u32; 3]) -> DVec3 {
 }
 
 /// A part's fused mesh without the triangles that pass through the surface of its carrier, which is `carrier`.
-pub(crate) fn freed(mesh: &Mesh, joint: &Joint, carrier: &Mesh, voxel: f64) -> Mesh {
-    let (Some(passage), Some(surface)) = (Passage::of(mesh, joint, voxel), trimesh(carrier)) else {
-        return mesh.clone();
+pub(crate) fn freed(fused: &Fused, joint: &Joint, carrier: &Fused, voxel: f64) -> Fused {
+    let (Some(passage), Some(surface)) = (Passage::of(fused, joint, voxel), carrier.shape()) else {
+        return fused.clone();
     };
     let stride = passage.back.len().div_ceil(MOST_CHORDS);
     let ways: Vec<Rigid> = passage.back.iter().step_by(stride).chain(passage.back.last()).map(Rigid::inverse).collect();
-    kept(mesh, |p, _| !pierces(p, &ways, &surface, voxel))
+    let mesh = fused.mesh();
+    let stays = |t: &[u32; 3]| !pierces(middle(mesh, *t), &ways, surface, voxel);
+    fused.kept(&mesh.triangles.par_iter().map(stays).collect::<Vec<bool>>())
 }
 
 /// Straight pieces of a part's way at most.
@@ -261,13 +265,6 @@ fn pierces(p: DVec3, ways: &[Rigid], surface: &TriMesh, voxel: f64) -> bool {
     })
 }
 
-/// The triangles for whose middle and unit normal a test is true.
-fn kept(mesh: &Mesh, test: impl Fn(DVec3, DVec3) -> bool + Sync) -> Mesh {
-    let is_kept = |t: &[u32; 3]| test(middle(mesh, *t), cross(mesh, *t).normalize_or_zero());
-    let triangles = mesh.triangles.par_iter().filter(|t| is_kept(t)).copied().collect();
-    Mesh { triangles, ..mesh.clone() }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -291,7 +288,7 @@ mod tests {
     #[test]
     fn a_remainder_of_a_door_is_removed_and_the_wall_beside_it_stays() {
         let (door, joint) = door();
-        let passage = Passage::of(&door, &joint, 0.005).unwrap();
+        let passage = Passage::of(&door.clone().into(), &joint, 0.005).unwrap();
         // A body in the middle of the door beside its hinge, one where the open door is, and a wall behind the closed door.
         let remainder = Mesh::cuboid([0.02, -0.025, 0.3], [0.04, -0.015, 0.6]);
         let open = Mesh::cuboid([-0.025, -0.4, 0.3], [-0.015, -0.3, 0.6]);
@@ -299,9 +296,9 @@ mod tests {
         let mut base = wall.clone();
         base.append(&remainder);
         base.append(&open);
-        let left = carved(&base, &[passage]);
+        let left = carved(&base.clone().into(), &[passage]).mesh().clone();
         assert_eq!(left.triangles, wall.triangles);
-        assert_eq!(carved(&base, &[]).triangles.len(), base.triangles.len());
+        assert_eq!(carved(&base.clone().into(), &[]).mesh().triangles.len(), base.triangles.len());
     }
 
     #[test]
@@ -310,7 +307,7 @@ mod tests {
         let axis = DVec3::new(0.2, -1.0, 0.1).normalize();
         let sliding = Joint { kind: JointKind::Prismatic, axis, state_values: PerState::new(-0.1, 0.35), ..turning };
         for joint in [turning, sliding] {
-            let passage = Passage::of(&mesh, &joint, 0.005).unwrap();
+            let passage = Passage::of(&mesh.clone().into(), &joint, 0.005).unwrap();
             let holds = |back: &Rigid, p: DVec3| {
                 let [low, high] = passage.outer;
                 back.apply(p).cmpgt(low).all() && back.apply(p).cmplt(high).all()
@@ -335,9 +332,9 @@ mod tests {
         let front = |t: &[u32; 3]| t.iter().all(|v| door.vertices[*v as usize][1] < -0.03);
         door.triangles = door.triangles.iter().filter(|t| front(t)).copied().collect();
         assert!(!door.triangles.is_empty());
-        let passage = Passage::of(&door, &joint, 0.005).unwrap();
+        let passage = Passage::of(&door.clone().into(), &joint, 0.005).unwrap();
         let behind = Mesh::cuboid([0.2, -0.025, 0.3], [0.4, -0.015, 0.6]);
-        assert_eq!(carved(&behind, &[passage]).triangles.len(), behind.triangles.len());
+        assert_eq!(carved(&behind.clone().into(), &[passage]).mesh().triangles.len(), behind.triangles.len());
     }
 
     #[test]
@@ -352,12 +349,12 @@ mod tests {
             state_values: PerState::new(0.0, 0.2),
             limits: [0.0, 0.2],
         };
-        let passage = Passage::of(&wall, &joint, 0.01).unwrap();
+        let passage = Passage::of(&wall.clone().into(), &joint, 0.01).unwrap();
         let copy = Mesh::cuboid([0.001, 0.02, 0.02], [0.014, 0.28, 0.18]);
         let cabinet = Mesh::cuboid([0.019, -0.1, 0.0], [0.05, 0.6, 0.2]);
         let mut base = cabinet.clone();
         base.append(&copy);
-        let left = carved(&base, &[passage]).triangles;
+        let left = carved(&base.clone().into(), &[passage]).mesh().triangles.clone();
         assert!(cabinet.triangles.iter().all(|t| left.contains(t)));
         // Both large sides of the copy.
         let mut large = copy.clone();
@@ -378,18 +375,18 @@ mod tests {
             state_values: PerState::new(0.0, 0.3),
             limits: [0.0, 0.3],
         };
-        let passage = Passage::of(&floor, &joint, 0.01).unwrap();
+        let passage = Passage::of(&floor.clone().into(), &joint, 0.01).unwrap();
         let mut sheet = Mesh::cuboid([0.02, 0.1, -0.05], [0.38, 0.48, 0.013]);
         refine(&mut sheet, 0.05);
         let upper = |mesh: &Mesh| mesh.triangles.iter().filter(|t| cross(mesh, **t).normalize().z > 0.9).count();
         assert!(upper(&sheet) > 20);
-        assert_eq!(upper(&carved(&sheet, &[passage])), 0);
+        assert_eq!(upper(carved(&sheet.clone().into(), &[passage]).mesh()), 0);
         // The front of a frame, flush with that of a door beside it; a wall whose front is behind that of the door, by its thickness.
         let (door, joint) = door();
-        let passage = [Passage::of(&door, &joint, 0.01).unwrap()];
+        let passage = [Passage::of(&door.clone().into(), &joint, 0.01).unwrap()];
         let mut frame = Mesh::cuboid([0.602, -0.04, 0.0], [0.8, 0.1, 0.9]);
         frame.append(&Mesh::cuboid([0.0, 0.002, 0.0], [0.6, 0.1, 0.9]));
-        assert_eq!(carved(&frame, &passage).triangles, frame.triangles);
+        assert_eq!(carved(&frame.clone().into(), &passage).mesh().triangles, frame.triangles);
     }
 
     #[test]
@@ -399,10 +396,10 @@ mod tests {
         let front = Mesh::cuboid([0.5, 0.005, 0.0], [1.0, 0.015, 0.9]);
         let mut part = door.clone();
         part.append(&Mesh::cuboid([0.5, 0.1, 0.2], [0.55, 0.3, 0.7]));
-        assert_eq!(freed(&part, &joint, &front, 0.005).triangles, door.triangles);
+        assert_eq!(freed(&part.clone().into(), &joint, &front.clone().into(), 0.005).mesh().triangles, door.triangles);
         // A front beside the door stops nothing.
         let beside = Mesh::cuboid([0.605, -0.04, 0.0], [1.0, 0.0, 0.9]);
-        assert_eq!(freed(&door, &joint, &beside, 0.005).triangles, door.triangles);
+        assert_eq!(freed(&door.clone().into(), &joint, &beside.clone().into(), 0.005).mesh().triangles, door.triangles);
     }
 
     #[test]
@@ -425,8 +422,8 @@ mod tests {
             mesh.triangles.iter().filter(|t| (low..high).contains(&x(t))).count()
         };
         assert!(inside(&sheet, 0.045, 0.08) > 50);
-        let passage = Passage::of(&drawer, &joint(JointKind::Prismatic), 0.01).unwrap();
-        let left = carved(&sheet, &[passage]);
+        let passage = Passage::of(&drawer.clone().into(), &joint(JointKind::Prismatic), 0.01).unwrap();
+        let left = carved(&sheet.clone().into(), &[passage]).mesh().clone();
         assert!(inside(&left, 0.045, 0.07) == 0, "{}", inside(&left, 0.045, 0.07));
         assert_eq!(inside(&left, -0.2, -0.01), inside(&sheet, -0.2, -0.01));
     }

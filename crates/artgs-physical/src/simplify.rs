@@ -21,7 +21,7 @@ pub struct SurfaceError {
     pub mean: f64,
 }
 
-/// Result of [`simplify`].
+/// A mesh of fewer triangles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Simplified {
     /// The mesh; closed if the original is closed.
@@ -33,26 +33,69 @@ pub(crate) struct Simplified {
 /// Samples of each surface for measuring the error.
 const SAMPLES: usize = 60_000;
 
-/// Reduces a mesh to about `budget` triangles; where that would move more than a hundredth of the surface by more than
-/// `max_error` (scene units), it keeps more of them. Borders stay, a closed mesh stays closed. Vertices are some of the old
-/// ones, with their colours.
-pub(crate) fn simplify(mesh: &Mesh, budget: usize, max_error: f64) -> Simplified {
-    if mesh.triangles.len() <= budget {
-        return Simplified { mesh: mesh.clone(), error: SurfaceError::default() };
+/// A mesh that is simplified several times.
+pub(crate) struct Original<'a> {
+    mesh: &'a Mesh,
+    shape: Option<TriMesh>,
+    samples: Vec<DVec3>,
+}
+
+impl<'a> Original<'a> {
+    /// Prepares measuring distances.
+    pub(crate) fn new(mesh: &'a Mesh) -> Self {
+        Self { mesh, shape: trimesh(mesh), samples: samples(mesh) }
     }
-    let mut bound = max_error;
-    let mut simplified = Simplified::default();
-    // The library limits only an estimate of the error, so the measured error decides.
-    for _ in 0..3 {
-        let simpler = collapsed(mesh, budget, bound);
-        let error = surface_error(mesh, &simpler);
-        simplified = Simplified { mesh: simpler, error };
-        if error.most <= max_error {
-            break;
+
+    /// Reduces the mesh to about `budget` triangles; where that would move more than a hundredth of the surface by more than
+    /// `max_error` (scene units), it keeps more of them. Borders stay, a closed mesh stays closed. Vertices are some of the old
+    /// ones, with their colours.
+    pub(crate) fn simplified(&self, budget: usize, max_error: f64) -> Simplified {
+        self.attempts(budget, max_error, usize::MAX).unwrap_or_default()
+    }
+
+    /// The same if that leaves at most `most` triangles and keeps the error within the bound, else none.
+    pub(crate) fn simplified_to(&self, budget: usize, max_error: f64, most: usize) -> Option<Simplified> {
+        self.attempts(budget, max_error, most).filter(|done| done.error.most <= max_error)
+    }
+
+    fn attempts(&self, budget: usize, max_error: f64, most: usize) -> Option<Simplified> {
+        if self.mesh.triangles.len() <= budget {
+            return Some(Simplified { mesh: self.mesh.clone(), error: SurfaceError::default() });
         }
-        bound *= (0.5 * max_error / error.most).min(0.5);
+        let mut bound = max_error;
+        let mut done = None;
+        // The library limits only an estimate of the error, so the measured error decides.
+        for _ in 0..3 {
+            let mesh = collapsed(self.mesh, budget, bound);
+            if mesh.triangles.len() > most {
+                // A smaller bound needs even more.
+                return None;
+            }
+            let error = self.error(&mesh);
+            done = Some(Simplified { mesh, error });
+            if error.most <= max_error {
+                break;
+            }
+            bound *= (0.5 * max_error / error.most).min(0.5);
+        }
+        done
     }
-    simplified
+
+    /// Distances from points of each surface to the other. Points are vertices and spread over triangles by area.
+    fn error(&self, other: &Mesh) -> SurfaceError {
+        let one_way = |points: &[DVec3], to: Option<&TriMesh>| -> Vec<f64> {
+            let Some(shape) = to else { return Vec::new() };
+            points.par_iter().map(|p| distance(shape, *p)).collect()
+        };
+        let there = one_way(&self.samples, trimesh(other).as_ref());
+        let mut all = [there, one_way(&samples(other), self.shape.as_ref())].concat();
+        all.sort_unstable_by(f64::total_cmp);
+        SurfaceError {
+            max: all.last().copied().unwrap_or(0.0),
+            most: all.get(all.len() * 99 / 100).copied().unwrap_or(0.0),
+            mean: all.iter().sum::<f64>() / all.len().max(1) as f64,
+        }
+    }
 }
 
 fn collapsed(mesh: &Mesh, budget: usize, max_error: f64) -> Mesh {
@@ -68,21 +111,6 @@ fn collapsed(mesh: &Mesh, budget: usize, max_error: f64) -> Mesh {
         simpler = split_to_manifold(&simpler, 1e-3);
     }
     simpler
-}
-
-/// Distances from points of each surface to the other. Points are vertices and spread over triangles by area.
-pub(crate) fn surface_error(a: &Mesh, b: &Mesh) -> SurfaceError {
-    let one_way = |from: &Mesh, to: &Mesh| -> Vec<f64> {
-        let Some(solid) = trimesh(to) else { return Vec::new() };
-        samples(from).par_iter().map(|p| distance(&solid, *p)).collect()
-    };
-    let mut all = [one_way(a, b), one_way(b, a)].concat();
-    all.sort_unstable_by(f64::total_cmp);
-    SurfaceError {
-        max: all.last().copied().unwrap_or(0.0),
-        most: all.get(all.len() * 99 / 100).copied().unwrap_or(0.0),
-        mean: all.iter().sum::<f64>() / all.len().max(1) as f64,
-    }
 }
 
 fn distance(solid: &TriMesh, p: DVec3) -> f64 {
@@ -171,7 +199,7 @@ mod tests {
     #[test]
     fn a_sphere_is_simplified_within_the_error_it_states() {
         let fine = welded(&sphere(1.0, 60), 1e-6);
-        let done = simplify(&fine, 2000, 0.02);
+        let done = Original::new(&fine).simplified(2000, 0.02);
         assert!(done.mesh.triangles.len() <= 2000 && open_edges(&done.mesh.triangles) == 0);
         // What a sphere of so many triangles has by theory: area per triangle a, sagitta about 0.385 a / r.
         let sagitta = 0.385 * 4.0 * std::f64::consts::PI / done.mesh.triangles.len() as f64;
@@ -185,18 +213,28 @@ mod tests {
         assert!(done.error.mean > 0.2 * sagitta && done.error.mean < 2.0 * sagitta, "{:?}, {sagitta}", done.error);
         assert!(done.error.max <= 0.02);
         // A small error bound needs more triangles than the budget.
-        let careful = simplify(&fine, 100, 0.002);
+        let careful = Original::new(&fine).simplified(100, 0.002);
         assert!(careful.error.most <= 0.002 && careful.mesh.triangles.len() > 2000);
+    }
+
+    #[test]
+    fn a_bound_that_needs_too_many_triangles_is_given_up() {
+        let fine = welded(&sphere(1.0, 60), 1e-6);
+        let original = Original::new(&fine);
+        let done = original.simplified(100, 0.002);
+        let count = done.mesh.triangles.len();
+        assert_eq!(original.simplified_to(100, 0.002, count), Some(done));
+        assert_eq!(original.simplified_to(100, 0.002, count / 2), None);
     }
 
     #[test]
     fn a_box_needs_twelve_triangles_and_a_sheet_keeps_its_border() {
         let fine = welded(&open_box(DVec3::ONE, 20, [true; 6]), 1e-6);
-        let done = simplify(&fine, 12, 1e-3);
+        let done = Original::new(&fine).simplified(12, 1e-3);
         assert!(done.mesh.triangles.len() <= 40 && done.error.max < 1e-3, "{}", done.mesh.triangles.len());
         assert_eq!(done.mesh.colors.len(), done.mesh.vertices.len());
         let sheet = welded(&open_box(DVec3::ONE, 20, [false, true, false, false, false, false]), 1e-6);
-        let done = simplify(&sheet, 12, 1e-3);
+        let done = Original::new(&sheet).simplified(12, 1e-3);
         assert_eq!(open_edges(&done.mesh.triangles), 80);
     }
 

@@ -148,7 +148,10 @@ pub(crate) fn first_contact(
     let mut best: Option<Contact> = None;
     for own in (0..asset.links.len()).filter(|i| is_carried[*i]) {
         for other in (0..asset.links.len()).filter(|i| !is_carried[*i]) {
-            let other_from_own: Vec<Rigid> = poses.iter().map(|at| at[other].inverse() * at[own]).collect();
+            // Behind the first contact, others do not matter.
+            let needed = best.map_or(f64::INFINITY, |best| ((best.way + before) / step).ceil() + 2.0);
+            let poses = poses.iter().take(needed as usize);
+            let other_from_own: Vec<Rigid> = poses.map(|at| at[other].inverse() * at[own]).collect();
             let pair = [(&surfaces[own], sweep.own), (&surfaces[other], sweep.others)];
             let met = first_of_pair(pair, &other_from_own, precision.points);
             let Some(met) = met.map(|steps| (steps * step - before).max(0.0)) else { continue };
@@ -223,7 +226,7 @@ fn first_of_pair(pair: [(&Surface, Part); 2], other_from_own: &[Rigid], points: 
     let [(own, own_part), (other, other_part)] = pair;
     let own_from_other: Vec<Rigid> = other_from_own.iter().map(Rigid::inverse).collect();
     // Of a large part, more is needed than of a small one.
-    let leading = own.points(own_part).filter(|sample| presses(sample, &other_from_own[..2])).count();
+    let leading = own.points(own_part).filter(|sample| presses(sample, other_from_own, PRESSING)).count();
     let points = points.max((LEADING_SHARE * leading as f64) as usize);
     let stops = [
         entered(own.points(own_part), other.triangles(other_part), other_from_own),
@@ -236,11 +239,17 @@ fn first_of_pair(pair: [(&Surface, Part); 2], other_from_own: &[Rigid], points: 
     first.reduce(f64::min)
 }
 
-/// Where points that move from pose to pose enter a surface against which they press, in steps.
+/// Where points that move from pose to pose enter a surface against which they press, in steps. All steps are the same motion of one
+/// joint, so that a point moves at the same angle to its normal on each of them.
 fn entered<'a>(points: impl Iterator<Item = &'a Sample>, shape: Option<&TriMesh>, poses: &[Rigid]) -> Vec<f64> {
+    /// Difference of cosines that may be rounding.
+    const ROUNDING: f64 = 1e-6;
     let Some(shape) = shape else { return Vec::new() };
-    let points: Vec<&Sample> = points.collect();
-    points.par_iter().filter_map(|sample| entry(sample, shape, poses)).collect()
+    let points: Vec<&Sample> = points.filter(|sample| presses(sample, poses, PRESSING - ROUNDING)).collect();
+    let bounds = shape.local_aabb();
+    let margin = DVec3::splat(1e-5 * f64::from(bounds.mins.length().max(bounds.maxs.length())));
+    let near = [from_parry(bounds.mins) - margin, from_parry(bounds.maxs) + margin];
+    points.par_iter().filter_map(|sample| entry(sample, shape, near, poses)).collect()
 }
 
 /// Cosine of the largest angle between motion and normals: noise tilts surfaces that slide along each other.
@@ -248,13 +257,14 @@ const PRESSING: f64 = 0.85;
 /// Share of the points that face forward that a contact stops at least.
 const LEADING_SHARE: f64 = 0.01;
 
-/// True if a point moves against its surface on the way between two poses.
-fn presses(sample: &Sample, poses: &[Rigid]) -> bool {
+/// True if a point moves against its surface on the way between the first two poses, at an angle of at least this cosine.
+fn presses(sample: &Sample, poses: &[Rigid], cosine: f64) -> bool {
     let way = poses[1].apply(sample.point) - poses[0].apply(sample.point);
-    poses[0].turn(sample.normal).dot(way) >= PRESSING * way.length()
+    poses[0].turn(sample.normal).dot(way) >= cosine * way.length()
 }
 
-fn entry(sample: &Sample, shape: &TriMesh, poses: &[Rigid]) -> Option<f64> {
+/// Where a point enters a surface against which it presses, in steps; `near`: a box that holds the surface.
+fn entry(sample: &Sample, shape: &TriMesh, near: [DVec3; 2], poses: &[Rigid]) -> Option<f64> {
     /// Surfaces that a point passes at a grazing angle on one step, before the rest of the step is left out.
     const MOST: usize = 4;
     let mut from = poses[0].apply(sample.point);
@@ -262,6 +272,9 @@ fn entry(sample: &Sample, shape: &TriMesh, poses: &[Rigid]) -> Option<f64> {
         let to = pair[1].apply(sample.point);
         let (way, start) = (to - from, from);
         from = to;
+        if start.min(to).cmpgt(near[1]).any() || start.max(to).cmplt(near[0]).any() {
+            continue;
+        }
         let length = way.length();
         if length <= 0.0 || pair[0].turn(sample.normal).dot(way) < PRESSING * length {
             continue;

@@ -43,8 +43,19 @@ fn by_edge(triangles: &[[u32; 3]]) -> Vec<(u64, u32)> {
         let [a, b] = ends(triangles, h);
         u64::from(a.min(b)) << 32 | u64::from(a.max(b))
     };
-    let mut keyed: Vec<(u64, u32)> = (0..3 * triangles.len() as u32).map(|h| (key(h), h)).collect();
-    keyed.sort_unstable();
+    // Sorted into a bucket per lower vertex first: a vertex has few edges.
+    let lower = |h: u32| (key(h) >> 32) as usize;
+    let vertices = triangles.iter().flatten().max().map_or(0, |most| *most as usize + 1);
+    let mut next_of = vec![0_u32; vertices + 1];
+    (0..3 * triangles.len() as u32).for_each(|h| next_of[lower(h) + 1] += 1);
+    (0..vertices).for_each(|v| next_of[v + 1] += next_of[v]);
+    let mut keyed = vec![(0, 0); 3 * triangles.len()];
+    for h in 0..3 * triangles.len() as u32 {
+        let place = &mut next_of[lower(h)];
+        keyed[*place as usize] = (key(h), h);
+        *place += 1;
+    }
+    keyed.chunk_by_mut(|a, b| a.0 >> 32 == b.0 >> 32).for_each(<[(u64, u32)]>::sort_unstable);
     keyed
 }
 
@@ -343,6 +354,21 @@ pub(crate) mod testing {
 mod tests {
     use super::testing::*;
     use super::*;
+
+    #[test]
+    fn half_edges_are_in_the_order_of_their_edges() {
+        let mut mesh = sphere(1.0, 7);
+        // Vertices without triangles, and triangles that share an edge twice.
+        mesh.vertices.splice(0..0, [[9.0; 3]; 5]);
+        mesh.triangles.iter_mut().for_each(|t| *t = t.map(|v| v + 5));
+        mesh.triangles.extend(mesh.triangles[..4].to_vec());
+        let found = by_edge(&mesh.triangles);
+        assert!(found.is_sorted() && found.len() == 3 * mesh.triangles.len());
+        let mut half_edges: Vec<u32> = found.iter().map(|(_, h)| *h).collect();
+        half_edges.sort_unstable();
+        assert!(half_edges.into_iter().eq(0..3 * mesh.triangles.len() as u32));
+        assert_eq!(by_edge(&[]), []);
+    }
 
     #[test]
     fn long_edges_are_halved_and_nothing_opens() {

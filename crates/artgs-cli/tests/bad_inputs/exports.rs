@@ -27,6 +27,7 @@ fn options() {
         bad("a huge density", "replica", "export IN --density 1e9", &["--density"], nothing),
         bad("a density of a part in words", "replica", "export IN --density part_1=oak", &["--density"], nothing),
         bad("a density of no part", "replica", "export IN --density wing=450", &["wing", "part_1"], nothing),
+        bad("a texel of 0", "replica", "export IN --texel 0", &["--texel", "a number from"], nothing),
         bad("a mass of 0", "replica", "export IN --mass 0", &["--mass"], nothing),
         bad("no hulls", "replica", "export IN --hulls 0", &["--hulls"], nothing),
         bad("hulls in words", "replica", "export IN --hulls many", &["--hulls"], nothing),

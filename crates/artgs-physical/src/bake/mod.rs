@@ -14,9 +14,11 @@ pub(crate) use zbuffer::depth_of;
 pub use zbuffer::{Hit, visible};
 
 use artgs_core::{Camera, DepthMap, Mesh, Texture, TexturedMesh};
+use atlas::Texel;
 use blend::blend;
 use glam::Vec3;
 use rayon::prelude::*;
+use view::{PreparedView, Sample};
 
 /// A photo as a source of colours.
 #[derive(Clone, Copy, Debug)]
@@ -95,14 +97,7 @@ pub(crate) fn bake(
     }
     let texels = atlas::texels(mesh, size);
     let prepared = view::prepare(views, &mesh.mesh, options);
-    let found: Vec<Option<Vec3>> = texels
-        .par_iter()
-        .map_init(Vec::new, |samples, texel| {
-            samples.clear();
-            samples.extend(prepared.iter().filter_map(|v| v.sample(texel.point, texel.normal, options)));
-            blend(samples, options.outlier as f32)
-        })
-        .collect();
+    let found = blended(&texels, size[0], &prepared, options);
     let mut colors: Vec<Option<Vec3>> = vec![None; size[0] as usize * size[1] as usize];
     texels.iter().zip(&found).for_each(|(t, c)| colors[t.index] = *c);
     let seen = found.iter().flatten().count();
@@ -113,6 +108,34 @@ pub(crate) fn bake(
     let texture = Texture { width: size[0], height: size[1], rgb };
     let colors = mesh.uvs.iter().map(|uv| texel_at(&texture, *uv)).collect();
     Baked { texture, colors, texels: texels.len(), seen }
+}
+
+/// The blended samples of all views for every texel, in squares of the atlas: neighbours are near each other in images, too, which
+/// are too large for the caches of a processor.
+fn blended(texels: &[Texel], width: u32, views: &[PreparedView], options: &BakeOptions) -> Vec<Option<Vec3>> {
+    /// Side of a square, texels.
+    const SQUARE: usize = 32;
+    let place = |i: usize| {
+        let (x, y) = (texels[i].index % width as usize, texels[i].index / width as usize);
+        (y / SQUARE, x / SQUARE)
+    };
+    let mut order: Vec<usize> = (0..texels.len()).collect();
+    order.sort_by_key(|i| place(*i));
+    let squares: Vec<&[usize]> = order.chunk_by(|a, b| place(*a) == place(*b)).collect();
+    let blend_square = |samples: &mut Vec<Vec<Sample>>, square: &&[usize]| -> Vec<Option<Vec3>> {
+        samples.resize_with(square.len().max(samples.len()), Vec::new);
+        samples.iter_mut().for_each(Vec::clear);
+        for view in views {
+            for (texel, samples) in square.iter().map(|i| &texels[*i]).zip(samples.iter_mut()) {
+                samples.extend(view.sample(texel.point, texel.normal, options));
+            }
+        }
+        samples.iter_mut().take(square.len()).map(|samples| blend(samples, options.outlier as f32)).collect()
+    };
+    let found: Vec<Vec<Option<Vec3>>> = squares.par_iter().map_init(Vec::new, blend_square).collect();
+    let mut out = vec![None; texels.len()];
+    order.iter().zip(found.into_iter().flatten()).for_each(|(i, color)| out[*i] = color);
+    out
 }
 
 fn texel_at(texture: &Texture, uv: [f32; 2]) -> [u8; 3] {

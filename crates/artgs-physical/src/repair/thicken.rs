@@ -94,28 +94,42 @@ fn depths(
     vertices.iter().zip(allowed).for_each(|(v, d)| at[*v as usize] = d);
     lower_to_neighbours(&mut at, triangles);
     if let Some(solid) = &solid {
-        (0..4).for_each(|_| lower_where_it_cuts(&mut at, mesh, triangles, normals, solid));
+        lower_where_it_cuts(&mut at, mesh, triangles, normals, solid);
     }
     vertices.iter().map(|v| at[*v as usize]).collect()
 }
 
-/// Halves the depth around edges of the inner side that cut through the outer one.
+/// Halves the depth of triangles of the inner side with an edge that cuts through the outer one, up to four times.
 fn lower_where_it_cuts(at: &mut [f64], mesh: &Mesh, triangles: &[[u32; 3]], normals: &[DVec3], solid: &TriMesh) {
-    let inner = |v: u32| point(mesh, v) - normals[v as usize] * at[v as usize];
-    let cuts = |[a, b]: [u32; 2]| {
-        let (from, to) = (inner(a), inner(b));
-        let [origin, way] = [from, to - from].map(|p| Vector::from_array(p.as_vec3().to_array()));
-        solid.intersects_local_ray(&Ray::new(origin, way), 1.0)
-    };
-    let cutting: Vec<[u32; 3]> = triangles
-        .par_iter()
-        .filter(|t| cuts([t[0], t[1]]) || cuts([t[1], t[2]]) || cuts([t[2], t[0]]))
-        .copied()
-        .collect();
-    let mut low: Vec<u32> = cutting.into_iter().flatten().collect();
-    low.sort_unstable();
-    low.dedup();
-    low.iter().for_each(|v| at[*v as usize] *= 0.5);
+    const ROUNDS: usize = 4;
+    let mut edges: Vec<[u32; 2]> = triangles.iter().flat_map(edges_of).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    let mut cuts = vec![false; edges.len()];
+    let mut changed = vec![true; at.len()];
+    for _ in 0..ROUNDS {
+        let inner = |v: u32| point(mesh, v) - normals[v as usize] * at[v as usize];
+        // An edge of which no end has moved is as it was.
+        let is_cutting = |([a, b], was): (&[u32; 2], &bool)| {
+            if !changed[*a as usize] && !changed[*b as usize] {
+                return *was;
+            }
+            let (from, to) = (inner(*a), inner(*b));
+            let [origin, way] = [from, to - from].map(|p| Vector::from_array(p.as_vec3().to_array()));
+            solid.intersects_local_ray(&Ray::new(origin, way), 1.0)
+        };
+        cuts = edges.par_iter().zip(&cuts).map(is_cutting).collect();
+        changed = vec![false; at.len()];
+        let cutting = |edge: &[u32; 2]| edges.binary_search(edge).is_ok_and(|i| cuts[i]);
+        let low = triangles.iter().filter(|t| edges_of(t).iter().any(cutting)).flatten();
+        low.for_each(|v| changed[*v as usize] = true);
+        at.iter_mut().zip(&changed).filter(|(_, changed)| **changed).for_each(|(depth, _)| *depth *= 0.5);
+    }
+}
+
+/// The edges of a triangle, lower vertex first.
+fn edges_of(t: &[u32; 3]) -> [[u32; 2]; 3] {
+    [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]].map(|[a, b]| [a.min(b), a.max(b)])
 }
 
 /// Limits each depth to one and a half times the least depth of its neighbours, twice: a single ray through a gap would
