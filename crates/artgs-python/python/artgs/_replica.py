@@ -192,6 +192,7 @@ class Replica:
         collision: Literal["hulls", "coacd", "none"] | None = None,
         observed_limits: bool = False,
         triangles: int | None = None,
+        texel: float | None = None,
         threads: int | None = None,
         progress: Progress = True,
     ) -> dict[str, Any]:
@@ -205,7 +206,7 @@ class Replica:
         if formats is not None:
             words += ["--to", formats if isinstance(formats, str) else ",".join(formats)]
         options: dict[str, Any] = {"name": name, "capture": capture, "scale": scale, "up": up, "front": front}
-        options |= {"mass": mass, "collision": collision, "triangles": triangles}
+        options |= {"mass": mass, "collision": collision, "triangles": triangles, "texel": texel}
         words += [f"--{key}={value}" for key, value in options.items() if value is not None]
         if isinstance(density, Mapping):
             words += [f"--density={part}={value}" for part, value in density.items()]
