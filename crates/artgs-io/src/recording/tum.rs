@@ -73,11 +73,8 @@ pub(super) fn index(dir: &Path, options: &RecordingOptions) -> Result<Index, Rec
     };
     let trajectory = Trajectory::read(&poses)?;
     let by_row = are_indices(&images) && images.iter().all(|image| trajectory.nearest(image.time, NEAR).is_none());
-    let pose_rows = if by_row {
-        Some(rows_of(&images, trajectory.poses.len()).map_err(|e| RecordingError::malformed(&poses, e))?)
-    } else {
-        None
-    };
+    let pose_rows = by_row.then(|| rows_of(&images, trajectory.poses.len())).transpose();
+    let pose_rows = pose_rows.map_err(|e| RecordingError::malformed(&poses, e))?;
     let mut index = Index { metric: true, ..Index::default() };
     let lens = lens(dir, options, &mut index.warnings)?;
     let (mut no_pose, mut no_image, mut no_depth) = (Vec::new(), Vec::new(), Vec::new());

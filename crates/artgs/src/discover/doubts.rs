@@ -38,16 +38,21 @@ pub(super) fn settled<'b>(
 /// Bodies, if parts of motions that were refined once explain far too little and bodies are sure: the parts are then not refined any
 /// further.
 pub(super) fn sure_bodies<'b>(
-    refined: &Discovery,
+    refined: &Parts,
     work: &Refinement<'_>,
     movable: &RangeInclusive<usize>,
+    result: &dyn Fn(Parts) -> Discovery,
     bodies: &dyn Fn() -> Option<&'b Discovery>,
 ) -> Option<Discovery> {
-    better_if_sure(refined, work.settings.bodies.insufficient, work, movable, bodies)
+    /// The refinement of fewer parts that this saves is short.
+    const LEAST: usize = 4;
+    if refined.parts.len() < LEAST || !may_be_sure(work) {
+        return None;
+    }
+    better_if_sure(&result(refined.clone()), work.settings.bodies.insufficient, work, movable, bodies)
 }
 
-/// Bodies if they are sure and better than what was found, of which the quality is `most` at most. Where depth noise spreads points, no
-/// bodies are sure.
+/// Bodies if they are sure and better than what was found, of which the quality is `most` at most.
 fn better_if_sure<'b>(
     found: &Discovery,
     most: f64,
@@ -56,11 +61,16 @@ fn better_if_sure<'b>(
     bodies: &dyn Fn() -> Option<&'b Discovery>,
 ) -> Option<Discovery> {
     let quality = found.quality(work.evidence.total());
-    if !may_be_bodies(work) || work.scene.spreading || quality > most {
+    if !may_be_sure(work) || quality > most {
         return None;
     }
     let sure = |others: &&Discovery| is_better(others, quality, work, movable) && doubtful(others, DOUBTFUL).is_empty();
     bodies().filter(sure).cloned()
+}
+
+/// True if bodies can be sure: where depth noise spreads points, none are.
+fn may_be_sure(work: &Refinement<'_>) -> bool {
+    may_be_bodies(work) && !work.scene.spreading
 }
 
 /// True if bodies are worth a trial.
@@ -258,7 +268,12 @@ mod tests {
                 found
             };
             let (found, bodies) = (sharing(&[found]), sharing(confidences));
-            sure_bodies(&found, &work, &movable, &|| Some(&bodies)).is_some()
+            let refined = |count: usize| Parts { parts: vec![found.parts[0]; count], labels: PerState::default() };
+            let sure = |count: usize| {
+                sure_bodies(&refined(count), &work, &movable, &|_| found.clone(), &|| Some(&bodies)).is_some()
+            };
+            assert!(!sure(3), "few parts are refined in short time");
+            sure(4)
         };
         assert!(taken(&scene, 0.5, &[0.9, 0.8], 0..=8));
         assert!(!taken(&scene, 0.7, &[0.9, 0.8], 0..=8), "the motions explain enough to be refined");

@@ -188,9 +188,6 @@ const REFINED: f64 = 0.85;
 /// Share of what remains of the refinement that one of its rounds is shown as.
 const OF_REMAINING: f64 = 0.4;
 
-/// Where fewer motions explain what moved, the refinement that trying bodies early saves is short.
-const LEAST_FOR_BODIES: usize = 4;
-
 /// At least one part.
 fn best_parts(
     scene: &Scene,
@@ -231,9 +228,7 @@ fn best_parts(
         of_bodies.get_or_init(find).as_ref()
     };
     let refined = work.refined(&motions(chosen));
-    if count >= LEAST_FOR_BODIES
-        && let Some(sure) = sure_bodies(&result(refined.clone()), &work, &movable, &bodies)
-    {
+    if let Some(sure) = sure_bodies(&refined, &work, &movable, &result, &bodies) {
         return Ok(sure);
     }
     let mut found = work.completed(refined, &movable);
