@@ -1,7 +1,7 @@
 //! What the consistency check of `artgs` found, as errors, warnings and lines of `inspect`.
 
 use crate::failure::Failure;
-use artgs::consistency::{Consistency, Finding, StateConsistency, check_aligned, check_capture, check_views};
+use artgs::consistency::{Consistency, Finding, StateConsistency, check_aligned, check_capture, check_recording};
 use artgs_core::{Capture, PerState, Recording, State};
 
 /// Refuses a capture whose views or states contradict each other, and removes single views that contradict the others, unless
@@ -27,7 +27,7 @@ pub(crate) fn refusal(capture: &Capture) -> Option<String> {
 /// Refuses recordings whose frames contradict each other, and removes single ones, unless `forced`; warnings go to the recordings.
 pub(crate) fn require_recordings(recordings: &mut PerState<Recording>, forced: bool) -> Result<(), Failure> {
     for state in State::ALL {
-        let found = check_views(recordings[state].frames.iter().map(|f| &f.view));
+        let found = check_recording(recordings[state].frames.iter().map(|f| &f.view));
         let findings = found.findings(&format!("the recording of the {} state", state.name()));
         let warnings = accepted(findings, forced)?;
         recordings[state].warnings.extend(warnings);

@@ -8,7 +8,7 @@ use crate::output::{Report, say};
 use crate::recordings::{self, RecordingSummary, Source};
 use crate::{agreement, demo, device, evaluate, export, reconstruct, settings, synth, view};
 use anyhow::Context;
-use artgs::consistency::{check_capture, check_views};
+use artgs::consistency::{check_capture, check_recording};
 use artgs_core::State;
 use serde_json::{Value, json};
 use std::num::NonZeroUsize;
@@ -90,7 +90,7 @@ pub(crate) fn described(args: &Inspect) -> Result<Vec<(Option<PathBuf>, Report)>
     let mut reports = Vec::new();
     for (path, state) in paths.iter().zip(State::ALL) {
         let recording = recordings::load_state(path, state, &args.recording)?;
-        let found = check_views(recording.frames.iter().map(|f| &f.view));
+        let found = check_recording(recording.frames.iter().map(|f| &f.view));
         let mut report = Report::new(&RecordingSummary::new(&recording))?;
         report.text.push_str(&agreement::described_recording(&found));
         report.json["consistency"] = json!(found);

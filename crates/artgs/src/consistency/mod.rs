@@ -3,6 +3,7 @@
 
 mod agreement;
 mod causes;
+mod jumps;
 mod odd;
 mod samples;
 mod twins;
@@ -11,6 +12,7 @@ use agreement::{Agreement, agreement, votes};
 use artgs_core::{Capture, PerState, State, View};
 pub use causes::Cause;
 use causes::{GAIN, likely_cause, likely_scale};
+pub use jumps::Apart;
 pub use odd::{OddView, OddViews};
 use samples::{CoarseView, Reading, coarse_views};
 use serde::Serialize;
@@ -50,6 +52,8 @@ pub struct StateConsistency {
     pub one_pose: bool,
     /// Views that contradict the others.
     pub odd: OddViews,
+    /// Frames of a recording that a jump of the poses separates from the others.
+    pub apart: Option<Apart>,
 }
 
 /// A mistake with the agreement after its correction.
@@ -84,9 +88,14 @@ pub enum Finding {
     Warning(String),
 }
 
-/// Checks views of one state. Views without depth are ignored.
-pub fn check_views<'v>(views: impl Iterator<Item = &'v View> + Clone) -> StateConsistency {
-    check_state(&coarse_views(views.clone()), views)
+/// Checks the frames of a recording of one state, in the order of their time. Frames without depth are ignored, and those that a
+/// jump of the poses separates from the others are not compared with them.
+pub fn check_recording<'v>(frames: impl Iterator<Item = &'v View> + Clone) -> StateConsistency {
+    let apart = Apart::find(frames.clone());
+    let is_apart = |view: &View| apart.as_ref().is_some_and(|a| a.names.contains(&view.name));
+    let connected = frames.filter(|view| !is_apart(view));
+    let found = check_state(&coarse_views(connected.clone()), connected);
+    StateConsistency { apart, ..found }
 }
 
 /// Checks both states and whether they show one object in one frame.
@@ -147,7 +156,7 @@ fn check_state<'v>(views: &[CoarseView], all: impl Iterator<Item = &'v View> + C
     let cause = if share < GOOD && !one_pose { likely_cause(views, stated, GAIN) } else { None };
     let search = (GOOD..PERFECT).contains(&share) && !one_pose;
     let suspected = if search { likely_cause(views, stated, (1.0 - LEFT) * (1.0 - share)) } else { None };
-    StateConsistency { agreement: Some(share), cause, suspected, one_pose, odd }
+    StateConsistency { agreement: Some(share), cause, suspected, one_pose, odd, apart: None }
 }
 
 /// True if several views have the same pose, which a moving camera never has.
@@ -165,6 +174,12 @@ fn one_pose<'v>(views: impl Iterator<Item = &'v View>) -> bool {
 impl StateConsistency {
     /// What is wrong with the views of `whose` recording or state.
     pub fn findings(&self, whose: &str) -> Vec<Finding> {
+        let jump = self.apart.iter().map(|apart| Finding::Warning(format!("{whose}: {}", apart.described())));
+        jump.chain(self.findings_of_connected(whose)).collect()
+    }
+
+    /// What is wrong with the views that no jump of the poses separates.
+    fn findings_of_connected(&self, whose: &str) -> Vec<Finding> {
         if self.one_pose {
             return vec![Finding::Refused(format!(
                 "{whose}: all camera poses are the same; write the pose of every image (camera-to-world)"
@@ -199,7 +214,9 @@ impl StateConsistency {
 
     /// True if the view of this name is to be ignored.
     pub fn ignores(&self, name: &str) -> bool {
-        self.cause.is_none() && !self.odd.are_too_many() && self.odd.views.iter().any(|view| view.name == name)
+        let is_odd = || !self.odd.are_too_many() && self.odd.views.iter().any(|view| view.name == name);
+        let is_apart = || self.apart.as_ref().is_some_and(|apart| apart.names.iter().any(|n| n == name));
+        self.cause.is_none() && is_odd() || is_apart()
     }
 
     /// True if the same mistake was found, where there is one.

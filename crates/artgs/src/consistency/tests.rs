@@ -219,3 +219,35 @@ fn all_views_whose_poses_jump_are_named_though_they_lower_the_agreement_of_right
     let named: Vec<&str> = found.states[State::START].odd.views.iter().map(|v| &v.name[..]).collect();
     assert_eq!(named, wrong);
 }
+
+/// The start state as a hand-held recording, with the camera-to-world poses of the frames from `first` on shifted by `shift`.
+fn recording(first: usize, shift: DVec3) -> Vec<View> {
+    let capture = cabinet_capture(&CabinetOptions { views: 24, size: 100, ..CabinetOptions::default() }).unwrap().0;
+    let mut left: Vec<View> = capture.states[State::START].train.clone();
+    let center = |v: &View| v.camera.world_to_camera.inverse().translation;
+    // Neighbours follow each other, as a walk visits them.
+    let mut walk = vec![left.remove(0)];
+    while !left.is_empty() {
+        let last = center(&walk[walk.len() - 1]);
+        let nearest = (0..left.len())
+            .min_by(|a, b| center(&left[*a]).distance(last).total_cmp(&center(&left[*b]).distance(last)));
+        walk.push(left.remove(nearest.unwrap()));
+    }
+    for view in walk.iter_mut().skip(first) {
+        let pose = view.camera.world_to_camera.inverse();
+        view.camera.world_to_camera = Rigid { translation: pose.translation + shift, ..pose }.inverse();
+    }
+    walk
+}
+
+#[test]
+fn frames_after_a_jump_that_show_nothing_of_the_others_are_ignored_with_a_warning() {
+    assert_eq!(check_recording(recording(24, DVec3::ZERO).iter()).apart, None);
+    let frames = recording(18, DVec3::new(0.0, 0.0, 40.0));
+    let found = check_recording(frames.iter());
+    let findings = found.findings("this recording");
+    let [Finding::Warning(text)] = &findings[..] else { panic!("{findings:?}") };
+    assert!(text.contains("jump by") && text.contains("6 of 24 images") && text.contains(&frames[18].name), "{text}");
+    let ignored: Vec<bool> = frames.iter().map(|v| found.ignores(&v.name)).collect();
+    assert!(ignored.iter().enumerate().all(|(i, is)| *is == (i >= 18)), "{ignored:?}");
+}
