@@ -325,6 +325,10 @@ fn record3d() {
     std::fs::write(path("metadata.json"), json.replacen("\"poses\": [", "\"poses\": [[1],", 1)).unwrap();
     assert!(message(dir.path()).contains("pose 0: key `poses`"));
     std::fs::write(path("metadata.json"), json).unwrap();
+    std::fs::remove_file(path("rgb/1.jpg")).unwrap();
+    let fewer = read(dir.path());
+    let [warning] = &fewer.warnings[..] else { panic!("{:?}", fewer.warnings) };
+    assert!(fewer.frames.len() == 5 && warning.contains("no colour image") && warning.contains("1.exr"), "{warning}");
     let depth = std::fs::read(path("depth/3.exr")).unwrap();
     std::fs::write(path("depth/3.exr"), &depth[..depth.len() / 2]).unwrap();
     let text = message(dir.path());

@@ -95,8 +95,9 @@ pub(super) fn index(path: &Path) -> Result<Index, RecordingError> {
         _ => Vec::new(),
     };
     let mut index = Index { up: Some(DVec3::Y), metric: true, ..Index::default() };
+    let images = numbered(&names, &["jpg", "jpeg", "png"]);
     let (mut no_pose, mut no_depth) = (Vec::new(), Vec::new());
-    for (number, name) in numbered(&names, &["jpg", "jpeg", "png"]) {
+    for &(number, name) in &images {
         let Some(pose) = poses.get(number) else {
             no_pose.push(name.to_string());
             continue;
@@ -116,6 +117,9 @@ pub(super) fn index(path: &Path) -> Result<Index, RecordingError> {
             mask: None,
         });
     }
+    let has_image = |number: &usize| images.binary_search_by_key(number, |(n, _)| *n).is_ok();
+    let no_image: Vec<String> = depths.iter().filter(|(n, _)| !has_image(n)).map(|(_, d)| d.to_string()).collect();
+    index.warn(path, "depth images have no colour image and are ignored", &no_image);
     index.warn(path, "images have no pose and are ignored", &no_pose);
     if no_depth.len() < index.entries.len() {
         index.warn(path, "frames have no depth image", &no_depth);
