@@ -60,19 +60,32 @@ impl Refinement<'_> {
         found
     }
 
+    /// Parts with support, those that move alike separated. A part without support, or a piece that turns out to have none, does not
+    /// take the number of one that moves like another: it is only kept if there are too few parts without it.
     fn separated(&self, refined: Parts, movable: &RangeInclusive<usize>) -> Parts {
+        /// Pieces beyond the largest number of parts that are looked at.
+        const EXTRA: usize = 3;
+        let (least, most) = (*movable.start(), *movable.end());
+        let found = self.separated_from(self.supported(refined.clone(), least.min(1)), least.min(1), most + EXTRA);
+        if movable.contains(&found.parts.len()) {
+            return found;
+        }
+        self.separated_from(self.supported(refined, least), least, most)
+    }
+
+    /// Separates parts that move alike, at most `most`. Those without support are removed, but `least` stay.
+    fn separated_from(&self, mut found: Parts, least: usize, most: usize) -> Parts {
         /// Rounds of separating bodies.
         const ROUNDS: usize = 3;
-        let mut found = self.supported(refined, *movable.start());
         for round in 1..=ROUNDS {
             let before = found.parts.len();
             let mut split = found.clone();
-            self.split(&mut split, *movable.end());
+            self.split(&mut split, most);
             let distinct = self.distinct_motions(&split);
             if distinct.len() <= before || round == ROUNDS {
                 return split;
             }
-            found = self.supported(self.refined(&distinct), *movable.start());
+            found = self.supported(self.refined(&distinct), least);
         }
         found
     }
@@ -345,7 +358,7 @@ mod tests {
     use crate::discover::discover;
     use crate::discover::face_motions::Region;
     use crate::discover::facets::Facet;
-    use crate::discover::test_scene::cabinet_scene;
+    use crate::discover::test_scene::{cabinet_scene, object_scene};
 
     #[test]
     fn parts_whose_points_stay_keep_their_joints_in_another_refinement() {
@@ -408,6 +421,25 @@ mod tests {
             let same = work.same_body(&parts).map(|(a, b)| (a.min(b), a.max(b)));
             assert_eq!(same, spreading.then_some((0, 2)));
             assert_eq!(work.same_body(&Parts { parts: found.parts.clone(), labels: found.labels.clone() }), None);
+        }
+    }
+
+    #[test]
+    fn a_part_without_support_does_not_take_the_number_of_one_that_moves_like_another() {
+        let (config, settings) = (DiscoverConfig::default(), StepSettings::default());
+        let scene = object_scene("twin_drawers", 32, 128);
+        let found = discover(&scene, 2..=2, &config).unwrap();
+        let (clouds, evidence) = (scene.indexed_clouds(), Evidence::new(&scene, &settings).unwrap());
+        let (front, begun) = (evidence.front(&scene, &clouds, &settings), &|| ());
+        let (scene, clouds, evidence) = (&scene, &clouds, &evidence);
+        let work = Refinement { scene, clouds, evidence, config: &config, settings: &settings, front, begun };
+        let shift = found.parts[0].motion;
+        let of_nothing = Rigid::about(DVec3::X, DVec3::new(0.0, 0.0, 3.0), 0.5);
+        let parts = work.parts(&[shift, of_nothing], &(2..=2)).parts;
+        assert_eq!(parts.len(), 2);
+        for part in &parts {
+            assert_eq!(part.kind, JointKind::Prismatic);
+            assert!(part.motion.translation.distance(shift.translation) < 0.01, "{:?}", part.motion);
         }
     }
 }

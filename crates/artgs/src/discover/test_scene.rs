@@ -1,14 +1,24 @@
-//! A small scene for tests.
+//! Small scenes for tests.
 
 use super::DiscoverConfig;
 use super::scene::{DepthPicture, Scene};
-use artgs_core::PerState;
+use artgs_core::{Capture, PerState};
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
+use artgs_synth::{CaptureOptions, object, render_capture};
 
 /// A cabinet with a door and a drawer, both of which move, in pictures of `size` x `size` pixels.
 pub(super) fn cabinet_scene(views: usize, size: u32) -> Scene {
     let options = CabinetOptions { views, size, ..CabinetOptions::default() };
-    let (capture, _) = cabinet_capture(&options).unwrap();
+    scene_of(&cabinet_capture(&options).unwrap().0)
+}
+
+/// A procedural object in pictures of `size` x `size` pixels.
+pub(super) fn object_scene(name: &str, views: usize, size: u32) -> Scene {
+    let options = CaptureOptions { views, size, ..CaptureOptions::default() };
+    scene_of(&render_capture(&object(name, 0).unwrap(), &options).unwrap())
+}
+
+fn scene_of(capture: &Capture) -> Scene {
     let pictures = PerState::from_fn(|s| {
         let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
         capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
