@@ -108,6 +108,8 @@ pub struct Discovery {
     pub spacing: f64,
     /// Depth tolerance used, scene units.
     pub tolerance: f64,
+    /// True if the tolerance follows from depth noise, false if it follows from the size of a pixel.
+    pub noisy: bool,
     /// What is doubtful, one sentence each.
     pub warnings: Vec<String>,
     /// What supports the joint of each part.
@@ -423,6 +425,7 @@ pub fn without_parts(scene: &Scene) -> Discovery {
         diagonal: scene.lengths.diagonal.into(),
         spacing: scene.lengths.spacing.into(),
         tolerance: scene.tolerance.into(),
+        noisy: scene.noisy,
         warnings: Vec::new(),
         support: Vec::new(),
     }

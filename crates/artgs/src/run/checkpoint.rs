@@ -23,6 +23,8 @@ struct FoundFile {
     diagonal: f64,
     spacing: f64,
     tolerance: f64,
+    #[serde(default)]
+    noisy: bool,
     warnings: Vec<String>,
 }
 
@@ -54,13 +56,13 @@ pub(super) fn save_discovery(folder: &RunFolder, found: &Discovery) -> Result<()
         let splats = points_as_splats(&found.clouds[state], found.spacing);
         write_splat_ply(&folder.found_points(state), &splats, Some(&found.labels[state]), state.name())?;
     }
-    let Discovery { parts, alternatives, support, diagonal, spacing, tolerance, warnings, .. } = found.clone();
-    let file = FoundFile { parts, alternatives, support, diagonal, spacing, tolerance, warnings };
+    let Discovery { parts, alternatives, support, diagonal, spacing, tolerance, noisy, warnings, .. } = found.clone();
+    let file = FoundFile { parts, alternatives, support, diagonal, spacing, tolerance, noisy, warnings };
     Ok(save_json(&folder.found_parts(), &file)?)
 }
 
 pub(super) fn load_discovery(folder: &RunFolder) -> Option<Discovery> {
-    let FoundFile { parts, alternatives, support, diagonal, spacing, tolerance, warnings } =
+    let FoundFile { parts, alternatives, support, diagonal, spacing, tolerance, noisy, warnings } =
         readable(&folder.found_parts())?;
     let load = |state: State| {
         let (splats, labels) = read_splat_ply(&folder.found_points(state)).ok()?;
@@ -68,7 +70,7 @@ pub(super) fn load_discovery(folder: &RunFolder) -> Option<Discovery> {
     };
     let ((start, start_labels), (end, end_labels)) = (load(State::START)?, load(State::END)?);
     let (clouds, labels) = (PerState::new(start, end), PerState::new(start_labels, end_labels));
-    Some(Discovery { clouds, labels, parts, alternatives, support, diagonal, spacing, tolerance, warnings })
+    Some(Discovery { clouds, labels, parts, alternatives, support, diagonal, spacing, tolerance, noisy, warnings })
 }
 
 /// What [`load_discovery`] loads after [`save_discovery`]: files hold less than memory, and a run must continue from

@@ -15,6 +15,7 @@ mod lettering;
 pub(crate) mod points;
 pub(crate) mod preview;
 mod reconstruction;
+mod refined;
 pub(crate) mod rendered;
 mod result;
 mod score;

@@ -6,7 +6,7 @@ use super::following::Following;
 use super::learnt::{joints_of, relabelled, uninformed_start};
 use super::points::{PartSource, StartSource, canonical_start, motion_parameters, scattered};
 use super::rendered::{part_meshes_from_renderings, rendered_depths};
-use super::{Error, FittedParts, Reconstruction, Summary, fusion};
+use super::{Error, FittedParts, Reconstruction, Summary, fusion, refined};
 use crate::articulation::{PaperConfig, SkinStart, Start, Trained, articulate, paper_pipeline};
 use crate::config::Config;
 use crate::discover::{self, DepthPicture, DiscoverError, Discovery, Scene};
@@ -230,12 +230,15 @@ impl<'a> Run<'a> {
             if !learnt && found.parts.is_empty() {
                 config.steps = config.steps.min(STILL_STEPS);
             }
+            let improved = run.improved_by_training(&found);
+            config.learn_joints |= improved.contains(&true);
             let (start, targets) = run.start(&found)?;
             let mut follow = Following::new(run.observer, devices, &mut run.summary.warnings, "articulate");
             let views = views_of(run.what);
-            let trained = articulate(views, start, targets.as_ref(), &config, run.config.seed, devices, &mut follow)?;
+            let mut trained =
+                articulate(views, start, targets.as_ref(), &config, run.config.seed, devices, &mut follow)?;
             run.summary.device = Some(devices.name());
-            let parts = run.joints_after_training(&found, &trained);
+            let parts = run.joints_after_training(&found, &mut trained, &improved);
             run.save(|folder| checkpoint::save_trained(folder, &trained, &parts))?;
             Ok((trained, parts))
         })?;
@@ -243,8 +246,18 @@ impl<'a> Run<'a> {
         Ok((FittedParts { trained: Some(trained), parts }, found))
     }
 
-    /// Joints of the parts after training, where they may have been learnt.
-    fn joints_after_training(&self, found: &Discovery, trained: &Trained) -> Vec<JointEstimate> {
+    /// Which motions of found parts training improves, `[K - 1]`.
+    fn improved_by_training(&self, found: &Discovery) -> Vec<bool> {
+        let Config { start, discover, articulate, .. } = self.config;
+        let noisy = articulate.learn_noisy_joints && discover.decide_joints && start.parts == PartSource::Labels;
+        match articulate.learn_joints {
+            false if noisy => refined::noisy_joints(found, self.train_views()),
+            learnt => vec![learnt; found.parts.len()],
+        }
+    }
+
+    /// Joints of the parts after training, where those that are `improved` were learnt.
+    fn joints_after_training(&self, found: &Discovery, trained: &mut Trained, improved: &[bool]) -> Vec<JointEstimate> {
         let Config { start, types, discover, articulate, .. } = self.config;
         if start.parts == PartSource::Learnt {
             return joints_of(trained, types.half_angle_deg.to_radians());
@@ -252,7 +265,10 @@ impl<'a> Run<'a> {
         if !discover.decide_joints {
             return joints_of(trained, 0.5 * discover.revolute_deg.to_radians());
         }
-        if articulate.learn_joints { refined(found, trained) } else { found.parts.clone() }
+        if !articulate.learn_joints && improved.contains(&true) {
+            refined::keep_others(found, trained, improved);
+        }
+        if improved.contains(&true) { refined::refined(found, trained) } else { found.parts.clone() }
     }
 
     /// What training begins with, and targets of the Chamfer term if parts are to be learnt.
@@ -332,20 +348,6 @@ fn nothing_explained(found: Discovery) -> Discovery {
     Discovery { warnings: vec![warning.into()], ..found }
 }
 
-/// Found parts with trained motions. A carried part was free in training: its motion is put on its joint again.
-fn refined(found: &Discovery, trained: &Trained) -> Vec<JointEstimate> {
-    let pairs = found.parts.iter().zip(&trained.joints);
-    let mut parts: Vec<JointEstimate> = pairs.map(|(p, j)| JointEstimate { motion: j.full_motion(), ..*p }).collect();
-    // Parents precede their children.
-    for k in 0..parts.len() {
-        if let Some(carrier) = parts[k].carrier(&parts).copied() {
-            let joint = parts[k].joint_near(&parts, found.middle(k + 1, State::START));
-            parts[k].motion = carrier.motion * joint.start_to_end();
-        }
-    }
-    parts
-}
-
 fn views_of<'a>(what: &Reconstruction<'a>) -> PerState<&'a [View]> {
     PerState::from_fn(|state| &what.capture.states[state].train[..])
 }
@@ -356,36 +358,4 @@ fn depth_pictures<'p>(views: PerState<&'p [View]>, depths: &'p Depths<'_>) -> Pe
         let pairs = views[state].iter().zip(&depths[state]);
         pairs.map(|(view, depth)| DepthPicture { view, depth }).collect()
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::articulation::{MotionModel, MotionParameters};
-    use crate::discover::Cloud;
-    use artgs_core::{JointKind, Rigid};
-    use glam::{DVec3, Vec3};
-
-    #[test]
-    fn a_carried_part_is_on_its_joint_after_training() {
-        let door = Rigid::about(DVec3::Z, DVec3::new(0.4, 0.1, 0.0), 0.9);
-        let slide = Rigid::shift(DVec3::new(0.0, -0.2, 0.0));
-        // Training turned the drawer by a little and moved it off its axis.
-        let trained = door * slide * Rigid::about(DVec3::X, DVec3::new(0.7, 0.0, 0.3), 0.004);
-        let carried = JointEstimate { parent: 1, ..JointEstimate::new(JointKind::Prismatic, door * slide) };
-        let cloud = Cloud { points: vec![Vec3::new(0.6, 0.0, 0.3), Vec3::new(0.8, 0.0, 0.3)], ..Cloud::default() };
-        let found = Discovery {
-            clouds: PerState::new(cloud.clone(), cloud),
-            labels: PerState::new(vec![2; 2], vec![2; 2]),
-            parts: vec![JointEstimate::new(JointKind::Revolute, door), carried],
-            ..Discovery::default()
-        };
-        let models = motion_parameters(&found.parts);
-        assert_eq!(models.iter().map(|m| m.model()).collect::<Vec<_>>(), [MotionModel::Hinge, MotionModel::Free]);
-        let joints = vec![models[0].clone(), MotionParameters::from_motion(MotionModel::Free, &trained)];
-        let parts = refined(&found, &Trained { splats: Splats::empty(0), labels: Vec::new(), joints });
-        let own = parts[0].motion.inverse() * parts[1].motion;
-        assert!(own.angle() < 1e-9 && own.translation.distance(slide.translation) < 1e-9, "{own:?}");
-        assert_eq!((parts[1].kind, parts[1].parent), (JointKind::Prismatic, 1));
-    }
 }

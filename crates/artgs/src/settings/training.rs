@@ -133,6 +133,8 @@ pub(super) const ARTICULATE: &[Entry] = &[
     switch("exact", "Use true derivatives of the warp; otherwise those of the published code"),
     switch("rotate_sh", "Turn colours with the parts rather than leave them fixed to the world"),
     switch("learn_joints", "Improve the motions; otherwise they stay as given"),
+    switch("learn_noisy_joints",
+        "Improve the motions of found parts whose points are noisy, also without `learn_joints`"),
     switch("centre_joints",
         "Optimise motions as seen from the middle of their part; otherwise from the world's origin, as published"),
     whole("centre_after", 0, MOST_STEPS, "steps",

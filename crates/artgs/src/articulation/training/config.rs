@@ -43,6 +43,9 @@ pub struct ArticulateConfig {
     pub rotate_sh: bool,
     /// Improve the motions; otherwise they stay as given.
     pub learn_joints: bool,
+    /// Improve the motions of found parts whose points are noisy, also without `learn_joints`: photos determine motions along
+    /// surfaces better than noisy depth.
+    pub learn_noisy_joints: bool,
     /// Optimise motions as seen from the middle of their part; otherwise from the world's origin, as published, where a
     /// turn also moves a part that is far away.
     pub centre_joints: bool,
@@ -93,6 +96,7 @@ impl ArticulateConfig {
             exact: false,
             rotate_sh: false,
             learn_joints: true,
+            learn_noisy_joints: false,
             centre_joints: false,
             joint_rate: rate,
             assign_rate: rate,
@@ -143,6 +147,7 @@ impl Default for ArticulateConfig {
             exact: true,
             rotate_sh: true,
             learn_joints: false,
+            learn_noisy_joints: true,
             centre_joints: true,
             joint_rate: LogLinear { from: 1e-3, to: 1e-5, steps: 900 },
             assign_rate: LogLinear { from: 5e-3, to: 5e-4, steps: 900 },
