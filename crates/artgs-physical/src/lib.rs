@@ -21,6 +21,7 @@ mod repair;
 mod semantics;
 mod shade;
 mod simplify;
+mod spread;
 mod stance;
 mod sweep;
 mod topology;

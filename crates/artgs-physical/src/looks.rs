@@ -1,6 +1,6 @@
 //! Prepares fused part meshes for display and mass computation: closed, simplified, textured from the photos.
 
-use crate::bake::{BakeOptions, BakeView, bake, depth_of};
+use crate::bake::{BakeOptions, BakeView, JUMP, Photo, bake, depth_of, equalise};
 use crate::config::PhysicalConfig;
 use crate::convert::{from_parry, pose, to_parry};
 use crate::describe::diagonal;
@@ -9,9 +9,10 @@ use crate::passage::{Passage, carved, freed};
 use crate::repair::{RepairOptions, mean_edge, repair};
 use crate::shade::{CREASE, with_normals};
 use crate::simplify::{Original, SurfaceError, smoothed};
+use crate::spread::spread;
 use crate::topology::{bounds, points};
 use crate::unwrap::{UnwrapOptions, unwrap};
-use artgs_core::{Capture, DepthMap, Joint, Mesh, PerState, Replica, State, TexturedMesh};
+use artgs_core::{Camera, Capture, DepthMap, Joint, Mesh, PerState, Replica, State, TexturedMesh};
 use glam::DVec3;
 use parry3d::math::Pose3;
 use parry3d::query::{PointQuery as _, PointQueryWithLocation as _, Ray, RayCullingMode};
@@ -84,6 +85,9 @@ const COARSEST_EDGE: f64 = 0.03;
 /// ... as if its voxels were so small.
 const EXACT_EDGE: f64 = 5e-3;
 
+/// Points of each part whose colours are compared between photos.
+const COMPARED: usize = 2000;
+
 /// Surfaces of all parts of a valid replica. `meshes[i]` is the fused mesh of part `i` at the start state; without a capture
 /// textures hold the colours of the meshes.
 pub fn surfaces(
@@ -98,8 +102,35 @@ pub fn surfaces(
     fused.par_iter().for_each(|fused| {
         fused.shape();
     });
-    let surface = |part| surface(part, replica, fused, capture, &hidden, config);
-    (0..fused.len()).into_par_iter().map(surface).collect()
+    let diagonal = diagonal(&fused.iter().map(Fused::mesh).collect::<Vec<_>>());
+    let voxels: Vec<f64> = fused.iter().map(|fused| voxel(fused.mesh(), diagonal)).collect();
+    let finest = voxels.iter().copied().filter(|voxel| *voxel > 0.0).fold(f64::INFINITY, f64::min);
+    let photos = photos(capture, &hidden, JUMP * finest);
+    let mut views: Vec<Vec<BakeView>> = (0..fused.len()).map(|part| views(part, replica, &photos)).collect();
+    let shape = |part| shape(part, replica, fused, voxels[part], &views[part], config);
+    let mut shapes: Vec<Shape> = (0..fused.len()).into_par_iter().map(shape).collect();
+    let compared: Vec<Vec<[DVec3; 2]>> =
+        shapes.par_iter().map(|shape| spread(&shape.surface.visual.mesh, COMPARED)).collect();
+    let options: Vec<BakeOptions> = voxels.iter().map(|voxel| BakeOptions::at_resolution(*voxel)).collect();
+    equalise(&mut views, &compared, &options);
+    shapes.par_iter_mut().zip(&views).zip(fused).zip(&options).for_each(|(((shape, views), fused), options)| {
+        if let Some(size) = shape.atlas {
+            let surface = &mut shape.surface;
+            let baked = bake(&surface.visual, size, views, fused.mesh(), options);
+            surface.texels = [baked.texels, baked.seen];
+            surface.visual.mesh.colors = baked.colors;
+            surface.visual.texture = Some(baked.texture);
+        }
+    });
+    shapes.into_iter().map(|shape| shape.surface).collect()
+}
+
+/// A part's surface before its texture is painted.
+#[derive(Default)]
+struct Shape {
+    surface: PartSurface,
+    /// Width and height of the texture, texels; none if there will not be one.
+    atlas: Option<[u32; 2]>,
 }
 
 /// Edge of a voxel of a fused mesh.
@@ -149,22 +180,20 @@ fn others<'a>(replica: &Replica, meshes: &'a [Fused], part: usize) -> Vec<(&'a T
     all.filter(|(_, q)| *q != part).filter_map(at).collect()
 }
 
-fn surface(
+fn shape(
     part: usize,
     replica: &Replica,
     meshes: &[Fused],
-    capture: Option<&Capture>,
-    hidden: &PerState<Vec<Option<DepthMap>>>,
+    voxel: f64,
+    views: &[BakeView],
     config: &PhysicalConfig,
-) -> PartSurface {
-    let diagonal = diagonal(&meshes.iter().map(Fused::mesh).collect::<Vec<_>>());
+) -> Shape {
     let fused = meshes[part].mesh();
-    let voxel = voxel(fused, diagonal);
     let edge = voxel / VOXEL_PER_EDGE;
     if fused.is_empty() || edge.is_nan() || edge <= 0.0 {
         let warnings =
             vec![format!("{} has no surface: nothing is drawn and nothing collides", replica.parts[part].name)];
-        return PartSurface { warnings, ..PartSurface::default() };
+        return Shape { surface: PartSurface { warnings, ..PartSurface::default() }, atlas: None };
     }
     let carried = passages(replica, meshes, part, voxel);
     let others = others(replica, meshes, part);
@@ -178,7 +207,7 @@ fn surface(
     let original = Original::new(&smooth);
     let exact = original.simplified_to(config.triangles / FLAT, EXACT * voxel, config.triangles);
     let simple = exact.unwrap_or_else(|| original.simplified(config.triangles, voxel));
-    let mut out = PartSurface {
+    let mut surface = PartSurface {
         closed: repaired.watertight,
         fused: fused.triangles.len(),
         error: simple.error,
@@ -186,46 +215,44 @@ fn surface(
         ..PartSurface::default()
     };
     let shaded = with_normals(&simple.mesh, CREASE);
-    let views = views(part, replica, capture, hidden);
     let extent = bounds(fused).map_or(0.0, |[low, high]| low.distance(high)).max(1e-12);
-    let of_views = || texel_density(&views, fused).unwrap_or(1.0 / voxel).min(config.texels / extent);
+    let of_views = || texel_density(views, fused).unwrap_or(1.0 / voxel).min(config.texels / extent);
     let texels_per_unit = config.texel.map_or_else(of_views, |edge| config.scale / edge);
     let options = UnwrapOptions { texels_per_unit, max_side: config.texture_side, ..UnwrapOptions::default() };
     match unwrap(&shaded, &options) {
         Ok(flat) => {
-            let baked = bake(&flat.mesh, flat.size, &views, fused, &BakeOptions::at_resolution(voxel));
-            out.texels = [baked.texels, baked.seen];
-            out.visual = flat.mesh;
-            out.visual.mesh.colors = baked.colors;
-            out.visual.texture = Some(baked.texture);
+            surface.visual = flat.mesh;
+            Shape { surface, atlas: Some(flat.size) }
         }
         Err(reason) => {
-            out.warnings.push(format!("{} keeps vertex colours: {reason}", replica.parts[part].name));
-            out.visual = shaded;
+            surface.warnings.push(format!("{} keeps vertex colours: {reason}", replica.parts[part].name));
+            surface.visual = shaded;
+            Shape { surface, atlas: None }
         }
     }
-    out
 }
 
-/// Photos of both states in the frame of a part at the start state.
-fn views<'a>(
-    part: usize,
-    replica: &Replica,
-    capture: Option<&'a Capture>,
-    hidden: &'a PerState<Vec<Option<DepthMap>>>,
-) -> Vec<BakeView<'a>> {
+/// A photo with the state and the camera in the world.
+type Placed<'a> = (State, Camera, Photo<'a>);
+
+/// Photos of both states; those whose depth is not of their size are left out.
+fn photos<'a>(capture: Option<&'a Capture>, hidden: &'a PerState<Vec<Option<DepthMap>>>, jump: f64) -> Vec<Placed<'a>> {
     let Some(capture) = capture else { return Vec::new() };
     let of_state = |state: State| {
-        let motion = replica.motion_to(part, state);
-        capture.states[state].train.iter().zip(&hidden[state]).map(move |(v, hidden)| BakeView {
-            camera: v.camera.moved_with(&motion),
-            rgba: &v.rgba,
-            depth: v.depth.as_ref().or(hidden.as_ref()),
-            labels: None,
-            weight: 1.0,
-        })
+        let views = capture.states[state].train.iter().zip(&hidden[state]);
+        views.filter_map(move |(v, hidden)| Some((state, v.camera, &v.rgba, v.depth.as_ref().or(hidden.as_ref())?)))
     };
-    State::ALL.into_iter().flat_map(of_state).collect()
+    let all: Vec<_> = State::ALL.into_iter().flat_map(of_state).collect();
+    let photo = |(state, camera, rgba, depth): (State, Camera, &'a Vec<[u8; 4]>, &'a DepthMap)| {
+        Some((state, camera, Photo::new(rgba, depth, camera.intrinsics, jump)?))
+    };
+    all.into_par_iter().filter_map(photo).collect()
+}
+
+/// The photos in the frame of a part at the start state.
+fn views<'a>(part: usize, replica: &Replica, photos: &'a [Placed<'a>]) -> Vec<BakeView<'a>> {
+    let motions = PerState::from_fn(|state| replica.motion_to(part, state));
+    photos.iter().map(|(state, camera, photo)| BakeView::new(photo, camera.moved_with(&motions[*state]))).collect()
 }
 
 /// Rendered depth of the meshes in those training views of a state that have no depth.

@@ -1,7 +1,8 @@
 //! Mesh simplification with a measured error.
 
 use crate::repair::trimesh;
-use crate::topology::{corners, open_edges, point, split_to_manifold};
+use crate::spread::spread;
+use crate::topology::{open_edges, point, split_to_manifold};
 use artgs_core::Mesh;
 use glam::DVec3;
 use meshopt::{SimplifyOptions, VertexDataAdapter};
@@ -121,23 +122,7 @@ fn distance(solid: &TriMesh, p: DVec3) -> f64 {
 fn samples(mesh: &Mesh) -> Vec<DVec3> {
     let stride = mesh.vertices.len().div_ceil(SAMPLES / 2).max(1);
     let mut points: Vec<DVec3> = (0..mesh.vertices.len() as u32).step_by(stride).map(|v| point(mesh, v)).collect();
-    let areas: Vec<f64> = mesh.triangles.iter().map(|t| crate::topology::cross(mesh, *t).length()).collect();
-    let step = areas.iter().sum::<f64>() / (SAMPLES / 2) as f64;
-    let mut carried = 0.0;
-    for (t, area) in mesh.triangles.iter().zip(&areas) {
-        carried += area;
-        let [a, b, c] = corners(mesh, *t);
-        while step > 0.0 && carried >= step {
-            carried -= step;
-            // The additive recurrence of the plastic number covers a square evenly; folding it gives the triangle.
-            let i = points.len() as f64;
-            let (mut u, mut v) = ((i * 0.754_877_666_246_693).fract(), (i * 0.569_840_290_998_053).fract());
-            if u + v > 1.0 {
-                (u, v) = (1.0 - u, 1.0 - v);
-            }
-            points.push(a + (b - a) * u + (c - a) * v);
-        }
-    }
+    points.extend(spread(mesh, SAMPLES / 2).into_iter().map(|[point, _]| point));
     points
 }
 
@@ -194,6 +179,7 @@ impl Around {
 mod tests {
     use super::*;
     use crate::repair::welded;
+    use crate::topology::corners;
     use crate::topology::testing::{open_box, sphere};
 
     #[test]

@@ -41,7 +41,7 @@ mod tests {
 
     #[test]
     fn agreement_wins_over_a_highlight() {
-        let sample = |v: f32, weight: f32| Sample { color: Vec3::new(v, 50.0, 20.0), weight };
+        let sample = |v: f32, weight: f32| Sample { color: Vec3::new(v, 50.0, 20.0), weight, clear: true };
         let mut samples = vec![sample(250.0, 2.0), sample(100.0, 1.0), sample(102.0, 1.0), sample(98.0, 1.0)];
         let color = blend(&mut samples, 20.0).unwrap();
         assert!(color.distance(Vec3::new(100.0, 50.0, 20.0)) < 2.5, "{color}");

@@ -7,52 +7,31 @@
 mod atlas;
 mod blend;
 mod fill;
+mod gains;
+mod photo;
+mod solve;
 mod view;
 mod zbuffer;
 
+pub(crate) use gains::equalise;
+pub(crate) use photo::Photo;
+pub(crate) use view::BakeView;
 pub(crate) use zbuffer::depth_of;
 pub use zbuffer::{Hit, visible};
 
-use artgs_core::{Camera, DepthMap, Mesh, Texture, TexturedMesh};
+use artgs_core::{Mesh, Texture, TexturedMesh};
 use atlas::Texel;
 use blend::blend;
+use fill::Seen;
 use glam::Vec3;
 use rayon::prelude::*;
-use view::{PreparedView, Sample};
-
-/// A photo as a source of colours.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct BakeView<'a> {
-    /// Camera in the frame of the mesh: that of the photo, moved with the part ([`Camera::moved_with`]).
-    pub camera: Camera,
-    /// Straight colours, `[height * width]`; alpha is the mask of the object.
-    pub rgba: &'a [[u8; 4]],
-    /// Planar depth, `[height * width]`, scene units. Without it only the mesh itself decides about visibility; [`depth_of`]
-    /// renders depth that includes other parts.
-    pub depth: Option<&'a DepthMap>,
-    /// Part of every pixel, `[height * width]`, and the number of this part; pixels of other parts are ignored.
-    pub labels: Option<(&'a [u16], u16)>,
-    /// Weight of the view relative to others, usually 1.
-    pub weight: f64,
-}
-
-impl BakeView<'_> {
-    /// True if every buffer has the size of the image.
-    fn is_whole(&self) -> bool {
-        let pixels = self.camera.intrinsics.width as usize * self.camera.intrinsics.height as usize;
-        self.rgba.len() == pixels
-            && self.depth.is_none_or(|d| d.len() == pixels)
-            && self.labels.is_none_or(|(l, _)| l.len() == pixels)
-    }
-}
+use view::Sample;
 
 /// Settings of [`bake`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct BakeOptions {
     /// Largest difference between a view's depth and a visible point, scene units.
     pub tolerance: f64,
-    /// Step of depth between pixels that counts as an edge between two surfaces, scene units.
-    pub jump: f64,
     /// Exponent of the cosine between normal and ray in the weight of a view.
     pub sharpness: f64,
     /// Difference in colour, [0, 255], at which a sample has a quarter of its weight.
@@ -61,10 +40,13 @@ pub(crate) struct BakeOptions {
     pub padding: u32,
 }
 
+/// Step of depth between pixels that counts as an edge between two surfaces, voxels.
+pub(crate) const JUMP: f64 = 4.0;
+
 impl BakeOptions {
     /// Settings for surfaces with an accuracy of about `voxel` (scene units).
     pub(crate) fn at_resolution(voxel: f64) -> Self {
-        Self { tolerance: 2.5 * voxel, jump: 4.0 * voxel, sharpness: 8.0, outlier: 40.0, padding: 4 }
+        Self { tolerance: 2.5 * voxel, sharpness: 8.0, outlier: 40.0, padding: 4 }
     }
 }
 
@@ -82,8 +64,8 @@ pub(crate) struct Baked {
 }
 
 /// Bakes a texture of `size` texels (width, height) for a mesh with texture coordinates and normals. Texels that no view
-/// sees get the colour of the nearest visible surface; if no view sees the mesh, all get the vertex colours of `dense`, the
-/// mesh before simplification. Views whose buffers do not have the size of their image are ignored.
+/// sees get colours of near surfaces of similar orientation; if no view sees the mesh, all get the vertex colours of `dense`, the
+/// mesh before simplification.
 pub(crate) fn bake(
     mesh: &TexturedMesh,
     size: [u32; 2],
@@ -96,12 +78,10 @@ pub(crate) fn bake(
         return Baked::default();
     }
     let texels = atlas::texels(mesh, size);
-    let prepared = view::prepare(views, &mesh.mesh, options);
-    let found = blended(&texels, size[0], &prepared, options);
+    let found = blended(&texels, size[0], views, options);
     let mut colors: Vec<Option<Vec3>> = vec![None; size[0] as usize * size[1] as usize];
-    texels.iter().zip(&found).for_each(|(t, c)| colors[t.index] = *c);
     let seen = found.iter().flatten().count();
-    if !fill::from_neighbours(&texels, &mut colors, size) {
+    if !fill::from_similar(&texels, &found, &mut colors, size) {
         fill::from_vertices(&texels, &mut colors, dense);
     }
     let rgb = atlas::pad(&mut colors, size, options.padding);
@@ -112,7 +92,7 @@ pub(crate) fn bake(
 
 /// The blended samples of all views for every texel, in squares of the atlas: neighbours are near each other in images, too, which
 /// are too large for the caches of a processor.
-fn blended(texels: &[Texel], width: u32, views: &[PreparedView], options: &BakeOptions) -> Vec<Option<Vec3>> {
+fn blended(texels: &[Texel], width: u32, views: &[BakeView], options: &BakeOptions) -> Vec<Option<Seen>> {
     /// Side of a square, texels.
     const SQUARE: usize = 32;
     let place = |i: usize| {
@@ -122,7 +102,7 @@ fn blended(texels: &[Texel], width: u32, views: &[PreparedView], options: &BakeO
     let mut order: Vec<usize> = (0..texels.len()).collect();
     order.sort_by_key(|i| place(*i));
     let squares: Vec<&[usize]> = order.chunk_by(|a, b| place(*a) == place(*b)).collect();
-    let blend_square = |samples: &mut Vec<Vec<Sample>>, square: &&[usize]| -> Vec<Option<Vec3>> {
+    let blend_square = |samples: &mut Vec<Vec<Sample>>, square: &&[usize]| -> Vec<Option<Seen>> {
         samples.resize_with(square.len().max(samples.len()), Vec::new);
         samples.iter_mut().for_each(Vec::clear);
         for view in views {
@@ -130,9 +110,13 @@ fn blended(texels: &[Texel], width: u32, views: &[PreparedView], options: &BakeO
                 samples.extend(view.sample(texel.point, texel.normal, options));
             }
         }
-        samples.iter_mut().take(square.len()).map(|samples| blend(samples, options.outlier as f32)).collect()
+        let seen = |samples: &mut Vec<Sample>| {
+            let color = blend(samples, options.outlier as f32)?;
+            Some(Seen { color, certain: samples.iter().any(|sample| sample.clear) })
+        };
+        samples.iter_mut().take(square.len()).map(seen).collect()
     };
-    let found: Vec<Vec<Option<Vec3>>> = squares.par_iter().map_init(Vec::new, blend_square).collect();
+    let found: Vec<Vec<Option<Seen>>> = squares.par_iter().map_init(Vec::new, blend_square).collect();
     let mut out = vec![None; texels.len()];
     order.iter().zip(found.into_iter().flatten()).for_each(|(i, color)| out[*i] = color);
     out

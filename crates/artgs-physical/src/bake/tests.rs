@@ -1,9 +1,10 @@
+use super::gains::Gain;
 use super::*;
 use crate::repair::welded;
 use crate::shade::{CREASE, with_normals};
 use crate::topology::testing::open_box;
 use crate::unwrap::{UnwrapOptions, unwrap};
-use artgs_core::Intrinsics;
+use artgs_core::{Camera, DepthMap, Intrinsics};
 use glam::DVec3;
 
 /// A checkerboard of squares of 0.25 on all sides of a unit cube.
@@ -56,24 +57,33 @@ fn photos(cameras: &[Camera], wrong: Option<usize>) -> Vec<(Vec<[u8; 4]>, DepthM
     cameras.iter().enumerate().map(photo).collect()
 }
 
-fn baked(depth: bool, wrong: Option<usize>, extra: Option<&Mesh>) -> (TexturedMesh, Baked, [u32; 2]) {
+type Images = Vec<(Vec<[u8; 4]>, DepthMap)>;
+
+fn prepared<'a>(cameras: &[Camera], images: &'a Images) -> Vec<Photo<'a>> {
+    let photo = |(camera, (rgba, map)): (&Camera, &'a (Vec<[u8; 4]>, DepthMap))| {
+        Photo::new(rgba, map, camera.intrinsics, 0.04).unwrap()
+    };
+    cameras.iter().zip(images).map(photo).collect()
+}
+
+fn seen_by<'a>(cameras: &[Camera], photos: &'a [Photo<'a>]) -> Vec<BakeView<'a>> {
+    cameras.iter().zip(photos).map(|(camera, photo)| BakeView::new(photo, *camera)).collect()
+}
+
+fn flat(mesh: &Mesh) -> (TexturedMesh, [u32; 2]) {
     let options = UnwrapOptions { texels_per_unit: 100.0, ..UnwrapOptions::default() };
-    let flat = unwrap(&with_normals(&extra.cloned().unwrap_or_else(cube), CREASE), &options).unwrap();
+    let flat = unwrap(&with_normals(mesh, CREASE), &options).unwrap();
+    (flat.mesh, flat.size)
+}
+
+fn baked(wrong: Option<usize>, extra: Option<&Mesh>) -> (TexturedMesh, Baked, [u32; 2]) {
+    let (mesh, size) = flat(&extra.cloned().unwrap_or_else(cube));
     let cameras = cameras();
-    let photos = photos(&cameras, wrong);
-    let views: Vec<BakeView> = cameras
-        .iter()
-        .zip(&photos)
-        .map(|(camera, (rgba, map))| BakeView {
-            camera: *camera,
-            rgba,
-            depth: depth.then_some(map),
-            labels: None,
-            weight: 1.0,
-        })
-        .collect();
-    let done = bake(&flat.mesh, flat.size, &views, &Mesh::default(), &BakeOptions::at_resolution(0.01));
-    (flat.mesh, done, flat.size)
+    let images = photos(&cameras, wrong);
+    let photos = prepared(&cameras, &images);
+    let views = seen_by(&cameras, &photos);
+    let done = bake(&mesh, size, &views, &Mesh::default(), &BakeOptions::at_resolution(0.01));
+    (mesh, done, size)
 }
 
 /// Share of texels away from lines and edges whose colour is the board's within 12 of 255.
@@ -94,20 +104,89 @@ fn right(mesh: &TexturedMesh, done: &Baked, size: [u32; 2]) -> f64 {
 
 #[test]
 fn a_checkerboard_is_baked_in_register() {
-    let (mesh, done, size) = baked(true, None, None);
+    let (mesh, done, size) = baked(None, None);
     assert!(right(&mesh, &done, size) > 0.995, "{}", right(&mesh, &done, size));
     assert!(done.seen as f64 > 0.98 * done.texels as f64 && done.colors.len() == mesh.mesh.vertices.len());
     assert!((done.texels as f64 - 60_000.0).abs() < 2000.0);
-    let (_, again, _) = baked(true, None, None);
+    let (_, again, _) = baked(None, None);
     assert_eq!(done, again);
 }
 
 #[test]
-fn neither_a_wrong_photo_nor_missing_depth_degrades_it() {
-    let (mesh, done, size) = baked(true, Some(3), None);
+fn a_wrong_photo_does_not_degrade_it() {
+    let (mesh, done, size) = baked(Some(3), None);
     assert!(right(&mesh, &done, size) > 0.9, "{}", right(&mesh, &done, size));
-    let (mesh, done, size) = baked(false, None, None);
-    assert!(right(&mesh, &done, size) > 0.995, "{}", right(&mesh, &done, size));
+}
+
+/// The cube's texture from photos changed by factors of their number and the normal, equalised, and whether any view has a gain.
+fn equalised(factor: impl Fn(usize, DVec3) -> f64) -> (TexturedMesh, Baked, [u32; 2], bool) {
+    let cube = cube();
+    let (mesh, size) = flat(&cube);
+    let cameras = cameras();
+    let mut images = photos(&cameras, None);
+    for (i, ((rgba, _), camera)) in images.iter_mut().zip(&cameras).enumerate() {
+        for (pixel, hit) in rgba.iter_mut().zip(visible(camera, &[&cube])) {
+            let Some(hit) = hit else { continue };
+            let [a, b, c] = crate::topology::corners(&cube, cube.triangles[hit.triangle]);
+            let factor = factor(i, (b - a).cross(c - a).normalize());
+            let [r, g, b, a] = *pixel;
+            *pixel = [
+                (f64::from(r) * factor).round() as u8,
+                (f64::from(g) * factor).round() as u8,
+                (f64::from(b) * factor).round() as u8,
+                a,
+            ];
+        }
+    }
+    let photos = prepared(&cameras, &images);
+    let mut views = [seen_by(&cameras, &photos)];
+    let options = BakeOptions::at_resolution(0.01);
+    equalise(&mut views, &[crate::spread::spread(&cube, 2000)], &[options]);
+    let changed = views[0].iter().any(|view| view.gain != Gain::default());
+    let done = bake(&mesh, size, &views[0], &Mesh::default(), &options);
+    (mesh, done, size, changed)
+}
+
+#[test]
+fn exposures_are_equalised_and_the_brightness_stays() {
+    // Factors of alternating views, 0.95 in the mean.
+    let factor = |i: usize| 0.95 + [0.15, -0.15, 0.0][i % 3];
+    let (mesh, done, size, changed) = equalised(|i, _| factor(i));
+    let expected = |t: &Texel| board(t.point - t.normal * 1e-3) * 0.94;
+    let texels: Vec<Texel> = atlas::texels(&mesh, size).into_iter().filter(|t| from_lines(t.point) > 0.02).collect();
+    let near = |t: &&Texel| expected(t).distance(Vec3::from_array(done.texture.rgb[t.index].map(f32::from))) < 9.0;
+    let share = texels.iter().filter(near).count() as f64 / texels.len() as f64;
+    assert!(changed && share > 0.98, "{share}");
+}
+
+#[test]
+fn light_that_changes_with_the_side_and_the_view_is_equalised() {
+    // A lamp along +x in even views, along -x in others.
+    let lamp = |i: usize, normal: DVec3| 0.85 + if i % 2 == 0 { 0.15 } else { -0.15 } * normal.x;
+    let (mesh, done, size, changed) = equalised(lamp);
+    let texels: Vec<Texel> = atlas::texels(&mesh, size)
+        .into_iter()
+        .filter(|t| t.normal.x.abs() > 0.99 && from_lines(t.point) > 0.02)
+        .collect();
+    let ratio = |t: &Texel| {
+        f64::from(
+            done.texture.rgb[t.index].map(f32::from).iter().sum::<f32>()
+                / board(t.point - t.normal * 1e-3).element_sum(),
+        )
+    };
+    let mut ratios: Vec<f64> = texels.iter().map(ratio).collect();
+    ratios.sort_by(f64::total_cmp);
+    let at = |share: f64| ratios[(share * ratios.len() as f64) as usize];
+    // Unequalised, the sides have 1 and 0.7.
+    assert!(changed && at(0.02) > 0.75 && at(0.98) < 0.95, "{} {}", at(0.02), at(0.98));
+}
+
+#[test]
+fn equal_photos_and_light_that_stays_are_left_as_they_are() {
+    let (_, done, _, changed) = equalised(|_, normal| 0.8 + 0.1 * normal.z);
+    assert!(!changed);
+    let (_, plain, _, changed) = equalised(|_, _| 1.0);
+    assert!(!changed && plain == baked(None, None).1 && done != plain);
 }
 
 #[test]
@@ -117,7 +196,7 @@ fn what_is_hidden_takes_the_colour_next_to_it_and_not_of_what_hides_it() {
     let mut hidden = open_box(DVec3::splat(0.1), 1, [true; 6]);
     hidden = hidden.moved(&artgs_core::Rigid::shift(DVec3::new(0.08, 0.08, 0.08)));
     mesh.append(&welded(&hidden, 1e-6));
-    let (mesh, done, size) = baked(true, None, Some(&mesh));
+    let (mesh, done, size) = baked(None, Some(&mesh));
     assert!(done.seen < done.texels - 500);
     assert!(right(&mesh, &done, size) > 0.93);
 }
@@ -137,9 +216,9 @@ fn without_views_the_vertex_colours_are_painted() {
             t.point
         );
     }
-    let odd = [BakeView { camera: cameras()[0], rgba: &[], depth: None, labels: None, weight: 1.0 }];
-    let same = bake(&flat.mesh, flat.size, &odd, &dense, &BakeOptions::at_resolution(0.01));
-    assert_eq!((done.seen, same.texture), (0, done.texture));
+    assert_eq!(done.seen, 0);
+    let empty = DepthMap::nearest(&[]);
+    assert!(Photo::new(&[], &empty, cameras()[0].intrinsics, 0.1).is_none());
     assert_eq!(
         bake(&TexturedMesh { uvs: vec![], ..flat.mesh }, [8, 8], &[], &dense, &BakeOptions::at_resolution(0.1)),
         Baked::default()
