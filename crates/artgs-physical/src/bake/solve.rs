@@ -69,7 +69,7 @@ fn step<const K: usize>(
 
 /// Solves `apply(x) = right`, symmetric and positive definite, from a guess; `diagonal` is that of the matrix.
 pub(super) fn conjugate_gradients<const K: usize>(
-    apply: &dyn Fn(&[[f64; K]]) -> Vec<[f64; K]>,
+    apply: &impl Fn(&[[f64; K]]) -> Vec<[f64; K]>,
     right: &[[f64; K]],
     diagonal: &[[f64; K]],
     mut x: Vec<[f64; K]>,
@@ -139,7 +139,11 @@ mod tests {
             let wrong = if (point * 8 + view) % 10 == 3 { 1.5 } else { 0.0 };
             Row { view, basis: [1.0, slope], value: point as f64 * 0.01 + offset(view, slope) + wrong }
         };
-        (0..200).map(|p| (0..8).filter(|v| (p + v) % 2 == 0 || p % 5 == 0).map(|v| row(p, v)).collect()).collect()
+        (0..200)
+            .map(|p: usize| {
+                (0..8_usize).filter(|v| (p + v).is_multiple_of(2) || p.is_multiple_of(5)).map(|v| row(p, v)).collect()
+            })
+            .collect()
     }
 
     #[test]

@@ -162,7 +162,7 @@ fn exposures_are_equalised_and_the_brightness_stays() {
 #[test]
 fn light_that_changes_with_the_side_and_the_view_is_equalised() {
     // A lamp along +x in even views, along -x in others.
-    let lamp = |i: usize, normal: DVec3| 0.85 + if i % 2 == 0 { 0.15 } else { -0.15 } * normal.x;
+    let lamp = |i: usize, normal: DVec3| 0.85 + if i.is_multiple_of(2) { 0.15 } else { -0.15 } * normal.x;
     let (mesh, done, size, changed) = equalised(lamp);
     let texels: Vec<Texel> = atlas::texels(&mesh, size)
         .into_iter()
