@@ -359,6 +359,7 @@ mod tests {
     use crate::discover::face_motions::Region;
     use crate::discover::facets::Facet;
     use crate::discover::test_scene::{cabinet_scene, object_scene};
+    use glam::DVec3;
 
     #[test]
     fn parts_whose_points_stay_keep_their_joints_in_another_refinement() {
