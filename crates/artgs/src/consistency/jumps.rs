@@ -1,9 +1,8 @@
 //! Jumps of the poses of a recording: after tracking was lost, frames may be placed where nothing connects them to the others.
 
 use super::agreement::agreement;
-use super::samples::{CoarseView, Reading};
+use super::samples::{CoarseView, Reading, coarse_views};
 use artgs_core::View;
-use rayon::prelude::*;
 use serde::Serialize;
 
 /// Step between neighbouring frames that is a jump, in median steps.
@@ -12,8 +11,6 @@ const JUMP: f64 = 8.0;
 const LEAST_FRAMES: usize = 8;
 /// Share of the carried points that two runs of frames must have in common to be connected.
 const COMMON: f64 = 0.02;
-/// Views of a run that are compared.
-const COMPARED: usize = 12;
 
 /// Frames that a jump of the poses separates from the others, in their order.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -71,7 +68,7 @@ fn steps(views: &[&View]) -> Vec<f64> {
 
 /// Whether each run is the longest one or shares surfaces with it, also through other runs.
 fn connected(runs: &[&[&View]]) -> Vec<bool> {
-    let coarse: Vec<Vec<CoarseView>> = runs.iter().map(|run| thinned(run)).collect();
+    let coarse: Vec<Vec<CoarseView>> = runs.iter().map(|run| coarse_views(run.iter().copied())).collect();
     let Some(longest) = (0..runs.len()).max_by_key(|&i| (runs[i].len(), usize::MAX - i)) else { return Vec::new() };
     let mut found = vec![false; runs.len()];
     found[longest] = true;
@@ -90,9 +87,4 @@ fn connected(runs: &[&[&View]]) -> Vec<bool> {
 /// Share of the points of a run, per view of the other, that agree.
 fn share(of: &[CoarseView], with: &[CoarseView]) -> f64 {
     agreement(of, with, [Reading::STATED; 2]).share_of_all()
-}
-
-fn thinned(run: &[&View]) -> Vec<CoarseView> {
-    let count = run.len().min(COMPARED);
-    (0..count).into_par_iter().map(|i| CoarseView::new(run[i * run.len() / count])).collect()
 }

@@ -71,9 +71,8 @@ mod tests {
     use super::*;
     use crate::articulation::{MotionModel, MotionParameters};
     use crate::discover::Cloud;
-    use artgs_core::{Camera, Splats};
-    use artgs_core::{JointKind, Rigid};
-    use glam::{DVec3, Vec3};
+    use artgs_core::{Camera, Intrinsics, JointKind, Rigid, Splats};
+    use glam::Vec3;
 
     /// A door with points about (0.5, 0, 0), registered with this root mean square distance.
     fn door(rms: f64, noisy: bool) -> Discovery {
@@ -93,7 +92,7 @@ mod tests {
     #[test]
     fn joints_of_noisy_points_are_improved_and_those_of_exact_ones_are_not() {
         // A pixel is 10 mm wide on the part.
-        let k = artgs_core::Intrinsics { fx: 300.0, fy: 300.0, cx: 100.0, cy: 100.0, width: 200, height: 200 };
+        let k = Intrinsics { fx: 300.0, fy: 300.0, cx: 100.0, cy: 100.0, width: 200, height: 200 };
         let camera = Camera::look_at(k, DVec3::new(0.5, -3.0, 0.0), DVec3::new(0.5, 0.0, 0.0), DVec3::Z);
         let view = View { name: "view".into(), camera, rgba: Vec::new(), depth: None };
         let views = PerState::new(std::slice::from_ref(&view), std::slice::from_ref(&view));

@@ -265,10 +265,13 @@ impl<'a> Run<'a> {
         if !discover.decide_joints {
             return joints_of(trained, 0.5 * discover.revolute_deg.to_radians());
         }
-        if !articulate.learn_joints && improved.contains(&true) {
+        if !improved.contains(&true) {
+            return found.parts.clone();
+        }
+        if !articulate.learn_joints {
             refined::keep_others(found, trained, improved);
         }
-        if improved.contains(&true) { refined::refined(found, trained) } else { found.parts.clone() }
+        refined::refined(found, trained)
     }
 
     /// What training begins with, and targets of the Chamfer term if parts are to be learnt.
