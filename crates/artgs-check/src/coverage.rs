@@ -6,6 +6,7 @@ use crate::observed::Observed;
 use crate::poses::vector;
 use crate::report::CoverageFinding;
 use crate::shadow::{Shadow, Triangles};
+use artgs_core::Inside;
 use glam::DVec3;
 use rapier3d::parry::query::{PointQuery as _, Ray, RayCast as _};
 use rapier3d::parry::shape::{ConvexPolyhedron, TriMesh, TriMeshFlags};
@@ -40,6 +41,30 @@ impl<'a> Piece<'a> {
         p.cmpge(self.low).all() && p.cmple(self.high).all() && self.planes.iter().all(|(n, o)| n.dot(p) <= o - depth)
     }
 
+    /// True if a straight line between two points passes through the hull.
+    fn is_crossed(&self, [from, to]: [DVec3; 2]) -> bool {
+        let (mut enters, mut leaves) = (0.0_f64, 1.0_f64);
+        for (normal, offset) in &self.planes {
+            let (distance, speed) = (normal.dot(from) - offset, normal.dot(to - from));
+            if speed == 0.0 && distance > 0.0 {
+                return false;
+            }
+            let at = -distance / speed;
+            match speed {
+                s if s > 0.0 => leaves = leaves.min(at),
+                s if s < 0.0 => enters = enters.max(at),
+                _ => {}
+            }
+        }
+        enters <= leaves
+    }
+
+    /// True if the hull is within `reach` behind a point of a surface with this outward normal, or as far before it.
+    fn is_behind(&self, p: DVec3, normal: DVec3, reach: f64) -> bool {
+        let around = p.cmpge(self.low - reach).all() && p.cmple(self.high + reach).all();
+        around && self.is_crossed([p + normal * reach, p - normal * reach])
+    }
+
     fn is_near(&self, p: DVec3, distance: f64) -> bool {
         let around = p.cmpge(self.low - distance).all() && p.cmple(self.high + distance).all();
         around && f64::from(self.shape.distance_to_local_point(vector(p), true)) <= distance
@@ -49,11 +74,14 @@ impl<'a> Piece<'a> {
 /// The visual mesh of a link for distances.
 pub(crate) struct Drawn {
     shape: TriMesh,
+    inside: Option<Inside>,
 }
 
 impl Drawn {
     /// None without triangles.
     pub(crate) fn new(visuals: &[Shape]) -> Option<Self> {
+        /// Least distance of the rays that tell inside from outside, metres.
+        const FINEST: f64 = 1e-3;
         let (mut points, mut triangles) = (Vec::new(), Vec::new());
         for shape in visuals {
             let first = points.len() as u32;
@@ -62,12 +90,19 @@ impl Drawn {
         }
         // Vertices are doubled along the seams of textures.
         let flags = TriMeshFlags::MERGE_DUPLICATE_VERTICES | TriMeshFlags::ORIENTED;
-        Some(Self { shape: TriMesh::with_flags(points, triangles, flags).ok()? })
+        let all: Vec<DVec3> = visuals.iter().flat_map(|shape| shape.points.iter().copied()).collect();
+        let inside = Inside::of(&all, &triangles, FINEST);
+        Some(Self { shape: TriMesh::with_flags(points, triangles, flags).ok()?, inside })
     }
 
-    /// Distance of a point from the surface, negative behind it.
+    /// Distance of a point from the surface, negative behind it. The nearest triangle says on which side near points are; it can
+    /// belong to a sheet inside the solid, so that rays say it of others.
     pub(crate) fn signed(&self, p: DVec3) -> f64 {
-        f64::from(self.shape.distance_to_local_point(vector(p), false))
+        let near = f64::from(self.shape.distance_to_local_point(vector(p), false));
+        match &self.inside {
+            Some(inside) if near.abs() > 2.0 * inside.step() => near.abs() * if inside.holds(p) { -1.0 } else { 1.0 },
+            _ => near,
+        }
     }
 
     /// Distance along a unit direction to the surface; none beyond `reach`.
@@ -79,6 +114,13 @@ impl Drawn {
     /// Distance of a point in front of the surface; 0 behind it, where the link is solid.
     fn outside(&self, p: DVec3) -> f64 {
         self.signed(p).max(0.0)
+    }
+
+    /// The outward normal where a ray first meets the surface.
+    fn normal(&self, from: DVec3, along: DVec3, reach: f64) -> Option<DVec3> {
+        let ray = Ray::new(vector(from), vector(along));
+        let hit = self.shape.cast_local_ray_and_get_normal(&ray, reach as f32, false)?;
+        DVec3::from_array(hit.normal.to_array().map(f64::from)).try_normalize()
     }
 
     fn is_near(&self, p: DVec3, distance: f64) -> bool {
@@ -120,7 +162,7 @@ pub(crate) fn link(
         })
         .collect();
     let closing: Vec<Triangles> = visuals.iter().zip(&closing).map(|((points, _), t)| (*points, &t[..])).collect();
-    shadows(&visuals, &closing, &pieces, [low, high], hole, &mut out);
+    shadows([&visuals, &closing], &pieces, &drawn, [low, high], [hole, tolerance], &mut out);
     judge(&mut out, hole, options);
     Some(out)
 }
@@ -170,13 +212,15 @@ fn phantom(pieces: &[Piece], drawn: &Drawn, depth: f64, out: &mut CoverageFindin
     }
 }
 
-/// Parallel rays along the axes. Those that first meet a surface of `closing` need not meet a hull.
+/// Parallel rays along the axes, of the visual mesh and of its triangles that were not observed: those that first meet one of the
+/// latter need not meet a hull. A ray that passes a surface at a small angle can meet the hull right behind it much later: it
+/// misses nothing if the two are within `tolerance` of each other across the surface.
 fn shadows(
-    visuals: &[Triangles],
-    closing: &[Triangles],
+    [visuals, closing]: [&[Triangles]; 2],
     pieces: &[Piece],
+    drawn: &Drawn,
     [low, high]: [DVec3; 2],
-    hole: f64,
+    [hole, tolerance]: [f64; 2],
     out: &mut CoverageFinding,
 ) {
     /// Rays per side of the box at most.
@@ -188,10 +232,20 @@ fn shadows(
     for axis in 0..3 {
         let [seen, unseen, solid] = [visuals, closing, &hulls].map(|s| Shadow::new(axis, around, step, s));
         for side in 0..2 {
+            let along = DVec3::AXES[axis] * if side == 0 { 1.0 } else { -1.0 };
+            let covered = |p: DVec3| {
+                let normal = drawn.normal(p - along * tolerance, along, 2.0 * tolerance);
+                normal.is_some_and(|normal| pieces.iter().any(|piece| piece.is_behind(p, normal, tolerance)))
+            };
             let mut holes = seen.missed_by(&solid, side, hole);
             let observed = seen.missed_by(&unseen, side, 0.0);
-            holes.iter_mut().zip(observed).for_each(|(hole, observed)| *hole &= observed);
-            let before = solid.missed_by(&seen, side, hole);
+            for (ray, (hole, observed)) in holes.iter_mut().zip(observed).enumerate() {
+                *hole = *hole && observed && !covered(seen.point(seen.place(ray), side));
+            }
+            let mut before = solid.missed_by(&seen, side, hole);
+            for (ray, before) in before.iter_mut().enumerate() {
+                *before = *before && !drawn.is_near(solid.point(solid.place(ray), side), tolerance);
+            }
             hits += seen.hits();
             missed += holes.iter().filter(|m| **m).count();
             extra += before.iter().filter(|m| **m).count();

@@ -107,3 +107,17 @@ fn a_lost_piece_is_a_warning() {
     let found = link(&body, &[hull(&cuboid)], None, 2, &CheckOptions::default()).unwrap();
     assert!(found.warnings[0].contains("2 places of the surface lost"), "{found:?}");
 }
+
+#[test]
+fn a_surface_that_rays_graze_has_no_hole_and_a_sheet_inside_a_solid_makes_no_phantom() {
+    // A door that stands 6 degrees open, drawn 1.5 mm in front of its hull: rays along it meet the hull 14 mm later.
+    let open = Rigid { rotation: glam::DQuat::from_rotation_z(0.105), translation: DVec3::ZERO };
+    let [drawn, door] = [-0.0015, 0.0].map(|front| Mesh::cuboid([0.0, front, 0.0], [0.5, 0.02, 0.6]).moved(&open));
+    let found = compared(std::slice::from_ref(&drawn), std::slice::from_ref(&door));
+    assert!(found.hole < 0.01 && found.obstacle < 0.01 && found.warnings.is_empty(), "{found:?}");
+    // A leftover of another wall inside a plinth.
+    let plinth = Mesh::cuboid([0.0; 3], [0.6, 0.4, 0.1]);
+    let sheet = Mesh::cuboid([0.1, 0.2, 0.02], [0.5, 0.202, 0.14]);
+    let found = compared(&[plinth.clone(), sheet.clone()], &[plinth, sheet]);
+    assert_eq!((found.phantom_volume, found.hulls), (0.0, 1.0), "{found:?}");
+}

@@ -102,6 +102,11 @@ impl Shadow {
         widest
     }
 
+    /// A ray's place in the grid.
+    pub(crate) fn place(&self, ray: usize) -> [usize; 2] {
+        [ray / self.size[1], ray % self.size[1]]
+    }
+
     /// Where a ray from below (side 0) or above (side 1) meets this surface.
     pub(crate) fn point(&self, [x, y]: [usize; 2], side: usize) -> DVec3 {
         let (u, v) = ((self.axis + 1) % 3, (self.axis + 2) % 3);

@@ -6,6 +6,7 @@ mod asset;
 mod camera;
 pub mod capture;
 mod depth;
+mod inside;
 mod joint;
 mod mesh;
 pub mod random;
@@ -20,6 +21,7 @@ pub use asset::{Asset, AssetJoint, AssetLink, ContactMaterial, Inertial, Texture
 pub use camera::{Camera, Intrinsics};
 pub use capture::{Capture, StateViews, View};
 pub use depth::DepthMap;
+pub use inside::Inside;
 pub use joint::{Joint, JointAlternative, JointEstimate, JointKind};
 pub use mesh::Mesh;
 pub use recording::{RecordedFrame, Recording};
