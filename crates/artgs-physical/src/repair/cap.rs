@@ -3,23 +3,60 @@
 use super::loops::{Flat, flatten};
 use super::thicken::trimesh;
 use super::{Obstacles, RepairOptions};
+use crate::convert::to_parry;
 use crate::topology::{components, corners, cross, ends, point, twins};
 use artgs_core::Mesh;
 use glam::{DVec2, DVec3};
 use parry3d::math::Vector;
-use parry3d::query::{Ray, RayCast};
+use parry3d::query::{Ray, RayCast, RayCullingMode};
 use parry3d::shape::TriMesh;
 use std::collections::HashSet;
+use std::ops::Range;
 
 /// Triangles that close a hole.
 pub(super) struct Cap {
-    /// Triangles of the pieces that other parts do not move through.
+    /// Triangles of the pieces that other parts do not move through and that do not pass through the surface.
     pub(super) triangles: Vec<[u32; 3]>,
     /// True if no piece is missing.
     pub(super) whole: bool,
+    /// Large pieces of `triangles`, with the distance of the points at which they are tested.
+    large: Vec<(Range<usize>, f64)>,
 }
 
-/// Caps for all holes, without the pieces that other parts move through. A component gets no caps if they would enclose less
+impl Cap {
+    /// A cap without pieces.
+    fn none(whole: bool) -> Self {
+        Self { triangles: Vec::new(), whole, large: Vec::new() }
+    }
+
+    /// Removes large pieces that pass through the surface: with the solid behind more than this fraction of them, and air before the
+    /// surface behind as much. Nothing but air is behind the back of a compartment: it becomes a wall.
+    fn remove_crossing(&mut self, mesh: &Mesh, surface: &TriMesh, least: f64) {
+        let is_crossing = |(piece, step): &(Range<usize>, f64)| {
+            let triangles = &self.triangles[piece.clone()];
+            let solid = share(mesh, triangles, *step, |p, normal| encloses(surface, p, normal, *step));
+            solid > least && solid < 1.0 - least
+        };
+        let gone: Vec<Range<usize>> =
+            self.large.iter().filter(|of| is_crossing(of)).map(|(piece, _)| piece.clone()).collect();
+        if gone.is_empty() {
+            return;
+        }
+        let kept = (0..self.triangles.len()).filter(|i| !gone.iter().any(|piece| piece.contains(i)));
+        *self = Self { triangles: kept.map(|i| self.triangles[i]).collect(), ..Self::none(false) };
+    }
+}
+
+/// True if the inner side of a cap, `noise` behind a point of it with this unit normal, looks at the inner side of the surface: the
+/// solid is between them.
+fn encloses(surface: &TriMesh, p: DVec3, normal: DVec3, noise: f64) -> bool {
+    let ray = Ray::new(to_parry(p - normal * noise), to_parry(-normal));
+    let Some(first) = surface.cast_local_ray(&ray, f32::MAX, false) else { return false };
+    let back = surface.cast_local_ray_with_culling(&ray, first * 1.01, RayCullingMode::IgnoreFrontfaces);
+    back.is_some_and(|back| back.time_of_impact <= first)
+}
+
+/// Caps for all holes, without the pieces that other parts move through or that pass through the surface. A component gets no caps if they would enclose less
 /// than a quarter of a wall: a sheet, or a compartment seen from inside.
 pub(super) fn close(mesh: &mut Mesh, holes: &[Vec<u32>], obstacles: &Obstacles, options: &RepairOptions) -> Vec<Cap> {
     let component = components(&twins(mesh));
@@ -29,6 +66,11 @@ pub(super) fn close(mesh: &mut Mesh, holes: &[Vec<u32>], obstacles: &Obstacles, 
     }
     let mut book = Caps::new(mesh, holes);
     let mut caps: Vec<Cap> = holes.iter().map(|hole| book.close(mesh, hole, obstacles, options)).collect();
+    let mut all = Mesh { colors: Vec::new(), ..mesh.clone() };
+    caps.iter().for_each(|cap| all.triangles.extend(&cap.triangles));
+    if let Some(surface) = trimesh(&all) {
+        caps.iter_mut().for_each(|cap| cap.remove_crossing(mesh, &surface, options.obstructed));
+    }
     let mut volumes = vec![[0.0; 2]; mesh.triangles.len()];
     let about = mesh.triangles.first().map_or(DVec3::ZERO, |t| point(mesh, t[0]));
     let mut add = |c: usize, t: &[u32; 3]| {
@@ -46,7 +88,7 @@ pub(super) fn close(mesh: &mut Mesh, holes: &[Vec<u32>], obstacles: &Obstacles, 
     for (hole, cap) in holes.iter().zip(&mut caps) {
         let [volume, area] = volumes[owner(hole)];
         if !partly[owner(hole)] && volume < 0.125 * options.thickness * area {
-            *cap = Cap { triangles: Vec::new(), whole: false };
+            *cap = Cap::none(false);
         }
     }
     caps
@@ -73,7 +115,7 @@ impl Caps {
     /// Closes a hole in pieces that nearly lie in planes. Vertices that pieces need are added to the mesh.
     fn close(&mut self, mesh: &mut Mesh, hole: &[u32], obstacles: &Obstacles, o: &RepairOptions) -> Cap {
         let hole_is_large = flatten(mesh, hole).width > o.small_hole;
-        let mut closed = Cap { triangles: Vec::new(), whole: true };
+        let mut closed = Cap::none(true);
         let mut rest = vec![hole.to_vec()];
         while let Some(piece) = rest.pop() {
             let flat = flatten(mesh, &piece);
@@ -102,7 +144,12 @@ impl Caps {
             let edges = cap.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
             self.taken.extend(edges.map(|[a, b]| [a.min(b), a.max(b)]));
             let harmless = !hole_is_large || mean_width(mesh, &piece, &cap) < 0.25 * o.small_hole;
-            if harmless || obstructed(mesh, &cap, obstacles, flat.width / 40.0) <= o.obstructed {
+            let step = flat.width / 40.0;
+            if harmless || share(mesh, &cap, step, |p, _| obstacles(p)) <= o.obstructed {
+                if !harmless {
+                    let first = closed.triangles.len();
+                    closed.large.push((first..first + cap.len(), step));
+                }
                 closed.triangles.extend(cap);
             } else {
                 closed.whole = false;
@@ -176,21 +223,23 @@ fn mean_width(mesh: &Mesh, rim: &[u32], cap: &[[u32; 3]]) -> f64 {
     twice / around.max(f64::MIN_POSITIVE)
 }
 
-/// Fraction of the area that other parts move through, sampled about every `step`.
-fn obstructed(mesh: &Mesh, triangles: &[[u32; 3]], obstacles: &Obstacles, step: f64) -> f64 {
+/// Fraction of the area for which a test of points and unit normals is true, sampled about every `step`.
+fn share(mesh: &Mesh, triangles: &[[u32; 3]], step: f64, is_true: impl Fn(DVec3, DVec3) -> bool) -> f64 {
     let (mut hit, mut all) = (0.0, 0.0);
     for t in triangles {
         let [a, b, c] = corners(mesh, *t);
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
         let n = (longest / step).ceil().clamp(1.0, 60.0) as usize;
-        let weight = (b - a).cross(c - a).length() / (n * n) as f64;
+        let normal = (b - a).cross(c - a);
+        let weight = normal.length() / (n * n) as f64;
+        let normal = normal.normalize_or_zero();
         for (i, j) in (0..n).flat_map(|i| (0..n - i).map(move |j| (i, j))) {
             // Centres of the small triangles: those oriented like the large one, then, except in the last row, inverted ones.
             for third in if i + j + 1 < n { &[1.0, 2.0][..] } else { &[1.0][..] } {
                 let at = |k: usize| (k as f64 + third / 3.0) / n as f64;
                 let p: DVec3 = a + (b - a) * at(i) + (c - a) * at(j);
                 all += weight;
-                hit += if obstacles(p) { weight } else { 0.0 };
+                hit += if is_true(p, normal) { weight } else { 0.0 };
             }
         }
     }
@@ -262,4 +311,28 @@ fn ear_quality(i: usize, ring: &[Corner], left: &[usize], hole: &[u32], flat: &F
             && (a - c).perp_dot(p - c) >= 0.0
     };
     if left.iter().any(|k| ![u, i, w].contains(k) && inside(flat.points[*k])) { 0.0 } else { quality }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::testing::open_box;
+
+    #[test]
+    fn a_cap_that_passes_through_the_surface_goes() {
+        // A block without its top, and squares that face up: the top, one that is half below the block, and the floor of a
+        // compartment above it.
+        let mut mesh = open_box(DVec3::splat(2.0), 10, [true, true, true, true, true, false]);
+        for ([x, y, z], stays) in [([0.0, 0.0, 2.0], true), ([1.0, 0.0, 1.0], false), ([3.0, 0.0, 2.0], true)] {
+            let at = mesh.vertices.len() as u32;
+            let corners = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
+            mesh.vertices.extend(corners.map(|[u, v]| [x + u, y + v, z]));
+            let triangles = vec![[at, at + 1, at + 2], [at, at + 2, at + 3]];
+            let mut cap = Cap { triangles, whole: true, large: vec![(0..2, 0.05)] };
+            let mut all = mesh.clone();
+            all.triangles.extend(&cap.triangles);
+            cap.remove_crossing(&mesh, &trimesh(&all).unwrap(), 0.05);
+            assert_eq!((cap.triangles.len(), cap.whole), if stays { (2, true) } else { (0, false) }, "{x} {z}");
+        }
+    }
 }
