@@ -58,10 +58,12 @@ pub fn decompose(mesh: &Mesh, observed: &Observed, options: &DecomposeOptions) -
     let neighbours = sheets::neighbours(&solid);
     let least = (3.0 * options.tolerance) * (3.0 * options.tolerance);
     let regions = regions::regions(&solid.mesh, 0.8 * options.tolerance, least);
-    let needed: Vec<&regions::Region> = regions.iter().filter(|region| is_needed(&solid, region, options)).collect();
-    for region in needed {
-        region.triangles.iter().for_each(|t| solid.seen[*t as usize] = true);
-        sheets::add(&solid, region, &neighbours, options, &mut pieces);
+    let seen: Vec<bool> = regions.iter().map(|region| is_seen(&solid, region)).collect();
+    for (region, seen) in regions.iter().zip(seen) {
+        if seen || is_large(region, options) {
+            region.triangles.iter().for_each(|t| solid.seen[*t as usize] = true);
+            sheets::add(&solid, region, seen, &neighbours, options, &mut pieces);
+        }
     }
     rest::add(&solid, &axes(&regions), options, &mut pieces);
     let needed = union::Needed::of(&solid, options);
@@ -98,13 +100,18 @@ pub(crate) fn seen_points(mesh: &Mesh, observed: &Observed, spacing: f64) -> Vec
     samples.into_iter().map(|s| s.point).filter(|p| observed(*p)).collect()
 }
 
-/// True for regions that were observed, and for large ones: caps of bodies that stand on a floor or at a wall.
-fn is_needed(solid: &Solid, region: &regions::Region, options: &DecomposeOptions) -> bool {
+/// True for regions that were observed.
+fn is_seen(solid: &Solid, region: &regions::Region) -> bool {
     const SEEN: f64 = 0.2;
-    const LARGE: f64 = 30.0;
     let area = |t: &u32| 0.5 * crate::topology::cross(&solid.mesh, solid.mesh.triangles[*t as usize]).length();
     let seen: f64 = region.triangles.iter().filter(|t| solid.seen[**t as usize]).map(area).sum();
-    seen > SEEN * region.area || region.area > (LARGE * options.tolerance) * (LARGE * options.tolerance)
+    seen > SEEN * region.area
+}
+
+/// True for regions that have pieces also if they were not observed: caps of bodies that stand on a floor or at a wall.
+fn is_large(region: &regions::Region, options: &DecomposeOptions) -> bool {
+    const LARGE: f64 = 30.0;
+    region.area > (LARGE * options.tolerance) * (LARGE * options.tolerance)
 }
 
 /// Directions across which the rest is cut: normals of the largest regions, and the axes of the mesh.

@@ -97,15 +97,23 @@ fn axes(solid: &Solid, region: &Region, twins: &[u32]) -> (DVec3, DVec3) {
     (u * cos + v * sin, v * cos - u * sin)
 }
 
-/// Adds prisms that cover a region where no piece covers it yet.
-pub(super) fn add(solid: &Solid, region: &Region, twins: &[u32], options: &DecomposeOptions, pieces: &mut Pieces) {
+/// Adds prisms that cover a region where no piece covers it yet. Where it was not observed, only those with the solid behind them.
+pub(super) fn add(
+    solid: &Solid,
+    region: &Region,
+    seen: bool,
+    twins: &[u32],
+    options: &DecomposeOptions,
+    pieces: &mut Pieces,
+) {
     let near = 0.8 * options.tolerance;
     let grid = Grid::new(solid, region, twins, 0.4 * options.tolerance);
     let slack = ((0.8 * options.tolerance / grid.cell).round() as usize).max(1);
     let own = grid.mask(solid, &region.triangles).closed(slack);
     let mut todo = own.clone();
     for i in 0..todo.cells.len() {
-        todo.cells[i] = own.cells[i] && !pieces.cover(grid.middle(i), near);
+        let is_wall = || seen || solid.is_behind(grid.middle(i), grid.normal);
+        todo.cells[i] = own.cells[i] && is_wall() && !pieces.cover(grid.middle(i), near);
     }
     if !todo.cells.contains(&true) {
         return;
@@ -116,20 +124,28 @@ pub(super) fn add(solid: &Solid, region: &Region, twins: &[u32], options: &Decom
         allowed.cells[i] = allowed.cells[i] || solid.signed(grid.middle(i)) < -0.2 * options.tolerance;
     }
     for polygon in cover(&allowed, &todo, slack) {
-        let thickness = thickness(solid, &grid, &polygon, options);
-        let corners = polygon.iter().map(|p| grid.point(*p));
-        let points: Vec<DVec3> = corners.flat_map(|p| [p, p - grid.normal * thickness]).collect();
-        if let Some(hull) = Hull::of(&points, options.thinnest) {
+        let prism = |thickness: f64| {
+            let corners = polygon.iter().map(|p| grid.point(*p));
+            let points: Vec<DVec3> = corners.flat_map(|p| [p, p - grid.normal * thickness]).collect();
+            Hull::of(&points, options.thinnest)
+        };
+        let [most, least] = thickness(solid, &grid, &polygon, options);
+        let fits = |hull: &Hull| solid.protrusion(hull, SAMPLES) <= 2.0 * options.tolerance;
+        if let Some(hull) = prism(most).filter(fits).or_else(|| prism(least)) {
             pieces.push(hull);
         }
     }
 }
 
-/// How thick a prism behind the region may be: the whole sheet where its other side is near, else the skin.
-fn thickness(solid: &Solid, grid: &Grid, polygon: &[DVec2], options: &DecomposeOptions) -> f64 {
+/// Samples of a prism that are tested.
+const SAMPLES: usize = 200;
+
+/// How thick a prism behind the region may be, so that it sticks out in a few thin places only, and in none: the whole sheet where
+/// its other side is near, else the skin.
+fn thickness(solid: &Solid, grid: &Grid, polygon: &[DVec2], options: &DecomposeOptions) -> [f64; 2] {
     /// Samples per side of the box around the polygon.
     const SIDE: usize = 12;
-    /// Share of thinner places that may stick out.
+    /// Share of thin places.
     const IGNORED: f64 = 0.1;
     /// A sheet is at most this many times as thick as a skin.
     const SHEET: f64 = 2.5;
@@ -142,9 +158,10 @@ fn thickness(solid: &Solid, grid: &Grid, polygon: &[DVec2], options: &DecomposeO
     let depth = |p: DVec2| solid.thickness(grid.point(p), grid.normal, 0.5 * options.tolerance, most);
     let mut depths: Vec<f64> = places.map(|s| low + (high - low) * s).filter(|p| inside(*p)).map(depth).collect();
     depths.sort_by(f64::total_cmp);
-    let found = depths.get((IGNORED * depths.len() as f64) as usize).copied().unwrap_or(options.skin);
-    let thickness = if found < most { found } else { options.skin };
-    thickness.max(options.least)
+    [IGNORED, 0.0].map(|share| {
+        let found = depths.get((share * depths.len() as f64) as usize).copied().unwrap_or(options.skin);
+        (if found < most { found } else { options.skin }).max(options.least)
+    })
 }
 
 /// Neighbours of the triangles of a solid.

@@ -3,18 +3,19 @@
 use crate::convert::to_parry;
 use crate::repair::welded;
 use crate::topology::{bounds, corners};
-use artgs_core::Mesh;
+use artgs_core::{Inside, Mesh};
 use glam::DVec3;
 use parry3d::query::{PointQuery as _, Ray, RayCast as _};
 use parry3d::shape::{TriMesh, TriMeshFlags};
 
-/// A surface with its inside: behind the nearest triangle.
+/// A surface with its inside.
 pub(crate) struct Solid {
     /// The surface without doubled vertices.
     pub(crate) mesh: Mesh,
     /// Whether each triangle was observed.
     pub(crate) seen: Vec<bool>,
     shape: TriMesh,
+    inside: Option<Inside>,
 }
 
 /// A point on a surface.
@@ -30,6 +31,8 @@ pub(crate) struct Sample {
 impl Solid {
     /// None if the mesh has no surface.
     pub(crate) fn new(mesh: &Mesh, observed: &super::Observed) -> Option<Self> {
+        /// Least distance of the rays that tell inside from outside, as a share of the size.
+        const FINEST: f64 = 1e-3;
         let [low, high] = bounds(mesh)?;
         let size = (high - low).length();
         if !(size > 0.0 && size.is_finite()) {
@@ -40,12 +43,24 @@ impl Solid {
         let shape = TriMesh::with_flags(vertices, mesh.triangles.clone(), TriMeshFlags::ORIENTED).ok()?;
         let middle = |t: &[u32; 3]| corners(&mesh, *t).iter().sum::<DVec3>() / 3.0;
         let seen = mesh.triangles.iter().map(|t| observed(middle(t))).collect();
-        Some(Self { mesh, seen, shape })
+        let points: Vec<DVec3> = crate::topology::points(&mesh).collect();
+        let inside = Inside::of(&points, &mesh.triangles, FINEST * size);
+        Some(Self { mesh, seen, shape, inside })
     }
 
-    /// Distance of a point from the surface, negative inside.
+    /// Distance of a point from the surface, negative inside. The nearest triangle says on which side near points are; it can belong
+    /// to a sheet inside the solid, so that rays say it of others.
     pub(crate) fn signed(&self, p: DVec3) -> f64 {
-        f64::from(self.shape.distance_to_local_point(to_parry(p), false))
+        let near = f64::from(self.shape.distance_to_local_point(to_parry(p), false));
+        match &self.inside {
+            Some(inside) if near.abs() > 2.0 * inside.step() => near.abs() * if inside.holds(p) { -1.0 } else { 1.0 },
+            _ => near,
+        }
+    }
+
+    /// True if the solid is behind a point of the surface with this outward normal.
+    pub(crate) fn is_behind(&self, p: DVec3, normal: DVec3) -> bool {
+        self.inside.as_ref().is_none_or(|inside| inside.holds(p - normal * 2.0 * inside.step()))
     }
 
     /// Distance along a unit direction to the surface; none beyond `reach`.
@@ -62,7 +77,7 @@ impl Solid {
         let from = p - normal * (outer + EPSILON);
         let depth = self.ray(from, -normal, 2.0 * most).unwrap_or(2.0 * most);
         let inside = self.signed(from - normal * (0.5 * depth.min(most))) < 0.0;
-        if inside { depth.min(most) } else { (0.4 * depth).min(most) }
+        depth.min(most) * if inside { 1.0 } else { 0.4 }
     }
 
     /// Points about `spacing` apart, at least one per triangle if `every`.

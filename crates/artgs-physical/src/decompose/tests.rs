@@ -51,3 +51,14 @@ fn an_empty_mesh_has_no_pieces_and_a_sheet_becomes_a_plate() {
     let sheet = decompose(&flat, &|_| true, &OPTIONS);
     assert!((sheet.iter().map(Hull::volume).sum::<f64>() - 0.005).abs() < 1e-3, "{sheet:?}");
 }
+
+#[test]
+fn a_sheet_inside_a_solid_leaves_it_solid() {
+    let mut mesh = Mesh::cuboid([0.0; 3], [0.6, 0.4, 0.1]);
+    mesh.append(&Mesh::cuboid([0.1, 0.2, 0.02], [0.5, 0.202, 0.09]));
+    let solid = Solid::new(&mesh, &|_| true).unwrap();
+    // 1 cm before the sheet, 4 cm and 6 cm from the outer sides.
+    let distance = solid.signed(DVec3::new(0.3, 0.19, 0.05));
+    assert!((distance + 0.01).abs() < 1e-5, "{distance}");
+    assert!(solid.signed(DVec3::new(0.3, 0.19, 0.13)) > 0.029);
+}
