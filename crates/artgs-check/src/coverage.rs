@@ -3,6 +3,7 @@
 use crate::CheckOptions;
 use crate::model::{Link, Shape, bounds};
 use crate::observed::Observed;
+use crate::passing::Passing;
 use crate::poses::vector;
 use crate::report::CoverageFinding;
 use crate::shadow::{Shadow, Triangles};
@@ -75,6 +76,8 @@ impl<'a> Piece<'a> {
 pub(crate) struct Drawn {
     shape: TriMesh,
     inside: Option<Inside>,
+    low: DVec3,
+    high: DVec3,
 }
 
 impl Drawn {
@@ -92,7 +95,13 @@ impl Drawn {
         let flags = TriMeshFlags::MERGE_DUPLICATE_VERTICES | TriMeshFlags::ORIENTED;
         let all: Vec<DVec3> = visuals.iter().flat_map(|shape| shape.points.iter().copied()).collect();
         let inside = Inside::of(&all, &triangles, FINEST);
-        Some(Self { shape: TriMesh::with_flags(points, triangles, flags).ok()?, inside })
+        let [low, high] = bounds(all.into_iter())?;
+        Some(Self { shape: TriMesh::with_flags(points, triangles, flags).ok()?, inside, low, high })
+    }
+
+    /// True for points behind the surface.
+    pub(crate) fn holds(&self, p: DVec3) -> bool {
+        p.cmpge(self.low).all() && p.cmple(self.high).all() && self.signed(p) < 0.0
     }
 
     /// Distance of a point from the surface, negative behind it. The nearest triangle says on which side near points are; it can
@@ -129,11 +138,13 @@ impl Drawn {
 }
 
 /// Compares the hulls of a link with its visual mesh; none if either is absent. Of the visual mesh, only what is `observed`
-/// needs hulls; all of it if that is not known. `lost` is the number of pieces that the export reports as lost.
+/// needs hulls, all of it if that is not known, and only where no other link is `passing`. `lost` is the number of pieces that the
+/// export reports as lost.
 pub(crate) fn link(
     link: &Link,
     hulls: &[SharedShape],
     observed: Option<&Observed>,
+    passing: &Passing,
     lost: usize,
     options: &CheckOptions,
 ) -> Option<CoverageFinding> {
@@ -162,7 +173,7 @@ pub(crate) fn link(
         })
         .collect();
     let closing: Vec<Triangles> = visuals.iter().zip(&closing).map(|((points, _), t)| (*points, &t[..])).collect();
-    shadows([&visuals, &closing], &pieces, &drawn, [low, high], [hole, tolerance], &mut out);
+    shadows([&visuals, &closing], &pieces, (&drawn, passing), [low, high], [hole, tolerance], &mut out);
     judge(&mut out, hole, options);
     Some(out)
 }
@@ -218,7 +229,7 @@ fn phantom(pieces: &[Piece], drawn: &Drawn, depth: f64, out: &mut CoverageFindin
 fn shadows(
     [visuals, closing]: [&[Triangles]; 2],
     pieces: &[Piece],
-    drawn: &Drawn,
+    (drawn, passing): (&Drawn, &Passing),
     [low, high]: [DVec3; 2],
     [hole, tolerance]: [f64; 2],
     out: &mut CoverageFinding,
@@ -239,9 +250,15 @@ fn shadows(
             };
             let mut holes = seen.missed_by(&solid, side, hole);
             let observed = seen.missed_by(&unseen, side, 0.0);
+            let mut passed = vec![false; holes.len()];
             for (ray, (hole, observed)) in holes.iter_mut().zip(observed).enumerate() {
-                *hole = *hole && observed && !covered(seen.point(seen.place(ray), side));
+                let at = seen.point(seen.place(ray), side);
+                *hole = *hole && observed && !covered(at);
+                if *hole && passing.holds(at) {
+                    (*hole, passed[ray]) = (false, true);
+                }
             }
+            out.passed = out.passed.max(seen.widest(&passed).cells as f64 * step);
             let mut before = solid.missed_by(&seen, side, hole);
             for (ray, before) in before.iter_mut().enumerate() {
                 *before = *before && !drawn.is_near(solid.point(solid.place(ray), side), tolerance);

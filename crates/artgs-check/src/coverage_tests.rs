@@ -1,5 +1,6 @@
 use super::*;
-use artgs_core::{Mesh, Rigid};
+use crate::model::{Model, Motion};
+use artgs_core::{JointKind, Mesh, Rigid};
 use rapier3d::parry::transformation::try_convex_hull;
 
 fn shape(mesh: &Mesh) -> Shape {
@@ -13,12 +14,17 @@ fn hull(mesh: &Mesh) -> SharedShape {
     SharedShape::new(ConvexPolyhedron::from_convex_mesh(points, &triangles).unwrap())
 }
 
+/// No other link.
+fn nothing() -> Passing<'static> {
+    Passing::of(&Model::default(), &[], 0)
+}
+
 /// Compares boxes that are drawn with boxes that collide.
 fn compared(drawn: &[Mesh], colliding: &[Mesh]) -> CoverageFinding {
     let mut body = Link::new("body", None, Rigid::IDENTITY);
     body.visuals = drawn.iter().map(shape).collect();
     let hulls: Vec<SharedShape> = colliding.iter().map(hull).collect();
-    link(&body, &hulls, None, 0, &CheckOptions::default()).unwrap()
+    link(&body, &hulls, None, &nothing(), 0, &CheckOptions::default()).unwrap()
 }
 
 /// Floor and four walls, 1 cm thick and 5 mm apart, around a cavity that is open above.
@@ -104,7 +110,7 @@ fn a_lost_piece_is_a_warning() {
     let cuboid = Mesh::cuboid([0.0; 3], [0.5, 0.3, 0.2]);
     let mut body = Link::new("body", None, Rigid::IDENTITY);
     body.visuals = vec![shape(&cuboid)];
-    let found = link(&body, &[hull(&cuboid)], None, 2, &CheckOptions::default()).unwrap();
+    let found = link(&body, &[hull(&cuboid)], None, &nothing(), 2, &CheckOptions::default()).unwrap();
     assert!(found.warnings[0].contains("2 places of the surface lost"), "{found:?}");
 }
 
@@ -120,4 +126,28 @@ fn a_surface_that_rays_graze_has_no_hole_and_a_sheet_inside_a_solid_makes_no_pha
     let sheet = Mesh::cuboid([0.1, 0.2, 0.02], [0.5, 0.202, 0.14]);
     let found = compared(&[plinth.clone(), sheet.clone()], &[plinth, sheet]);
     assert_eq!((found.phantom_volume, found.hulls), (0.0, 1.0), "{found:?}");
+}
+
+#[test]
+fn a_hole_is_none_where_another_link_passes() {
+    // A door whose hinge is 5 cm inside its edge turns that edge into the side wall of its body.
+    let wall = Mesh::cuboid([-0.1, 0.0, 0.0], [0.0, 0.4, 0.6]);
+    let mut model = Model::default();
+    let mut body = Link::new("body", None, Rigid::IDENTITY);
+    body.visuals = vec![shape(&wall)];
+    let mut door = Link::new("door", Some(0), Rigid::shift(DVec3::new(-0.05, -0.02, 0.0)));
+    door.visuals = vec![shape(&Mesh::cuboid([-0.1, -0.02, 0.0], [0.5, 0.02, 0.6]))];
+    door.motion = Some(Motion { limits: [-1.57, 0.0], ..Motion::new("hinge", JointKind::Revolute, DVec3::Z) });
+    model.links = vec![body, door];
+    let drawn: Vec<Option<Drawn>> = model.links.iter().map(|link| Drawn::new(&link.visuals)).collect();
+    let rest = hull(&Mesh::cuboid([-0.1, 0.12, 0.0], [0.0, 0.4, 0.6]));
+    let compared = |passing: &Passing| {
+        link(&model.links[0], std::slice::from_ref(&rest), None, passing, 0, &CheckOptions::default()).unwrap()
+    };
+    let blind = compared(&nothing());
+    assert!((blind.hole - 0.12).abs() < 0.01 && blind.passed == 0.0, "{blind:?}");
+    let found = compared(&Passing::of(&model, &drawn, 0));
+    // The edge passes through most of the front of the wall, which is 10 cm wide, but not through its sides.
+    assert!((0.06..0.1).contains(&found.passed) && found.missed < 0.9 * blind.missed, "{found:?}");
+    assert!((found.hole - 0.12).abs() < 0.01, "{found:?}");
 }

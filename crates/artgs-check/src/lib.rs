@@ -21,6 +21,7 @@ mod meshes;
 mod model;
 mod observed;
 mod options;
+mod passing;
 mod places;
 mod poses;
 mod readers;
@@ -159,13 +160,14 @@ fn physics(
         })
         .collect();
     let lost = |name: &str| exported.links.iter().find(|l| l.name == name).map_or(0, |l| l.lost_pieces);
+    let drawn: Vec<_> = model.links.par_iter().map(|link| coverage::Drawn::new(&link.visuals)).collect();
     let compared = |i: usize| {
         let (link, hulls) = (&model.links[i], &scene.hulls[i]);
-        coverage::link(link, hulls, observed[i].as_ref(), lost(&link.name), options)
+        let passing = passing::Passing::of(model, &drawn, i);
+        coverage::link(link, hulls, observed[i].as_ref(), &passing, lost(&link.name), options)
     };
     report.coverage = (0..model.links.len()).into_par_iter().filter_map(compared).collect();
     if !scene.is_empty() {
-        let drawn: Vec<_> = model.links.par_iter().map(|link| coverage::Drawn::new(&link.visuals)).collect();
         let dropped = |i: usize| drop::link(model, &scene, i, &drawn, observed[i].as_ref(), options);
         report.drops = (0..model.links.len()).into_par_iter().filter_map(dropped).collect();
         let named = |i: usize| exported.links.iter().find(|l| l.name == model.links[i].name);

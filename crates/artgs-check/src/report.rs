@@ -99,6 +99,8 @@ pub struct CoverageFinding {
     pub hole: f64,
     /// The middle of that square, link frame; none without a hole.
     pub hole_at: Option<[f64; 3]>,
+    /// The side of the largest such square through which another link passes, so that no hull can be there.
+    pub passed: f64,
     /// The same for rays that meet a hull before the visual mesh.
     pub obstacle: f64,
     /// Volume of hulls in front of the visual mesh, cubic metres, ...

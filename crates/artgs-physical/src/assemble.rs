@@ -6,6 +6,7 @@ use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with, 
 use crate::describe::{Described, describe, diagonal, to_identifier};
 use crate::export::ExportStep;
 use crate::hull::Hull;
+use crate::islands::remove_lost;
 use crate::looks::{PartSurface, Wall};
 use crate::mass::{inertial, walls};
 use crate::motions::{PairMotions, RelativeMotion, arm, pair_motions, stances};
@@ -196,7 +197,7 @@ fn collide(
     };
     let decomposed: Vec<(Vec<Hull>, Vec<DVec3>)> =
         asset.links.par_iter().enumerate().map(convex).collect::<Result<_, String>>()?;
-    let (mut pieces, surface): (Pieces, Vec<Vec<DVec3>>) = decomposed.into_iter().unzip();
+    let (mut pieces, mut surface): (Pieces, Vec<Vec<DVec3>>) = decomposed.into_iter().unzip();
     // Poses in which several joints move are not cleared: contacts there are real.
     let motions = pair_motions(&stances(asset, &decisions.ranges), asset.links.len());
     decisions.clearance = clear(&mut pieces, &surface, &motions, &spacing, related);
@@ -216,6 +217,10 @@ fn collide(
     separate(&mut pieces, &surface, &motions, &spacing, related);
     // A gap and both margins may be free of hulls.
     let near = 2.0 * (cover + spacing.gap + spacing.margins);
+    let links = asset.links.iter_mut().zip(&pieces).zip(&mut surface);
+    links
+        .filter(|((link, _), _)| link.parent.is_some())
+        .for_each(|((link, hulls), points)| remove_lost(link, hulls, points, near));
     let missing = |(hulls, points): (&Vec<Hull>, &Vec<DVec3>)| uncovered(hulls, points, near, apart, 2.0 * waste);
     decisions.lost = pieces.par_iter().zip(&surface).map(missing).collect();
     let left = motions.iter().flat_map(|pair| overlaps(&pieces, pair));

@@ -114,15 +114,20 @@ pub(crate) fn clear(
     out
 }
 
-/// Places of a surface that no piece covers within `near`, wider than `wide`: the number of connected groups of points, which
-/// are about `apart` from each other.
-pub(crate) fn uncovered(pieces: &[Hull], surface: &[DVec3], near: f64, apart: f64, wide: f64) -> usize {
+/// Whether a piece covers a point within `near`.
+pub(crate) fn covering(pieces: &[Hull], near: f64) -> impl Fn(&DVec3) -> bool {
     let planes: Vec<([DVec3; 2], Vec<Plane>)> = pieces.iter().map(|hull| (hull.bounds(), hull.planes())).collect();
-    let covered = |p: &DVec3| {
+    move |p: &DVec3| {
         planes.iter().any(|([low, high], planes)| {
             p.cmpge(*low - near).all() && p.cmple(*high + near).all() && planes.iter().all(|f| f.distance(*p) <= near)
         })
-    };
+    }
+}
+
+/// Places of a surface that no piece covers within `near`, wider than `wide`: the number of connected groups of points, which
+/// are about `apart` from each other.
+pub(crate) fn uncovered(pieces: &[Hull], surface: &[DVec3], near: f64, apart: f64, wide: f64) -> usize {
+    let covered = covering(pieces, near);
     let cell = |p: &DVec3| (*p / (2.0 * apart)).floor().as_i64vec3().to_array();
     let mut cells: BTreeMap<[i64; 3], usize> = BTreeMap::new();
     surface.iter().filter(|p| !covered(p)).for_each(|p| *cells.entry(cell(p)).or_default() += 1);

@@ -13,6 +13,7 @@ pub mod export;
 mod flush;
 mod fused;
 mod hull;
+mod islands;
 pub mod looks;
 mod mass;
 mod motions;
