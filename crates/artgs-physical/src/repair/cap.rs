@@ -11,7 +11,6 @@ use parry3d::math::Vector;
 use parry3d::query::{Ray, RayCast, RayCullingMode};
 use parry3d::shape::TriMesh;
 use std::collections::HashSet;
-use std::ops::Range;
 
 /// Triangles that close a hole.
 pub(super) struct Cap {
@@ -19,31 +18,29 @@ pub(super) struct Cap {
     pub(super) triangles: Vec<[u32; 3]>,
     /// True if no piece is missing.
     pub(super) whole: bool,
-    /// Large pieces of `triangles`, with the distance of the points at which they are tested.
-    large: Vec<(Range<usize>, f64)>,
+    /// Distance of the points at which a large cap is tested; none for small ones, which stay.
+    step: Option<f64>,
 }
 
 impl Cap {
     /// A cap without pieces.
     fn none(whole: bool) -> Self {
-        Self { triangles: Vec::new(), whole, large: Vec::new() }
+        Self { triangles: Vec::new(), whole, step: None }
     }
 
-    /// Removes large pieces that pass through the surface: with the solid behind more than this fraction of them, and air before the
-    /// surface behind as much. Nothing but air is behind the back of a compartment: it becomes a wall.
+    /// Removes the triangles before the surface from a large cap that passes through it: with the solid behind more than the fraction
+    /// `least` of it, and air before the surface behind as much. Nothing but air is behind the back of a compartment: it becomes a
+    /// wall.
     fn remove_crossing(&mut self, mesh: &Mesh, surface: &TriMesh, least: f64) {
-        let is_crossing = |(piece, step): &(Range<usize>, f64)| {
-            let triangles = &self.triangles[piece.clone()];
-            let solid = share(mesh, triangles, *step, |p, normal| encloses(surface, p, normal, *step));
-            solid > least && solid < 1.0 - least
-        };
-        let gone: Vec<Range<usize>> =
-            self.large.iter().filter(|of| is_crossing(of)).map(|(piece, _)| piece.clone()).collect();
-        if gone.is_empty() {
+        let Some(step) = self.step else { return };
+        let is_solid = |p: DVec3, normal: DVec3| encloses(surface, p, normal, step);
+        let solid = share(mesh, &self.triangles, step, is_solid);
+        if solid <= least || solid >= 1.0 - least {
             return;
         }
-        let kept = (0..self.triangles.len()).filter(|i| !gone.iter().any(|piece| piece.contains(i)));
-        *self = Self { triangles: kept.map(|i| self.triangles[i]).collect(), ..Self::none(false) };
+        let before = self.triangles.len();
+        self.triangles.retain(|t| share(mesh, std::slice::from_ref(t), step, is_solid) >= 0.5);
+        self.whole &= self.triangles.len() == before;
     }
 }
 
@@ -114,8 +111,9 @@ impl Caps {
 
     /// Closes a hole in pieces that nearly lie in planes. Vertices that pieces need are added to the mesh.
     fn close(&mut self, mesh: &mut Mesh, hole: &[u32], obstacles: &Obstacles, o: &RepairOptions) -> Cap {
-        let hole_is_large = flatten(mesh, hole).width > o.small_hole;
-        let mut closed = Cap::none(true);
+        let width = flatten(mesh, hole).width;
+        let hole_is_large = width > o.small_hole;
+        let mut closed = Cap { step: hole_is_large.then_some(width / 40.0), ..Cap::none(true) };
         let mut rest = vec![hole.to_vec()];
         while let Some(piece) = rest.pop() {
             let flat = flatten(mesh, &piece);
@@ -146,10 +144,6 @@ impl Caps {
             let harmless = !hole_is_large || mean_width(mesh, &piece, &cap) < 0.25 * o.small_hole;
             let step = flat.width / 40.0;
             if harmless || share(mesh, &cap, step, |p, _| obstacles(p)) <= o.obstructed {
-                if !harmless {
-                    let first = closed.triangles.len();
-                    closed.large.push((first..first + cap.len(), step));
-                }
                 closed.triangles.extend(cap);
             } else {
                 closed.whole = false;
@@ -319,20 +313,25 @@ mod tests {
     use crate::topology::testing::open_box;
 
     #[test]
-    fn a_cap_that_passes_through_the_surface_goes() {
-        // A block without its top, and squares that face up: the top, one that is half below the block, and the floor of a
-        // compartment above it.
+    fn a_cap_that_passes_through_the_surface_loses_what_is_before_it() {
+        // A block without its top, and squares that face up: the top, the top of the block and half of one below it, the same with
+        // the lower one only, and the floor of a compartment beside the block.
         let mut mesh = open_box(DVec3::splat(2.0), 10, [true, true, true, true, true, false]);
-        for ([x, y, z], stays) in [([0.0, 0.0, 2.0], true), ([1.0, 0.0, 1.0], false), ([3.0, 0.0, 2.0], true)] {
+        let corners = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
+        let mut square = |[x, y, z]: [f32; 3]| {
             let at = mesh.vertices.len() as u32;
-            let corners = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
             mesh.vertices.extend(corners.map(|[u, v]| [x + u, y + v, z]));
-            let triangles = vec![[at, at + 1, at + 2], [at, at + 2, at + 3]];
-            let mut cap = Cap { triangles, whole: true, large: vec![(0..2, 0.05)] };
+            [[at, at + 1, at + 2], [at, at + 2, at + 3]]
+        };
+        let [top, below, beside] = [[0.0, 0.0, 2.0], [0.2, 1.8, 1.0], [3.0, 0.0, 2.0]].map(&mut square);
+        for (squares, kept) in [(vec![top], 2), (vec![top, below], 2), (vec![below], 0), (vec![beside], 2)] {
             let mut all = mesh.clone();
-            all.triangles.extend(&cap.triangles);
+            let triangles: Vec<[u32; 3]> = squares.into_iter().flatten().collect();
+            all.triangles.extend(&triangles);
+            let count = triangles.len();
+            let mut cap = Cap { triangles, whole: true, step: Some(0.05) };
             cap.remove_crossing(&mesh, &trimesh(&all).unwrap(), 0.05);
-            assert_eq!((cap.triangles.len(), cap.whole), if stays { (2, true) } else { (0, false) }, "{x} {z}");
+            assert_eq!((cap.triangles.len(), cap.whole), (kept, kept == count));
         }
     }
 }

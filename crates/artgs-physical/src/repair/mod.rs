@@ -36,9 +36,9 @@ pub(crate) struct RepairOptions {
     /// Larger holes are capped in pieces whose rims leave their planes by less than this fraction of their width (root mean
     /// square; no corner by more than 2.5 times that).
     pub planarity: f64,
-    /// A piece of a cap is removed if other parts move through more than this fraction of it, or if it passes through the surface
-    /// with more than this on either side. Small holes, and strips narrower than a quarter of one, are always capped: they are
-    /// gaps between parts, level with their surroundings.
+    /// A piece of a cap is removed if other parts move through more than this fraction of it; small holes, and strips narrower than
+    /// a quarter of one, are always capped: they are gaps between parts, level with their surroundings. A large cap that passes
+    /// through the surface, with more than this on either side, loses what is before it.
     pub obstructed: f64,
     /// Largest motion of a vertex when rims are smoothed before capping or thickening.
     pub rim_smoothing: f64,
