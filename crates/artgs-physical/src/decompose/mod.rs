@@ -48,7 +48,7 @@ pub(crate) fn decompose_with(mesh: &Mesh, other: &Decomposer, options: &Decompos
 }
 
 /// Whether a point of a mesh was observed. What was not, such as the inner side of a wall that was seen from one side, needs
-/// no piece of its own.
+/// no piece of its own, but floors do: things are put on them.
 pub type Observed<'a> = dyn Fn(DVec3) -> bool + Sync + 'a;
 
 /// Convex pieces that together cover what was observed of a surface, and large flat regions of the rest, largest first.
@@ -96,8 +96,8 @@ pub(crate) fn patches(mesh: &Mesh, observed: &Observed, hulls: &[Hull], options:
 
 /// Points of the observed surface, about `spacing` apart.
 pub(crate) fn seen_points(mesh: &Mesh, observed: &Observed, spacing: f64) -> Vec<DVec3> {
-    let samples = Solid::new(mesh, &|_| true).map_or(Vec::new(), |solid| solid.samples(spacing, false));
-    samples.into_iter().map(|s| s.point).filter(|p| observed(*p)).collect()
+    let samples = Solid::new(mesh, observed).map_or(Vec::new(), |solid| solid.samples(spacing, false));
+    samples.into_iter().filter(|s| s.seen || observed(s.point)).map(|s| s.point).collect()
 }
 
 /// True for regions that were observed.

@@ -12,7 +12,7 @@ use parry3d::shape::{TriMesh, TriMeshFlags};
 pub(crate) struct Solid {
     /// The surface without doubled vertices.
     pub(crate) mesh: Mesh,
-    /// Whether each triangle was observed.
+    /// Whether each triangle was observed, or is a floor on which things can lie: these need pieces.
     pub(crate) seen: Vec<bool>,
     shape: TriMesh,
     inside: Option<Inside>,
@@ -24,8 +24,19 @@ pub(crate) struct Sample {
     pub(crate) point: DVec3,
     /// Unit normal.
     pub(crate) normal: DVec3,
-    /// Whether it was observed.
+    /// Whether its triangle needs a piece.
     pub(crate) seen: bool,
+}
+
+/// True for a place that faces up (+Z) with free room above it.
+fn is_floor(shape: &TriMesh, p: DVec3, normal: DVec3, room: f64) -> bool {
+    const LEVEL: f64 = 0.95;
+    /// Start above the place, as a share of the room.
+    const ABOVE: f64 = 0.02;
+    normal.z > LEVEL * normal.length() && {
+        let ray = Ray::new(to_parry(p + DVec3::Z * (ABOVE * room)), to_parry(DVec3::Z));
+        !shape.intersects_local_ray(&ray, ((1.0 - ABOVE) * room) as f32)
+    }
 }
 
 impl Solid {
@@ -33,6 +44,8 @@ impl Solid {
     pub(crate) fn new(mesh: &Mesh, observed: &super::Observed) -> Option<Self> {
         /// Least distance of the rays that tell inside from outside, as a share of the size.
         const FINEST: f64 = 1e-3;
+        /// Free height above a place on which things can lie, as a share of the size.
+        const ROOM: f64 = 0.05;
         let [low, high] = bounds(mesh)?;
         let size = (high - low).length();
         if !(size > 0.0 && size.is_finite()) {
@@ -41,8 +54,11 @@ impl Solid {
         let mesh = welded(&Mesh { colors: Vec::new(), ..mesh.clone() }, 1e-6 * size);
         let vertices = mesh.vertices.iter().map(|v| to_parry(DVec3::from_array(v.map(f64::from)))).collect();
         let shape = TriMesh::with_flags(vertices, mesh.triangles.clone(), TriMeshFlags::ORIENTED).ok()?;
-        let middle = |t: &[u32; 3]| corners(&mesh, *t).iter().sum::<DVec3>() / 3.0;
-        let seen = mesh.triangles.iter().map(|t| observed(middle(t))).collect();
+        let is_needed = |t: &[u32; 3]| {
+            let middle = corners(&mesh, *t).iter().sum::<DVec3>() / 3.0;
+            observed(middle) || is_floor(&shape, middle, crate::topology::cross(&mesh, *t), ROOM * size)
+        };
+        let seen = mesh.triangles.iter().map(is_needed).collect();
         let points: Vec<DVec3> = crate::topology::points(&mesh).collect();
         let inside = Inside::of(&points, &mesh.triangles, FINEST * size);
         Some(Self { mesh, seen, shape, inside })

@@ -28,20 +28,30 @@ impl Cap {
         Self { triangles: Vec::new(), whole, step: None }
     }
 
-    /// Removes the triangles before the surface from a large cap that passes through it: with the solid behind more than the fraction
-    /// `least` of it, and air before the surface behind as much. Nothing but air is behind the back of a compartment: it becomes a
-    /// wall.
-    fn remove_crossing(&mut self, mesh: &Mesh, surface: &TriMesh, least: f64) {
+    /// Removes the triangles that hide the outer side of the surface from a large cap that passes through it: with the solid behind
+    /// more than the fraction `least` of it, and nothing but air behind as much. Air only is behind the back of a compartment: it
+    /// becomes a wall.
+    fn remove_crossing(&mut self, mesh: &Mesh, surface: &TriMesh, least: f64, noise: f64) {
         let Some(step) = self.step else { return };
-        let is_solid = |p: DVec3, normal: DVec3| encloses(surface, p, normal, step);
+        let is_solid = |p: DVec3, normal: DVec3| encloses(surface, p, normal, noise);
         let solid = share(mesh, &self.triangles, step, is_solid);
         if solid <= least || solid >= 1.0 - least {
             return;
         }
         let before = self.triangles.len();
-        self.triangles.retain(|t| share(mesh, std::slice::from_ref(t), step, is_solid) >= 0.5);
+        // What is before the cap was seen.
+        let stays = |p: DVec3, normal: DVec3| is_solid(p, normal) || !faces(surface, p + normal * noise, normal);
+        self.triangles.retain(|t| share(mesh, std::slice::from_ref(t), step, stays) >= 0.5);
         self.whole &= self.triangles.len() == before;
     }
+}
+
+/// True if a ray first meets the outer side of the surface.
+fn faces(surface: &TriMesh, from: DVec3, along: DVec3) -> bool {
+    let ray = Ray::new(to_parry(from), to_parry(along));
+    let Some(first) = surface.cast_local_ray(&ray, f32::MAX, false) else { return false };
+    let back = surface.cast_local_ray_with_culling(&ray, first * 1.01, RayCullingMode::IgnoreFrontfaces);
+    back.is_none_or(|back| back.time_of_impact > first)
 }
 
 /// True if the inner side of a cap, `noise` behind a point of it with this unit normal, looks at the inner side of the surface: the
@@ -66,7 +76,9 @@ pub(super) fn close(mesh: &mut Mesh, holes: &[Vec<u32>], obstacles: &Obstacles, 
     let mut all = Mesh { colors: Vec::new(), ..mesh.clone() };
     caps.iter().for_each(|cap| all.triangles.extend(&cap.triangles));
     if let Some(surface) = trimesh(&all) {
-        caps.iter_mut().for_each(|cap| cap.remove_crossing(mesh, &surface, options.obstructed));
+        // Less than the thickness of walls.
+        let noise = 0.5 * options.rim_smoothing;
+        caps.iter_mut().for_each(|cap| cap.remove_crossing(mesh, &surface, options.obstructed, noise));
     }
     let mut volumes = vec![[0.0; 2]; mesh.triangles.len()];
     let about = mesh.triangles.first().map_or(DVec3::ZERO, |t| point(mesh, t[0]));
@@ -314,8 +326,8 @@ mod tests {
 
     #[test]
     fn a_cap_that_passes_through_the_surface_loses_what_is_before_it() {
-        // A block without its top, and squares that face up: the top, the top of the block and half of one below it, the same with
-        // the lower one only, and the floor of a compartment beside the block.
+        // A block without its top, and the lower side of a shelf. Squares that face up: the top, the back of a compartment beside the
+        // block, both, one that hides the shelf, the top and this one, the top and one that faces down.
         let mut mesh = open_box(DVec3::splat(2.0), 10, [true, true, true, true, true, false]);
         let corners = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
         let mut square = |[x, y, z]: [f32; 3]| {
@@ -323,14 +335,24 @@ mod tests {
             mesh.vertices.extend(corners.map(|[u, v]| [x + u, y + v, z]));
             [[at, at + 1, at + 2], [at, at + 2, at + 3]]
         };
-        let [top, below, beside] = [[0.0, 0.0, 2.0], [0.2, 1.8, 1.0], [3.0, 0.0, 2.0]].map(&mut square);
-        for (squares, kept) in [(vec![top], 2), (vec![top, below], 2), (vec![below], 0), (vec![beside], 2)] {
+        let [top, beside, under, shelf] =
+            [[0.0, 0.0, 2.0], [3.0, 0.0, 2.0], [5.0, 0.0, 2.5], [5.0, 0.0, 3.0]].map(&mut square);
+        mesh.triangles.extend(shelf.map(|[a, b, c]| [a, c, b]));
+        let turned = |of: [[u32; 3]; 2]| of.map(|[a, b, c]| [a, c, b]);
+        for (squares, kept) in [
+            (vec![top], 2),
+            (vec![beside], 2),
+            (vec![top, beside], 4),
+            (vec![under], 2),
+            (vec![top, under], 2),
+            (vec![top, turned(under)], 4),
+        ] {
             let mut all = mesh.clone();
             let triangles: Vec<[u32; 3]> = squares.into_iter().flatten().collect();
             all.triangles.extend(&triangles);
             let count = triangles.len();
             let mut cap = Cap { triangles, whole: true, step: Some(0.05) };
-            cap.remove_crossing(&mesh, &trimesh(&all).unwrap(), 0.05);
+            cap.remove_crossing(&mesh, &trimesh(&all).unwrap(), 0.05, 0.05);
             assert_eq!((cap.triangles.len(), cap.whole), (kept, kept == count));
         }
     }
