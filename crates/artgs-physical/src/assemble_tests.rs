@@ -231,3 +231,16 @@ fn texels_have_the_edge_that_was_asked_for() {
         assert!((larger / fine - 1.0).abs() < 0.02, "{larger} {fine}");
     }
 }
+
+#[test]
+fn crumbs_are_short_and_small() {
+    let piece = |x: f64, y: f64, z: f64| {
+        let corners =
+            (0..8).map(|i| DVec3::new(f64::from(i & 1) * x, f64::from(i >> 1 & 1) * y, f64::from(i >> 2) * z));
+        Hull::of(&corners.collect::<Vec<_>>(), 1e-4).unwrap()
+    };
+    // A sliver at a corner, a rim, and a knob.
+    let found = [(0.02, 0.009, 0.004), (0.2, 0.009, 0.004), (0.02, 0.02, 0.02)]
+        .map(|(x, y, z)| is_crumb(&piece(x, y, z), 5e-3));
+    assert_eq!(found, [true, false, false]);
+}

@@ -64,7 +64,7 @@ fn encloses(surface: &TriMesh, p: DVec3, normal: DVec3, noise: f64) -> bool {
 }
 
 /// Caps for all holes, without the pieces that other parts move through or that pass through the surface. A component gets no caps if they would enclose less
-/// than a quarter of a wall: a sheet, or a compartment seen from inside.
+/// than half of a wall: a sheet, or a compartment seen from inside.
 pub(super) fn close(mesh: &mut Mesh, holes: &[Vec<u32>], obstacles: &Obstacles, options: &RepairOptions) -> Vec<Cap> {
     let component = components(&twins(mesh));
     let mut of_vertex = vec![0; mesh.vertices.len()];
@@ -96,7 +96,7 @@ pub(super) fn close(mesh: &mut Mesh, holes: &[Vec<u32>], obstacles: &Obstacles, 
     }
     for (hole, cap) in holes.iter().zip(&mut caps) {
         let [volume, area] = volumes[owner(hole)];
-        if !partly[owner(hole)] && volume < 0.125 * options.thickness * area {
+        if !partly[owner(hole)] && volume < 0.25 * options.thickness * area {
             *cap = Cap::none(false);
         }
     }

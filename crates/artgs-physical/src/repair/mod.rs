@@ -56,7 +56,7 @@ impl RepairOptions {
             planarity: 0.025,
             obstructed: 0.05,
             rim_smoothing: 1.5 * edge,
-            thickness: 8.0 * edge,
+            thickness: 4.0 * edge,
         }
     }
 }
@@ -105,7 +105,7 @@ pub(crate) fn repair(mesh: &Mesh, obstacles: &Obstacles, others: &Others, option
     if capped < holes.len() && options.thickness > 0.0 {
         thickened = true;
         // Refined, so that walls behind caps can follow the surface behind them.
-        refine(&mut mesh, 1.5 * options.thickness);
+        refine(&mut mesh, 3.0 * options.thickness);
         thicken::thicken(&mut mesh, obstacles, others, options.thickness);
     }
     mesh = if open_edges(&mesh.triangles) > 0 {

@@ -4,7 +4,7 @@ use crate::topology::testing::{open_box, sphere};
 const EDGE: f64 = 0.1;
 
 fn options() -> RepairOptions {
-    RepairOptions::at_resolution(EDGE)
+    RepairOptions { thickness: 8.0 * EDGE, ..RepairOptions::at_resolution(EDGE) }
 }
 
 fn nothing(_: DVec3) -> bool {
