@@ -4,7 +4,7 @@
 use super::points::motion_parameters;
 use crate::articulation::Trained;
 use crate::discover::Discovery;
-use artgs_core::{JointEstimate, PerState, State, View};
+use artgs_core::{JointEstimate, JointKind, PerState, State, View};
 use glam::DVec3;
 
 /// Root mean square distance of registered points above which training improves a joint where depth is noisy, pixels on the part. In
@@ -56,6 +56,7 @@ fn strayed(found: &Discovery, k: usize, trained: &Trained) -> bool {
 pub(super) fn refined(found: &Discovery, trained: &Trained) -> Vec<JointEstimate> {
     let pairs = found.parts.iter().zip(&trained.joints);
     let mut parts: Vec<JointEstimate> = pairs.map(|(p, j)| JointEstimate { motion: j.full_motion(), ..*p }).collect();
+    align_slides(&found.parts, &mut parts);
     // Parents precede their children.
     for k in 0..parts.len() {
         if let Some(carrier) = parts[k].carrier(&parts).copied() {
@@ -66,12 +67,36 @@ pub(super) fn refined(found: &Discovery, trained: &Trained) -> Vec<JointEstimate
     parts
 }
 
+/// Gives slides of the base that were found with a common direction the mean of their trained directions: long slides count more.
+fn align_slides(found: &[JointEstimate], trained: &mut [JointEstimate]) {
+    /// Sine of the angle between directions that are the same.
+    const SAME: f64 = 1e-6;
+    let slides: Vec<usize> =
+        (0..found.len()).filter(|k| found[*k].kind == JointKind::Prismatic && found[*k].parent == 0).collect();
+    let direction = |k: usize| found[k].motion.translation.normalize_or_zero();
+    let alike = |a: usize, b: usize| direction(a).cross(direction(b)).length() < SAME;
+    for k in &slides {
+        let group: Vec<usize> = slides.iter().copied().filter(|other| alike(*k, *other)).collect();
+        if group.first() != Some(k) || group.len() < 2 {
+            continue;
+        }
+        let along = direction(*k);
+        let sum: DVec3 =
+            group.iter().map(|j| trained[*j].motion.translation).map(|way| way * way.dot(along).signum()).sum();
+        let Some(mean) = sum.try_normalize() else { continue };
+        for j in group {
+            let way = &mut trained[j].motion.translation;
+            *way = mean * way.dot(mean);
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::articulation::{MotionModel, MotionParameters};
     use crate::discover::Cloud;
-    use artgs_core::{Camera, Intrinsics, JointKind, Rigid, Splats};
+    use artgs_core::{Camera, Intrinsics, Rigid, Splats};
     use glam::Vec3;
 
     /// A door with points about (0.5, 0, 0), registered with this root mean square distance.
@@ -141,5 +166,20 @@ mod tests {
         let own = parts[0].motion.inverse() * parts[1].motion;
         assert!(own.angle() < 1e-9 && own.translation.distance(slide.translation) < 1e-9, "{own:?}");
         assert_eq!((parts[1].kind, parts[1].parent), (JointKind::Prismatic, 1));
+    }
+    #[test]
+    fn slides_with_a_common_direction_keep_one_after_training() {
+        let slide = |way: DVec3| JointEstimate::new(JointKind::Prismatic, Rigid::shift(way));
+        let found = [DVec3::new(0.0, -0.3, 0.0), DVec3::new(0.0, 0.1, 0.0), DVec3::new(0.0, -0.2, 0.01)].map(slide);
+        let ways = [DVec3::new(0.003, -0.3, 0.0), DVec3::new(0.001, 0.1, 0.002), DVec3::new(0.0, -0.2, 0.011)];
+        let mut trained = ways.map(slide);
+        align_slides(&found, &mut trained);
+        let mean = DVec3::new(0.002, -0.4, -0.002).normalize();
+        for (k, length) in [(0, 0.3), (1, -0.1)] {
+            let way = trained[k].motion.translation;
+            assert!((way - mean * length).length() < 1e-4, "{way}");
+            assert!(way.cross(mean).length() < 1e-12);
+        }
+        assert_eq!(trained[2].motion.translation, ways[2], "its direction is its own");
     }
 }
