@@ -83,7 +83,7 @@ pub(crate) struct Drawn {
 impl Drawn {
     /// None without triangles.
     pub(crate) fn new(visuals: &[Shape]) -> Option<Self> {
-        /// Least distance of the rays that tell inside from outside, metres.
+        /// Least distance of the rays that decide what is inside, metres.
         const FINEST: f64 = 1e-3;
         let (mut points, mut triangles) = (Vec::new(), Vec::new());
         for shape in visuals {

@@ -42,7 +42,7 @@ fn is_floor(shape: &TriMesh, p: DVec3, normal: DVec3, room: f64) -> bool {
 impl Solid {
     /// None if the mesh has no surface.
     pub(crate) fn new(mesh: &Mesh, observed: &super::Observed) -> Option<Self> {
-        /// Least distance of the rays that tell inside from outside, as a share of the size.
+        /// Least distance of the rays that decide what is inside, as a share of the size.
         const FINEST: f64 = 1e-3;
         /// Free height above a place on which things can lie, as a share of the size.
         const ROOM: f64 = 0.05;
