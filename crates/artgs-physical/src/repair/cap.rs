@@ -33,38 +33,31 @@ impl Cap {
     /// becomes a wall.
     fn remove_crossing(&mut self, mesh: &Mesh, surface: &TriMesh, least: f64, noise: f64) {
         let Some(step) = self.step else { return };
-        let is_solid = |p: DVec3, normal: DVec3| encloses(surface, p, normal, noise);
+        // Behind a cap is the solid if its inner side looks at the inner side of the surface.
+        let is_solid = |p: DVec3, normal: DVec3| meets_outside(surface, p - normal * noise, -normal) == Some(false);
         let solid = share(mesh, &self.triangles, step, is_solid);
         if solid <= least || solid >= 1.0 - least {
             return;
         }
         let before = self.triangles.len();
         // What is before the cap was seen.
-        let stays = |p: DVec3, normal: DVec3| is_solid(p, normal) || !faces(surface, p + normal * noise, normal);
+        let hides = |p: DVec3, normal: DVec3| meets_outside(surface, p + normal * noise, normal) == Some(true);
+        let stays = |p: DVec3, normal: DVec3| is_solid(p, normal) || !hides(p, normal);
         self.triangles.retain(|t| share(mesh, std::slice::from_ref(t), step, stays) >= 0.5);
         self.whole &= self.triangles.len() == before;
     }
 }
 
-/// True if a ray first meets the outer side of the surface.
-fn faces(surface: &TriMesh, from: DVec3, along: DVec3) -> bool {
+/// True if a ray first meets the outer side of the surface; none if it meets nothing.
+fn meets_outside(surface: &TriMesh, from: DVec3, along: DVec3) -> Option<bool> {
     let ray = Ray::new(to_parry(from), to_parry(along));
-    let Some(first) = surface.cast_local_ray(&ray, f32::MAX, false) else { return false };
+    let first = surface.cast_local_ray(&ray, f32::MAX, false)?;
     let back = surface.cast_local_ray_with_culling(&ray, first * 1.01, RayCullingMode::IgnoreFrontfaces);
-    back.is_none_or(|back| back.time_of_impact > first)
+    Some(back.is_none_or(|back| back.time_of_impact > first))
 }
 
-/// True if the inner side of a cap, `noise` behind a point of it with this unit normal, looks at the inner side of the surface: the
-/// solid is between them.
-fn encloses(surface: &TriMesh, p: DVec3, normal: DVec3, noise: f64) -> bool {
-    let ray = Ray::new(to_parry(p - normal * noise), to_parry(-normal));
-    let Some(first) = surface.cast_local_ray(&ray, f32::MAX, false) else { return false };
-    let back = surface.cast_local_ray_with_culling(&ray, first * 1.01, RayCullingMode::IgnoreFrontfaces);
-    back.is_some_and(|back| back.time_of_impact <= first)
-}
-
-/// Caps for all holes, without the pieces that other parts move through or that pass through the surface. A component gets no caps if they would enclose less
-/// than half of a wall: a sheet, or a compartment seen from inside.
+/// Caps for all holes, without the pieces that other parts move through and what hides the surface of caps that pass through it. A
+/// component gets no caps if they would enclose less than half of a wall: a sheet, or a compartment seen from inside.
 pub(super) fn close(mesh: &mut Mesh, holes: &[Vec<u32>], obstacles: &Obstacles, options: &RepairOptions) -> Vec<Cap> {
     let component = components(&twins(mesh));
     let mut of_vertex = vec![0; mesh.vertices.len()];
