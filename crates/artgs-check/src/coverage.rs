@@ -42,28 +42,13 @@ impl<'a> Piece<'a> {
         p.cmpge(self.low).all() && p.cmple(self.high).all() && self.planes.iter().all(|(n, o)| n.dot(p) <= o - depth)
     }
 
-    /// True if a straight line between two points passes through the hull.
-    fn is_crossed(&self, [from, to]: [DVec3; 2]) -> bool {
-        let (mut enters, mut leaves) = (0.0_f64, 1.0_f64);
-        for (normal, offset) in &self.planes {
-            let (distance, speed) = (normal.dot(from) - offset, normal.dot(to - from));
-            if speed == 0.0 && distance > 0.0 {
-                return false;
-            }
-            let at = -distance / speed;
-            match speed {
-                s if s > 0.0 => leaves = leaves.min(at),
-                s if s < 0.0 => enters = enters.max(at),
-                _ => {}
-            }
-        }
-        enters <= leaves
-    }
-
     /// True if the hull is within `reach` behind a point of a surface with this outward normal, or as far before it.
     fn is_behind(&self, p: DVec3, normal: DVec3, reach: f64) -> bool {
+        /// Places on the way, of which the hull is within half the distance between two.
+        const PLACES: i32 = 11;
         let around = p.cmpge(self.low - reach).all() && p.cmple(self.high + reach).all();
-        around && self.is_crossed([p + normal * reach, p - normal * reach])
+        let step = 2.0 * reach / f64::from(PLACES - 1);
+        around && (0..PLACES).any(|k| self.is_near(p + normal * (reach - f64::from(k) * step), 0.5 * step))
     }
 
     fn is_near(&self, p: DVec3, distance: f64) -> bool {
