@@ -66,13 +66,22 @@ impl Columns {
             });
             cross(corner, size, &mut found);
         }
-        found.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let mut starts = vec![0; size[0] * size[1] + 1];
+        let mut starts = vec![0_u32; size[0] * size[1] + 1];
         found.iter().for_each(|(column, ..)| starts[*column as usize + 1] += 1);
         for i in 1..starts.len() {
             starts[i] += starts[i - 1];
         }
-        Self { axis, low, step, size, starts, crossings: found.into_iter().map(|(_, at, up)| (at, up)).collect() }
+        let (mut next, mut crossings) = (starts.clone(), vec![(0.0, false); found.len()]);
+        for (column, at, up) in found {
+            let place = &mut next[column as usize];
+            crossings[*place as usize] = (at, up);
+            *place += 1;
+        }
+        for ends in starts.windows(2) {
+            crossings[ends[0] as usize..ends[1] as usize]
+                .sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        }
+        Self { axis, low, step, size, starts, crossings }
     }
 
     /// How many of the two rays from a point along the axis leave the surface more often than they enter it.

@@ -7,6 +7,7 @@ use artgs_core::{Inside, Mesh};
 use glam::DVec3;
 use parry3d::query::{PointQuery as _, Ray, RayCast as _};
 use parry3d::shape::{TriMesh, TriMeshFlags};
+use std::sync::OnceLock;
 
 /// A surface with its inside.
 pub(crate) struct Solid {
@@ -15,7 +16,9 @@ pub(crate) struct Solid {
     /// Whether each triangle was observed, or is a floor on which things can lie: these need pieces.
     pub(crate) seen: Vec<bool>,
     shape: TriMesh,
-    inside: Option<Inside>,
+    /// Least distance of the rays that decide what is inside.
+    finest: f64,
+    inside: OnceLock<Option<Inside>>,
 }
 
 /// A point on a surface.
@@ -59,16 +62,23 @@ impl Solid {
             observed(middle) || is_floor(&shape, middle, crate::topology::cross(&mesh, *t), ROOM * size)
         };
         let seen = mesh.triangles.iter().map(is_needed).collect();
-        let points: Vec<DVec3> = crate::topology::points(&mesh).collect();
-        let inside = Inside::of(&points, &mesh.triangles, FINEST * size);
-        Some(Self { mesh, seen, shape, inside })
+        Some(Self { mesh, seen, shape, finest: FINEST * size, inside: OnceLock::new() })
+    }
+
+    /// Built when it is needed first: samples of the surface do not need it.
+    fn inside(&self) -> Option<&Inside> {
+        let build = || {
+            let points: Vec<DVec3> = crate::topology::points(&self.mesh).collect();
+            Inside::of(&points, &self.mesh.triangles, self.finest)
+        };
+        self.inside.get_or_init(build).as_ref()
     }
 
     /// Distance of a point from the surface, negative inside. The nearest triangle says on which side near points are; it can belong
     /// to a sheet inside the solid, so that rays say it of others.
     pub(crate) fn signed(&self, p: DVec3) -> f64 {
         let near = f64::from(self.shape.distance_to_local_point(to_parry(p), false));
-        match &self.inside {
+        match self.inside() {
             Some(inside) if near.abs() > 2.0 * inside.step() => near.abs() * if inside.holds(p) { -1.0 } else { 1.0 },
             _ => near,
         }
@@ -76,7 +86,7 @@ impl Solid {
 
     /// True if the solid is behind a point of the surface with this outward normal.
     pub(crate) fn is_behind(&self, p: DVec3, normal: DVec3) -> bool {
-        self.inside.as_ref().is_none_or(|inside| inside.holds(p - normal * 2.0 * inside.step()))
+        self.inside().is_none_or(|inside| inside.holds(p - normal * 2.0 * inside.step()))
     }
 
     /// Distance along a unit direction to the surface; none beyond `reach`.
