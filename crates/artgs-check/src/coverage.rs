@@ -89,14 +89,10 @@ impl Drawn {
         p.cmpge(self.low).all() && p.cmple(self.high).all() && self.signed(p) < 0.0
     }
 
-    /// Distance of a point from the surface, negative behind it. The nearest triangle says on which side near points are; it can
-    /// belong to a sheet inside the solid, so that rays say it of others.
+    /// Distance of a point from the surface, negative behind it.
     pub(crate) fn signed(&self, p: DVec3) -> f64 {
         let near = f64::from(self.shape.distance_to_local_point(vector(p), false));
-        match &self.inside {
-            Some(inside) if near.abs() > 2.0 * inside.step() => near.abs() * if inside.holds(p) { -1.0 } else { 1.0 },
-            _ => near,
-        }
+        self.inside.as_ref().map_or(near, |inside| inside.signed(p, near))
     }
 
     /// Distance along a unit direction to the surface; none beyond `reach`.
@@ -122,12 +118,13 @@ impl Drawn {
     }
 }
 
-/// Compares the hulls of a link with its visual mesh; none if either is absent. Of the visual mesh, only what is `observed`
+/// Compares the hulls of a link with its visual mesh `drawn`; none if either is absent. Of the visual mesh, only what is `observed`
 /// needs hulls, all of it if that is not known, and only where no other link is `passing`. `lost` is the number of pieces that the
 /// export reports as lost.
 pub(crate) fn link(
     link: &Link,
     hulls: &[SharedShape],
+    drawn: Option<&Drawn>,
     observed: Option<&Observed>,
     passing: &Passing,
     lost: usize,
@@ -139,7 +136,7 @@ pub(crate) fn link(
     if pieces.is_empty() {
         return None;
     }
-    let drawn = Drawn::new(&link.visuals)?;
+    let drawn = drawn?;
     let tolerance = options.cover.min(0.01 * (high - low).length());
     let hole = options.hole.min(0.02 * (high - low).length());
     let mut out = CoverageFinding { link: link.name.clone(), lost, ..CoverageFinding::default() };
@@ -147,8 +144,8 @@ pub(crate) fn link(
     let seen: Vec<DVec3> = samples(&visuals, options.samples).into_iter().filter(holds).collect();
     let near = seen.iter().filter(|p| pieces.iter().any(|h| h.is_near(**p, tolerance))).count();
     out.visual = near as f64 / seen.len().max(1) as f64;
-    out.hulls = covered_hulls(&pieces, &drawn, tolerance, options);
-    phantom(&pieces, &drawn, hole, &mut out);
+    out.hulls = covered_hulls(&pieces, drawn, tolerance, options);
+    phantom(&pieces, drawn, hole, &mut out);
     // Triangles that close the visual mesh.
     let closing: Vec<Vec<[u32; 3]>> = visuals
         .iter()
@@ -158,7 +155,7 @@ pub(crate) fn link(
         })
         .collect();
     let closing: Vec<Triangles> = visuals.iter().zip(&closing).map(|((points, _), t)| (*points, &t[..])).collect();
-    shadows([&visuals, &closing], &pieces, (&drawn, passing), [low, high], [hole, tolerance], &mut out);
+    shadows([&visuals, &closing], &pieces, (drawn, passing), [low, high], [hole, tolerance], &mut out);
     judge(&mut out, hole, options);
     Some(out)
 }
@@ -236,17 +233,17 @@ fn shadows(
             let mut holes = seen.missed_by(&solid, side, hole);
             let observed = seen.missed_by(&unseen, side, 0.0);
             let mut passed = vec![false; holes.len()];
-            for (ray, (hole, observed)) in holes.iter_mut().zip(observed).enumerate() {
+            for (ray, hole) in holes.iter_mut().enumerate().filter(|(_, hole)| **hole) {
                 let at = seen.point(seen.place(ray), side);
-                *hole = *hole && observed && !covered(at);
+                *hole = observed[ray] && !covered(at);
                 if *hole && passing.holds(at) {
                     (*hole, passed[ray]) = (false, true);
                 }
             }
             out.passed = out.passed.max(seen.widest(&passed).cells as f64 * step);
             let mut before = solid.missed_by(&seen, side, hole);
-            for (ray, before) in before.iter_mut().enumerate() {
-                *before = *before && !drawn.is_near(solid.point(solid.place(ray), side), tolerance);
+            for (ray, before) in before.iter_mut().enumerate().filter(|(_, before)| **before) {
+                *before = !drawn.is_near(solid.point(solid.place(ray), side), tolerance);
             }
             hits += seen.hits();
             missed += holes.iter().filter(|m| **m).count();

@@ -24,7 +24,7 @@ fn compared(drawn: &[Mesh], colliding: &[Mesh]) -> CoverageFinding {
     let mut body = Link::new("body", None, Rigid::IDENTITY);
     body.visuals = drawn.iter().map(shape).collect();
     let hulls: Vec<SharedShape> = colliding.iter().map(hull).collect();
-    link(&body, &hulls, None, &nothing(), 0, &CheckOptions::default()).unwrap()
+    link(&body, &hulls, Drawn::new(&body.visuals).as_ref(), None, &nothing(), 0, &CheckOptions::default()).unwrap()
 }
 
 /// Floor and four walls, 1 cm thick and 5 mm apart, around a cavity that is open above.
@@ -110,7 +110,16 @@ fn a_lost_piece_is_a_warning() {
     let cuboid = Mesh::cuboid([0.0; 3], [0.5, 0.3, 0.2]);
     let mut body = Link::new("body", None, Rigid::IDENTITY);
     body.visuals = vec![shape(&cuboid)];
-    let found = link(&body, &[hull(&cuboid)], None, &nothing(), 2, &CheckOptions::default()).unwrap();
+    let found = link(
+        &body,
+        &[hull(&cuboid)],
+        Drawn::new(&body.visuals).as_ref(),
+        None,
+        &nothing(),
+        2,
+        &CheckOptions::default(),
+    )
+    .unwrap();
     assert!(found.warnings[0].contains("2 places of the surface lost"), "{found:?}");
 }
 
@@ -142,7 +151,16 @@ fn a_hole_is_none_where_another_link_passes() {
     let drawn: Vec<Option<Drawn>> = model.links.iter().map(|link| Drawn::new(&link.visuals)).collect();
     let rest = hull(&Mesh::cuboid([-0.1, 0.12, 0.0], [0.0, 0.4, 0.6]));
     let compared = |passing: &Passing| {
-        link(&model.links[0], std::slice::from_ref(&rest), None, passing, 0, &CheckOptions::default()).unwrap()
+        link(
+            &model.links[0],
+            std::slice::from_ref(&rest),
+            drawn[0].as_ref(),
+            None,
+            passing,
+            0,
+            &CheckOptions::default(),
+        )
+        .unwrap()
     };
     let blind = compared(&nothing());
     assert!((blind.hole - 0.12).abs() < 0.01 && blind.passed == 0.0, "{blind:?}");

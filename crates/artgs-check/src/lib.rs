@@ -164,7 +164,7 @@ fn physics(
     let compared = |i: usize| {
         let (link, hulls) = (&model.links[i], &scene.hulls[i]);
         let passing = passing::Passing::of(model, &drawn, i);
-        coverage::link(link, hulls, observed[i].as_ref(), &passing, lost(&link.name), options)
+        coverage::link(link, hulls, drawn[i].as_ref(), observed[i].as_ref(), &passing, lost(&link.name), options)
     };
     report.coverage = (0..model.links.len()).into_par_iter().filter_map(compared).collect();
     if !scene.is_empty() {

@@ -31,6 +31,15 @@ impl Inside {
         self.axes[0].step
     }
 
+    /// Distance of a point from the surface, negative inside, for the distance `near` that has the sign of the nearest triangle.
+    /// That sign counts beside the surface only: farther away, the triangle can belong to a sheet inside the solid.
+    pub fn signed(&self, p: DVec3, near: f64) -> f64 {
+        if near.abs() <= 2.0 * self.step() {
+            return near;
+        }
+        if self.holds(p) { -near.abs() } else { near.abs() }
+    }
+
     /// Whether the surface encloses a point.
     pub fn holds(&self, p: DVec3) -> bool {
         /// Rays of six that have to agree.
@@ -172,6 +181,9 @@ mod tests {
         let middle = DVec3::new(0.13, 0.0, 0.0);
         let found = inside(&mesh, 0.01);
         assert!(found.holds(middle) && !found.holds(DVec3::new(0.53, 0.0, 0.0)));
+        // Before the sheet, but far behind the sides.
+        assert_eq!((found.signed(middle, 0.02), found.signed(middle, 0.03)), (0.02, -0.03));
+        assert_eq!(found.signed(DVec3::new(0.53, 0.0, 0.0), -0.03), 0.03);
         let mut open = Mesh::cuboid([-0.5; 3], [0.5; 3]);
         open.triangles.truncate(10);
         let found = inside(&open, 0.01);

@@ -74,14 +74,10 @@ impl Solid {
         self.inside.get_or_init(build).as_ref()
     }
 
-    /// Distance of a point from the surface, negative inside. The nearest triangle says on which side near points are; it can belong
-    /// to a sheet inside the solid, so that rays say it of others.
+    /// Distance of a point from the surface, negative inside.
     pub(crate) fn signed(&self, p: DVec3) -> f64 {
         let near = f64::from(self.shape.distance_to_local_point(to_parry(p), false));
-        match self.inside() {
-            Some(inside) if near.abs() > 2.0 * inside.step() => near.abs() * if inside.holds(p) { -1.0 } else { 1.0 },
-            _ => near,
-        }
+        self.inside().map_or(near, |inside| inside.signed(p, near))
     }
 
     /// True if the solid is behind a point of the surface with this outward normal.
