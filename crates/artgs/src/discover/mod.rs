@@ -48,6 +48,7 @@ mod landing;
 mod morton;
 mod moved_points;
 mod near_grid;
+mod paired_mean;
 mod parents;
 mod plane_fit;
 mod poses;

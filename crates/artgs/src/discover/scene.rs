@@ -5,6 +5,7 @@ use super::cube_votes::CubeVotes;
 use super::denoise::smoothed;
 use super::flatten::flattened;
 use super::landing::StatePair;
+use super::paired_mean::PairedMean;
 use super::visibility::{DepthLookup, Occupancy, ViewVotes};
 use super::{DiscoverConfig, DiscoverError};
 use artgs_core::capture::OBJECT_ALPHA;
@@ -48,12 +49,15 @@ impl<'a> DepthPicture<'a> {
         (0..height / step).flat_map(move |y| (0..width / step).map(move |x| y * step * width + x * step))
     }
 
-    /// Depth of every `step`-th pixel of every `step`-th row, and a camera with just these pixels.
-    pub fn thinned_depth(&self, step: usize) -> (Camera, DepthMap) {
-        if step == 1 {
+    /// Depth of every `step`-th pixel of every `step`-th row, averaged over those of the pixels at most `radius` from it in both
+    /// directions that show the same surface, and a camera with just these pixels.
+    pub fn thinned_depth(&self, step: usize, radius: usize) -> (Camera, DepthMap) {
+        if step == 1 && radius == 0 {
             return (self.view.camera, self.depth.clone());
         }
-        (self.view.camera.thinned(step), self.depth.select(self.kept(step)))
+        let window = PairedMean::new(self.depth, self.view.size(), self.view.camera.intrinsics.fx as f32, radius);
+        let depths: Vec<f32> = self.kept(step).map(|i| window.depth(i)).collect();
+        (self.view.camera.thinned(step), DepthMap::nearest(&depths))
     }
 
     /// Colours of the same pixels.
@@ -65,10 +69,10 @@ impl<'a> DepthPicture<'a> {
     }
 
     /// Its lookup, and some of its surface points.
-    fn prepared(&self, step: usize) -> (DepthLookup, Cloud) {
+    fn prepared(&self, step: usize, radius: usize) -> (DepthLookup, Cloud) {
         /// Every so many pixels and rows give a point: enough for the object's size.
         const STRIDE: usize = 5;
-        let ((camera, depth), rgba) = (self.thinned_depth(step), self.thinned_colors(step));
+        let ((camera, depth), rgba) = (self.thinned_depth(step, radius), self.thinned_colors(step));
         let mask: Vec<bool> = rgba.iter().map(|p| p[3] >= OBJECT_ALPHA).collect();
         let smooth = smoothed(&depth, camera.intrinsics.width as usize, camera.intrinsics.fx as f32);
         let view = DepthLookup::new(camera, smooth.unwrap_or(depth), &mask);
@@ -96,22 +100,37 @@ const SAMPLE_STRIDE: usize = 331;
 /// Largest step between pixels, in each direction, that is still no longer than `length`, a fraction of the object's
 /// diagonal: pixels in between cost time and memory and add almost nothing. At least 1.
 pub fn pixel_step(pictures: PerState<&[DepthPicture<'_>]>, length: f64) -> usize {
+    (pixels_along(pictures, length) as usize).max(1)
+}
+
+/// Number of pixels along `length`, a fraction of the object's diagonal; 0 where nothing is seen.
+fn pixels_along(pictures: PerState<&[DepthPicture<'_>]>, length: f64) -> f32 {
     let all: Vec<DepthPicture<'_>> = pictures.into_iter().flatten().copied().collect();
     let samples: Vec<(Vec3, f32)> = all.par_iter().flat_map_iter(DepthPicture::sample).collect();
     if samples.is_empty() {
-        return 1;
+        return 0.0;
     }
     let (points, mut sizes): (Vec<Vec3>, Vec<f32>) = samples.into_iter().unzip();
     let cloud = Cloud { points, ..Cloud::default() };
     let (lower, upper) = bounds(std::iter::once(&cloud));
     let middle = sizes.len() / 2;
     let pixel = *sizes.select_nth_unstable_by(middle, f32::total_cmp).1;
-    ((length as f32 * lower.distance(upper) / pixel) as usize).max(1)
+    length as f32 * lower.distance(upper) / pixel
+}
+
+/// Step between pixels, and radius of the windows in which depth is averaged, pixels.
+fn sampling(pictures: PerState<&[DepthPicture<'_>]>, spacing: f64) -> (usize, usize) {
+    /// Largest step, spacings: a larger one loses detail where depth is noisy.
+    const STEP: f32 = 1.0 / 3.0;
+    /// Largest window, spacings: averages over it keep the detail that points can show.
+    const WINDOW: f32 = 0.75;
+    let pixels = pixels_along(pictures, spacing);
+    ((STEP * pixels).max(1.0) as usize, (0.5 * (WINDOW * pixels - 1.0)).max(0.0) as usize)
 }
 
 /// Lookups of one state, and some of its surface points.
-fn prepare(pictures: &[DepthPicture<'_>], step: usize) -> (Vec<DepthLookup>, Cloud) {
-    let (views, clouds): (Vec<DepthLookup>, Vec<Cloud>) = pictures.par_iter().map(|p| p.prepared(step)).unzip();
+fn prepare(pictures: &[DepthPicture<'_>], step: usize, radius: usize) -> (Vec<DepthLookup>, Cloud) {
+    let (views, clouds): (Vec<DepthLookup>, Vec<Cloud>) = pictures.par_iter().map(|p| p.prepared(step, radius)).unzip();
     let mut rough = Cloud::default();
     clouds.iter().for_each(|cloud| rough.append(cloud));
     (views, rough)
@@ -160,21 +179,17 @@ impl Observation {
     /// Typical disagreement between views about the depth of the same point: the median over surfaces that face the
     /// view of the distance along the normal between a point and the surface that another view shows at its pixel.
     fn depth_noise(&self) -> f32 {
-        self.disagreement(&self.views, 0.5)
+        let errors = self.disagreements(&self.views);
+        errors.get(errors.len() / 2).copied().unwrap_or(0.0)
     }
 
-    /// The same against views of the other state. Most of what moved is far from what the other state shows, the rest
-    /// would raise the median: it is estimated from the smaller differences.
-    fn noise_against(&self, other: &Self) -> f32 {
-        /// Share of the differences that is surely not motion.
-        const STILL: f32 = 0.3;
-        /// Median of absolute values of a normal distribution, relative to their 30th percentile.
-        const TO_MEDIAN: f32 = 0.6745 / 0.3853;
-        TO_MEDIAN * self.disagreement(&other.views, STILL)
+    /// The same against views of the other state, of what did not move; `own` is the noise within the states.
+    fn noise_against(&self, other: &Self, own: f32) -> f32 {
+        median_of_still(&self.disagreements(&other.views), own)
     }
 
-    /// The share `at` of the differences is smaller.
-    fn disagreement(&self, views: &[DepthLookup], at: f32) -> f32 {
+    /// These distances for some of the points, in ascending order.
+    fn disagreements(&self, views: &[DepthLookup]) -> Vec<f32> {
         /// Number of points measured.
         const SAMPLES: usize = 2000;
         /// Least cosine between normal and line of sight.
@@ -198,8 +213,30 @@ impl Observation {
             })
             .collect();
         errors.sort_unstable_by(f32::total_cmp);
-        errors.get((at * errors.len() as f32) as usize).copied().unwrap_or(0.0)
+        errors
     }
+}
+
+/// Median of absolute differences, in ascending order, of what did not move. Their smaller values give an estimate that motion makes
+/// too large; it counts up to a little more than `own`, the median within a state. Larger medians are those of the differences
+/// below three standard deviations: most of what moved differs by more.
+fn median_of_still(errors: &[f32], own: f32) -> f32 {
+    /// Share of the differences that is surely not motion.
+    const STILL: f32 = 0.3;
+    /// Median of absolute values of a normal distribution, relative to their 30th percentile.
+    const TO_MEDIAN: f32 = 0.6745 / 0.3853;
+    /// Three standard deviations, medians of absolute values.
+    const LARGEST: f32 = 3.0 / 0.6745;
+    /// Views of one state share errors: between states they can be that much larger.
+    const SHARED: f32 = 1.25;
+    const ROUNDS: usize = 10;
+    let rough = TO_MEDIAN * errors.get((STILL * errors.len() as f32) as usize).copied().unwrap_or(0.0);
+    let mut median = rough;
+    for _ in 0..ROUNDS {
+        let kept = errors.partition_point(|e| *e <= LARGEST * median);
+        median = errors.get(kept / 2).copied().unwrap_or(0.0).min(median);
+    }
+    median.max(rough.min(SHARED * own))
 }
 
 /// Both states prepared for discovery.
@@ -236,8 +273,8 @@ impl Scene {
         /// and views of one state disagree by more than this many sizes of a pixel. Exact depth reaches 0.25 pixels where 24
         /// views of 200 pixels are compared, noise of 1 cm at 3 m 0.33, a simulated phone 0.38.
         const DISAGREEING: f32 = 0.32;
-        let step = pixel_step(pictures, 0.5 * config.spacing);
-        let prepared = pictures.map(|p| prepare(p, step));
+        let (step, radius) = sampling(pictures, config.spacing);
+        let prepared = pictures.map(|p| prepare(p, step, radius));
         for (state, (_, rough)) in prepared.enumerate() {
             if rough.len() < LEAST_POINTS {
                 return Err(DiscoverError::NoSurface(state.name()));
@@ -254,7 +291,7 @@ impl Scene {
         let own_noise = largest(&Observation::depth_noise);
         let spacing = (config.spacing as f32 * diagonal).max(pixel);
         let noisy = TOLERANCE_PER_NOISE * own_noise > TOLERANCE_PER_PIXEL * pixel;
-        let across = PerState::from_fn(|s| states[s].noise_against(&states[s.other()]));
+        let across = PerState::from_fn(|s| states[s].noise_against(&states[s.other()], own_noise));
         // Exact depth has no errors that the states do not share.
         let noise = if noisy { across.iter().fold(own_noise, |a, b| a.max(*b)) } else { own_noise };
         let tolerance = (TOLERANCE_PER_NOISE * noise).max(TOLERANCE_PER_PIXEL * pixel);
@@ -352,12 +389,28 @@ mod tests {
             let pictures = pictures.as_ref().map(Vec::as_slice);
             let scene = Scene::new(pictures, &config).unwrap();
             let first = &scene.states[State::START];
-            (pixel_step(pictures, 0.5 * config.spacing), first.views[0].depth.len(), first.cloud.len())
+            (sampling(pictures, config.spacing).0, first.views[0].depth.len(), first.cloud.len())
         };
         let (coarse, fine) = (measure(96), measure(288));
         assert_eq!(coarse.0, 1);
         assert!(fine.0 >= 2 && fine.1 == (288 / fine.0).pow(2), "{fine:?}");
         assert!((fine.2 as f64 / coarse.2 as f64 - 1.0).abs() < 0.15, "{coarse:?} {fine:?}");
+    }
+
+    #[test]
+    fn the_noise_of_what_is_still_is_found_among_moved_surfaces() {
+        // Absolute values of a normal distribution of median 1, by its quantiles, and differences of moved surfaces.
+        let quantiles = [0.1, 0.25, 0.37, 0.5, 0.64, 0.78, 0.92, 1.09, 1.25, 1.44, 1.71, 2.05, 2.44, 2.91];
+        let found = |moved: usize| {
+            let still = quantiles.iter().cycle().take(1400).copied();
+            let mut errors: Vec<f32> = still.chain((0..moved).map(|i| 20.0 * i as f32 / moved as f32)).collect();
+            errors.sort_unstable_by(f32::total_cmp);
+            [0.0, 1.0].map(|own| median_of_still(&errors, own))
+        };
+        let ([none, _], [half, with_own], [most, _]) = (found(0), found(1400), found(2000));
+        assert!((0.9..1.1).contains(&none) && half < 1.25 * none && most < 1.4 * none, "{none} {half} {most}");
+        assert!(half < with_own && with_own <= 1.25, "{half} {with_own}");
+        assert_eq!(median_of_still(&[], 0.0), 0.0);
     }
 
     #[test]

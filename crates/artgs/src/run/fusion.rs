@@ -51,7 +51,7 @@ fn thinned<'p>(pictures: &PerState<Vec<DepthPicture<'p>>>, config: &SurfaceConfi
     let fitting = || discover::pixel_step(pictures.as_ref().map(Vec::as_slice), PIXEL_PER_VOXEL / config.resolution);
     let step = if config.voxel.is_none() { fitting() } else { 1 };
     let fusion_view = |picture: &DepthPicture<'p>| {
-        let (camera, depth) = picture.thinned_depth(step);
+        let (camera, depth) = picture.thinned_depth(step, step / 2);
         let depth: Vec<f32> = depth.iter().collect();
         FusionView { rgba: Some(picture.thinned_colors(step)), ..FusionView::new(camera, depth) }
     };
