@@ -185,18 +185,30 @@ impl InstanceSettings {
             self.keep_behind_fronts(body, opening, &mut boxes);
             boxes = self.apart(body, boxes);
         }
-        if boxes.len() < 2 {
-            return None;
-        }
         // Seen along the opening, so that a front is nearest to its own box.
         let mut seen = Body { cloud: body.cloud.clone(), origin: Vec::new(), ..*body };
         seen.cloud.points.iter_mut().for_each(|p| *p = p.reject_from_normalized(opening));
-        let of_point = seen.nearest(&boxes);
+        let of_point = self.joined(body, &seen, &mut boxes)?;
         let fronts: Vec<Vec<usize>> = (0..boxes.len())
             .map(|k| (0..of_point.len()).filter(|&i| of_point[i] == k && body.faces(i, opening)).collect())
             .collect();
         let as_wide = !body.scene.spreading || self.as_wide(&seen.cloud, &boxes, &fronts);
         as_wide.then_some((of_point, boxes.len()))
+    }
+
+    /// The box that each point is nearest to as seen along the opening. A box with too few of the points is a piece of the box that
+    /// is nearest to it: its points join that one. None if fewer than two boxes remain.
+    fn joined(&self, body: &Body<'_>, seen: &Body<'_>, boxes: &mut Vec<Vec<usize>>) -> Option<Vec<usize>> {
+        while boxes.len() > 1 {
+            let of_point = seen.nearest(boxes);
+            let group = |k: usize| (0..of_point.len()).filter(|&i| of_point[i] == k).collect::<Vec<usize>>();
+            let small = (0..boxes.len()).filter(|&k| !self.is_large(body, &group(k)));
+            let Some(smallest) = small.min_by_key(|&k| boxes[k].len()) else { return Some(of_point) };
+            let piece = boxes.remove(smallest);
+            let nearest = seen.nearest_box(boxes, &piece);
+            boxes[nearest].extend(piece);
+        }
+        None
     }
 
     /// True if every box reaches behind enough of its front in the direction of the nearest other box. The two sides of one drawer
@@ -286,6 +298,18 @@ impl<'a> Body<'a> {
         out
     }
 
+    /// The box whose points are nearest to those of `piece` on average; `boxes` are not empty.
+    fn nearest_box(&self, boxes: &[Vec<usize>], piece: &[usize]) -> usize {
+        let total = |points: &Vec<usize>| {
+            let cloud = self.cloud.select(points);
+            let tree = IndexedCloud::new(&cloud);
+            let distance = |i: &usize| tree.nearest_within(self.cloud.points[*i], f32::INFINITY).map_or(0.0, |n| n.1);
+            piece.iter().map(distance).sum::<f32>()
+        };
+        let totals = boxes.iter().map(total).enumerate();
+        totals.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |nearest| nearest.0)
+    }
+
     /// Body of every point: the one it is nearest to.
     fn nearest(&self, bodies: &[Vec<usize>]) -> Vec<usize> {
         let clouds: Vec<Cloud> = bodies.iter().map(|b| self.cloud.select(b)).collect();
@@ -342,5 +366,30 @@ mod tests {
         assert!(enough(200, 60, false) && enough(200, 60, true));
         assert!(!enough(400, 0, false) && enough(400, 0, true));
         assert!(!enough(200, 0, true), "a small one");
+    }
+
+    #[test]
+    fn a_small_piece_of_a_box_joins_it() {
+        let scene = crate::discover::test_scene::cabinet_scene(6, 48);
+        let mut cloud = Cloud::default();
+        let mut add = |from: f32, to: f32, columns: usize| {
+            let first = cloud.points.len();
+            for (i, j) in (0..columns).flat_map(|i| (0..20).map(move |j| (i as f32, j as f32 / 19.0))) {
+                cloud.points.push(Vec3::new(from + (to - from) * i / columns as f32, 0.0, 0.3 * j));
+                cloud.normals.push(Vec3::NEG_Y);
+                cloud.colors.push(Vec3::ONE);
+                cloud.roughness.push(0.0);
+            }
+            (first..cloud.points.len()).collect::<Vec<usize>>()
+        };
+        let (left, right, side) = (add(0.0, 0.4, 20), add(0.5, 0.9, 20), add(0.94, 0.96, 3));
+        let origin = (0..cloud.len()).map(|i| (State::ALL[i % 2], i)).collect();
+        let body = Body { scene: &scene, motion: &Rigid::IDENTITY, origin, cloud };
+        let settings = InstanceSettings::default();
+        let mut boxes = vec![left.clone(), side.clone(), right.clone()];
+        let of_point = settings.joined(&body, &body, &mut boxes).unwrap();
+        assert_eq!(boxes, [left.clone(), [right, side.clone()].concat()]);
+        assert!(left.iter().all(|i| of_point[*i] == 0) && side.iter().all(|i| of_point[*i] == 1));
+        assert!(settings.joined(&body, &body, &mut vec![left]).is_none());
     }
 }

@@ -101,11 +101,12 @@ impl Refinement<'_> {
         found
     }
 
-    /// Motions of parts, those that take a part's points to the same places as an earlier one left out.
+    /// Motions of parts, those that take a part's points to the same places as an earlier one left out. Places within the depth
+    /// tolerance are the same: labels could not separate such parts again.
     fn distinct_motions(&self, found: &Parts) -> Vec<Rigid> {
-        /// Places this close are the same, spacings.
-        const SAME: f64 = 0.4;
-        let same = SAME * f64::from(self.scene.lengths.spacing);
+        /// Places this close are the same, too, spacings.
+        const SAME: f32 = 0.4;
+        let same = f64::from((SAME * self.scene.lengths.spacing).max(self.scene.tolerance));
         let mut out: Vec<Rigid> = Vec::new();
         for (k, part) in found.parts.iter().enumerate() {
             let own = points_of_part(self.clouds, &found.labels, k as u16 + 1);
