@@ -1,7 +1,7 @@
 //! Cameras of captures whose states share a frame are corrected where depth shows that they are wrong.
 
 use artgs::align::{AlignConfig, Correction, correct};
-use artgs_core::{Capture, State};
+use artgs_core::{Capture, PerState, Rigid, State};
 use artgs_synth::{CaptureOptions, Degradation, object, render_capture};
 
 fn capture(degradation: Degradation) -> Capture {
@@ -67,6 +67,10 @@ fn a_small_misalignment_of_the_end_state_is_removed() {
     let end = correction.end.expect("the end state was moved");
     assert_eq!(found.frames.expect("it is noted")[State::END], end.motion);
     assert!(end.agreement[1] > 1.3 * end.agreement[0]);
+    // The alignment of a capture that states its frames is known.
+    let mut aligned = capture(degradation);
+    aligned.frames = Some(PerState::new(Rigid::IDENTITY, Rigid::IDENTITY));
+    assert!(correct(&mut aligned, &AlignConfig::default()).is_none());
 }
 
 #[test]

@@ -106,11 +106,13 @@ impl Correction {
     }
 }
 
-/// Corrects the cameras of a capture and equalises the exposure of its training views. Captures without depth or with few views are left as they are.
+/// Corrects the cameras of a capture and equalises the exposure of its training views. Captures without depth or with few
+/// views, and those that were aligned or corrected before, stay as they are.
 pub fn correct(capture: &mut Capture, config: &AlignConfig) -> Correction {
     let mut done = Correction::default();
     let usable = |views: &[View]| views.iter().filter(|v| v.depth.is_some()).count() >= LEAST_FRAMES;
-    if !config.correct.enabled || !capture.states.iter().all(|s| usable(&s.train)) {
+    let aligned = capture.frames.is_some();
+    if aligned || !config.correct.enabled || !capture.states.iter().all(|s| usable(&s.train)) {
         return done;
     }
     let mut frames = capture.states.as_ref().map(|s| DepthFrame::of_views(&s.train, &config.grid));
