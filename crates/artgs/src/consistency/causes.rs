@@ -75,8 +75,10 @@ impl Cause {
                                            third column of its rotation"
                 .into(),
             Self::DepthScale(s) => format!(
-                "is the unit of depth wrong? Multiply `depth_scale` (stored numbers per scene unit) by {}",
-                number(1.0 / s)
+                "is the unit of depth wrong? Multiply `depth_scale` (stored numbers per scene unit) by {}, or, in a format \
+                 without it, all stored depths by {}",
+                number(1.0 / s),
+                number(*s)
             ),
             Self::FocalLength(_) => {
                 "is the focal length wrong, or were the images resized or cropped after calibration?".into()
