@@ -26,6 +26,9 @@ pub(crate) struct Passage {
     back: Vec<Rigid>,
     /// Way from the first of these poses to the last one, for a part that slides.
     way: Option<DVec3>,
+    joint: Joint,
+    /// Change of the joint value from one pose to the next.
+    step: f64,
     surface: Option<Arc<TriMesh>>,
     voxel: f64,
 }
@@ -60,6 +63,8 @@ impl Passage {
             surface: fused.shape().cloned(),
             voxel,
             way: (joint.kind == JointKind::Prismatic).then(|| joint.motion(travel).inverse().translation),
+            joint: *joint,
+            step: travel.abs() / stops.ceil(),
         })
     }
 
@@ -70,8 +75,35 @@ impl Passage {
         self.sweeps(point) || self.contradicts(point, NOISE * self.voxel)
     }
 
-    /// The positions of the part at which a point can be in this box of it: all or none if the part turns.
-    fn reached(&self, point: DVec3, [low, high]: [DVec3; 2]) -> &[Rigid] {
+    /// The poses back to the start state at which a point can be in this box of the part, and the point there: none at which it is
+    /// farther from the box than a voxel.
+    fn reached(&self, point: DVec3, [low, high]: [DVec3; 2]) -> impl Iterator<Item = (&Rigid, DVec3)> {
+        let stops = self.candidates(point, [low, high]);
+        let farthest = match self.joint.kind {
+            JointKind::Prismatic => self.step,
+            _ => {
+                let arm = (point - self.joint.origin).reject_from(self.joint.axis).length();
+                self.step * arm.hypot(self.joint.pitch)
+            }
+        };
+        let mut next = 0;
+        std::iter::from_fn(move || {
+            while let Some(back) = stops.get(next) {
+                let p = back.apply(point);
+                let outside = (low - p).max(p - high).max_element() - self.voxel;
+                next += 1;
+                if outside <= 0.0 {
+                    return Some((back, p));
+                }
+                // The point comes nearer by at most `farthest` from each pose to the next.
+                next += (outside / farthest.max(1e-3 * self.voxel)) as usize;
+            }
+            None
+        })
+    }
+
+    /// The poses of a slide at which a point is between the planes of the box; all poses of other parts.
+    fn candidates(&self, point: DVec3, [low, high]: [DVec3; 2]) -> &[Rigid] {
         if point.cmplt(self.around[0]).any() || point.cmpgt(self.around[1]).any() {
             return &[];
         }
@@ -102,15 +134,12 @@ impl Passage {
     /// True in the box that the part sweeps.
     fn sweeps(&self, point: DVec3) -> bool {
         let [low, high] = self.inner;
-        self.reached(point, self.inner).iter().any(|back| {
-            let p = back.apply(point);
-            p.cmpgt(low).all() && p.cmplt(high).all()
-        })
+        self.reached(point, self.inner).any(|(_, p)| p.cmpgt(low).all() && p.cmplt(high).all())
     }
 
     /// True for points that are, at some position of the part, more than `depth` inside its solid as it was seen from both sides.
     fn contradicts(&self, point: DVec3, depth: f64) -> bool {
-        self.reached(point, self.outer).iter().any(|back| self.encloses(back.apply(point), depth))
+        self.reached(point, self.outer).any(|(_, p)| self.encloses(p, depth))
     }
 
     /// True for points of a surface with this unit normal that are inside the part or on its surface in both observed states.
@@ -140,8 +169,8 @@ impl Passage {
         const ALIKE: f64 = 0.8;
         /// Largest distance beside the surface, in voxels: the carrier may be flush with the part.
         const RIM: f64 = 0.1;
-        self.reached(point, self.outer).iter().any(|back| {
-            let Some((way, own)) = self.nearest(back.apply(point), NEAR[1] * self.voxel) else { return false };
+        self.reached(point, self.outer).any(|(back, p)| {
+            let Some((way, own)) = self.nearest(p, NEAR[1] * self.voxel) else { return false };
             let height = way.dot(own);
             height < NEAR[0] * self.voxel
                 && (way - own * height).length() < RIM * self.voxel
@@ -317,7 +346,7 @@ mod tests {
                 let spread = |k: f64| (k * f64::from(i)).fract();
                 let p = DVec3::new(spread(0.754_877_6), spread(0.569_840_2), spread(0.438_289_1)) * 1.6 - 0.6;
                 let all = passage.back.iter().filter(|back| holds(back, p)).count();
-                let reached = passage.reached(p, passage.outer).iter().filter(|back| holds(back, p)).count();
+                let reached = passage.reached(p, passage.outer).filter(|(back, _)| holds(back, p)).count();
                 assert_eq!(all, reached, "{p}");
                 held += usize::from(all > 0);
             }
