@@ -2,7 +2,8 @@
 
 use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest, uncovered};
 use crate::config::{Collision, PhysicalConfig};
-use crate::decompose::{DecomposeOptions, Decomposer, decompose, decompose_with, patches, seen_points};
+use crate::decompose::solid::Solid;
+use crate::decompose::{DecomposeOptions, Decomposer, decompose_solid, decompose_with, patches, seen_points};
 use crate::describe::{Described, describe, diagonal, to_identifier};
 use crate::export::ExportStep;
 use crate::hull::Hull;
@@ -55,12 +56,26 @@ pub(crate) fn assemble(
     begins: &mut dyn FnMut(ExportStep),
 ) -> Result<(Asset, Decisions), String> {
     begins(ExportStep::Limits);
-    let (mut asset, mut decisions) = limited(name, replica, surfaces, config)?;
+    let (mut asset, mut decisions, mut solids) = limited(name, replica, surfaces, config)?;
     let meshes: Vec<&Mesh> = surfaces.iter().map(|s| &s.visual.mesh).collect();
     let diagonal = config.scale * diagonal(&meshes);
     begins(ExportStep::Hulls);
-    collide(&mut asset, &mut decisions, surfaces, diagonal, config, decomposer)?;
+    collide(&mut asset, &mut decisions, &mut solids, surfaces, diagonal, config, decomposer)?;
     Ok((asset, decisions))
+}
+
+/// Solid of the visual mesh of each link; none without a surface.
+type Solids = Vec<Option<Solid>>;
+
+/// True for points of a link that were observed.
+fn observed<'a>(
+    part: usize,
+    surfaces: &'a [PartSurface],
+    to_link: &Rigid,
+    scale: f64,
+) -> impl Fn(DVec3) -> bool + Sync + use<'a> {
+    let (from_link, seen) = (to_link.inverse(), surfaces[part].observed.as_ref());
+    move |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / scale))
 }
 
 /// An asset with masses and joint limits, without convex pieces.
@@ -69,7 +84,7 @@ fn limited(
     replica: &Replica,
     surfaces: &[PartSurface],
     config: &PhysicalConfig,
-) -> Result<(Asset, Decisions), String> {
+) -> Result<(Asset, Decisions, Solids), String> {
     let meshes: Vec<&Mesh> = surfaces.iter().map(|s| &s.visual.mesh).collect();
     let diagonal = config.scale * diagonal(&meshes);
     let Described { nearer, frames, names, semantics: classes, object } = describe(replica, &meshes, config);
@@ -79,22 +94,25 @@ fn limited(
         let visual = moved(&surfaces[part].visual, &to_link, config.scale);
         let from_link = to_link.inverse();
         let seen = surfaces[part].observed.as_ref();
-        let observed = |p: DVec3, normal: DVec3, most: f64| match seen {
+        let solid = Solid::new(&visual.mesh, &observed(part, surfaces, &to_link, config.scale));
+        let wall_at = |p: DVec3, normal: DVec3, most: f64| match seen {
             Some(seen) => {
                 let wall = seen.wall(from_link.apply(p) / config.scale, from_link.turn(normal), most / config.scale);
                 Wall { thickness: wall.thickness.map(|thickness| thickness * config.scale), ..wall }
             }
             None => Wall { seen: true, thickness: None },
         };
-        let walls = walls(&visual.mesh, &observed, wall, if part == 0 { config.closing_wall } else { 0.0 });
+        let closing = if part == 0 { config.closing_wall } else { 0.0 };
+        let walls = walls(&visual.mesh, solid.as_ref(), &wall_at, wall, closing);
         let is_named = |name: &str| name == names[part] || name == replica.parts[part].name;
         let own = config.densities.iter().find(|(name, _)| is_named(name)).map(|(_, density)| *density);
         let density = own.unwrap_or(config.density);
-        let inertial = inertial(&visual.mesh, surfaces[part].closed, &walls, density, config.least_mass);
+        let is_solid = surfaces[part].closed && !surfaces[part].thickened;
+        let inertial = inertial(&visual.mesh, is_solid, &walls, density, config.least_mass);
         let joint = frames[part].joint;
         let (name, parent, origin) = (names[part].clone(), replica.parts[part].parent, frames[part].origin);
         let (semantics, contact) = (Some(classes[part]), config.contact);
-        AssetLink { name, parent, joint, origin, visual, inertial, contact, semantics, ..AssetLink::default() }
+        (AssetLink { name, parent, joint, origin, visual, inertial, contact, semantics, ..AssetLink::default() }, solid)
     };
     let known = |name: &String| names.contains(name) || replica.parts.iter().any(|part| part.name == *name);
     if let Some((name, _)) = config.densities.iter().find(|(name, _)| !known(name)) {
@@ -105,7 +123,7 @@ fn limited(
         let shown = shown.collect::<Vec<_>>().join(", ");
         return Err(format!("--density names `{name}`, but the parts are {shown}"));
     }
-    let mut links: Vec<AssetLink> = (0..replica.parts.len()).into_par_iter().map(link).collect();
+    let (mut links, solids): (Vec<AssetLink>, Solids) = (0..replica.parts.len()).into_par_iter().map(link).unzip();
     weigh(&mut links, config);
     for link in &mut links {
         let arm = link.joint.map_or(0.0, |joint| arm(&joint, &link.visual.mesh));
@@ -125,25 +143,24 @@ fn limited(
         object,
         to_link,
     };
-    limit(&mut asset, &mut decisions, surfaces, diagonal, config);
-    Ok((asset, decisions))
+    limit(&mut asset, &mut decisions, &solids, surfaces, diagonal, config);
+    Ok((asset, decisions, solids))
 }
 
 /// Limits of all joints, by the visual meshes.
 fn limit(
     asset: &mut Asset,
     decisions: &mut Decisions,
+    solids: &[Option<Solid>],
     surfaces: &[PartSurface],
     diagonal: f64,
     config: &PhysicalConfig,
 ) {
-    let swept = |(part, link): (usize, &AssetLink)| {
-        let from_link = decisions.to_link[part].inverse();
-        let seen = surfaces[part].observed.as_ref();
-        let observed = |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / config.scale));
-        Surface::of(&link.visual.mesh, &observed, config.sample_share * diagonal)
+    let swept = |(part, solid): (usize, &Option<Solid>)| {
+        let observed = observed(part, surfaces, &decisions.to_link[part], config.scale);
+        Surface::of(solid.as_ref(), &observed, config.sample_share * diagonal)
     };
-    let swept: Vec<Surface> = asset.links.par_iter().enumerate().map(swept).collect();
+    let swept: Vec<Surface> = solids.par_iter().enumerate().map(swept).collect();
     decisions.ranges = extend(asset, &swept, &decisions.nearer_state, diagonal, config);
     for (link, range) in asset.links.iter_mut().zip(&decisions.ranges) {
         if let (Some(joint), Some(range)) = (&mut link.joint, range) {
@@ -156,6 +173,7 @@ fn limit(
 fn collide(
     asset: &mut Asset,
     decisions: &mut Decisions,
+    solids: &mut [Option<Solid>],
     surfaces: &[PartSurface],
     diagonal: f64,
     config: &PhysicalConfig,
@@ -184,31 +202,24 @@ fn collide(
         least: 2.0 * thinnest,
         thinnest,
     };
-    let convex = |(part, link): (usize, &AssetLink)| {
-        let from_link = decisions.to_link[part].inverse();
-        let seen = surfaces[part].observed.as_ref();
-        let observed = |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / config.scale));
-        let mesh = &link.visual.mesh;
+    let convex = |(part, (link, solid)): (usize, (&AssetLink, &mut Option<Solid>))| {
+        let Some(solid) = solid else { return Ok(Default::default()) };
+        let observed = observed(part, surfaces, &decisions.to_link[part], config.scale);
         let hulls = match decomposer {
-            Some(other) => decompose_with(mesh, other, &options)?,
-            None => decompose(mesh, &observed, &options),
+            Some(other) => decompose_with(&link.visual.mesh, other, &options)?,
+            None => decompose_solid(solid, &options),
         };
-        Ok((hulls, seen_points(mesh, &observed, apart)))
+        Ok((hulls, seen_points(solid, &observed, apart)))
     };
-    let decomposed: Vec<(Vec<Hull>, Vec<DVec3>)> =
-        asset.links.par_iter().enumerate().map(convex).collect::<Result<_, String>>()?;
+    let links = asset.links.par_iter().zip(&mut *solids).enumerate();
+    let decomposed: Vec<(Vec<Hull>, Vec<DVec3>)> = links.map(convex).collect::<Result<_, String>>()?;
     let (mut pieces, mut surface): (Pieces, Vec<Vec<DVec3>>) = decomposed.into_iter().unzip();
     // Poses in which several joints move are not cleared: contacts there are real.
     let motions = pair_motions(&stances(asset, &decisions.ranges), asset.links.len());
     decisions.clearance = clear(&mut pieces, &surface, &motions, &spacing, related);
     // What cuts left open gets thin pieces of its own.
     let thin = DecomposeOptions { most: config.most_hulls, skin: 2.0 * options.least, ..options };
-    let patched = |part: usize| {
-        let from_link = decisions.to_link[part].inverse();
-        let seen = surfaces[part].observed.as_ref();
-        let observed = |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / config.scale));
-        patches(&asset.links[part].visual.mesh, &observed, &pieces[part], &thin)
-    };
+    let patched = |part: usize| solids[part].as_ref().map_or(Vec::new(), |solid| patches(solid, &pieces[part], &thin));
     if decomposer.is_none() {
         let added: Pieces = (0..asset.links.len()).into_par_iter().map(patched).collect();
         pieces.iter_mut().zip(added).for_each(|(link, added)| link.extend(added));

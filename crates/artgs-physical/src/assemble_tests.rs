@@ -56,6 +56,22 @@ fn placed(asset: &Asset, decisions: &Decisions, link: usize, point: DVec3, value
 }
 
 #[test]
+fn the_volume_behind_invented_walls_does_not_limit_the_mass() {
+    let (replica, meshes) = replica();
+    let config = PhysicalConfig::default();
+    let mut surfaces = surfaces(&replica, &meshes, None, &config);
+    let door = |surfaces: &[PartSurface]| {
+        limited("cabinet", &replica, surfaces, &config).unwrap().0.links[2].inertial.mass / config.density
+    };
+    // Walls of both sides and of the rim weigh more than the solid door.
+    let volume = 0.9 * 0.02 * 0.45;
+    let solid = door(&surfaces);
+    surfaces[2].thickened = true;
+    let walls = door(&surfaces);
+    assert!((solid - volume).abs() < 0.01 * volume && walls > 1.05 * volume, "{solid} {walls}");
+}
+
+#[test]
 fn observed_states_keep_their_positions_and_positive_values_open() {
     let (replica, meshes) = replica();
     for (up, scale) in [(Up::Z, 1.0), (Up::Y, 2.5)] {

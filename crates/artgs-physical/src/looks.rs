@@ -27,6 +27,8 @@ pub struct PartSurface {
     pub visual: TexturedMesh,
     /// True if the mesh is closed.
     pub closed: bool,
+    /// True if walls of a thickness that was not measured close the mesh: its volume says nothing about its mass.
+    pub thickened: bool,
     /// Triangles of the fused mesh.
     pub fused: usize,
     /// Distance between the visual mesh and the closed fused mesh, units of the capture.
@@ -209,6 +211,7 @@ fn shape(
     let simple = exact.unwrap_or_else(|| original.simplified(config.triangles, voxel));
     let mut surface = PartSurface {
         closed: repaired.watertight,
+        thickened: repaired.thickened,
         fused: fused.triangles.len(),
         error: simple.error,
         observed: meshes[part].shape().cloned().map(|shape| Seen { shape, reach: voxel }),

@@ -52,12 +52,12 @@ struct Behind {
 /// Thickness of the wall for which each triangle of a closed surface stands, metres. Where both sides of a wall were seen,
 /// each stands for half of the measured thickness. Where one was, it stands for all of it, as thick as the measured walls of the
 /// part typically are, at most `wall`. A surface that only closes the mesh stands for a share `closing` of such a wall, or for
-/// nothing where the other side is near. A sealed interior is not solid.
-pub(crate) fn walls(mesh: &Mesh, observed: &Walls, wall: f64, closing: f64) -> Vec<f64> {
+/// nothing where the other side is near. A sealed interior is not solid. `solid` is that of the mesh.
+pub(crate) fn walls(mesh: &Mesh, solid: Option<&Solid>, observed: &Walls, wall: f64, closing: f64) -> Vec<f64> {
     /// Largest thickness of a wall, in multiples of `wall`; beyond it begins an interior.
     const THICKEST: f64 = 3.0;
     let most = THICKEST * wall;
-    let Some(solid) = Solid::new(mesh, &|_| true) else { return vec![wall; mesh.triangles.len()] };
+    let Some(solid) = solid else { return vec![wall; mesh.triangles.len()] };
     let behind = |t: &[u32; 3]| {
         let [a, b, c] = corners(mesh, *t);
         let (middle, cross) = ((a + b + c) / 3.0, (b - a).cross(c - a));
@@ -95,7 +95,8 @@ fn typical(triangles: &[Behind]) -> Option<f64> {
     median.filter(|_| total > LEAST * seen).map(|(thickness, _)| *thickness)
 }
 
-/// Mass and inertia of a link: its walls, of the given thickness per triangle; a closed surface as a solid if that is less.
+/// Mass and inertia of a link: its walls, of the given thickness per triangle; as a solid if that is less and the surface is
+/// closed without invented walls.
 /// Lengths in metres, density in kg/m^3. An empty mesh has mass `least`.
 pub(crate) fn inertial(mesh: &Mesh, closed: bool, walls: &[f64], density: f64, least: f64) -> Inertial {
     let mut moments = shell(mesh, walls);
@@ -164,6 +165,10 @@ mod tests {
     /// A wall of one thickness everywhere.
     fn inertial(mesh: &Mesh, closed: bool, wall: f64, density: f64, least: f64) -> Inertial {
         super::inertial(mesh, closed, &vec![wall; mesh.triangles.len()], density, least)
+    }
+
+    fn walls(mesh: &Mesh, observed: &Walls, wall: f64, closing: f64) -> Vec<f64> {
+        super::walls(mesh, Solid::new(mesh, &|_| true).as_ref(), observed, wall, closing)
     }
 
     #[test]

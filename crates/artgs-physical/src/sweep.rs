@@ -23,9 +23,9 @@ pub(crate) struct Surface {
 }
 
 impl Surface {
-    /// Surface of a mesh with points about `spacing` apart.
-    pub(crate) fn of(mesh: &Mesh, observed: &Observed, spacing: f64) -> Self {
-        let Some(solid) = Solid::new(mesh, observed) else {
+    /// Surface of a solid with points about `spacing` apart; nothing without one.
+    pub(crate) fn of(solid: Option<&Solid>, observed: &Observed, spacing: f64) -> Self {
+        let Some(solid) = solid else {
             return Self { samples: Vec::new(), all: None, seen: None };
         };
         let triangles = solid.mesh.triangles.iter().zip(&solid.seen).filter(|(_, seen)| **seen).map(|(t, _)| *t);

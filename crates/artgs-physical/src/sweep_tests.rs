@@ -27,7 +27,9 @@ fn asset(kind: JointKind, axis: DVec3, origin: DVec3) -> Asset {
 
 /// The free way of the second mesh, link frames.
 fn free(asset: &Asset, meshes: [&Mesh; 2], way: f64, observed: &Observed) -> Option<f64> {
-    let surfaces = [Surface::of(meshes[0], &|_| true, SPACING), Surface::of(meshes[1], observed, SPACING)];
+    let surface =
+        |mesh: &Mesh, observed: &Observed| Surface::of(Solid::new(mesh, observed).as_ref(), observed, SPACING);
+    let surfaces = [surface(meshes[0], &|_| true), surface(meshes[1], observed)];
     let sweep = Sweep { link: 1, from: 0.0, way, own: Part::Seen, others: Part::Seen };
     let met = first_contact(asset, &surfaces, &[0.0; 2], &sweep, &PRECISION);
     met.map(|contact| contact.way)
@@ -86,7 +88,7 @@ fn a_panel_that_enters_a_post_from_the_side_crosses_it() {
     let precision = Precision { overlap: 5e-3, ..PRECISION };
     for (overlap, met) in [(0.002, false), (0.008, true)] {
         let post = cuboid(DVec3::new(0.5, -0.05, 0.0), DVec3::new(0.6, overlap, 0.3));
-        let surfaces = [Surface::of(&post, &|_| true, SPACING), Surface::of(&sheet, &|_| true, SPACING)];
+        let surfaces = [&post, &sheet].map(|m| Surface::of(Solid::new(m, &|_| true).as_ref(), &|_| true, SPACING));
         let found = first_crossing(&slide, &surfaces, &[0.0; 2], &sweep, &precision);
         assert_eq!(found.is_some(), met, "{found:?}");
         // The way to the post is 0.2; the sheet is inside by less than one step.

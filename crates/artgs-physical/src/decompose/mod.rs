@@ -53,26 +53,38 @@ pub type Observed<'a> = dyn Fn(DVec3) -> bool + Sync + 'a;
 
 /// Convex pieces that together cover what was observed of a surface, and large flat regions of the rest, largest first.
 pub fn decompose(mesh: &Mesh, observed: &Observed, options: &DecomposeOptions) -> Vec<Hull> {
-    let Some(mut solid) = Solid::new(mesh, observed) else { return Vec::new() };
+    Solid::new(mesh, observed).map_or(Vec::new(), |mut solid| decompose_solid(&mut solid, options))
+}
+
+/// The same of a solid, which stays as it is.
+pub(crate) fn decompose_solid(solid: &mut Solid, options: &DecomposeOptions) -> Vec<Hull> {
+    let observed = solid.seen.clone();
+    let hulls = pieces_with_regions(solid, options);
+    solid.seen = observed;
+    hulls
+}
+
+/// Convex pieces; large regions count as seen from then on.
+fn pieces_with_regions(solid: &mut Solid, options: &DecomposeOptions) -> Vec<Hull> {
     let mut pieces = Pieces::default();
-    let neighbours = sheets::neighbours(&solid);
+    let neighbours = sheets::neighbours(solid);
     let least = (3.0 * options.tolerance) * (3.0 * options.tolerance);
     let regions = regions::regions(&solid.mesh, 0.8 * options.tolerance, least);
-    let seen: Vec<bool> = regions.iter().map(|region| is_seen(&solid, region)).collect();
+    let seen: Vec<bool> = regions.iter().map(|region| is_seen(solid, region)).collect();
     for (region, seen) in regions.iter().zip(seen) {
         if seen || is_large(region, options) {
             region.triangles.iter().for_each(|t| solid.seen[*t as usize] = true);
-            sheets::add(&solid, region, seen, &neighbours, options, &mut pieces);
+            sheets::add(solid, region, seen, &neighbours, options, &mut pieces);
         }
     }
-    rest::add(&solid, &axes(&regions), options, &mut pieces);
-    let needed = union::Needed::of(&solid, options);
+    rest::add(solid, &axes(&regions), options, &mut pieces);
+    let needed = union::Needed::of(solid, options);
     let most = options.most as usize;
-    let hulls = union::joined(needed.pruned(pieces.hulls, most, 3.0 * options.tolerance, options), &solid, options);
-    let mut hulls = union::reduced(needed.pruned(hulls, most, 6.0 * options.tolerance, options), &solid, options);
+    let hulls = union::joined(needed.pruned(pieces.hulls, most, 3.0 * options.tolerance, options), solid, options);
+    let mut hulls = union::reduced(needed.pruned(hulls, most, 6.0 * options.tolerance, options), solid, options);
     hulls = hulls
         .into_iter()
-        .map(|hull| boxes::boxed(hull, &solid, options))
+        .map(|hull| boxes::boxed(hull, solid, options))
         .filter_map(|hull| hull.with_fewer_corners(options.corners, options.rounding, options.thinnest))
         .collect();
     hulls.sort_by(|a, b| b.volume().total_cmp(&a.volume()));
@@ -81,11 +93,10 @@ pub fn decompose(mesh: &Mesh, observed: &Observed, options: &DecomposeOptions) -
 
 /// Further pieces where `hulls` leave the observed surface uncovered, largest first, as thin as possible: what cuts left open is
 /// decomposed again. Together with `hulls` there are at most `options.most`.
-pub(crate) fn patches(mesh: &Mesh, observed: &Observed, hulls: &[Hull], options: &DecomposeOptions) -> Vec<Hull> {
-    let Some(solid) = Solid::new(mesh, observed) else { return Vec::new() };
+pub(crate) fn patches(solid: &Solid, hulls: &[Hull], options: &DecomposeOptions) -> Vec<Hull> {
     let mut pieces = Pieces::default();
     hulls.iter().for_each(|hull| pieces.push(hull.clone()));
-    rest::add(&solid, &[DVec3::X, DVec3::Y, DVec3::Z], options, &mut pieces);
+    rest::add(solid, &[DVec3::X, DVec3::Y, DVec3::Z], options, &mut pieces);
     let mut added = pieces.hulls.split_off(hulls.len());
     let simple = |hull: Hull| hull.with_fewer_corners(options.corners, options.rounding, options.thinnest);
     added = added.into_iter().filter_map(simple).collect();
@@ -95,9 +106,8 @@ pub(crate) fn patches(mesh: &Mesh, observed: &Observed, hulls: &[Hull], options:
 }
 
 /// Points of the observed surface, about `spacing` apart.
-pub(crate) fn seen_points(mesh: &Mesh, observed: &Observed, spacing: f64) -> Vec<DVec3> {
-    let samples = Solid::new(mesh, observed).map_or(Vec::new(), |solid| solid.samples(spacing, false));
-    samples.into_iter().filter(|s| s.seen || observed(s.point)).map(|s| s.point).collect()
+pub(crate) fn seen_points(solid: &Solid, observed: &Observed, spacing: f64) -> Vec<DVec3> {
+    solid.samples(spacing, false).into_iter().filter(|s| s.seen || observed(s.point)).map(|s| s.point).collect()
 }
 
 /// True for regions that were observed.
