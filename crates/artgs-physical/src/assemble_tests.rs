@@ -68,7 +68,7 @@ fn the_volume_behind_invented_walls_does_not_limit_the_mass() {
     let solid = door(&surfaces);
     surfaces[2].thickened = true;
     let walls = door(&surfaces);
-    assert!((solid - volume).abs() < 0.01 * volume && walls > 1.05 * volume, "{solid} {walls}");
+    assert!((solid - volume).abs() < 0.05 * volume && walls > 1.05 * solid, "{solid} {walls}");
 }
 
 #[test]
