@@ -64,7 +64,7 @@ impl Passage {
             voxel,
             way: (joint.kind == JointKind::Prismatic).then(|| joint.motion(travel).inverse().translation),
             joint: *joint,
-            step: travel.abs() / stops.ceil(),
+            step: travel.abs() / stops,
         })
     }
 
