@@ -93,6 +93,9 @@ pub(crate) fn call(
 /// the one of the arguments.
 fn ready(args: &Reconstruct, given: Option<Capture>, style: Style, also: &mut dyn Observer) -> Result<Ready, Failure> {
     let mut config = configure(&args.method, None)?;
+    if args.force_input {
+        config.discover.most_unexplained = 1.0;
+    }
     let run = RunFolder::new(&args.out);
     folder::check(&run, args.earlier)?;
     if args.stop_after.is_some() && !finds_parts(&config) {

@@ -6,6 +6,14 @@ use glam::{DVec2, DVec3};
 /// Least alpha of a pixel that shows the object.
 pub const OBJECT_ALPHA: u8 = 128;
 
+/// Alpha of a pixel that shows something else in front of the object: nothing is known about what is behind it.
+pub const HIDDEN_ALPHA: u8 = 1;
+
+/// True for a pixel behind whose depth the object may be: it shows the object, or something else hides the object there.
+pub const fn may_hold_object(pixel: &[u8; 4]) -> bool {
+    pixel[3] >= OBJECT_ALPHA || pixel[3] == HIDDEN_ALPHA
+}
+
 /// One posed image.
 #[derive(Clone, Debug)]
 pub struct View {
@@ -13,7 +21,7 @@ pub struct View {
     pub name: String,
     /// Pose and intrinsics; its size is the size of the images.
     pub camera: Camera,
-    /// Straight (un-premultiplied) RGBA, row-major, `[height * width]`; alpha is the object mask.
+    /// Straight (un-premultiplied) RGBA, row-major, `[height * width]`; alpha is the object mask, see [`may_hold_object`].
     pub rgba: Vec<[u8; 4]>,
     /// Planar depth, `[height * width]`. Held-out views need none.
     pub depth: Option<DepthMap>,

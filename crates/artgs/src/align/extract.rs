@@ -5,6 +5,7 @@ use super::consistent::factor_at;
 use super::exposure::applied;
 use super::frames::DepthFrame;
 use super::object::Selection;
+use artgs_core::capture::HIDDEN_ALPHA;
 use artgs_core::{Camera, DepthMap, Intrinsics, PerState, RecordedFrame, State, View};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -74,12 +75,13 @@ pub(crate) fn views(
     PerState::from_fn(|state| labelled[state].par_iter().map(|l| l.cut(state, width, height)).collect())
 }
 
+/// A surface this much nearer than a point, relative to its depth, is in front of it.
+const FRONT: f64 = 0.05;
+
 /// Share of the object's points in the image that something else is in front of.
 fn hidden_share(frame: &DepthFrame, selection: &Selection) -> f64 {
     /// Every so many points are tested.
     const STRIDE: usize = 5;
-    /// A surface this much nearer than the point, relative to its depth, is in front of it.
-    const FRONT: f64 = 0.05;
     let (mut hidden, mut total) = (0, 0);
     let pose = frame.pose();
     for p in selection.cloud.points.iter().step_by(STRIDE) {
@@ -99,6 +101,8 @@ enum Label {
     Unknown,
     Object,
     Other,
+    /// Something else in front of the object.
+    Hidden,
 }
 
 impl<'a> Labelled<'a> {
@@ -109,8 +113,11 @@ impl<'a> Labelled<'a> {
         let depth = corrected(recorded.view.depth.as_ref()?, width, frame, factors);
         let camera = Camera { world_to_camera: frame.camera.world_to_camera, ..recorded.view.camera };
         let mut labels = labels(&camera, &depth, width, selection);
-        cover(&mut labels, &camera, state.surface, state.spacing);
-        fill(&mut labels, width, (config.fill * recorded.depth_step).ceil() as usize);
+        let reach = (config.fill * recorded.depth_step).ceil() as usize;
+        let farthest = farthest(&camera, state.surface, state.spacing);
+        hide(&mut labels, &depth, &farthest, width, reach);
+        cover(&mut labels, &farthest);
+        fill(&mut labels, width, reach);
         let (mut count, mut columns, mut rows) = (0, [width, 0], [usize::MAX, 0]);
         for i in (0..labels.len()).filter(|&i| labels[i] == Label::Object) {
             let (x, y) = (i % width, i / width);
@@ -141,7 +148,12 @@ impl<'a> Labelled<'a> {
         let object = |i: usize| self.labels[i] == Label::Object;
         let color = |i: usize| {
             let [r, g, b, _] = applied(source.rgba[i], self.colors);
-            [r, g, b, if object(i) { 255 } else { 0 }]
+            let alpha = match self.labels[i] {
+                Label::Object => 255,
+                Label::Hidden => HIDDEN_ALPHA,
+                _ => 0,
+            };
+            [r, g, b, alpha]
         };
         let counts = pixels().map(|i| if object(i) { self.depth.counts()[i] } else { 0 }).collect();
         let k = self.camera.intrinsics;
@@ -186,11 +198,12 @@ fn labels(camera: &Camera, depth: &DepthMap, width: usize, selection: &Selection
     depth.iter().enumerate().map(label).collect()
 }
 
-/// Unknown pixels in front of which the surface of the object lies, as other frames see it, show the object.
-fn cover(labels: &mut [Label], camera: &Camera, surface: &FusedCloud, spacing: f32) {
+/// Depth of the farthest surface of the object at each pixel, as other frames see it; 0 where there is none.
+fn farthest(camera: &Camera, surface: &FusedCloud, spacing: f32) -> Vec<f32> {
     /// Radius of a point's disc, cubes: discs of neighbouring cubes overlap, and outlines grow little.
     const RADIUS: f64 = 0.6;
     let k = &camera.intrinsics;
+    let mut out = vec![0.0f32; k.width as usize * k.height as usize];
     for point in &surface.points {
         let (center, z) = camera.project(point.as_dvec3());
         if z <= 0.0 {
@@ -203,19 +216,66 @@ fn cover(labels: &mut [Label], camera: &Camera, surface: &FusedCloud, spacing: f
         };
         for y in range(center.y - 0.5, k.height) {
             for x in range(center.x - 0.5, k.width) {
-                let label = &mut labels[y * k.width as usize + x];
-                if *label == Label::Unknown {
-                    *label = Label::Object;
-                }
+                let farthest = &mut out[y * k.width as usize + x];
+                *farthest = farthest.max(z as f32);
             }
         }
+    }
+    out
+}
+
+/// Pixels that show something else in front of the surface of the object, and those without depth beside them where that surface
+/// is, hide the object.
+fn hide(labels: &mut [Label], depth: &DepthMap, farthest: &[f32], width: usize, reach: usize) {
+    for ((label, z), far) in labels.iter_mut().zip(depth.iter()).zip(enclosed(farthest, width)) {
+        if *label == Label::Other && f64::from(z) < f64::from(far) * (1.0 - FRONT) {
+            *label = Label::Hidden;
+        }
+    }
+    let front = (0..labels.len()).filter(|&i| labels[i] == Label::Hidden).collect();
+    spread(labels, front, width, reach, |i| farthest[i] > 0.0);
+}
+
+/// Depths with those of pixels that have others to the left, to the right, above and below them: the least of the largest depths on
+/// these sides. No frame may see what is behind a thing that stands before the object.
+fn enclosed(depths: &[f32], width: usize) -> Vec<f32> {
+    let mut out = vec![f32::INFINITY; depths.len()];
+    let mut largest_so_far = |line: &mut dyn Iterator<Item = usize>| {
+        let mut largest = 0.0f32;
+        for i in line {
+            largest = largest.max(depths[i]);
+            out[i] = out[i].min(largest);
+        }
+    };
+    for row in (0..depths.len()).step_by(width.max(1)) {
+        largest_so_far(&mut (row..row + width));
+        largest_so_far(&mut (row..row + width).rev());
+    }
+    for column in 0..width {
+        largest_so_far(&mut (column..depths.len()).step_by(width));
+        largest_so_far(&mut (column..depths.len()).step_by(width).rev());
+    }
+    out.iter_mut().zip(depths).for_each(|(out, depth)| *out = out.max(*depth));
+    out
+}
+
+/// Unknown pixels at which the surface of the object lies show the object.
+fn cover(labels: &mut [Label], farthest: &[f32]) {
+    for (label, _) in labels.iter_mut().zip(farthest).filter(|(l, z)| **l == Label::Unknown && **z > 0.0) {
+        *label = Label::Object;
     }
 }
 
 /// Gives unknown pixels the label of the nearest known pixel within `reach` steps along rows and columns; others are not
 /// the object.
 fn fill(labels: &mut [Label], width: usize, reach: usize) {
-    let mut front: Vec<usize> = (0..labels.len()).filter(|&i| labels[i] != Label::Unknown).collect();
+    let front = (0..labels.len()).filter(|&i| labels[i] != Label::Unknown).collect();
+    spread(labels, front, width, reach, |_| true);
+    labels.iter_mut().filter(|l| **l == Label::Unknown).for_each(|l| *l = Label::Other);
+}
+
+/// Carries the labels of the pixels `front` to unknown pixels that may have them, `reach` steps along rows and columns.
+fn spread(labels: &mut [Label], mut front: Vec<usize>, width: usize, reach: usize, may: impl Fn(usize) -> bool) {
     for _ in 0..reach {
         let mut next = Vec::new();
         let mut set = Vec::new();
@@ -228,7 +288,7 @@ fn fill(labels: &mut [Label], width: usize, reach: usize) {
                 Some(i + width).filter(|j| *j < labels.len()),
             ];
             for j in around.into_iter().flatten() {
-                if labels[j] == Label::Unknown {
+                if labels[j] == Label::Unknown && may(j) {
                     set.push((j, labels[i]));
                 }
             }
@@ -241,5 +301,36 @@ fn fill(labels: &mut [Label], width: usize, reach: usize) {
         }
         front = next;
     }
-    labels.iter_mut().filter(|l| **l == Label::Unknown).for_each(|l| *l = Label::Other);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Label::{Hidden, Object, Other, Unknown};
+
+    #[test]
+    fn pixels_in_front_of_the_object_hide_it() {
+        // A row through the object at depth 2: background, object, a thing at depth 1 with an edge without depth on either side,
+        // and a place behind it that no frame sees; above and below, the object fills the rows.
+        let width = 8;
+        let middle = [Other, Object, Unknown, Other, Other, Unknown, Object, Other];
+        let depths = [4.0, 2.0, 0.0, 1.0, 1.0, 0.0, 2.0, 1.0];
+        let full = [Other, Object, Object, Object, Object, Object, Object, Other];
+        let full_depths = [4.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 4.0];
+        let mut labels = [full, middle, full].concat();
+        let depth = DepthMap::nearest(&[full_depths, depths, full_depths].concat());
+        let known = [0.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 0.0];
+        let farthest = [known, [0.0, 2.0, 2.0, 0.0, 2.0, 2.0, 2.0, 0.0], known].concat();
+        hide(&mut labels, &depth, &farthest, width, 1);
+        assert!(labels[width..2 * width] == [Other, Object, Hidden, Hidden, Hidden, Hidden, Object, Other]);
+        assert!(labels[..width] == full && labels[2 * width..] == full);
+    }
+
+    #[test]
+    fn pixels_without_depth_show_the_object_where_other_frames_see_it() {
+        let mut labels = vec![Other, Unknown, Unknown, Unknown, Object];
+        cover(&mut labels, &[0.0, 0.0, 0.0, 2.0, 2.0]);
+        fill(&mut labels, 5, 1);
+        assert!(labels == [Other, Other, Object, Object, Object]);
+    }
 }

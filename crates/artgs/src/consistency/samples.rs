@@ -1,6 +1,6 @@
 //! Coarse depth of some views, prepared so that cameras can be changed without reading the images again.
 
-use artgs_core::capture::OBJECT_ALPHA;
+use artgs_core::capture::may_hold_object;
 use artgs_core::{Camera, Rigid, View};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -67,7 +67,7 @@ impl CoarseView {
         let seen = |cell: usize| {
             let pixel = (cell / columns * step) * width + cell % columns * step;
             let depth = view.depth.as_ref().map_or(0.0, |d| d.at(pixel));
-            match (view.rgba[pixel][3] >= OBJECT_ALPHA, depth > 0.0) {
+            match (may_hold_object(&view.rgba[pixel]), depth > 0.0) {
                 (false, _) => Seen::Background,
                 (true, true) => Seen::Surface(depth.into()),
                 (true, false) => Seen::Unknown,

@@ -35,6 +35,9 @@ pub struct DiscoverConfig {
     /// an ablation, they keep general rigid motions, and those that turn by more than `revolute_deg` are called revolute in
     /// the end.
     pub decide_joints: bool,
+    /// Largest share of all points that may have moved for certain without a motion that explains them, 0 to 1: with more, the states
+    /// show different objects.
+    pub most_unexplained: f64,
 }
 
 impl Default for DiscoverConfig {
@@ -46,6 +49,7 @@ impl Default for DiscoverConfig {
             rounds: 3,
             revolute_deg: 3.0,
             decide_joints: true,
+            most_unexplained: 0.15,
         }
     }
 }

@@ -1,11 +1,11 @@
 //! Parts of which the joint is doubtful are removed, or get another motion, while the others then explain more for certain.
 
 use super::Discovery;
-use super::bodies::Body;
+use super::bodies::{Body, BodySettings};
 use super::candidates::Candidate;
 use super::refinement::{Parts, Refinement};
 use artgs_core::Rigid;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
 /// The better of the parts that were found first, without doubtful ones, and of `bodies`, which are tried where the first parts are
 /// doubtful. Where depth noise does not spread points and bodies are sure, no part is exchanged for another before.
@@ -33,6 +33,29 @@ pub(super) fn settled<'b>(
     }
     let others = bodies().filter(|others| is_better(others, quality, work, movable));
     others.cloned().unwrap_or(found)
+}
+
+/// What was found, or, if that explains too little for certain of `moved` points, the parts of one of these `numbers` of motions, if they
+/// explain more. `with` finds the parts of a number of motions.
+pub(super) fn or_fewer(
+    mut found: Discovery,
+    numbers: Range<usize>,
+    moved: usize,
+    settings: &BodySettings,
+    with: &dyn Fn(usize) -> Discovery,
+) -> Discovery {
+    /// Numbers that are tried: each needs a refinement.
+    const MOST: usize = 3;
+    if found.quality(moved) > settings.insufficient {
+        return found;
+    }
+    for number in numbers.take(MOST) {
+        let other = with(number);
+        if other.quality(moved) > found.quality(moved) + settings.better {
+            found = other;
+        }
+    }
+    found
 }
 
 /// Bodies, if parts of motions that were refined once explain far too little and bodies are sure: the parts are then not refined any
@@ -219,6 +242,24 @@ mod tests {
         let support = Support { moved: 1000.0, explained: 1.0, ..Support::default() };
         let parts: Vec<JointEstimate> = confidences.iter().map(part).collect();
         Discovery { support: vec![support; parts.len()], parts, ..Discovery::default() }
+    }
+
+    #[test]
+    fn fewer_motions_are_tried_where_several_explain_too_little_for_certain() {
+        let settings = BodySettings::default();
+        let confidences: [&[f64]; 4] = [&[], &[0.9], &[0.2, 0.3], &[0.1, 0.1, 0.1]];
+        let found = |number: usize| with_confidences(confidences[number]);
+        let best = |first: usize, moved: usize| {
+            or_fewer(found(first), 1..first, moved, &settings, &found)
+                .parts
+                .iter()
+                .map(|p| p.confidence)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(best(3, 1200), [Some(0.9)]);
+        assert_eq!(or_fewer(found(2), 1..1, 1200, &settings, &found).parts.len(), 2);
+        // Two parts that explain enough stay.
+        assert_eq!(or_fewer(with_confidences(&[0.8, 0.8]), 1..2, 2000, &settings, &|_| unreachable!()).parts.len(), 2);
     }
 
     #[test]

@@ -76,7 +76,7 @@ use cloud::{IndexedCloud, components};
 pub use config::DiscoverConfig;
 use config::StepSettings;
 pub use correct::{CorrectError, correct};
-use doubts::{certain_bodies, settled, sure_bodies};
+use doubts::{certain_bodies, or_fewer, settled, sure_bodies};
 use front::Front;
 use glam::{DVec3, Vec3};
 use known::{KnownFits, KnownLandings, KnownSamples};
@@ -157,6 +157,12 @@ pub enum DiscoverError {
     /// Nothing moved.
     #[error("nothing moved between the two states: check that `start` and `end` show different joint positions")]
     NothingMoved,
+    /// Most of what differs between the states is no motion.
+    #[error(
+        "{:.0} % of all surfaces differ between the two states and no motion explains them: the states show different objects, or are \
+         misaligned; check that both show the same object in the same place", 100.0 * .0
+    )]
+    Unexplained(f64),
 }
 
 /// Finds the movable parts, as many as `movable` allows, and labels every surface point. If it allows none, and what was
@@ -249,7 +255,17 @@ fn best_parts(
     }
     remaining.borrow_mut().1(1.0);
     let found = evidence.result(scene, &clouds, found, warnings, &pool, &settings);
-    Ok(settled(found, &work, &movable, &pool, &result, &bodies))
+    let found = settled(found, &work, &movable, &pool, &result, &bodies);
+    let fewer = |number: usize| work.parts(&motions(selection.best(number..=number)), &movable);
+    // Where depth noise spreads points, several motions that each explain noise can take the place of one that explains all.
+    let numbers = if scene.spreading { *movable.start()..count } else { 0..0 };
+    let found = or_fewer(found, numbers, evidence.total(), &settings.bodies, &|number| result(fewer(number)));
+    let points: usize = evidence.occupancy.iter().map(Vec::len).sum();
+    let unexplained = (evidence.total() as f64 - found.explained()) / points.max(1) as f64;
+    if unexplained > config.most_unexplained {
+        return Err(DiscoverError::Unexplained(unexplained));
+    }
+    Ok(found)
 }
 
 /// What the depth maps of the other state show at the points of each state, and how these are connected.
@@ -429,5 +445,25 @@ pub fn without_parts(scene: &Scene) -> Discovery {
         noisy: scene.noisy,
         warnings: Vec::new(),
         support: Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::test_scene::scene_of_two;
+    use super::*;
+
+    #[test]
+    fn states_of_different_objects_are_refused_unless_any_share_may_be_unexplained() {
+        let scene = scene_of_two(["storage", "washer"], 24, 96);
+        let found = discover(&scene, 0..=4, &DiscoverConfig::default());
+        let Err(DiscoverError::Unexplained(share)) = found else { panic!("{:?}", found.map(|f| f.parts)) };
+        assert!(share > 0.15, "{share}");
+        let any = DiscoverConfig { most_unexplained: 1.0, ..DiscoverConfig::default() };
+        assert!(discover(&scene, 0..=4, &any).is_ok());
+        // Of one object in two states, nearly all is explained.
+        let scene = scene_of_two(["storage"; 2], 24, 96);
+        let sure = DiscoverConfig { most_unexplained: 0.02, ..DiscoverConfig::default() };
+        assert!(discover(&scene, 0..=4, &sure).is_ok_and(|found| found.parts.len() == 1));
     }
 }

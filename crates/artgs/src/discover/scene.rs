@@ -8,7 +8,7 @@ use super::landing::StatePair;
 use super::paired_mean::PairedMean;
 use super::visibility::{DepthLookup, Occupancy, ViewVotes};
 use super::{DiscoverConfig, DiscoverError};
-use artgs_core::capture::OBJECT_ALPHA;
+use artgs_core::capture::may_hold_object;
 use artgs_core::{Camera, DepthMap, PerState, State, View};
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
@@ -73,7 +73,7 @@ impl<'a> DepthPicture<'a> {
         /// Every so many pixels and rows give a point: enough for the object's size.
         const STRIDE: usize = 5;
         let ((camera, depth), rgba) = (self.thinned_depth(step, radius), self.thinned_colors(step));
-        let mask: Vec<bool> = rgba.iter().map(|p| p[3] >= OBJECT_ALPHA).collect();
+        let mask: Vec<bool> = rgba.iter().map(may_hold_object).collect();
         let smooth = smoothed(&depth, camera.intrinsics.width as usize, camera.intrinsics.fx as f32);
         let view = DepthLookup::new(camera, smooth.unwrap_or(depth), &mask);
         let rough = surface_points(&view, &rgba, STRIDE);

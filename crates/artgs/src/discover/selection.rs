@@ -79,6 +79,8 @@ pub(super) struct Selection {
     table: Table,
     /// Points that a motion must support alone.
     least_support: f64,
+    /// True where depth noise spreads points.
+    spreading: bool,
     settings: SelectionSettings,
 }
 
@@ -105,7 +107,8 @@ impl Selection {
         let table = tabulate(scene, clouds, moved, pool, &settings, &judge);
         let total: f64 = moved.iter().map(|points| points.len() as f64).sum();
         let share = if scene.spreading { settings.least_noisy_support } else { settings.least_support };
-        Self { table, least_support: (share * total).max(settings.least_support_points), settings }
+        let least_support = (share * total).max(settings.least_support_points);
+        Self { table, least_support, spreading: scene.spreading, settings }
     }
 
     /// Indices of the candidates that explain both states best. The energy is the sum over sampled points of the cheapest
@@ -117,17 +120,41 @@ impl Selection {
         if least >= most {
             return table.best_set(most, &self.settings);
         }
-        let (mut chosen, mut accepted) = (Vec::new(), least);
+        let (mut chosen, mut supported, mut accepted) = (Vec::new(), Vec::new(), least);
         for number in 1..=most {
-            chosen = table.next_set(&chosen);
-            let supports = table.supports(&chosen, &self.settings);
-            if supports.into_iter().fold(f64::INFINITY, f64::min) >= self.least_support {
+            let next = table.next_set(&chosen);
+            // Where noise spreads points, the set of least energy may contain a motion that only explains noise.
+            let other = || self.spreading.then(|| self.supported_set(&chosen)).flatten();
+            if let Some(set) = if self.is_supported(&next) { Some(next.clone()) } else { other() } {
                 accepted = accepted.max(number);
-            } else if number > accepted + self.settings.patience {
+                supported.clone_from(&set);
+                chosen = set;
+                continue;
+            }
+            chosen = next;
+            if number > accepted + self.settings.patience {
                 break;
             }
         }
-        table.best_set(accepted, &self.settings)
+        let best = table.best_set(accepted, &self.settings);
+        if self.spreading && supported.len() == accepted && !self.is_supported(&best) { supported } else { best }
+    }
+
+    /// True if each motion explains enough points that no other one does.
+    fn is_supported(&self, chosen: &[usize]) -> bool {
+        self.table.supports(chosen, &self.settings).into_iter().all(|support| support >= self.least_support)
+    }
+
+    /// The set of least energy, of those with one candidate more than `chosen`, in which every motion is supported.
+    fn supported_set(&self, chosen: &[usize]) -> Option<Vec<usize>> {
+        let open = (0..self.table.costs.len()).into_par_iter().filter(|c| !chosen.contains(c));
+        let sets: Vec<(f64, Vec<usize>)> = open
+            .filter_map(|c| {
+                let set = [chosen, &[c]].concat();
+                self.is_supported(&set).then(|| (self.table.energy(&set), set))
+            })
+            .collect();
+        sets.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map(|best| best.1)
     }
 }
 
@@ -418,6 +445,28 @@ mod tests {
         assert_eq!(table.supports(&[0, 1], &settings), [4.0, 4.0]);
         table.confirmed = vec![vec![false; 8]; 2];
         assert_eq!(table.supports(&[0, 1], &settings), [0.0, 0.0]);
+    }
+
+    #[test]
+    fn where_noise_spreads_points_a_motion_without_support_gives_way_to_one_with_support() {
+        // Candidate 1 lowers the cost of every point by little; candidate 2 alone explains the last four.
+        let costs = vec![
+            vec![0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.7, 0.7, 0.7, 0.7],
+            vec![0.5; 12],
+            vec![1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.1, 0.1, 0.1, 0.1],
+        ];
+        let table = || Table {
+            rest: vec![1.0; 12],
+            costs: costs.clone(),
+            weights: vec![1.0; 12],
+            confirmed: vec![vec![false; 12]; 3],
+        };
+        let settings = SelectionSettings::default();
+        let selection = |spreading: bool| Selection { table: table(), least_support: 3.0, spreading, settings };
+        assert_eq!(selection(false).best(1..=2), [1]);
+        let mut both = selection(true).best(1..=2);
+        both.sort_unstable();
+        assert_eq!(both, [0, 2]);
     }
 
     #[test]

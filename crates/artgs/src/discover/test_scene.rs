@@ -2,7 +2,7 @@
 
 use super::DiscoverConfig;
 use super::scene::{DepthPicture, Scene};
-use artgs_core::{Capture, PerState};
+use artgs_core::{Capture, PerState, State};
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 use artgs_synth::{CaptureOptions, object, render_capture};
 
@@ -16,6 +16,17 @@ pub(super) fn cabinet_scene(views: usize, size: u32) -> Scene {
 pub(super) fn object_scene(name: &str, views: usize, size: u32) -> Scene {
     let options = CaptureOptions { views, size, ..CaptureOptions::default() };
     scene_of(&render_capture(&object(name, 0).unwrap(), &options).unwrap())
+}
+
+/// One object in the start state, another one in the end state.
+pub(super) fn scene_of_two(names: [&str; 2], views: usize, size: u32) -> Scene {
+    let options = CaptureOptions { views, size, ..CaptureOptions::default() };
+    let [start, end] = names.map(|name| render_capture(&object(name, 0).unwrap(), &options).unwrap().states);
+    let state = |s| if s == State::START { start[s].clone() } else { end[s].clone() };
+    scene_of(&Capture {
+        states: PerState::from_fn(state),
+        ..render_capture(&object(names[0], 0).unwrap(), &options).unwrap()
+    })
 }
 
 fn scene_of(capture: &Capture) -> Scene {

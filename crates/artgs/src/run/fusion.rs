@@ -4,7 +4,7 @@ use super::points::label_pixels;
 use crate::discover::{self, DepthPicture, Discovery};
 use crate::observer::{Share, within};
 use crate::surface::{FusionView, PartMeshes, SurfaceConfig, SurfaceError, part_meshes_with_progress};
-use artgs_core::capture::OBJECT_ALPHA;
+use artgs_core::capture::may_hold_object;
 use artgs_core::{Camera, PerState, Rigid, State};
 use rayon::prelude::*;
 
@@ -34,11 +34,11 @@ pub(super) fn fuse_labelled(
     Ok(part_meshes_with_progress(views, half_motions, config, &mut within(done, LABELLED, 1.0))?.meshes)
 }
 
-/// Pixels of the object without depth say nothing: any part as their label keeps their rays from being carved.
+/// Pixels of the object without depth, and those in which something else hides it, say nothing: any part as their label keeps their rays from being carved.
 fn keep_unmeasured(view: &FusionView<'_>, labels: &mut [u16]) {
     let Some(rgba) = &view.rgba else { return };
     for ((label, depth), pixel) in labels.iter_mut().zip(view.depth.iter()).zip(rgba.iter()) {
-        if *depth <= 0.0 && pixel[3] >= OBJECT_ALPHA {
+        if *depth <= 0.0 && may_hold_object(pixel) {
             *label = 0;
         }
     }
