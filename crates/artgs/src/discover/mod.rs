@@ -65,6 +65,7 @@ mod support;
 mod surface_paths;
 #[cfg(test)]
 mod test_scene;
+mod turned_over;
 mod twins;
 pub(crate) mod visibility;
 
@@ -90,6 +91,7 @@ use space_grid::SpaceGrid;
 use std::cell::{OnceCell, RefCell};
 use std::ops::RangeInclusive;
 pub use support::Support;
+use turned_over::not_turned_over;
 use visibility::Occupancy;
 
 /// Labelled surface points of both states and the motions of the parts.
@@ -260,6 +262,7 @@ fn best_parts(
     // Where depth noise spreads points, several motions that each explain noise can take the place of one that explains all.
     let numbers = if scene.spreading { *movable.start()..count } else { 0..0 };
     let found = or_fewer(found, numbers, evidence.total(), &settings.bodies, &|number| result(fewer(number)));
+    let found = if scene.spreading { not_turned_over(found, &work, &result) } else { found };
     let points: usize = evidence.occupancy.iter().map(Vec::len).sum();
     let unexplained = (evidence.total() as f64 - found.explained()) / points.max(1) as f64;
     if unexplained > config.most_unexplained {
