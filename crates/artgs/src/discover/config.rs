@@ -49,7 +49,7 @@ impl Default for DiscoverConfig {
             rounds: 3,
             revolute_deg: 3.0,
             decide_joints: true,
-            most_unexplained: 0.15,
+            most_unexplained: 0.1,
         }
     }
 }

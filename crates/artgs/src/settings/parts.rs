@@ -30,6 +30,8 @@ pub(super) const DISCOVER: &[Entry] = &[
     number("revolute_deg", 0.0, 180.0, "degrees",
         "Motions that turn less than this are slides, unless a hinge fits clearly better"),
     switch("decide_joints", "Decide between hinge, slide and screw, and find which part carries which"),
+    number("most_unexplained", 0.0, 1.0, "share",
+        "Largest share of all points that may differ between the states without a motion that explains them; with more, the states are refused"),
 ];
 
 /// Entries of `StartConfig`.
