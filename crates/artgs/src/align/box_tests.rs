@@ -56,7 +56,7 @@ fn a_box_selects_what_is_inside_without_the_floor() {
     // A frame that something hides by nearly the largest share may be left out by one of them.
     assert!(State::ALL.iter().all(|s| report.views[*s].abs_diff(found.views[*s]) <= 1), "{:?}", report.views);
     let share = overlap(&automatic, &same);
-    assert!(share > 0.97, "{share}");
+    assert!(share > 0.96, "{share}");
 
     // Into the floor, which is below in y, and a little wider.
     let margin = DVec3::new(0.04, 0.06, 0.04);

@@ -36,7 +36,8 @@ pub struct DiscoverConfig {
     /// the end.
     pub decide_joints: bool,
     /// Largest share of all points that may have moved for certain without a motion that explains them, 0 to 1: with more, the states
-    /// show different objects.
+    /// show different objects. Of 36 right captures, clean and noisy ones and ones in rooms, at most 3.3 %; of three pairs of different
+    /// objects in rooms that were aligned, 11 to 29 %.
     pub most_unexplained: f64,
 }
 
