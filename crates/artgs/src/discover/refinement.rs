@@ -340,16 +340,19 @@ fn join(bodies: &mut Vec<Body>, kept: usize, other: usize) {
     bodies.remove(other);
 }
 
+/// Indices of the points of one part in every state.
+pub(super) fn members_of_part(labels: &PerState<Vec<u16>>, part: u16) -> PerState<Vec<usize>> {
+    labels.as_ref().map(|labels| (0..labels.len()).filter(|&i| labels[i] == part).collect())
+}
+
 /// Points of one part in every state.
 pub(super) fn points_of_part(
     clouds: &PerState<IndexedCloud<'_>>,
     labels: &PerState<Vec<u16>>,
     part: u16,
 ) -> PerState<Cloud> {
-    PerState::from_fn(|s: State| {
-        let members: Vec<usize> = (0..labels[s].len()).filter(|&i| labels[s][i] == part).collect();
-        clouds[s].cloud.select(&members)
-    })
+    let members = members_of_part(labels, part);
+    PerState::from_fn(|s: State| clouds[s].cloud.select(&members[s]))
 }
 
 #[cfg(test)]
@@ -359,26 +362,24 @@ mod tests {
     use crate::discover::discover;
     use crate::discover::face_motions::Region;
     use crate::discover::facets::Facet;
-    use crate::discover::test_scene::{cabinet_scene, object_scene};
+    use crate::discover::test_scene::{cabinet_scene, object_scene, with_refinement};
     use glam::DVec3;
 
     #[test]
     fn parts_whose_points_stay_keep_their_joints_in_another_refinement() {
-        let (config, settings) = (DiscoverConfig::default(), StepSettings::default());
+        let config = DiscoverConfig::default();
         let scene = cabinet_scene(16, 96);
         let found = discover(&scene, 2..=2, &config).unwrap();
-        let (clouds, evidence) = (scene.indexed_clouds(), Evidence::new(&scene, &settings).unwrap());
-        let (front, begun) = (evidence.front(&scene, &clouds, &settings), &|| ());
-        let (scene, clouds, evidence) = (&scene, &clouds, &evidence);
-        let work = Refinement { scene, clouds, evidence, config: &config, settings: &settings, front, begun };
-        let motions: Vec<Rigid> = found.parts.iter().map(|p| p.motion).collect();
-        let first = work.refined(&motions);
-        let motions: Vec<Rigid> = first.parts.iter().map(|p| p.motion).collect();
-        let again = work.refined(&motions);
-        assert_eq!(again.parts, first.parts);
-        let different =
-            again.labels.iter().flatten().zip(first.labels.iter().flatten()).filter(|(a, b)| a != b).count();
-        assert!(different * 500 < first.labels.iter().flatten().count(), "{different}");
+        with_refinement(&scene, |work| {
+            let motions: Vec<Rigid> = found.parts.iter().map(|p| p.motion).collect();
+            let first = work.refined(&motions);
+            let motions: Vec<Rigid> = first.parts.iter().map(|p| p.motion).collect();
+            let again = work.refined(&motions);
+            assert_eq!(again.parts, first.parts);
+            let different =
+                again.labels.iter().flatten().zip(first.labels.iter().flatten()).filter(|(a, b)| a != b).count();
+            assert!(different * 500 < first.labels.iter().flatten().count(), "{different}");
+        });
     }
 
     #[test]
@@ -398,7 +399,7 @@ mod tests {
 
     #[test]
     fn pieces_of_one_body_are_the_same_body_only_where_depth_is_noisy() {
-        let (config, settings) = (DiscoverConfig::default(), StepSettings::default());
+        let config = DiscoverConfig::default();
         let mut scene = cabinet_scene(16, 96);
         let found = discover(&scene, 2..=2, &config).unwrap();
         let mut parts = Parts { parts: found.parts.clone(), labels: found.labels.clone() };
@@ -416,32 +417,28 @@ mod tests {
         }
         for spreading in [false, true] {
             scene.spreading = spreading;
-            let (clouds, evidence) = (scene.indexed_clouds(), Evidence::new(&scene, &settings).unwrap());
-            let (front, begun) = (evidence.front(&scene, &clouds, &settings), &|| ());
-            let (scene, clouds, evidence) = (&scene, &clouds, &evidence);
-            let work = Refinement { scene, clouds, evidence, config: &config, settings: &settings, front, begun };
-            let same = work.same_body(&parts).map(|(a, b)| (a.min(b), a.max(b)));
-            assert_eq!(same, spreading.then_some((0, 2)));
-            assert_eq!(work.same_body(&Parts { parts: found.parts.clone(), labels: found.labels.clone() }), None);
+            with_refinement(&scene, |work| {
+                let same = work.same_body(&parts).map(|(a, b)| (a.min(b), a.max(b)));
+                assert_eq!(same, spreading.then_some((0, 2)));
+                assert_eq!(work.same_body(&Parts { parts: found.parts.clone(), labels: found.labels.clone() }), None);
+            });
         }
     }
 
     #[test]
     fn a_part_without_support_does_not_take_the_number_of_one_that_moves_like_another() {
-        let (config, settings) = (DiscoverConfig::default(), StepSettings::default());
+        let config = DiscoverConfig::default();
         let scene = object_scene("twin_drawers", 32, 128);
         let found = discover(&scene, 2..=2, &config).unwrap();
-        let (clouds, evidence) = (scene.indexed_clouds(), Evidence::new(&scene, &settings).unwrap());
-        let (front, begun) = (evidence.front(&scene, &clouds, &settings), &|| ());
-        let (scene, clouds, evidence) = (&scene, &clouds, &evidence);
-        let work = Refinement { scene, clouds, evidence, config: &config, settings: &settings, front, begun };
-        let shift = found.parts[0].motion;
-        let of_nothing = Rigid::about(DVec3::X, DVec3::new(0.0, 0.0, 3.0), 0.5);
-        let parts = work.parts(&[shift, of_nothing], &(2..=2)).parts;
-        assert_eq!(parts.len(), 2);
-        for part in &parts {
-            assert_eq!(part.kind, JointKind::Prismatic);
-            assert!(part.motion.translation.distance(shift.translation) < 0.01, "{:?}", part.motion);
-        }
+        with_refinement(&scene, |work| {
+            let shift = found.parts[0].motion;
+            let of_nothing = Rigid::about(DVec3::X, DVec3::new(0.0, 0.0, 3.0), 0.5);
+            let parts = work.parts(&[shift, of_nothing], &(2..=2)).parts;
+            assert_eq!(parts.len(), 2);
+            for part in &parts {
+                assert_eq!(part.kind, JointKind::Prismatic);
+                assert!(part.motion.translation.distance(shift.translation) < 0.01, "{:?}", part.motion);
+            }
+        });
     }
 }

@@ -124,15 +124,12 @@ impl Selection {
         for number in 1..=most {
             let next = table.next_set(&chosen);
             // Where noise spreads points, the set of least energy may contain a motion that only explains noise.
-            let other = || self.spreading.then(|| self.supported_set(&chosen)).flatten();
-            if let Some(set) = if self.is_supported(&next) { Some(next.clone()) } else { other() } {
+            let stays = !self.spreading || self.is_supported(&next);
+            chosen = if stays { next } else { self.supported_set(&chosen).unwrap_or(next) };
+            if self.is_supported(&chosen) {
                 accepted = accepted.max(number);
-                supported.clone_from(&set);
-                chosen = set;
-                continue;
-            }
-            chosen = next;
-            if number > accepted + self.settings.patience {
+                supported.clone_from(&chosen);
+            } else if number > accepted + self.settings.patience {
                 break;
             }
         }

@@ -1,7 +1,8 @@
 //! Small scenes for tests.
 
-use super::DiscoverConfig;
+use super::refinement::Refinement;
 use super::scene::{DepthPicture, Scene};
+use super::{DiscoverConfig, Evidence, StepSettings};
 use artgs_core::{Capture, PerState, State};
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 use artgs_synth::{CaptureOptions, object, render_capture};
@@ -21,12 +22,9 @@ pub(super) fn object_scene(name: &str, views: usize, size: u32) -> Scene {
 /// One object in the start state, another one in the end state.
 pub(super) fn scene_of_two(names: [&str; 2], views: usize, size: u32) -> Scene {
     let options = CaptureOptions { views, size, ..CaptureOptions::default() };
-    let [start, end] = names.map(|name| render_capture(&object(name, 0).unwrap(), &options).unwrap().states);
-    let state = |s| if s == State::START { start[s].clone() } else { end[s].clone() };
-    scene_of(&Capture {
-        states: PerState::from_fn(state),
-        ..render_capture(&object(names[0], 0).unwrap(), &options).unwrap()
-    })
+    let [mut capture, other] = names.map(|name| render_capture(&object(name, 0).unwrap(), &options).unwrap());
+    capture.states[State::END] = other.states[State::END].clone();
+    scene_of(&capture)
 }
 
 fn scene_of(capture: &Capture) -> Scene {
@@ -35,4 +33,12 @@ fn scene_of(capture: &Capture) -> Scene {
         capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
     });
     Scene::new(pictures.as_ref().map(Vec::as_slice), &DiscoverConfig::default()).unwrap()
+}
+
+/// What `f` gives for a refinement of the parts of a scene with default settings.
+pub(super) fn with_refinement<T>(scene: &Scene, f: impl FnOnce(&Refinement<'_>) -> T) -> T {
+    let (config, settings) = (&DiscoverConfig::default(), &StepSettings::default());
+    let (clouds, evidence) = (&scene.indexed_clouds(), &Evidence::new(scene, settings).unwrap());
+    let front = evidence.front(scene, clouds, settings);
+    f(&Refinement { scene, clouds, evidence, config, settings, front, begun: &|| () })
 }

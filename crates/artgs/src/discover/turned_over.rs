@@ -5,7 +5,7 @@ use super::candidates::sample_of;
 use super::cloud::{IndexedCloud, principal_axes};
 use super::landing::StatePair;
 use super::ranking::better_seen;
-use super::refinement::{Parts, Refinement};
+use super::refinement::{Parts, Refinement, members_of_part};
 use super::twins::twins;
 use artgs_core::{JointKind, PerState, Rigid, State};
 
@@ -47,7 +47,8 @@ fn is_better(other: &Discovery, found: &Discovery, work: &Refinement<'_>) -> boo
     /// Share of the explained points that the other parts must explain.
     const KEPT: f64 = 0.97;
     let energy = |found: &Discovery| -> f64 {
-        let own = |k: usize| implausibility(&members(found, k), &found.parts[k].motion, work);
+        let own =
+            |k: usize| implausibility(&members_of_part(&found.labels, k as u16 + 1), &found.parts[k].motion, work);
         found.support.iter().enumerate().map(|(k, s)| s.moved * (s.cost + own(k))).sum()
     };
     other.parts.len() == found.parts.len()
@@ -62,7 +63,7 @@ fn plausible_twins(found: &Discovery, k: usize, work: &Refinement<'_>) -> Vec<Ri
     if part.kind != JointKind::Revolute || part.parent > 0 {
         return Vec::new();
     }
-    let members = members(found, k);
+    let members = members_of_part(&found.labels, k as u16 + 1);
     let state = better_seen(&members);
     let all = twins(work.clouds[state].cloud, &members[state], &part.motion.away_from(state));
     let own = implausibility(&members, &part.motion, work);
@@ -109,51 +110,41 @@ fn implausibility(members: &PerState<Vec<usize>>, motion: &Rigid, work: &Refinem
     work.settings.ranking.implausibility(&motion.away_from(state), &sample, lengths, work.front).into()
 }
 
-/// Points of a part.
-fn members(found: &Discovery, k: usize) -> PerState<Vec<usize>> {
-    PerState::from_fn(|s: State| {
-        let labels = found.labels[s].iter().enumerate();
-        labels.filter(|(_, label)| usize::from(**label) == k + 1).map(|(i, _)| i).collect()
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::discover::config::StepSettings;
-    use crate::discover::test_scene::cabinet_scene;
-    use crate::discover::{DiscoverConfig, Evidence, discover};
+    use crate::discover::test_scene::{cabinet_scene, with_refinement};
+    use crate::discover::{DiscoverConfig, discover};
 
     #[test]
     fn a_door_that_was_turned_over_gets_its_hinge_back() {
-        let (config, settings) = (DiscoverConfig::default(), StepSettings::default());
+        let config = DiscoverConfig::default();
         let scene = cabinet_scene(16, 96);
         let found = discover(&scene, 2..=2, &config).unwrap();
-        let (clouds, evidence) = (scene.indexed_clouds(), Evidence::new(&scene, &settings).unwrap());
-        let (front, begun) = (evidence.front(&scene, &clouds, &settings), &|| ());
-        let (scene, clouds, evidence) = (&scene, &clouds, &evidence);
-        let work = Refinement { scene, clouds, evidence, config: &config, settings: &settings, front, begun };
-        let result = |parts: Parts| evidence.result(scene, clouds, parts, Vec::new(), &[], &settings);
-        let door = found.parts.iter().position(|p| p.kind == JointKind::Revolute).unwrap();
-        let truth = found.parts[door].motion;
-        let members = members(&found, door);
-        let state = better_seen(&members);
-        let twins = twins(clouds[state].cloud, &members[state], &truth.away_from(state));
-        let middle = found.middle(door + 1, State::START);
-        let aside = |m: &Rigid| (truth.inverse() * *m).angle().to_degrees();
-        // All but the turn within the plane of the door: about its long side and its short side.
-        for twin in twins.iter().take(2).map(|twin| twin.away_from(state)) {
-            let mut turned = found.clone();
-            turned.parts[door].motion = twin;
-            turned.support[door].cost += 0.02;
-            assert!(aside(&twin) > 170.0);
-            let right = not_turned_over(turned, &work, &result);
-            let hinge = right.parts.iter().find(|p| p.kind == JointKind::Revolute).unwrap().motion;
-            assert!(aside(&hinge) < 1.0, "{}", aside(&hinge));
-            assert!(hinge.apply(middle).distance(truth.apply(middle)) < 0.01 * found.diagonal);
-        }
-        // The right hinge stays.
-        let kept = not_turned_over(found.clone(), &work, &result);
-        assert_eq!(kept.parts, found.parts);
+        with_refinement(&scene, |work| {
+            let result =
+                |parts: Parts| work.evidence.result(work.scene, work.clouds, parts, Vec::new(), &[], work.settings);
+            let door = found.parts.iter().position(|p| p.kind == JointKind::Revolute).unwrap();
+            let truth = found.parts[door].motion;
+            let members = members_of_part(&found.labels, door as u16 + 1);
+            let state = better_seen(&members);
+            let twins = twins(work.clouds[state].cloud, &members[state], &truth.away_from(state));
+            let middle = found.middle(door + 1, State::START);
+            let aside = |m: &Rigid| (truth.inverse() * *m).angle().to_degrees();
+            // All but the turn within the plane of the door: about its long side and its short side.
+            for twin in twins.iter().take(2).map(|twin| twin.away_from(state)) {
+                let mut turned = found.clone();
+                turned.parts[door].motion = twin;
+                turned.support[door].cost += 0.02;
+                assert!(aside(&twin) > 170.0);
+                let right = not_turned_over(turned, work, &result);
+                let hinge = right.parts.iter().find(|p| p.kind == JointKind::Revolute).unwrap().motion;
+                assert!(aside(&hinge) < 1.0, "{}", aside(&hinge));
+                assert!(hinge.apply(middle).distance(truth.apply(middle)) < 0.01 * found.diagonal);
+            }
+            // The right hinge stays.
+            let kept = not_turned_over(found.clone(), work, &result);
+            assert_eq!(kept.parts, found.parts);
+        });
     }
 }
