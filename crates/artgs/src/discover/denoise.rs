@@ -14,10 +14,8 @@ pub(super) fn smoothed(depth: &DepthMap, width: usize, focal: f32) -> Option<Dep
     const SLOPE: f32 = 0.1;
     /// Radii of a neighbourhood, pixels.
     const RADII: (f32, f32) = (2.0, 8.0);
-    let inverse: Vec<f32> = depth.iter().map(|z| if z > 0.0 { 1.0 / z } else { 0.0 }).collect();
-    let (noise, middle) = inverse_noise(&inverse, width)?;
-    // Depth noise at the middle depth z is noise * z^2; a pixel is z / focal wide.
-    let ratio = noise * focal / middle;
+    let inverse = inverted(depth);
+    let (noise, ratio) = inverse_noise(&inverse, width, focal)?;
     if ratio < SMALL {
         return None;
     }
@@ -29,9 +27,19 @@ pub(super) fn smoothed(depth: &DepthMap, width: usize, focal: f32) -> Option<Dep
     Some(DepthMap::nearest(&values))
 }
 
+/// Standard deviation of the noise of single pixels, sizes of a pixel at the median depth; none with too few pixels.
+pub(super) fn pixel_noise(depth: &DepthMap, width: usize, focal: f32) -> Option<f32> {
+    inverse_noise(&inverted(depth), width, focal).map(|(_, ratio)| ratio)
+}
+
+/// Inverse depth, 0 where there is none.
+fn inverted(depth: &DepthMap) -> Vec<f32> {
+    depth.iter().map(|z| if z > 0.0 { 1.0 / z } else { 0.0 }).collect()
+}
+
 /// Standard deviation of the noise of inverse depth, from differences between each pixel and the mean of its two neighbours,
-/// and the median inverse depth; none with too few pixels.
-fn inverse_noise(inverse: &[f32], width: usize) -> Option<(f32, f32)> {
+/// and that of the depth it stands for in sizes of a pixel, both at the median depth; none with too few pixels.
+fn inverse_noise(inverse: &[f32], width: usize, focal: f32) -> Option<(f32, f32)> {
     /// Every so many pixels are measured; odd, so that they are not in one column.
     const STRIDE: usize = 7;
     const LEAST: usize = 50;
@@ -45,7 +53,9 @@ fn inverse_noise(inverse: &[f32], width: usize) -> Option<(f32, f32)> {
     }
     let half = middles.len() / 2;
     let middle = *middles.select_nth_unstable_by(half, f32::total_cmp).1;
-    Some((SCALE * crate::trimmed::quantile(bends, 0.5)?, middle))
+    let noise = SCALE * crate::trimmed::quantile(bends, 0.5)?;
+    // Depth noise at the middle depth z is noise * z^2; a pixel is z / focal wide.
+    Some((noise, noise * focal / middle))
 }
 
 /// Neighbourhoods that planes are fitted to.
@@ -160,6 +170,17 @@ mod tests {
             let (left, right) = (found.at(y * WIDTH + 39), found.at(y * WIDTH + 40));
             assert!(right - left > 0.35, "{left} {right}");
         }
+    }
+
+    #[test]
+    fn noise_of_single_pixels_is_measured_in_sizes_of_a_pixel() {
+        // The middle inverse depth is 0.46, so that noise of 0.01 z^2 is that of 0.01 * 100 / 0.46 pixels.
+        for noise in [0.002, 0.01] {
+            let found = pixel_noise(&noisy(noise), WIDTH, FOCAL).unwrap();
+            assert!((found / (noise * FOCAL / 0.46) - 1.0).abs() < 0.1, "{noise} {found}");
+        }
+        assert!(pixel_noise(&noisy(0.0), WIDTH, FOCAL).unwrap() < 0.05);
+        assert_eq!(pixel_noise(&DepthMap::nearest(&[0.0; WIDTH * 60]), WIDTH, FOCAL), None);
     }
 
     /// A depth map has one unit for all pixels: one immense depth would leave nothing of the others.
