@@ -7,7 +7,7 @@ use crate::decompose::{DecomposeOptions, Decomposer, decompose_solid, decompose_
 use crate::describe::{Described, describe, diagonal, to_identifier};
 use crate::export::ExportStep;
 use crate::hull::Hull;
-use crate::islands::remove_lost;
+use crate::islands::{remove_lost, without_islands};
 use crate::looks::{PartSurface, Wall};
 use crate::mass::{inertial, walls};
 use crate::motions::{PairMotions, RelativeMotion, arm, pair_motions, stances};
@@ -158,7 +158,11 @@ fn limit(
 ) {
     let swept = |(part, solid): (usize, &Option<Solid>)| {
         let observed = observed(part, surfaces, &decisions.to_link[part], config.scale);
-        Surface::of(solid.as_ref(), &observed, config.sample_share * diagonal)
+        let link = &asset.links[part];
+        // Points of another part that have the label of this one are apart from it.
+        let main = link.parent.and_then(|_| without_islands(&link.visual.mesh));
+        let main = main.and_then(|mesh| Solid::new(&mesh, &observed));
+        Surface::of(main.as_ref().or(solid.as_ref()), &observed, config.sample_share * diagonal)
     };
     let swept: Vec<Surface> = solids.par_iter().enumerate().map(swept).collect();
     decisions.ranges = extend(asset, &swept, &decisions.nearer_state, diagonal, config);

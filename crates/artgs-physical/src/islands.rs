@@ -17,10 +17,8 @@ const MOST_AREA: f64 = 0.1;
 /// points: the clearance between parts removed their hulls.
 pub(crate) fn remove_lost(link: &mut AssetLink, hulls: &[Hull], points: &mut Vec<DVec3>, near: f64) {
     let mesh = &mut link.visual.mesh;
-    let islands = islands(mesh);
-    let count = islands.iter().max().map_or(0, |most| *most as usize + 1);
-    let mut area = vec![0.0; count];
-    islands.iter().zip(&mesh.triangles).for_each(|(i, t)| area[*i as usize] += cross(mesh, *t).length());
+    let (islands, area) = areas(mesh);
+    let count = area.len();
     let all: f64 = area.iter().sum();
     if count < 2 || area.iter().all(|own| *own >= MOST_AREA * all) {
         return;
@@ -46,6 +44,24 @@ pub(crate) fn remove_lost(link: &mut AssetLink, hulls: &[Hull], points: &mut Vec
     remove_unused(&mut link.visual);
     let mut owner = owners.iter();
     points.retain(|_| owner.next().is_some_and(|i| !lost[*i]));
+}
+
+/// A mesh without islands, of which the points are kept; none if it has none.
+pub(crate) fn without_islands(mesh: &Mesh) -> Option<Mesh> {
+    let (islands, area) = areas(mesh);
+    let all: f64 = area.iter().sum();
+    let is_main = |island: u32| area[island as usize] >= MOST_AREA * all;
+    let kept = islands.iter().zip(&mesh.triangles).filter(|(island, _)| is_main(**island)).map(|(_, t)| *t);
+    let triangles: Vec<[u32; 3]> = kept.collect();
+    (triangles.len() < mesh.triangles.len()).then(|| Mesh { triangles, ..mesh.clone() })
+}
+
+/// Number of the island of each triangle, and twice the area of each island.
+fn areas(mesh: &Mesh) -> (Vec<u32>, Vec<f64>) {
+    let islands = islands(mesh);
+    let mut area = vec![0.0; islands.iter().max().map_or(0, |most| *most as usize + 1)];
+    islands.iter().zip(&mesh.triangles).for_each(|(i, t)| area[*i as usize] += cross(mesh, *t).length());
+    (islands, area)
 }
 
 /// Removes vertices without triangles.
@@ -95,6 +111,16 @@ fn islands(mesh: &Mesh) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_large_pieces_are_no_islands() {
+        let mut mesh = Mesh::cuboid([0.0; 3], [1.0, 0.1, 0.1]);
+        assert_eq!(without_islands(&mesh), None);
+        mesh.append(&Mesh::cuboid([1.1, 0.0, 0.0], [1.3, 0.1, 0.1]));
+        assert_eq!(without_islands(&mesh), None);
+        mesh.append(&Mesh::cuboid([1.4, 0.0, 0.0], [1.45, 0.1, 0.1]));
+        assert_eq!(without_islands(&mesh).unwrap().triangles, mesh.triangles[..24]);
+    }
 
     #[test]
     fn an_island_without_hulls_goes_and_one_with_hulls_stays() {
