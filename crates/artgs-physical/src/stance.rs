@@ -103,6 +103,7 @@ pub(crate) fn extend(
     let width = config.contact_width_share * diagonal;
     let precision = Precision {
         points: (width * width / (spacing * spacing)).ceil() as usize,
+        width: config.contact_rim_share * diagonal,
         overlap: config.overlap_share * diagonal,
     };
     let near = config.closed_share * diagonal;

@@ -3,17 +3,19 @@
 //! Sampled points of each surface are moved against the triangles of the other one, both ways round. A point is stopped where it
 //! enters the other surface from outside, if both normals oppose the motion: points that slide along a surface, or leave
 //! one that measurement let them overlap with, are not. A contact is where stopped points stand for a meaningful area, so that
-//! noise stops nothing.
+//! noise stops nothing. Frames that stop a part can be narrow. Between parts of which neither carries the other, the area must also be
+//! wide: their rims overlap by a voxel where they pass each other.
 
 use crate::convert::{from_parry, to_parry};
 use crate::decompose::Observed;
 use crate::decompose::solid::{Sample, Solid};
 use crate::repair::trimesh;
 use artgs_core::{Asset, JointKind, Mesh, Rigid};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use parry3d::query::{PointQueryWithLocation as _, Ray, RayCullingMode};
 use parry3d::shape::TriMesh;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Surface of a link, link frame.
 pub(crate) struct Surface {
@@ -84,6 +86,8 @@ pub(crate) struct Sweep {
 pub(crate) struct Precision {
     /// Points that stopped before there is a contact.
     pub points: usize,
+    /// Width, metres, of the area around each of them in both directions across the motion, if the other link is not the carrier.
+    pub width: f64,
     /// Overlap at the beginning of the way, metres, that counts as a contact there.
     pub overlap: f64,
 }
@@ -153,7 +157,9 @@ pub(crate) fn first_contact(
             let poses = poses.iter().take(needed as usize);
             let other_from_own: Vec<Rigid> = poses.map(|at| at[other].inverse() * at[own]).collect();
             let pair = [(&surfaces[own], sweep.own), (&surfaces[other], sweep.others)];
-            let met = first_of_pair(pair, &other_from_own, precision.points);
+            let is_carrier = asset.links[sweep.link].parent == Some(other);
+            let width = if is_carrier { 0.0 } else { precision.width };
+            let met = first_of_pair(pair, &other_from_own, (precision.points, width));
             let Some(met) = met.map(|steps| (steps * step - before).max(0.0)) else { continue };
             if best.is_none_or(|best| met < best.way) {
                 best = Some(Contact { way: met, link: other });
@@ -222,7 +228,7 @@ fn deep<'a>(points: impl Iterator<Item = &'a Sample>, shape: Option<&TriMesh>, p
 
 /// The number of steps after which the surfaces of two links are in contact; `other_from_own`: poses of the first in the frame of
 /// the second, before and after each step.
-fn first_of_pair(pair: [(&Surface, Part); 2], other_from_own: &[Rigid], points: usize) -> Option<f64> {
+fn first_of_pair(pair: [(&Surface, Part); 2], other_from_own: &[Rigid], (points, width): (usize, f64)) -> Option<f64> {
     let [(own, own_part), (other, other_part)] = pair;
     let own_from_other: Vec<Rigid> = other_from_own.iter().map(Rigid::inverse).collect();
     // Of a large part, more is needed than of a small one.
@@ -232,16 +238,107 @@ fn first_of_pair(pair: [(&Surface, Part); 2], other_from_own: &[Rigid], points: 
         entered(own.points(own_part), other.triangles(other_part), other_from_own),
         entered(other.points(other_part), own.triangles(own_part), &own_from_other),
     ];
-    let first = stops.into_iter().filter_map(|mut stops| {
-        stops.sort_by(f64::total_cmp);
-        stops.get(points.max(1) - 1).copied()
-    });
+    let first = stops.into_iter().filter_map(|stops| wide_contact(stops, points.max(1), width));
     first.reduce(f64::min)
 }
 
-/// Where points that move from pose to pose enter a surface against which they press, in steps. All steps are the same motion of one
+/// Where a point stopped.
+#[derive(Clone, Copy, Debug)]
+struct StopPoint {
+    /// Steps before it.
+    steps: f64,
+    /// Place, frame of the surface that stopped it.
+    place: DVec3,
+    /// Unit direction of the motion there.
+    way: DVec3,
+}
+
+/// The number of steps after which `points` points have stopped whose neighbourhood, of all that stopped so far, is as wide as `width` in
+/// both directions across the motion: a strip of one voxel, by which rims of measured surfaces overlap, is no contact.
+fn wide_contact(mut stops: Vec<StopPoint>, points: usize, width: f64) -> Option<f64> {
+    /// Radius of a neighbourhood, widths: that of the corner of a larger area is still wide enough.
+    const REACH: f64 = 1.5;
+    let reach = REACH * width;
+    stops.sort_by(|a, b| a.steps.total_cmp(&b.steps));
+    if width <= 0.0 {
+        return stops.get(points - 1).map(|stop| stop.steps);
+    }
+    let cell = |p: DVec3| (p / reach).floor().as_i64vec3().to_array();
+    let mut cells: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
+    let mut around: Vec<Spread> = Vec::with_capacity(stops.len());
+    let (mut is_wide, mut count) = (vec![false; stops.len()], 0);
+    for (i, stop) in stops.iter().enumerate() {
+        around.push(Spread::across(stop.way));
+        let [x, y, z] = cell(stop.place);
+        let mut near = vec![i];
+        for (dx, dy, dz) in (-1..=1).flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| (x, y, z)))) {
+            near.extend(cells.get(&[x + dx, y + dy, z + dz]).into_iter().flatten());
+        }
+        cells.entry([x, y, z]).or_default().push(i);
+        for j in near {
+            let between = stop.place - stops[j].place;
+            if between.length_squared() > reach * reach {
+                continue;
+            }
+            around[j].add(between);
+            if j != i {
+                around[i].add(-between);
+            }
+            if !is_wide[j] && around[j].width() >= width {
+                (is_wide[j], count) = (true, count + 1);
+            }
+        }
+        if !is_wide[i] && around[i].width() >= width {
+            (is_wide[i], count) = (true, count + 1);
+        }
+        if count >= points {
+            return Some(stop.steps);
+        }
+    }
+    None
+}
+
+/// Points around a place in the plane across a direction.
+struct Spread {
+    axes: [DVec3; 2],
+    count: f64,
+    sum: DVec2,
+    /// Sums of squares, and of the product.
+    squares: [f64; 3],
+}
+
+impl Spread {
+    fn across(direction: DVec3) -> Self {
+        let (a, b) = direction.any_orthonormal_pair();
+        Self { axes: [a, b], count: 0.0, sum: DVec2::ZERO, squares: [0.0; 3] }
+    }
+
+    /// Adds a point by its vector from the place.
+    fn add(&mut self, v: DVec3) {
+        let [x, y] = self.axes.map(|axis| axis.dot(v));
+        self.count += 1.0;
+        self.sum += DVec2::new(x, y);
+        self.squares = [self.squares[0] + x * x, self.squares[1] + y * y, self.squares[2] + x * y];
+    }
+
+    /// Width of the points in the direction in which it is least: that of a strip on which they are spread evenly.
+    fn width(&self) -> f64 {
+        /// Fewer points say nothing.
+        const LEAST: f64 = 4.0;
+        if self.count < LEAST {
+            return 0.0;
+        }
+        let mean = self.sum / self.count;
+        let [xx, yy] = [0, 1].map(|k| self.squares[k] / self.count - mean[k] * mean[k]);
+        let xy = self.squares[2] / self.count - mean.x * mean.y;
+        let least = 0.5 * (xx + yy) - (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
+        (12.0 * least.max(0.0)).sqrt()
+    }
+}
+
+/// Where points that move from pose to pose enter a surface against which they press. All steps are the same motion of one
 /// joint, so that a point moves at the same angle to its normal on each of them.
-fn entered<'a>(points: impl Iterator<Item = &'a Sample>, shape: Option<&TriMesh>, poses: &[Rigid]) -> Vec<f64> {
+fn entered<'a>(points: impl Iterator<Item = &'a Sample>, shape: Option<&TriMesh>, poses: &[Rigid]) -> Vec<StopPoint> {
     /// Difference of cosines that may be rounding.
     const ROUNDING: f64 = 1e-6;
     let Some(shape) = shape else { return Vec::new() };
@@ -263,8 +360,8 @@ fn presses(sample: &Sample, poses: &[Rigid], cosine: f64) -> bool {
     poses[0].turn(sample.normal).dot(way) >= cosine * way.length()
 }
 
-/// Where a point enters a surface against which it presses, in steps; `near`: a box that holds the surface.
-fn entry(sample: &Sample, shape: &TriMesh, near: [DVec3; 2], poses: &[Rigid]) -> Option<f64> {
+/// Where a point enters a surface against which it presses; `near`: a box that holds the surface.
+fn entry(sample: &Sample, shape: &TriMesh, near: [DVec3; 2], poses: &[Rigid]) -> Option<StopPoint> {
     /// Surfaces that a point passes at a grazing angle on one step, before the rest of the step is left out.
     const MOST: usize = 4;
     let mut from = poses[0].apply(sample.point);
@@ -288,7 +385,8 @@ fn entry(sample: &Sample, shape: &TriMesh, near: [DVec3; 2], poses: &[Rigid]) ->
             };
             passed += f64::from(hit.time_of_impact);
             if from_parry(hit.normal).dot(way) < -PRESSING * length {
-                return Some(k as f64 + passed);
+                let place = start + way * passed;
+                return Some(StopPoint { steps: k as f64 + passed, place, way: way / length });
             }
             passed += 1e-3;
             if passed >= 1.0 {

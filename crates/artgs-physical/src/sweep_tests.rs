@@ -2,7 +2,7 @@ use super::*;
 use artgs_core::{AssetJoint, AssetLink, PerState};
 
 const SPACING: f64 = 5e-3;
-const PRECISION: Precision = Precision { points: 10, overlap: 6e-3 };
+const PRECISION: Precision = Precision { points: 10, width: 8e-3, overlap: 6e-3 };
 
 fn cuboid(low: DVec3, high: DVec3) -> Mesh {
     Mesh::cuboid(low.as_vec3().to_array(), high.as_vec3().to_array())
@@ -52,6 +52,29 @@ fn a_slide_stops_at_a_wall_to_a_millimetre_and_not_at_its_rails() {
     assert_eq!(free(&slide, [&pin, &block], 0.5, &|_| true), None);
     let near = base.moved(&Rigid::shift(DVec3::new(0.0, -0.404, 0.0)));
     assert_eq!(free(&slide, [&near, &block], 0.5, &|_| true), Some(0.0));
+}
+
+#[test]
+fn a_rim_that_overlaps_that_of_another_moving_part_by_a_voxel_stops_nothing() {
+    // The lower edge of a board reaches below the upper edge of the block, along its whole width.
+    let block = cuboid(DVec3::new(0.0, 0.0, 0.0), DVec3::new(0.4, 0.1, 0.2));
+    let carried = asset(JointKind::Prismatic, DVec3::Y, DVec3::ZERO);
+    let mut beside = carried.clone();
+    beside.links.push(AssetLink { name: "board".into(), ..beside.links[1].clone() });
+    for (overlap, met) in [(0.004, [true, false]), (0.012, [true; 2])] {
+        let board = cuboid(DVec3::new(0.0, 0.3, 0.2 - overlap), DVec3::new(0.4, 0.32, 0.5));
+        let surface = |mesh: &Mesh| Surface::of(Solid::new(mesh, &|_| true).as_ref(), &|_| true, SPACING);
+        let surfaces = [surface(&board), surface(&block), surface(&board)];
+        let nothing = Surface::of(None, &|_| true, SPACING);
+        let sweep = Sweep { link: 1, from: 0.0, way: 0.5, own: Part::Seen, others: Part::Seen };
+        let of_carrier = first_contact(&carried, &surfaces[..2], &[0.0; 2], &sweep, &PRECISION);
+        let [_, own, board] = surfaces;
+        let of_part = first_contact(&beside, &[nothing, own, board], &[0.0; 3], &sweep, &PRECISION);
+        assert_eq!([of_carrier.is_some(), of_part.is_some()], met, "{overlap} {of_carrier:?} {of_part:?}");
+        for contact in [of_carrier, of_part].into_iter().flatten() {
+            assert!((contact.way - 0.2).abs() < 1e-3, "{contact:?}");
+        }
+    }
 }
 
 #[test]
