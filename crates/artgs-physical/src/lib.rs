@@ -18,6 +18,7 @@ pub mod looks;
 mod mass;
 mod motions;
 mod passage;
+mod redundant;
 mod repair;
 mod semantics;
 mod shade;
