@@ -270,11 +270,12 @@ fn wide_contact(mut stops: Vec<StopPoint>, points: usize, width: f64) -> Option<
     for (i, stop) in stops.iter().enumerate() {
         around.push(Spread::across(stop.way));
         let [x, y, z] = cell(stop.place);
-        let mut near = vec![i];
+        let mut near = Vec::new();
         for (dx, dy, dz) in (-1..=1).flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| (x, y, z)))) {
             near.extend(cells.get(&[x + dx, y + dy, z + dz]).into_iter().flatten());
         }
         cells.entry([x, y, z]).or_default().push(i);
+        near.push(i);
         for j in near {
             let between = stop.place - stops[j].place;
             if between.length_squared() > reach * reach {
@@ -287,9 +288,6 @@ fn wide_contact(mut stops: Vec<StopPoint>, points: usize, width: f64) -> Option<
             if !is_wide[j] && around[j].width() >= width {
                 (is_wide[j], count) = (true, count + 1);
             }
-        }
-        if !is_wide[i] && around[i].width() >= width {
-            (is_wide[i], count) = (true, count + 1);
         }
         if count >= points {
             return Some(stop.steps);

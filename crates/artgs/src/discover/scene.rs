@@ -132,12 +132,12 @@ fn sampling(pictures: PerState<&[DepthPicture<'_>]>, spacing: f64) -> (usize, us
 fn single_noise(pictures: PerState<&[DepthPicture<'_>]>) -> f32 {
     /// Pictures of each state that are measured.
     const SAMPLES: usize = 8;
-    let some = |pictures: &'_ [DepthPicture<'_>]| -> Vec<f32> {
+    let some = |pictures: &[DepthPicture<'_>]| -> Vec<f32> {
         let sampled: Vec<_> = pictures.iter().step_by(pictures.len().div_ceil(SAMPLES).max(1)).collect();
         let noise = |p: &&DepthPicture<'_>| pixel_noise(p.depth, p.view.size().0, p.view.camera.intrinsics.fx as f32);
         sampled.par_iter().filter_map(noise).collect()
     };
-    let all: Vec<f32> = pictures.into_iter().flat_map(|pictures| some(pictures)).collect();
+    let all: Vec<f32> = pictures.into_iter().flat_map(some).collect();
     crate::trimmed::quantile(all, 0.5).unwrap_or(0.0)
 }
 
