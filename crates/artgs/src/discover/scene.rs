@@ -311,8 +311,10 @@ impl Scene {
         // Exact depth has no errors that the states do not share.
         let noise = if noisy { across.iter().fold(own_noise, |a, b| a.max(*b)) } else { own_noise };
         let tolerance = (TOLERANCE_PER_NOISE * noise).max(TOLERANCE_PER_PIXEL * pixel);
-        let disagreeing = own_noise > DISAGREEING * pixel || single_noise(pictures) > NOISY_PIXELS;
-        let spreading = noisy && disagreeing && tolerance > SPREADING * spacing;
+        // Single pixels are measured last: exact depth does not need it.
+        let spreading = noisy
+            && tolerance > SPREADING * spacing
+            && (own_noise > DISAGREEING * pixel || single_noise(pictures) > NOISY_PIXELS);
         if spreading {
             states
                 .iter_mut()
