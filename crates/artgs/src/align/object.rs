@@ -5,7 +5,7 @@ use super::bounds::ObjectBox;
 use super::cloud::{FusedCloud, cube};
 use super::components::{Components, around, most_attended, moved_shares, with_enclosed, with_held};
 use super::frames::DepthFrame;
-use super::planes::{Plane, PlaneConfig, bounding_planes};
+use super::planes::{NOT_BEHIND, Plane, PlaneConfig, bounding_planes};
 use crate::trimmed::quantile;
 use glam::{DVec3, IVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -81,7 +81,10 @@ impl Surfaces {
     fn new(frames: &[&DepthFrame], unit: f64, config: &ObjectConfig, seed: u64) -> Self {
         let edge = config.cube * unit;
         let all = FusedCloud::new(frames.iter().copied(), edge as f32);
-        let planes = bounding_planes(&all, unit, &config.planes, seed);
+        let mut planes = bounding_planes(&all, unit, &config.planes, seed);
+        let raised = raised_planes(frames, &planes, unit, config);
+        let mut raised = raised.iter();
+        planes.retain(|_| !raised.next().is_some_and(|raised| *raised));
         Self { all, planes, edge }
     }
 
@@ -91,6 +94,33 @@ impl Surfaces {
         let kept: Vec<usize> = (0..self.all.len()).filter(|&i| far(&self.all.points[i])).collect();
         self.all.select(&kept)
     }
+}
+
+/// Which planes are the top of something thin that lies on a larger one, such as the base of a laptop: close in front of it, too close to
+/// tell that it bounds nothing, and looked at much more.
+fn raised_planes(frames: &[&DepthFrame], planes: &[Plane], unit: f64, config: &ObjectConfig) -> Vec<bool> {
+    /// Least cosine between parallel normals.
+    const PARALLEL: f64 = 0.98;
+    /// Ratio of the mean attentions from which the cameras look at it and not at the larger plane.
+    const LOOKED_AT: f64 = 2.0;
+    let tolerance = config.planes.tolerance * unit;
+    let on = |raised: &Plane, base: &Plane| {
+        let height = raised.offset - base.offset;
+        raised.normal.dot(base.normal) > PARALLEL && (0.0..NOT_BEHIND * tolerance).contains(&height)
+    };
+    let pairs: Vec<Option<usize>> =
+        (0..planes.len()).map(|k| (0..k).find(|base| on(&planes[k], &planes[*base]))).collect();
+    if pairs.iter().all(Option::is_none) {
+        return vec![false; planes.len()];
+    }
+    let nearest = |p: DVec3| {
+        let distances = planes.iter().map(|plane| plane.distance(p).abs()).enumerate();
+        distances.filter(|d| d.1 < tolerance).min_by(|a, b| a.1.total_cmp(&b.1)).map(|d| d.0)
+    };
+    let looked = attention(frames, planes.len(), &nearest, config.attention);
+    let points = attention(frames, planes.len(), &nearest, f64::INFINITY);
+    let mean = |k: usize| looked[k] / points[k].max(1.0);
+    (0..planes.len()).map(|k| pairs[k].is_some_and(|base| mean(k) > LOOKED_AT * mean(base))).collect()
 }
 
 fn off_planes(planes: &[Plane], point: DVec3, spreads: f64, edge: f64) -> bool {
@@ -318,4 +348,45 @@ fn attention(frames: &[&DepthFrame], count: usize, group_of: &dyn Fn(DVec3) -> O
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artgs_core::{Camera, Intrinsics, Rigid};
+
+    /// A camera 2 units above a floor at z = 0, which it looks at, and a slab of height 0.03 on the floor about `centre`.
+    fn frame_above_slab(centre: DVec3) -> DepthFrame {
+        let intrinsics = Intrinsics { fx: 100.0, fy: 100.0, cx: 80.0, cy: 60.0, width: 160, height: 120 };
+        let down = Rigid::about(DVec3::X, DVec3::ZERO, std::f64::consts::PI);
+        let camera = Camera { intrinsics, world_to_camera: down.inverse() * Rigid::shift(DVec3::Z * -2.0) };
+        let cell = |i: usize| {
+            let ray = Vec3::new(((i % 160) as f32 - 79.5) / 100.0, ((i / 160) as f32 - 59.5) / 100.0, 1.0);
+            let at = DVec3::new(f64::from(ray.x) * 2.0, f64::from(-ray.y) * 2.0, 0.0) - centre;
+            ray * if at.x.abs().max(at.y.abs()) < 0.2 { 1.97 } else { 2.0 }
+        };
+        let points: Vec<Vec3> = (0..160 * 120).map(cell).collect();
+        let count = points.len();
+        DepthFrame {
+            camera,
+            points,
+            normals: vec![-Vec3::Z; count],
+            brightness: vec![0.0; count],
+            colors: vec![[128; 3]; count],
+            samples: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_slab_on_the_floor_that_the_cameras_look_at_bounds_nothing() {
+        let level = |offset: f64| Plane { normal: DVec3::Z, offset, spread: 0.002 };
+        let wall = Plane { normal: DVec3::X, offset: -3.0, spread: 0.002 };
+        let raised = |centre: DVec3, planes: &[Plane]| {
+            raised_planes(&[&frame_above_slab(centre)], planes, 2.0, &ObjectConfig::default())
+        };
+        assert_eq!(raised(DVec3::ZERO, &[level(0.0), wall, level(0.03)]), [false, false, true]);
+        // Another level of the floor that they do not look at, and the top of a table.
+        assert_eq!(raised(DVec3::new(1.2, 0.8, 0.0), &[level(0.0), level(0.03)]), [false, false]);
+        assert_eq!(raised(DVec3::ZERO, &[level(0.0), level(0.4)]), [false, false]);
+    }
 }

@@ -30,6 +30,9 @@ impl Default for PlaneConfig {
     }
 }
 
+/// Points are not behind a plane within this many tolerances of it.
+pub(super) const NOT_BEHIND: f64 = 3.0;
+
 /// Points `p` with `normal . p = offset`; the recorded scene is on the side of the normal.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Plane {
@@ -66,7 +69,8 @@ pub(crate) fn bounding_planes(cloud: &FusedCloud, unit: f64, config: &PlaneConfi
         }
         left.retain(|i| !near(i));
         let plane = fitted(cloud, &members);
-        let behind = cloud.points.iter().filter(|p| plane.distance(p.as_dvec3()) < -3.0 * f64::from(tolerance)).count();
+        let behind =
+            cloud.points.iter().filter(|p| plane.distance(p.as_dvec3()) < -NOT_BEHIND * f64::from(tolerance)).count();
         if behind as f64 <= config.behind * members.len() as f64 {
             planes.push(plane);
         }

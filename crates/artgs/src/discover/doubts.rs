@@ -129,7 +129,9 @@ fn without_doubtful(
                 let motions = others.iter().copied().chain([pool[rival].motion]).collect::<Vec<_>>();
                 (motions, count)
             });
-            let without = (count > least.max(1)).then_some((others, count - 1));
+            // Where noise spreads points, the others may be several parts that move alike once they hold its points.
+            let most = if work.scene.spreading { count } else { count - 1 };
+            let without = (count > least.max(1)).then_some((others, most));
             for (motions, most) in [without, with_rival].into_iter().flatten() {
                 if tried == TRIALS {
                     return found;
@@ -205,6 +207,11 @@ const DOUBTFUL: f64 = 0.3;
 const CONTESTED: f64 = 0.2;
 /// Sets of parts that are tried without a doubtful one at most: each needs a refinement.
 const TRIALS: usize = 6;
+
+/// Doubtful parts, the most doubtful one first.
+pub(super) fn doubtful_parts(found: &Discovery) -> Vec<usize> {
+    doubtful(found, DOUBTFUL)
+}
 
 /// Parts of a lower confidence than `least` or contested ones, the most doubtful one first.
 fn doubtful(found: &Discovery, least: f64) -> Vec<usize> {

@@ -64,6 +64,16 @@ struct Body<'a> {
     cloud: Cloud,
 }
 
+/// What is asked of the extent of every box across the opening.
+#[derive(Clone, Copy)]
+enum Width {
+    Any,
+    /// Enough of the extent of its front in the direction of the next box.
+    TowardsNext,
+    /// The same, and across that direction.
+    Across,
+}
+
 /// Bodies of one part: for every point its body, 0.. , and their number.
 type Bodies = (Vec<usize>, usize);
 
@@ -181,10 +191,38 @@ impl InstanceSettings {
         let is_box =
             |group: &Vec<usize>| group.len() >= least.max(self.least_points) && self.is_box(body, group, opening);
         let mut boxes: Vec<Vec<usize>> = groups.into_iter().filter(is_box).collect();
-        if body.scene.spreading {
-            self.keep_behind_fronts(body, opening, &mut boxes);
-            boxes = self.apart(body, boxes);
+        if !body.scene.spreading {
+            return self.behind_fronts(body, opening, boxes, Width::Any);
         }
+        self.keep_behind_fronts(body, opening, &mut boxes);
+        let beside = self.are_beside(body, opening, &boxes);
+        let distinct = beside.then(|| self.behind_fronts(body, opening, boxes.clone(), Width::Across)).flatten();
+        distinct.or_else(|| self.behind_fronts(body, opening, self.apart(body, boxes), Width::TowardsNext))
+    }
+
+    /// True if, seen along the opening, a gap separates every box from every other one: noise does not make two boxes of one there.
+    fn are_beside(&self, body: &Body<'_>, opening: Vec3, boxes: &[Vec<usize>]) -> bool {
+        /// Least width of the gap, spacings.
+        const GAP: f32 = 3.0;
+        let across = |k: usize| boxes[k].iter().map(|&i| body.cloud.points[i].reject_from_normalized(opening));
+        let middle = |k: usize| across(k).sum::<Vec3>() / boxes[k].len().max(1) as f32;
+        let gap = |a: usize, b: usize| {
+            let direction = (middle(b) - middle(a)).normalize_or_zero();
+            let along = |k: usize| across(k).map(|p| p.dot(direction)).collect::<Vec<f32>>();
+            quantile(along(b), 0.02).zip(quantile(along(a), 0.98)).map_or(0.0, |(lower, upper)| lower - upper)
+        };
+        let least = GAP * body.scene.lengths.spacing;
+        (0..boxes.len()).all(|a| (0..a).all(|b| gap(a, b) > least))
+    }
+
+    /// Points by the box that they belong to, if every box is as wide as is needed.
+    fn behind_fronts(
+        &self,
+        body: &Body<'_>,
+        opening: Vec3,
+        mut boxes: Vec<Vec<usize>>,
+        width: Width,
+    ) -> Option<Bodies> {
         // Seen along the opening, so that a front is nearest to its own box.
         let mut seen = Body { cloud: body.cloud.clone(), origin: Vec::new(), ..*body };
         seen.cloud.points.iter_mut().for_each(|p| *p = p.reject_from_normalized(opening));
@@ -192,8 +230,12 @@ impl InstanceSettings {
         let fronts: Vec<Vec<usize>> = (0..boxes.len())
             .map(|k| (0..of_point.len()).filter(|&i| of_point[i] == k && body.faces(i, opening)).collect())
             .collect();
-        let as_wide = !body.scene.spreading || self.as_wide(&seen.cloud, &boxes, &fronts);
-        as_wide.then_some((of_point, boxes.len()))
+        let is_wide = match width {
+            Width::Any => true,
+            Width::TowardsNext => self.as_wide(&seen.cloud, &boxes, &fronts, None),
+            Width::Across => self.as_wide(&seen.cloud, &boxes, &fronts, Some(opening)),
+        };
+        is_wide.then_some((of_point, boxes.len()))
     }
 
     /// The box that each point is nearest to as seen along the opening. A box with too few of the points is a piece of the box that
@@ -212,14 +254,15 @@ impl InstanceSettings {
     }
 
     /// True if every box reaches behind enough of its front in the direction of the nearest other box. The two sides of one drawer
-    /// do not.
-    fn as_wide(&self, seen: &Cloud, boxes: &[Vec<usize>], fronts: &[Vec<usize>]) -> bool {
+    /// do not. With `opening`, also in the direction across both, which a single side does not.
+    fn as_wide(&self, seen: &Cloud, boxes: &[Vec<usize>], fronts: &[Vec<usize>], opening: Option<Vec3>) -> bool {
         let middles: Vec<Vec3> = boxes.iter().map(|b| seen.select(b).middle()).collect();
         let is_wide = |k: usize| {
             let others = (0..boxes.len()).filter(|other| *other != k).map(|other| middles[other] - middles[k]);
             let nearest =
                 others.min_by(|a, b| a.length().total_cmp(&b.length())).map_or(Vec3::ZERO, Vec3::normalize_or_zero);
-            extent(seen, &boxes[k], nearest) >= self.least_width * extent(seen, &fronts[k], nearest)
+            let reaches = |axis| extent(seen, &boxes[k], axis) >= self.least_width * extent(seen, &fronts[k], axis);
+            reaches(nearest) && opening.is_none_or(|opening| reaches(nearest.cross(opening).normalize_or_zero()))
         };
         (0..boxes.len()).all(is_wide)
     }
@@ -354,8 +397,13 @@ mod tests {
         let fronts = [add(0.0, 0.3, 0.0), add(0.3, 0.6, 0.0)];
         let sides = [add(0.01, 0.06, 0.1), add(0.54, 0.59, 0.1)];
         let boxes = [add(0.01, 0.29, 0.1), add(0.31, 0.59, 0.1)];
-        assert!(!settings.as_wide(&cloud, &sides, &fronts));
-        assert!(settings.as_wide(&cloud, &boxes, &fronts));
+        let as_wide = |boxes, opening| settings.as_wide(&cloud, boxes, &fronts, opening);
+        assert!(!as_wide(&sides, None));
+        assert!(as_wide(&boxes, None) && as_wide(&boxes, Some(Vec3::NEG_Y)));
+        // A bottom is as wide as the front, but not as high.
+        let low = |all: &Vec<usize>| all.iter().copied().filter(|&i| cloud.points[i].z < 0.05).collect::<Vec<usize>>();
+        let bottoms = boxes.each_ref().map(low);
+        assert!(as_wide(&bottoms, None) && !as_wide(&bottoms, Some(Vec3::NEG_Y)));
     }
 
     #[test]
@@ -390,6 +438,9 @@ mod tests {
         let of_point = settings.joined(&body, &body, &mut boxes).unwrap();
         assert_eq!(boxes, [left.clone(), [right, side.clone()].concat()]);
         assert!(left.iter().all(|i| of_point[*i] == 0) && side.iter().all(|i| of_point[*i] == 1));
-        assert!(settings.joined(&body, &body, &mut vec![left]).is_none());
+        assert!(settings.joined(&body, &body, &mut vec![left.clone()]).is_none());
+        // The spacing is about 0.02: there is a gap of 0.1 between the boxes, and one of 0.04 beside the small piece.
+        assert!(settings.are_beside(&body, Vec3::NEG_Y, &[left, boxes[1][..400].to_vec()]));
+        assert!(!settings.are_beside(&body, Vec3::NEG_Y, &[boxes[1][..400].to_vec(), side]));
     }
 }

@@ -34,17 +34,20 @@ mod denoise;
 pub(crate) mod diagnosis;
 mod doubts;
 mod enclosure;
+mod exchanges;
 mod extents;
 mod face_motions;
 mod facets;
 mod flatten;
 mod front;
+mod front_slides;
 mod glide;
 mod graph_cut;
 mod instances;
 mod joints;
 mod known;
 mod landing;
+mod missing;
 mod morton;
 mod moved_points;
 mod near_grid;
@@ -78,9 +81,11 @@ pub use config::DiscoverConfig;
 use config::StepSettings;
 pub use correct::{CorrectError, correct};
 use doubts::{certain_bodies, or_fewer, settled, sure_bodies};
+use exchanges::{exchanged, without_surplus};
 use front::Front;
 use glam::{DVec3, Vec3};
 use known::{KnownFits, KnownLandings, KnownSamples};
+use missing::with_missing;
 pub use moved_points::{MovedPoints, moved_points};
 use rayon::prelude::*;
 use refinement::{Parts, Refinement};
@@ -91,7 +96,6 @@ use space_grid::SpaceGrid;
 use std::cell::{OnceCell, RefCell};
 use std::ops::RangeInclusive;
 pub use support::Support;
-use turned_over::not_turned_over;
 use visibility::Occupancy;
 
 /// Labelled surface points of both states and the motions of the parts.
@@ -224,7 +228,7 @@ fn best_parts(
     let work =
         Refinement { scene, clouds: &clouds, evidence: &evidence, config, settings: &settings, front, begun: &begun };
     let motions = |chosen: Vec<usize>| chosen.into_iter().map(|c| pool[c].motion).collect::<Vec<Rigid>>();
-    let chosen = selection.best(1..=*movable.end());
+    let (chosen, other) = selection.best_two(1..=*movable.end());
     let count = chosen.len();
     let result = |parts: Parts| evidence.result(scene, &clouds, parts, Vec::new(), &pool, &settings);
     let of_bodies = OnceCell::new();
@@ -243,6 +247,13 @@ fn best_parts(
         return Ok(sure);
     }
     let mut found = work.completed(refined, &movable);
+    if let Some(other) = other {
+        let other = work.parts(&motions(other), &movable);
+        let quality = |parts: &Parts| result(parts.clone()).quality(evidence.total());
+        if movable.contains(&other.parts.len()) && quality(&other) > quality(&found) {
+            found = other;
+        }
+    }
     if found.parts.len() < *movable.start() {
         let count = count + movable.start() - found.parts.len();
         let more = work.parts(&motions(selection.best(count..=count)), &movable);
@@ -262,7 +273,13 @@ fn best_parts(
     // Where depth noise spreads points, several motions that each explain noise can take the place of one that explains all.
     let numbers = if scene.spreading { *movable.start()..count } else { 0..0 };
     let found = or_fewer(found, numbers, evidence.total(), &settings.bodies, &|number| result(fewer(number)));
-    let found = if scene.spreading { not_turned_over(found, &work, &result) } else { found };
+    let found = if scene.spreading {
+        let found = exchanged(found, &work, &result);
+        let found = without_surplus(found, *movable.start(), &work, &result);
+        with_missing(found, &movable, &work, &result)
+    } else {
+        found
+    };
     let points: usize = evidence.occupancy.iter().map(Vec::len).sum();
     let unexplained = (evidence.total() as f64 - found.explained()) / points.max(1) as f64;
     if unexplained > config.most_unexplained {

@@ -115,10 +115,16 @@ impl Selection {
     /// explanation. Of each number in `count` the best set is searched; the largest number is taken of which every motion
     /// explains enough points that no other one does.
     pub(super) fn best(&self, count: RangeInclusive<usize>) -> Vec<usize> {
+        self.best_two(count).0
+    }
+
+    /// The same, and, where depth noise spreads points, the set that was found motion by motion if it is another one: noise decides
+    /// between sets of nearly the same energy.
+    pub(super) fn best_two(&self, count: RangeInclusive<usize>) -> (Vec<usize>, Option<Vec<usize>>) {
         let table = &self.table;
         let (least, most) = (*count.start(), (*count.end()).min(table.costs.len()));
         if least >= most {
-            return table.best_set(most, &self.settings);
+            return (table.best_set(most, &self.settings), None);
         }
         let (mut chosen, mut supported, mut accepted) = (Vec::new(), Vec::new(), least);
         for number in 1..=most {
@@ -134,7 +140,14 @@ impl Selection {
             }
         }
         let best = table.best_set(accepted, &self.settings);
-        if self.spreading && supported.len() == accepted && !self.is_supported(&best) { supported } else { best }
+        if !self.spreading || supported.len() != accepted {
+            return (best, None);
+        }
+        if !self.is_supported(&best) {
+            return (supported, None);
+        }
+        let is_other = supported.iter().any(|c| !best.contains(c));
+        (best, is_other.then_some(supported))
     }
 
     /// True if each motion explains enough points that no other one does.

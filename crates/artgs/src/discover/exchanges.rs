@@ -1,0 +1,206 @@
+//! Where depth noise spreads points, the motions that were found are compared with others that explain the same points: those that
+//! are more plausible, and fewer of them.
+
+use super::Discovery;
+use super::candidates::sample_of;
+use super::cloud::IndexedCloud;
+use super::front_slides::front_slides;
+use super::landing::{Landing, StatePair};
+use super::ranking::better_seen;
+use super::refinement::{Parts, Refinement, members_of_part};
+use super::turned_over::plausible_twins;
+use artgs_core::{PerState, Rigid, State};
+
+/// Points that judge a motion.
+const SAMPLES: usize = 300;
+
+/// What was found, hinges exchanged for more plausible motions that explain the points as well: hinges that take the part to the same
+/// place turned over, and slides along the front.
+pub(super) fn exchanged(mut found: Discovery, work: &Refinement<'_>, result: &dyn Fn(Parts) -> Discovery) -> Discovery {
+    /// Motions that are tried at most: each needs a refinement.
+    const TRIALS: usize = 8;
+    let mut tried = 0;
+    'exchanged: loop {
+        for k in 0..found.parts.len() {
+            let others = plausible_twins(&found, k, work).into_iter().chain(front_slides(&found, k, work));
+            for other in others {
+                if tried == TRIALS {
+                    return found;
+                }
+                tried += 1;
+                let mut motions: Vec<Rigid> = found.parts.iter().map(|p| p.motion).collect();
+                motions[k] = other;
+                let other = result(work.parts(&motions, &(motions.len()..=motions.len())));
+                if is_better(&other, &found, work) {
+                    found = other;
+                    continue 'exchanged;
+                }
+            }
+        }
+        return found;
+    }
+}
+
+/// Without parts, but at least `least`, of which the others explain nearly all for certain: motions of noise, and motions that share
+/// the points of one part.
+pub(super) fn without_surplus(
+    mut found: Discovery,
+    least: usize,
+    work: &Refinement<'_>,
+    result: &dyn Fn(Parts) -> Discovery,
+) -> Discovery {
+    /// Parts that alone explain a smaller share of the moved points are tried without.
+    const ALONE: f64 = 0.03;
+    /// What a part must raise the quality by, times its doubt: what it does not explain lowers the confidence of all others.
+    const WORTH: f64 = 0.01;
+    let total = work.evidence.total();
+    'removed: loop {
+        let count = found.parts.len();
+        let alone = |k: usize| found.support[k].exclusive * found.support[k].moved / total.max(1) as f64;
+        let mut small: Vec<usize> = (0..count).filter(|k| alone(*k) < ALONE).collect();
+        small.sort_by(|a, b| alone(*a).total_cmp(&alone(*b)));
+        for k in small.into_iter().take(count.saturating_sub(least.max(1))) {
+            let others: Vec<Rigid> = (0..count).filter(|other| *other != k).map(|k| found.parts[k].motion).collect();
+            let other = result(work.parts(&others, &(least.max(1)..=count - 1)));
+            let fewer = !other.parts.is_empty() && other.parts.len() < count;
+            let worth = WORTH * (1.0 - found.parts[k].confidence.unwrap_or(0.0));
+            if fewer && other.quality(total) > found.quality(total) - worth {
+                found = other;
+                continue 'removed;
+            }
+        }
+        return found;
+    }
+}
+
+/// Mean cost of each motion, start to end, for a sample of a part's points.
+pub(super) fn costs_of(motions: &[Rigid], members: &PerState<Vec<usize>>, work: &Refinement<'_>) -> Vec<f64> {
+    let costs = &work.settings.support.costs;
+    let (mut total, mut count) = (vec![0.0f64; motions.len()], 0);
+    for s in State::ALL {
+        let stride = members[s].len().div_ceil(SAMPLES).max(1);
+        let picked: Vec<usize> = members[s].iter().copied().step_by(stride).collect();
+        for row in landings(&picked, s, motions, work).chunks_exact(motions.len()) {
+            total.iter_mut().zip(row).for_each(|(sum, landing)| *sum += f64::from(landing.cost(costs)));
+        }
+        count += picked.len();
+    }
+    total.iter().map(|sum| sum / count.max(1) as f64).collect()
+}
+
+/// Where points of a state land under motions from start to end, `[n * motions]`.
+pub(super) fn landings(points: &[usize], s: State, motions: &[Rigid], work: &Refinement<'_>) -> Vec<Landing> {
+    let own = work.clouds[s].cloud.select(points);
+    let own = IndexedCloud::new(&own);
+    let to_other: Vec<Rigid> = motions.iter().map(|m| m.away_from(s)).collect();
+    let pair = StatePair { own: &own, ..work.scene.pair(work.clouds, s) }.with_few_views();
+    pair.landings(&to_other, &work.settings.support.costs)
+}
+
+/// True if the parts of `other`, as many as were found, explain nearly as much with less cost and implausibility. A moved point that has
+/// no part costs as much as one in empty space.
+fn is_better(other: &Discovery, found: &Discovery, work: &Refinement<'_>) -> bool {
+    /// Share of the explained points that the other parts must explain: of a thin lid that is not turned over, the sides that the two
+    /// states show are different ones, and fit less well.
+    const KEPT: f64 = 0.9;
+    let total = work.evidence.total() as f64;
+    let energy = |found: &Discovery| -> f64 {
+        let own =
+            |k: usize| implausibility(&members_of_part(&found.labels, k as u16 + 1), &found.parts[k].motion, work);
+        let of_parts = found.support.iter().enumerate().map(|(k, s)| s.moved * (s.cost + own(k))).sum::<f64>();
+        of_parts + (total - found.support.iter().map(|s| s.moved).sum::<f64>()).max(0.0)
+    };
+    other.parts.len() == found.parts.len()
+        && other.explained() >= KEPT * found.explained()
+        && energy(other) < energy(found)
+}
+
+/// Implausibility of a motion (start to end) of points.
+pub(super) fn implausibility(members: &PerState<Vec<usize>>, motion: &Rigid, work: &Refinement<'_>) -> f64 {
+    let state = better_seen(members);
+    let sample = sample_of(work.clouds[state].cloud, &members[state], SAMPLES);
+    let lengths = &work.scene.lengths;
+    work.settings.ranking.implausibility(&motion.away_from(state), &sample, lengths, work.front).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::discover::test_scene::{cabinet_scene, with_refinement};
+    use crate::discover::twins::twins;
+    use crate::discover::{DiscoverConfig, discover};
+    use artgs_core::JointKind;
+    use glam::DVec3;
+
+    fn refined(parts: Parts, work: &Refinement<'_>) -> Discovery {
+        work.evidence.result(work.scene, work.clouds, parts, Vec::new(), &[], work.settings)
+    }
+
+    #[test]
+    fn a_door_that_was_turned_over_gets_its_hinge_back() {
+        let config = DiscoverConfig::default();
+        let scene = cabinet_scene(16, 96);
+        let found = discover(&scene, 2..=2, &config).unwrap();
+        with_refinement(&scene, |work| {
+            let result = |parts: Parts| refined(parts, work);
+            let door = found.parts.iter().position(|p| p.kind == JointKind::Revolute).unwrap();
+            let truth = found.parts[door].motion;
+            let members = members_of_part(&found.labels, door as u16 + 1);
+            let state = better_seen(&members);
+            let twins = twins(work.clouds[state].cloud, &members[state], &truth.away_from(state));
+            let middle = found.middle(door + 1, State::START);
+            let aside = |m: &Rigid| (truth.inverse() * *m).angle().to_degrees();
+            // All but the turn within the plane of the door: about its long side and its short side.
+            for twin in twins.iter().take(2).map(|twin| twin.away_from(state)) {
+                let mut turned = found.clone();
+                turned.parts[door].motion = twin;
+                turned.support[door].cost += 0.02;
+                assert!(aside(&twin) > 170.0);
+                let right = exchanged(turned, work, &result);
+                let hinge = right.parts.iter().find(|p| p.kind == JointKind::Revolute).unwrap().motion;
+                assert!(aside(&hinge) < 1.0, "{}", aside(&hinge));
+                assert!(hinge.apply(middle).distance(truth.apply(middle)) < 0.01 * found.diagonal);
+            }
+            // The right hinge stays.
+            let kept = exchanged(found.clone(), work, &result);
+            assert_eq!(kept.parts, found.parts);
+        });
+    }
+
+    #[test]
+    fn a_drawer_that_was_taken_for_a_hinge_slides_again() {
+        let scene = cabinet_scene(16, 96);
+        let found = discover(&scene, 2..=2, &DiscoverConfig::default()).unwrap();
+        with_refinement(&scene, |work| {
+            let drawer = found.parts.iter().position(|p| p.kind == JointKind::Prismatic).unwrap();
+            let truth = found.parts[drawer].motion;
+            let mut turned = found.clone();
+            turned.parts[drawer].kind = JointKind::Revolute;
+            turned.parts[drawer].motion = Rigid::about(DVec3::Z, found.middle(drawer + 1, State::END), 1.5);
+            turned.support[drawer].cost += 0.1;
+            let right = exchanged(turned, work, &|parts| refined(parts, work));
+            let slide = right.parts.iter().find(|p| p.kind == JointKind::Prismatic).unwrap().motion;
+            assert!(slide.translation.distance(truth.translation) < 0.01 * found.diagonal);
+        });
+    }
+
+    #[test]
+    fn a_part_of_which_others_explain_all_is_removed_unless_so_many_are_asked_for() {
+        let scene = cabinet_scene(16, 96);
+        let found = discover(&scene, 2..=2, &DiscoverConfig::default()).unwrap();
+        with_refinement(&scene, |work| {
+            let shifted = Rigid::shift(DVec3::Z * (0.3 * found.spacing));
+            let mut parts = Parts { parts: found.parts.clone(), labels: found.labels.clone() };
+            parts.parts.push(found.parts[0]);
+            parts.parts[2].motion = shifted * found.parts[0].motion;
+            for labels in parts.labels.iter_mut() {
+                labels.iter_mut().filter(|l| **l == 1).step_by(8).for_each(|l| *l = 3);
+            }
+            let surplus = refined(parts, work);
+            let left = |least: usize| without_surplus(surplus.clone(), least, work, &|parts| refined(parts, work));
+            assert_eq!((left(1).parts.len(), left(3).parts.len()), (2, 3));
+            // Parts that alone explain their points stay.
+            assert_eq!(without_surplus(found.clone(), 1, work, &|parts| refined(parts, work)).parts, found.parts);
+        });
+    }
+}
