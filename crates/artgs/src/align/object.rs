@@ -96,8 +96,8 @@ impl Surfaces {
     }
 }
 
-/// Which planes are the top of something thin that lies on a larger one, such as the base of a laptop: close in front of it, too close to
-/// tell that it bounds nothing, and looked at much more.
+/// Which planes are the top of something thin that lies on a larger one, such as the base of a laptop: so close in front of it that the
+/// larger one does not count as behind it, and looked at much more.
 fn raised_planes(frames: &[&DepthFrame], planes: &[Plane], unit: f64, config: &ObjectConfig) -> Vec<bool> {
     /// Least cosine between parallel normals.
     const PARALLEL: f64 = 0.98;
