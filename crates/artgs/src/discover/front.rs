@@ -4,7 +4,8 @@ use super::cloud::IndexedCloud;
 use super::poses::PoseSettings;
 use super::visibility::Occupancy;
 use artgs_core::{PerState, State};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 /// Settings of the search for the front.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +35,39 @@ impl Front {
     }
 }
 
+/// The direction near `front` that is perpendicular to the sides of the object: to those of the `normals` of what rests that are nearly
+/// so; `front` if they do not determine one. Doors that are ajar face nearly as the front does, and noise joins their directions to one.
+fn across_sides(front: Vec3, normals: impl Iterator<Item = Vec3>) -> Vec3 {
+    /// Normals within this angle are perpendicular to the front, degrees, in each round.
+    const NEARLY_DEG: [f64; 3] = [15.0, 8.0, 8.0];
+    /// Least ratio of the mean square of normals along the next axis to that along the front: sides in one direction leave a turn
+    /// about them open.
+    const LEAST_RATIO: f64 = 4.0;
+    let normals: Vec<DVec3> = normals.map(|n| n.as_dvec3()).collect();
+    let mut direction = front.as_dvec3();
+    for degrees in NEARLY_DEG {
+        let most = degrees.to_radians().sin();
+        let mut moments = Matrix3::<f64>::zeros();
+        for n in normals.iter().filter(|n| n.dot(direction).abs() < most) {
+            let n = Vector3::new(n.x, n.y, n.z);
+            moments += n * n.transpose();
+        }
+        let eigen = SymmetricEigen::new(moments);
+        let least = eigen.eigenvalues.imin();
+        let next = (0..3).filter(|k| *k != least).map(|k| eigen.eigenvalues[k]).fold(f64::INFINITY, f64::min);
+        if next <= LEAST_RATIO * eigen.eigenvalues[least].max(1e-12) {
+            return front;
+        }
+        let v = eigen.eigenvectors.column(least);
+        let across = DVec3::new(v[0], v[1], v[2]);
+        direction = if across.dot(direction) < 0.0 { -across } else { across };
+    }
+    if direction.dot(front.as_dvec3()) < NEARLY_DEG[0].to_radians().cos() {
+        return front;
+    }
+    direction.as_vec3()
+}
+
 impl Default for FrontSettings {
     fn default() -> Self {
         Self { outliers: 0.01, margin: 0.02, least_share: 0.15 }
@@ -41,13 +75,15 @@ impl Default for FrontSettings {
 }
 
 impl FrontSettings {
-    /// The side on which most of the moved points stand out of the resting ones; none if few do (sliding doors, tools).
+    /// The side on which most of the moved points stand out of the resting ones; none if few do (sliding doors, tools). Where
+    /// depth is noisy, the sides of the object determine the direction.
     pub(super) fn find(
         &self,
         clouds: &PerState<IndexedCloud<'_>>,
         occupancy: &PerState<Vec<Occupancy>>,
         poses: &PoseSettings,
         diagonal: f32,
+        noisy: bool,
     ) -> Option<Front> {
         let total = occupancy.iter().flatten().filter(|o| **o == Occupancy::Empty).count();
         let standing_out = |direction: Vec3| {
@@ -67,7 +103,33 @@ impl FrontSettings {
         let faces = poses.face_directions(clouds[State::END].cloud);
         let sides = faces.into_iter().flat_map(|f| [f.normalize(), -f.normalize()]);
         let sides = sides.filter_map(|direction| Some((standing_out(direction)?, direction)));
-        let ((count, height), direction) = sides.max_by_key(|((count, _), _)| *count)?;
+        let (most, direction) = sides.max_by_key(|((count, _), _)| *count)?;
+        let resting = |s: State| {
+            let normals = clouds[s].cloud.normals.iter().zip(&occupancy[s]);
+            normals.filter(|(_, o)| **o == Occupancy::Surface).map(|(n, _)| *n)
+        };
+        let resting = State::ALL.into_iter().flat_map(resting);
+        let direction = if noisy { across_sides(direction, resting) } else { direction };
+        let (count, height) = if noisy { standing_out(direction)? } else { most };
         (count as f32 >= self.least_share * total as f32).then_some(Front { direction, height })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_front_is_perpendicular_to_the_sides() {
+        let found = Vec3::new(0.12, -0.99, 0.03).normalize();
+        // A side and a top, each with the same noise on both sides, and a door that is ajar.
+        let wobble = [-0.1, -0.03, 0.0, 0.03, 0.1];
+        let side = wobble.map(|y| Vec3::new(1.0, y, 0.0).normalize());
+        let top = wobble.map(|y| Vec3::new(0.0, y, 1.0).normalize());
+        let door = [Vec3::new(0.17, -0.98, 0.0).normalize(); 3];
+        let across = across_sides(found, side.into_iter().chain(top).chain(door));
+        assert!(across.angle_between(Vec3::NEG_Y) < 0.01, "{across}");
+        // One side says nothing about turns about it, and nothing else does.
+        assert_eq!(across_sides(found, side.into_iter().chain(door)), found);
     }
 }

@@ -362,7 +362,8 @@ impl Evidence {
 
     /// The side on which the object opens, if it has one.
     fn front(&self, scene: &Scene, clouds: &PerState<IndexedCloud<'_>>, settings: &StepSettings) -> Option<Front> {
-        settings.front.find(clouds, &self.occupancy, &settings.candidates.poses, scene.lengths.diagonal)
+        let (poses, diagonal) = (&settings.candidates.poses, scene.lengths.diagonal);
+        settings.front.find(clouds, &self.occupancy, poses, diagonal, scene.spreading)
     }
 
     /// Candidate motions for `movable` parts.
