@@ -35,37 +35,45 @@ impl Front {
     }
 }
 
-/// The direction near `front` that is perpendicular to the sides of the object: to those of the `normals` of what rests that are nearly
-/// so; `front` if they do not determine one. Doors that are ajar face nearly as the front does, and noise joins their directions to one.
-fn across_sides(front: Vec3, normals: impl Iterator<Item = Vec3>) -> Vec3 {
-    /// Normals within this angle are perpendicular to the front, degrees, in each round.
+/// The direction near `front` that `normals` of what rests determine, if it clearly differs: perpendicular to the sides of the object, those
+/// normals that are nearly so, and parallel to those that are nearly so; `front` if they leave it open. Doors that are ajar face nearly as the
+/// front does, and noise joins their directions to one.
+fn of_resting(front: Vec3, normals: impl Iterator<Item = Vec3>) -> Vec3 {
+    /// Normals within this angle of parallel or perpendicular count, degrees, in each round.
     const NEARLY_DEG: [f64; 3] = [15.0, 8.0, 8.0];
-    /// Least ratio of the mean square of normals along the next axis to that along the front: sides in one direction leave a turn
-    /// about them open.
-    const LEAST_RATIO: f64 = 4.0;
+    /// Turns up to this are errors of either direction, degrees.
+    const SAME_DEG: f64 = 2.0;
+    /// Least difference of the mean squares of normals along the front and along the next axis: sides in one direction leave a turn about
+    /// them open.
+    const LEAST_GAP: f64 = 0.1;
     let normals: Vec<DVec3> = normals.map(|n| n.as_dvec3()).collect();
     let mut direction = front.as_dvec3();
     for degrees in NEARLY_DEG {
         let most = degrees.to_radians().sin();
-        let mut moments = Matrix3::<f64>::zeros();
-        for n in normals.iter().filter(|n| n.dot(direction).abs() < most) {
+        let (mut moments, mut count) = (Matrix3::<f64>::zeros(), 0);
+        for n in &normals {
+            let sign = match n.dot(direction).abs() {
+                along if along < most => 1.0,
+                along if along * along > 1.0 - most * most => -1.0,
+                _ => continue,
+            };
             let n = Vector3::new(n.x, n.y, n.z);
-            moments += n * n.transpose();
+            moments += sign * n * n.transpose();
+            count += 1;
         }
-        let eigen = SymmetricEigen::new(moments);
+        let eigen = SymmetricEigen::new(moments / f64::from(count.max(1)));
         let least = eigen.eigenvalues.imin();
         let next = (0..3).filter(|k| *k != least).map(|k| eigen.eigenvalues[k]).fold(f64::INFINITY, f64::min);
-        if next <= LEAST_RATIO * eigen.eigenvalues[least].max(1e-12) {
+        if next - eigen.eigenvalues[least] < LEAST_GAP {
             return front;
         }
         let v = eigen.eigenvectors.column(least);
-        let across = DVec3::new(v[0], v[1], v[2]);
-        direction = if across.dot(direction) < 0.0 { -across } else { across };
+        let found = DVec3::new(v[0], v[1], v[2]);
+        direction = if found.dot(direction) < 0.0 { -found } else { found };
     }
-    if direction.dot(front.as_dvec3()) < NEARLY_DEG[0].to_radians().cos() {
-        return front;
-    }
-    direction.as_vec3()
+    let cosine = direction.dot(front.as_dvec3());
+    let turned = (NEARLY_DEG[0].to_radians().cos()..SAME_DEG.to_radians().cos()).contains(&cosine);
+    if turned { direction.as_vec3() } else { front }
 }
 
 impl Default for FrontSettings {
@@ -109,7 +117,7 @@ impl FrontSettings {
             normals.filter(|(_, o)| **o == Occupancy::Surface).map(|(n, _)| *n)
         };
         let resting = State::ALL.into_iter().flat_map(resting);
-        let direction = if noisy { across_sides(direction, resting) } else { direction };
+        let direction = if noisy { of_resting(direction, resting) } else { direction };
         let (count, height) = if noisy { standing_out(direction)? } else { most };
         (count as f32 >= self.least_share * total as f32).then_some(Front { direction, height })
     }
@@ -120,16 +128,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_front_is_perpendicular_to_the_sides() {
+    fn what_rests_determines_the_front_of_a_noisy_object() {
         let found = Vec3::new(0.12, -0.99, 0.03).normalize();
-        // A side and a top, each with the same noise on both sides, and a door that is ajar.
+        // A side, a top and a front, each with the same noise on both sides.
         let wobble = [-0.1, -0.03, 0.0, 0.03, 0.1];
         let side = wobble.map(|y| Vec3::new(1.0, y, 0.0).normalize());
         let top = wobble.map(|y| Vec3::new(0.0, y, 1.0).normalize());
-        let door = [Vec3::new(0.17, -0.98, 0.0).normalize(); 3];
-        let across = across_sides(found, side.into_iter().chain(top).chain(door));
-        assert!(across.angle_between(Vec3::NEG_Y) < 0.01, "{across}");
-        // One side says nothing about turns about it, and nothing else does.
-        assert_eq!(across_sides(found, side.into_iter().chain(door)), found);
+        let face = wobble.map(|x| Vec3::new(x, -1.0, 0.0).normalize());
+        for others in [top.as_slice(), &face] {
+            let front = of_resting(found, side.into_iter().chain(others.iter().copied()));
+            assert!(front.angle_between(Vec3::NEG_Y) < 0.01, "{front}");
+        }
+        // Normals in one direction leave turns about it open.
+        assert_eq!(of_resting(found, side.into_iter()), found);
+        // A direction that hardly differs is kept.
+        let near = Vec3::new(0.02, -1.0, 0.0).normalize();
+        assert_eq!(of_resting(near, side.into_iter().chain(top)), near);
     }
 }
