@@ -201,20 +201,15 @@ fn without_uncertain(
 }
 
 /// Confidence below which a part is doubtful: among joints of captures with ground truth, one in ten was correct.
-const DOUBTFUL: f64 = 0.3;
+pub(super) const DOUBTFUL: f64 = 0.3;
 /// A part with a larger [`super::Support::contested`] is doubtful too: of 327 joints of captures with ground truth, all but one of the
 /// wrong ones had more, and all but one of the correct ones less.
 const CONTESTED: f64 = 0.2;
 /// Sets of parts that are tried without a doubtful one at most: each needs a refinement.
 const TRIALS: usize = 6;
 
-/// Doubtful parts, the most doubtful one first.
-pub(super) fn doubtful_parts(found: &Discovery) -> Vec<usize> {
-    doubtful(found, DOUBTFUL)
-}
-
 /// Parts of a lower confidence than `least` or contested ones, the most doubtful one first.
-fn doubtful(found: &Discovery, least: f64) -> Vec<usize> {
+pub(super) fn doubtful(found: &Discovery, least: f64) -> Vec<usize> {
     let confidence = |k: usize| found.parts[k].confidence.unwrap_or(0.0);
     let is_doubtful = |k: &usize| confidence(*k) < least || found.support[*k].contested > CONTESTED;
     let mut doubtful: Vec<usize> = (0..found.parts.len()).filter(is_doubtful).collect();

@@ -53,15 +53,15 @@ pub(super) fn without_surplus(
     const ALONE: f64 = 0.03;
     /// What a part must raise the quality by, times its doubt: what it does not explain lowers the confidence of all others.
     const WORTH: f64 = 0.01;
-    let total = work.evidence.total();
-    'removed: loop {
+    let (total, least) = (work.evidence.total(), least.max(1));
+    'removed: while found.parts.len() > least {
         let count = found.parts.len();
         let alone = |k: usize| found.support[k].exclusive * found.support[k].moved / total.max(1) as f64;
         let mut small: Vec<usize> = (0..count).filter(|k| alone(*k) < ALONE).collect();
         small.sort_by(|a, b| alone(*a).total_cmp(&alone(*b)));
-        for k in small.into_iter().take(count.saturating_sub(least.max(1))) {
+        for k in small {
             let others: Vec<Rigid> = (0..count).filter(|other| *other != k).map(|k| found.parts[k].motion).collect();
-            let other = result(work.parts(&others, &(least.max(1)..=count - 1)));
+            let other = result(work.parts(&others, &(least..=count - 1)));
             let fewer = !other.parts.is_empty() && other.parts.len() < count;
             let worth = WORTH * (1.0 - found.parts[k].confidence.unwrap_or(0.0));
             if fewer && other.quality(total) > found.quality(total) - worth {
@@ -69,8 +69,9 @@ pub(super) fn without_surplus(
                 continue 'removed;
             }
         }
-        return found;
+        break;
     }
+    found
 }
 
 /// Mean cost of each motion, start to end, for a sample of a part's points.

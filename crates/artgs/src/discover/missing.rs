@@ -2,7 +2,7 @@
 //! it may hold the front of a drawer that moves otherwise. Fronts that no motion takes onto a surface show which slide is missing.
 
 use super::Discovery;
-use super::doubts::doubtful_parts;
+use super::doubts::{DOUBTFUL, doubtful};
 use super::exchanges::landings;
 use super::front::Front;
 use super::front_slides::{STEP, all_lengths};
@@ -36,7 +36,7 @@ pub(super) fn with_missing(
         let value = found.quality(total) - fronts.open_share();
         let motions: Vec<Rigid> = found.parts.iter().map(|p| p.motion).collect();
         for slide in fronts.slides(&found, front, work) {
-            for motions in sets_with(slide, &motions, &doubtful_parts(&found), *movable.end(), found.spacing) {
+            for motions in sets_with(slide, &motions, &doubtful(&found, DOUBTFUL), *movable.end(), found.spacing) {
                 if tried == TRIALS {
                     return found;
                 }
