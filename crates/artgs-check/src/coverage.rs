@@ -142,8 +142,10 @@ pub(crate) fn link(
     let mut out = CoverageFinding { link: link.name.clone(), lost, ..CoverageFinding::default() };
     let holds = |p: &DVec3| observed.is_none_or(|observed| observed.holds(*p));
     let seen: Vec<DVec3> = samples(&visuals, options.samples).into_iter().filter(holds).collect();
-    let near = seen.iter().filter(|p| pieces.iter().any(|h| h.is_near(**p, tolerance))).count();
-    out.visual = near as f64 / seen.len().max(1) as f64;
+    let (near, far): (Vec<DVec3>, Vec<DVec3>) =
+        seen.into_iter().partition(|p| pieces.iter().any(|h| h.is_near(*p, tolerance)));
+    let bare = far.iter().filter(|p| !passing.holds(**p)).count();
+    out.visual = near.len() as f64 / (near.len() + bare).max(1) as f64;
     out.hulls = covered_hulls(&pieces, drawn, tolerance, options);
     phantom(&pieces, drawn, hole, &mut out);
     // Triangles that close the visual mesh.

@@ -1,14 +1,15 @@
 //! Places of a link through which another one passes: no hull can be there.
 
 use crate::coverage::Drawn;
-use crate::model::Model;
-use artgs_core::Rigid;
+use crate::model::{Link, Model};
+use artgs_core::{Rigid, State};
 use glam::DVec3;
 
 /// Joint values of a joint at which places are tested.
 const STOPS: usize = 48;
 
-/// The visual meshes of the links that a link carries, and of its carrier, at all joint values of the joints between them.
+/// The visual meshes of the other links, wherever one joint takes them past a link while the other joints are at zero, and in both
+/// observed states: poses in which the export keeps links apart.
 pub(crate) struct Passing<'a> {
     /// Each with the motions from the frame of the link to that of the other one.
     others: Vec<(&'a Drawn, Vec<Rigid>)>,
@@ -17,28 +18,46 @@ pub(crate) struct Passing<'a> {
 impl<'a> Passing<'a> {
     /// What passes a link of the model, of which `drawn` are the visual meshes.
     pub(crate) fn of(model: &Model, drawn: &'a [Option<Drawn>], link: usize) -> Self {
-        let links = &model.links;
-        let pairs = (0..links.len()).filter_map(|child| {
-            let parent = links[child].parent?;
-            let other = if child == link { parent } else { child };
-            ((child == link || parent == link) && links[child].motion.is_some()).then_some((parent, child, other))
-        });
-        let others = pairs.filter_map(|(parent, child, other)| {
-            let motion = links[child].motion.as_ref()?;
-            let [low, high] = motion.limits;
-            let from_child = |k: usize| {
-                let value = low + (high - low) * k as f64 / (STOPS - 1) as f64;
-                links[parent].pose.inverse() * links[child].pose * motion.motion(value)
+        let zero = vec![0.0; model.links.len()];
+        let poses = stances(model);
+        let passes = |other: usize| {
+            let drawn = drawn[other].as_ref().filter(|_| other != link)?;
+            let moved = |joint: &Option<usize>| {
+                joint.is_none_or(|joint| {
+                    let carried = model.carried(joint);
+                    carried[other] != carried[link]
+                })
             };
-            let to_other = |k: usize| if other == parent { from_child(k) } else { from_child(k).inverse() };
-            let is_finite = low.is_finite() && high.is_finite();
-            Some((drawn[other].as_ref()?, (0..if is_finite { STOPS } else { 0 }).map(to_other).collect()))
-        });
-        Self { others: others.collect() }
+            let relative = |poses: &Vec<Rigid>| poses[other].inverse() * poses[link];
+            let all = poses.iter().filter(|(joint, _)| moved(joint)).map(|(_, poses)| relative(poses));
+            Some((drawn, all.chain([relative(&model.poses(&zero))]).collect()))
+        };
+        Self { others: (0..model.links.len()).filter_map(passes).collect() }
     }
 
     /// True if a point, link frame, is inside of another link at some joint value.
     pub(crate) fn holds(&self, p: DVec3) -> bool {
         self.others.iter().any(|(drawn, motions)| motions.iter().any(|motion| drawn.holds(motion.apply(p))))
     }
+}
+
+/// Link frames at the stops of each joint with finite limits while the others are at zero, with the joint, and in the observed states.
+fn stances(model: &Model) -> Vec<(Option<usize>, Vec<Rigid>)> {
+    let values = |joint: usize, [low, high]: [f64; 2]| {
+        (0..STOPS).map(move |k| (joint, low + (high - low) * k as f64 / (STOPS - 1) as f64))
+    };
+    let joints = model.links.iter().enumerate().filter_map(|(i, link)| {
+        let limits = link.motion.as_ref()?.limits;
+        limits.iter().all(|limit| limit.is_finite()).then(|| values(i, limits))
+    });
+    let alone = joints.flatten().map(|(joint, value)| {
+        let mut values = vec![0.0; model.links.len()];
+        values[joint] = value;
+        (Some(joint), model.poses(&values))
+    });
+    let seen = State::ALL.iter().map(|state| {
+        let value = |link: &Link| link.motion.as_ref().and_then(|m| m.observed.as_ref()).map_or(0.0, |v| v[*state]);
+        (None, model.poses(&model.links.iter().map(value).collect::<Vec<f64>>()))
+    });
+    alone.chain(seen).collect()
 }

@@ -68,6 +68,8 @@ impl Needed {
 struct Candidate {
     /// Volume of the join without those of the pieces; or how much the join sticks out, if there are too many pieces.
     cost: f64,
+    /// False if the cost can be too low: it is then computed again before the join is made.
+    exact: bool,
     pair: [usize; 2],
     both: Hull,
 }
@@ -96,15 +98,25 @@ impl Ord for Candidate {
 pub(super) fn joined(hulls: Vec<Hull>, solid: &Solid, options: &DecomposeOptions) -> Vec<Hull> {
     let mut alive: Vec<Option<Hull>> = hulls.into_iter().map(Some).collect();
     let fits = |both: &Hull| both.points().len() <= options.corners && stays_within(both, solid, options.tolerance);
-    join(&mut alive, 1, options, |a, b, both| Some(both.volume() - a.volume() - b.volume()), fits);
+    let added = |a: &Hull, b: &Hull, both: &Hull| both.volume() - a.volume() - b.volume();
+    join(&mut alive, 1, options, (added, None::<fn(&Hull) -> f64>), fits);
     alive.into_iter().flatten().collect()
 }
 
 /// Pieces, joined until there are at most `options.most`, those first of which the join sticks out least.
 pub(super) fn reduced(hulls: Vec<Hull>, solid: &Solid, options: &DecomposeOptions) -> Vec<Hull> {
     let mut alive: Vec<Option<Hull>> = hulls.into_iter().map(Some).collect();
-    let out = |_: &Hull, _: &Hull, both: &Hull| Some(solid.protrusion(both, SAMPLES) + 0.05 * both.volume().cbrt());
-    join(&mut alive, options.most as usize, options, out, |_| true);
+    let cost = |both: &Hull, samples: usize| {
+        let samples = both.samples(samples);
+        let outside: Vec<f64> = samples.iter().map(|p| solid.signed(*p)).filter(|d| *d > 0.0).collect();
+        let far = outside.iter().filter(|d| **d > options.tolerance).count();
+        let area = both.area() * far as f64 / samples.len().max(1) as f64;
+        outside.iter().copied().fold(0.0, f64::max) + 0.05 * both.volume().cbrt() + OUTSIDE * area.sqrt()
+    };
+    let coarse = |_: &Hull, _: &Hull, both: &Hull| cost(both, SAMPLES);
+    // Notches of thin sheets are narrower than the distance of few samples.
+    let exact = |both: &Hull| cost(both, samples_of(both, options.tolerance).max(SAMPLES));
+    join(&mut alive, options.most as usize, options, (coarse, Some(exact)), |_| true);
     let mut hulls: Vec<Hull> = alive.into_iter().flatten().collect();
     // Pieces that touch no other one cannot be joined: the largest stay.
     hulls.sort_by(|a, b| b.volume().total_cmp(&a.volume()));
@@ -112,28 +124,36 @@ pub(super) fn reduced(hulls: Vec<Hull>, solid: &Solid, options: &DecomposeOption
     hulls
 }
 
+/// What the side of a square counts that is as large as the surface of a join outside the solid, against how far a join sticks out.
+const OUTSIDE: f64 = 0.2;
 /// Samples of a hull that are tested first.
 const SAMPLES: usize = 100;
 
 /// True if no sample of the surface of a hull is outside the solid by more than the tolerance.
 pub(super) fn stays_within(hull: &Hull, solid: &Solid, tolerance: f64) -> bool {
-    /// Distance of the samples, in tolerances, ...
-    const SPACING: f64 = 1.5;
-    /// ... and how many there are at most.
-    const MOST: f64 = 3000.0;
     let few = hull.samples(SAMPLES);
-    let step = SPACING * tolerance;
-    let count = (hull.area() / (step * step)).min(MOST) as usize;
+    let count = samples_of(hull, tolerance);
     few.into_iter().all(|p| solid.signed(p) <= tolerance)
         && (count <= SAMPLES || hull.samples(count).into_iter().all(|p| solid.signed(p) <= tolerance))
 }
 
-/// Joins neighbours, those with the least cost first, as long as there are more than `most` and while `fits` is true for the join.
+/// Samples of the surface of a hull, a few tolerances apart.
+fn samples_of(hull: &Hull, tolerance: f64) -> usize {
+    /// Distance of the samples, in tolerances, ...
+    const SPACING: f64 = 1.5;
+    /// ... and how many there are at most.
+    const MOST: f64 = 3000.0;
+    let step = SPACING * tolerance;
+    (hull.area() / (step * step)).min(MOST) as usize
+}
+
+/// Joins neighbours, those with the least cost first, as long as there are more than `most` and while `fits` is true for the join. The second
+/// cost, which is at least the first one, is computed only for joins that are next.
 fn join(
     alive: &mut Vec<Option<Hull>>,
     most: usize,
     options: &DecomposeOptions,
-    cost: impl Fn(&Hull, &Hull, &Hull) -> Option<f64>,
+    (cost, exact): (impl Fn(&Hull, &Hull, &Hull) -> f64, Option<impl Fn(&Hull) -> f64>),
     fits: impl Fn(&Hull) -> bool,
 ) {
     let near = |a: &Hull, b: &Hull| {
@@ -147,7 +167,7 @@ fn join(
         }
         let points: Vec<_> = a.points().iter().chain(b.points()).copied().collect();
         let both = Hull::of(&points, options.thinnest)?;
-        Some(Candidate { cost: cost(a, b, &both)?, pair: [i, j], both })
+        Some(Candidate { cost: cost(a, b, &both), exact: exact.is_none(), pair: [i, j], both })
     };
     let mut count = alive.iter().flatten().count();
     if count <= most {
@@ -155,11 +175,18 @@ fn join(
     }
     let pairs = (0..alive.len()).flat_map(|i| (i + 1..alive.len()).map(move |j| [i, j]));
     let mut heap: BinaryHeap<Candidate> = pairs.filter_map(|[i, j]| candidate(alive, i, j)).collect();
-    while let Some(Candidate { pair: [i, j], both, .. }) = heap.pop() {
+    while let Some(Candidate { pair: [i, j], both, exact: is_exact, .. }) = heap.pop() {
         if count <= most {
             break;
         }
-        if alive[i].is_none() || alive[j].is_none() || !fits(&both) {
+        if alive[i].is_none() || alive[j].is_none() {
+            continue;
+        }
+        if let Some(exact) = exact.as_ref().filter(|_| !is_exact) {
+            heap.push(Candidate { cost: exact(&both), exact: true, pair: [i, j], both });
+            continue;
+        }
+        if !fits(&both) {
             continue;
         }
         (alive[i], alive[j]) = (None, None);
