@@ -80,8 +80,8 @@ fn pieces_with_regions(solid: &mut Solid, options: &DecomposeOptions) -> Vec<Hul
     rest::add(solid, &axes(&regions), options, &mut pieces);
     let needed = union::Needed::of(solid, options);
     let most = options.most as usize;
-    let hulls = union::joined(needed.pruned(pieces.hulls, most, 3.0 * options.tolerance, options), solid, options);
-    let mut hulls = union::reduced(needed.pruned(hulls, most, 6.0 * options.tolerance, options), solid, options);
+    let hulls = union::joined(needed.pruned(pieces.hulls, most, 2.0 * options.tolerance, options), solid, options);
+    let mut hulls = union::reduced(needed.pruned(hulls, most, 3.0 * options.tolerance, options), solid, options);
     hulls = hulls
         .into_iter()
         .map(|hull| boxes::boxed(hull, solid, options))
