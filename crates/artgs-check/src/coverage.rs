@@ -84,9 +84,9 @@ impl Drawn {
         Some(Self { shape: TriMesh::with_flags(points, triangles, flags).ok()?, inside, low, high })
     }
 
-    /// True for points behind the surface.
-    pub(crate) fn holds(&self, p: DVec3) -> bool {
-        p.cmpge(self.low).all() && p.cmple(self.high).all() && self.signed(p) < 0.0
+    /// True for points behind the surface, or less than `near` before it.
+    pub(crate) fn holds(&self, p: DVec3, near: f64) -> bool {
+        p.cmpge(self.low - near).all() && p.cmple(self.high + near).all() && self.signed(p) < near
     }
 
     /// Distance of a point from the surface, negative behind it.

@@ -1,18 +1,24 @@
 //! Places of a link through which another one passes: no hull can be there.
 
 use crate::coverage::Drawn;
-use crate::model::{Link, Model};
+use crate::model::{Link, Model, bounds};
 use artgs_core::{Rigid, State};
 use glam::DVec3;
 
 /// Joint values of a joint at which places are tested.
 const STOPS: usize = 48;
+/// Distance that hulls of different links keep, metres, ...
+const GAP: f64 = 2.5e-3;
+/// ... as a share of the object's diagonal at most.
+const GAP_SHARE: f64 = 2e-3;
 
 /// The visual meshes of the other links, wherever one joint takes them past a link while the other joints are at zero, and in both
 /// observed states: poses in which the export keeps links apart.
 pub(crate) struct Passing<'a> {
     /// Each with the motions from the frame of the link to that of the other one.
     others: Vec<(&'a Drawn, Vec<Rigid>)>,
+    /// Points this near to another link are passed as well.
+    near: f64,
 }
 
 impl<'a> Passing<'a> {
@@ -32,12 +38,15 @@ impl<'a> Passing<'a> {
             let all = poses.iter().filter(|(joint, _)| moved(joint)).map(|(_, poses)| relative(poses));
             Some((drawn, all.chain([relative(&model.poses(&zero))]).collect()))
         };
-        Self { others: (0..model.links.len()).filter_map(passes).collect() }
+        let boxes = model.links.iter().filter_map(|link| link.bounds(&link.visuals));
+        let object = bounds(boxes.flatten());
+        let near = object.map_or(0.0, |[low, high]| GAP.min(GAP_SHARE * (high - low).length()));
+        Self { others: (0..model.links.len()).filter_map(passes).collect(), near }
     }
 
-    /// True if a point, link frame, is inside of another link at some joint value.
+    /// True if a point, link frame, is inside of another link, or within the gap before it, at some joint value.
     pub(crate) fn holds(&self, p: DVec3) -> bool {
-        self.others.iter().any(|(drawn, motions)| motions.iter().any(|motion| drawn.holds(motion.apply(p))))
+        self.others.iter().any(|(drawn, motions)| motions.iter().any(|motion| drawn.holds(motion.apply(p), self.near)))
     }
 }
 
