@@ -9,19 +9,22 @@ use super::landing::{Landing, StatePair};
 use super::ranking::better_seen;
 use super::refinement::{Parts, Refinement, members_of_part};
 use super::turned_over::plausible_twins;
-use artgs_core::{PerState, Rigid, State};
+use artgs_core::{JointKind, PerState, Rigid, State};
 
 /// Points that judge a motion.
 const SAMPLES: usize = 300;
 
-/// What was found, hinges exchanged for more plausible motions that explain the points as well: hinges that take the part to the same
-/// place turned over, and slides along the front.
+/// What was found, hinges and screws exchanged for more plausible motions that explain the points as well: those that take the part to
+/// the same place turned over, and slides along the front.
 pub(super) fn exchanged(mut found: Discovery, work: &Refinement<'_>, result: &dyn Fn(Parts) -> Discovery) -> Discovery {
     /// Motions that are tried at most: each needs a refinement.
     const TRIALS: usize = 8;
     let mut tried = 0;
     'exchanged: loop {
         for k in 0..found.parts.len() {
+            if !may_be_exchanged(&found, k, work) {
+                continue;
+            }
             let others = plausible_twins(&found, k, work).into_iter().chain(front_slides(&found, k, work));
             for other in others {
                 if tried == TRIALS {
@@ -72,6 +75,27 @@ pub(super) fn without_surplus(
         break;
     }
     found
+}
+
+/// True for hinges and screws of parts on the static part, but not for screws of parts that look alike after a quarter of a turn, such
+/// as caps: those are known by their colours.
+pub(super) fn may_be_exchanged(found: &Discovery, k: usize, work: &Refinement<'_>) -> bool {
+    /// A part that costs this much more after a quarter of a turn does not look alike.
+    const UNLIKE: f64 = 0.05;
+    let part = &found.parts[k];
+    let is_round = || {
+        let members = members_of_part(&found.labels, k as u16 + 1);
+        let screw = part.motion.screw();
+        let quarter = Rigid::about(screw.axis, screw.origin, std::f64::consts::FRAC_PI_2) * part.motion;
+        let costs = costs_of(&[part.motion, quarter], &members, work);
+        costs[1] < costs[0] + UNLIKE
+    };
+    part.parent == 0
+        && match part.kind {
+            JointKind::Revolute => true,
+            JointKind::Screw => !is_round(),
+            JointKind::Prismatic => false,
+        }
 }
 
 /// Mean cost of each motion, start to end, for a sample of a part's points.
@@ -130,7 +154,6 @@ mod tests {
     use crate::discover::test_scene::{cabinet_scene, with_refinement};
     use crate::discover::twins::twins;
     use crate::discover::{DiscoverConfig, discover};
-    use artgs_core::JointKind;
     use glam::DVec3;
 
     fn refined(parts: Parts, work: &Refinement<'_>) -> Discovery {

@@ -1,10 +1,10 @@
-//! Slides along the front of the object that take a hinged part to what the other state shows.
+//! Slides along the front of the object that take a part to what the other state shows.
 
 use super::Discovery;
 use super::exchanges::{costs_of, implausibility};
 use super::front::Front;
 use super::refinement::{Refinement, members_of_part};
-use artgs_core::{JointKind, Rigid};
+use artgs_core::Rigid;
 
 /// Distance between the lengths that are tried, spacings.
 pub(super) const STEP: f64 = 0.5;
@@ -18,19 +18,17 @@ pub(super) fn all_lengths(front: Front, work: &Refinement<'_>) -> Vec<Rigid> {
     (-steps..=steps).map(|i| Rigid::shift(front.direction.as_dvec3() * (f64::from(i) * step))).collect()
 }
 
-/// Slides along the front, start to end, that cost a hinged part hardly more than its own motion, the cheapest one first. A turn by a
+/// Slides along the front, start to end, that cost a part hardly more than its own motion, the cheapest one first. A turn by a
 /// quarter takes the front of a drawer to one of its sides, and noise lets that fit nearly as well.
 pub(super) fn front_slides(found: &Discovery, k: usize, work: &Refinement<'_>) -> Vec<Rigid> {
     /// Slides that are worth a refinement at most.
     const MOST: usize = 2;
-    /// They cost at most this much more than the hinge: the labels are those of the hinge.
+    /// They cost at most this much more than its motion: the labels are those of that motion.
     const SLACK: f64 = 0.15;
     /// Least length, spacings.
     const LEAST: f64 = 2.0;
     let part = &found.parts[k];
-    let Some(front) = work.front.filter(|_| part.kind == JointKind::Revolute && part.parent == 0) else {
-        return Vec::new();
-    };
+    let Some(front) = work.front else { return Vec::new() };
     let members = members_of_part(&found.labels, k as u16 + 1);
     let judged = |motions: &[Rigid]| -> Vec<f64> {
         let costs = costs_of(motions, &members, work);

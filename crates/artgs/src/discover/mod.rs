@@ -59,6 +59,7 @@ mod rails;
 mod ranking;
 mod refinement;
 pub(crate) mod registration;
+mod relief;
 pub(crate) mod scene;
 mod screws;
 mod segmentation;
@@ -89,6 +90,7 @@ use missing::with_missing;
 pub use moved_points::{MovedPoints, moved_points};
 use rayon::prelude::*;
 use refinement::{Parts, Refinement};
+use relief::with_plateaus;
 pub use scene::{DepthPicture, Scene, pixel_step};
 use segmentation::Graph;
 use selection::Selection;
@@ -275,8 +277,10 @@ fn best_parts(
     let found = or_fewer(found, numbers, evidence.total(), &settings.bodies, &|number| result(fewer(number)));
     let found = if scene.spreading {
         let found = exchanged(found, &work, &result);
-        let found = without_surplus(found, *movable.start(), &work, &result);
-        with_missing(found, &movable, &work, &result)
+        match with_plateaus(&found, &movable, &work, &result) {
+            Some(better) => better,
+            None => with_missing(without_surplus(found, *movable.start(), &work, &result), &movable, &work, &result),
+        }
     } else {
         found
     };

@@ -122,12 +122,17 @@ impl Refinement<'_> {
 
     /// Parts that move by `motions`, refined once.
     pub(super) fn refined(&self, motions: &[Rigid]) -> Parts {
+        self.refined_but(0, motions)
+    }
+
+    /// The same, but the first `slides` motions are slides that stay as they are.
+    pub(super) fn refined_but(&self, slides: usize, motions: &[Rigid]) -> Parts {
         (self.begun)();
         let kinds = vec![None; motions.len()];
         let Self { scene, clouds, evidence, config, settings, front, .. } = *self;
         let order = Numbering::ParentsFirst;
         let (parts, labels) =
-            refine_parts(scene, clouds, evidence, motions, &[], &kinds, front, order, config, settings);
+            refine_parts(scene, clouds, evidence, motions, &[], slides, &kinds, front, order, config, settings);
         Parts { parts, labels }
     }
 
@@ -139,7 +144,7 @@ impl Refinement<'_> {
             let motions: Vec<Rigid> = bodies.iter().map(|b| b.motion).collect();
             let (kinds, order) = (vec![None; motions.len()], Numbering::Kept);
             let (parts, labels) =
-                refine_parts(scene, clouds, evidence, &motions, &bodies, &kinds, front, order, config, settings);
+                refine_parts(scene, clouds, evidence, &motions, &bodies, 0, &kinds, front, order, config, settings);
             let found = self.aligned(Parts { parts, labels });
             if let Some((kept, other)) = self.same_body(&found) {
                 join(&mut bodies, kept, other);
@@ -270,7 +275,7 @@ impl Refinement<'_> {
 }
 
 /// Labels points and registers parts in turn, from motions start to end; the last round decides each joint, unless its
-/// kind is known, and what carries it.
+/// kind is known, and what carries it. The first `fixed` motions are slides that stay as they are.
 #[expect(clippy::too_many_arguments, reason = "what was measured, what is known, how to number, and settings")]
 pub(super) fn refine_parts(
     scene: &Scene,
@@ -278,6 +283,7 @@ pub(super) fn refine_parts(
     evidence: &Evidence,
     motions: &[Rigid],
     bodies: &[Body],
+    fixed: usize,
     kinds: &[Option<JointKind>],
     front: Option<Front>,
     numbering: Numbering,
@@ -294,6 +300,10 @@ pub(super) fn refine_parts(
         bodies,
         costs: settings.label_costs,
         settings: settings.segmentation,
+    };
+    let fix = |parts: &mut Vec<JointEstimate>| {
+        let slides = motions[..fixed].iter().map(|m| JointEstimate::new(JointKind::Prismatic, *m));
+        parts.iter_mut().zip(slides).for_each(|(part, slide)| *part = slide);
     };
     let (mut labels, mut labelled_by) = (PerState::default(), None);
     let rounds = config.rounds.max(1);
@@ -326,6 +336,7 @@ pub(super) fn refine_parts(
             };
             parts = numbered.map(refine).collect();
         }
+        fix(&mut parts);
     }
     if numbering == Numbering::ParentsFirst {
         parents_first(&mut parts, &mut labels);

@@ -1,4 +1,4 @@
-//! Motions that take a hinged part to the same place turned over: the other side of a thin door fits nearly as well.
+//! Motions that take a part to the same place turned over: the other side of a thin door fits nearly as well.
 
 use super::Discovery;
 use super::cloud::principal_axes;
@@ -6,15 +6,12 @@ use super::exchanges::{costs_of, implausibility};
 use super::ranking::better_seen;
 use super::refinement::{Refinement, members_of_part};
 use super::twins::twins;
-use artgs_core::{JointKind, PerState, Rigid, State};
+use artgs_core::{PerState, Rigid, State};
 
-/// Motions, start to end, that take a hinged part to the same place turned over and that are more plausible than its own, the most
+/// Motions, start to end, that take a part to the same place turned over and that are more plausible than its own, the most
 /// plausible one first.
 pub(super) fn plausible_twins(found: &Discovery, k: usize, work: &Refinement<'_>) -> Vec<Rigid> {
     let part = &found.parts[k];
-    if part.kind != JointKind::Revolute || part.parent > 0 {
-        return Vec::new();
-    }
     let members = members_of_part(&found.labels, k as u16 + 1);
     let state = better_seen(&members);
     let all = twins(work.clouds[state].cloud, &members[state], &part.motion.away_from(state));
