@@ -1,5 +1,5 @@
 //! Heights along the front of the object, where depth noise spreads points. The fronts of drawers are the outermost surfaces there in both
-//! states: what the height of a front changed by between the states is the length of its slide, whatever noise does to single points.
+//! states: what the height of a front changed by between the states is the length of its slide, and noise of single points does not change it.
 
 use super::Discovery;
 use super::front::Front;
