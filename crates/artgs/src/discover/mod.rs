@@ -90,7 +90,7 @@ use missing::with_missing;
 pub use moved_points::{MovedPoints, moved_points};
 use rayon::prelude::*;
 use refinement::{Parts, Refinement};
-use relief::with_plateaus;
+use relief::{with_handles, with_plateaus};
 pub use scene::{DepthPicture, Scene, pixel_step};
 use segmentation::Graph;
 use selection::Selection;
@@ -277,10 +277,11 @@ fn best_parts(
     let found = or_fewer(found, numbers, evidence.total(), &settings.bodies, &|number| result(fewer(number)));
     let found = if scene.spreading {
         let found = exchanged(found, &work, &result);
-        match with_plateaus(&found, &movable, &work, &result) {
+        let found = match with_plateaus(&found, &movable, &work, &result) {
             Some(better) => better,
             None => with_missing(without_surplus(found, *movable.start(), &work, &result), &movable, &work, &result),
-        }
+        };
+        with_handles(found, &movable, &work, &result)
     } else {
         found
     };

@@ -7,6 +7,7 @@ use super::joints::JointFit;
 use super::refinement::{Parts, Refinement, points_of_part};
 use artgs_core::{JointEstimate, JointKind, PerState, Rigid, State};
 use glam::DVec3;
+use std::collections::{BTreeSet, VecDeque};
 use std::ops::RangeInclusive;
 
 /// Slides and heights this close are the same, spacings.
@@ -37,6 +38,30 @@ pub(super) fn with_plateaus(
         }
     }
     best
+}
+
+/// What was found, drawers that move alike separated where one plateau has several bars that stand out, beside each other across their length: those are
+/// handles, of a drawer each. The space between such drawers need not be seen.
+pub(super) fn with_handles(
+    found: Discovery,
+    movable: &RangeInclusive<usize>,
+    work: &Refinement<'_>,
+    result: &dyn Fn(Parts) -> Discovery,
+) -> Discovery {
+    let Some(front) = work.front else { return found };
+    let relief = Relief::of(front, work);
+    let mut parts = Parts { parts: found.parts.clone(), labels: found.labels.clone() };
+    for plateau in relief.plateaus() {
+        let pieces = relief.by_handles(&plateau);
+        let mut of_pieces = pieces.iter().map(|piece| relief.part_of(piece, &found));
+        let part = of_pieces.next().flatten();
+        let Some(part) = part.filter(|part| pieces.len() > 1 && of_pieces.all(|other| other == Some(*part))) else {
+            continue;
+        };
+        relief.separate(part, &pieces, &mut parts, work);
+    }
+    let count = parts.parts.len();
+    if count > found.parts.len() && movable.contains(&count) { result(parts) } else { found }
 }
 
 /// The hinges and screws that were found, and those of them that are not doubtful.
@@ -164,18 +189,13 @@ impl Relief {
         self.joined(out)
     }
 
-    /// Plateaus, pieces of one front joined: those whose heights changed by the same and whose boxes are next to each other.
+    /// Plateaus, pieces of one front joined: those whose heights changed by the same and that are next to each other.
     fn joined(&self, plateaus: Vec<Plateau>) -> Vec<Plateau> {
-        /// Cells between two fronts.
-        const BETWEEN: i64 = 3;
-        let rows = self.size[1];
         let mut out: Vec<Plateau> = Vec::new();
         for plateau in plateaus {
-            let [low, high] = plateau.bounds(rows);
+            let near = self.near(&plateau);
             let is_same = |other: &Plateau| {
-                let [first, last] = other.bounds(rows);
-                let beside = (0..2).all(|k| low[k] <= last[k] + BETWEEN && first[k] <= high[k] + BETWEEN);
-                beside && (other.length - plateau.length).abs() < SAME * self.cell
+                (other.length - plateau.length).abs() < SAME * self.cell && other.cells.iter().any(|cell| near[*cell])
             };
             match out.iter().position(is_same) {
                 Some(i) => out[i].cells.extend(plateau.cells),
@@ -185,10 +205,25 @@ impl Relief {
         out
     }
 
+    /// Which cells are as near to a plateau as another piece of its front may be.
+    fn near(&self, plateau: &Plateau) -> Vec<bool> {
+        /// Cells between two pieces of a front.
+        const BETWEEN: usize = 3;
+        let mut out = vec![false; self.size[0] * self.size[1]];
+        let mut rim = plateau.cells.clone();
+        rim.iter().for_each(|cell| out[*cell] = true);
+        for _ in 0..=BETWEEN {
+            let next: Vec<usize> = rim.iter().flat_map(|cell| self.around(*cell)).filter(|cell| !out[*cell]).collect();
+            next.iter().for_each(|cell| out[*cell] = true);
+            rim = next;
+        }
+        out
+    }
+
     /// Cells connected with the first one whose changes are near the mean of those before, in order; they are taken.
     fn grown(&self, first: usize, changes: &[Option<f64>], taken: &mut [bool]) -> Vec<usize> {
         let (mut cells, mut sum) = (Vec::new(), 0.0);
-        let mut queue = std::collections::VecDeque::from([first]);
+        let mut queue = VecDeque::from([first]);
         taken[first] = true;
         while let Some(cell) = queue.pop_front() {
             sum += changes[cell].unwrap_or(0.0);
@@ -283,14 +318,17 @@ impl Relief {
             found.parts[part].motion = self.slide(plateau.length);
             parts_of.push(part);
         }
-        for s in State::ALL {
-            for (label, p) in found.labels[s].iter_mut().zip(&work.clouds[s].cloud.points) {
-                let Some(slide) = usize::from(*label).checked_sub(1).filter(|k| *k < slides.len()) else { continue };
-                let own = (0..plateaus.len()).filter(|i| of_slide[*i] == slide);
-                let place = self.place(p.as_dvec3());
-                if let Some(i) = own.min_by_key(|i| plateaus[*i].distance(place, self.size[1])) {
-                    *label = parts_of[i] as u16 + 1;
-                }
+        for slide in 0..slides.len() {
+            let own: Vec<usize> = (0..plateaus.len()).filter(|i| of_slide[*i] == slide).collect();
+            if own.len() < 2 {
+                continue;
+            }
+            let nearest = self.nearest(&own.iter().map(|i| &plateaus[*i]).collect::<Vec<_>>());
+            for s in State::ALL {
+                let points = &work.clouds[s].cloud.points;
+                let labels =
+                    found.labels[s].iter_mut().zip(points).filter(|(label, _)| usize::from(**label) == slide + 1);
+                labels.for_each(|(label, p)| *label = parts_of[own[nearest[self.cell_of(p.as_dvec3())]]] as u16 + 1);
             }
         }
         let fit = JointFit::new(work.scene, work.front, &work.settings.joints, work.config, true);
@@ -301,9 +339,151 @@ impl Relief {
         found
     }
 
-    /// Column and row of a point, world frame.
-    fn place(&self, p: DVec3) -> [i64; 2] {
-        [0, 1].map(|k| ((p.dot(self.across[k]) - self.low[k]) / self.cell) as i64)
+    /// The part from 0 that slides as a plateau does and has most of its cells.
+    fn part_of(&self, plateau: &Plateau, found: &Discovery) -> Option<usize> {
+        /// Share of the cells.
+        const MOST: f64 = 0.6;
+        let label = |cell: &usize| {
+            let (_, point) = self.tops[State::END][*cell]?;
+            usize::from(found.labels[State::END][point]).checked_sub(1)
+        };
+        let slide = self.slide(plateau.length);
+        let of = |k: usize| plateau.cells.iter().filter(|cell| label(cell) == Some(k)).count() as f64;
+        let moves_along = |k: &usize| {
+            let part = &found.parts[*k];
+            let apart = part.motion.translation.distance(slide.translation);
+            part.kind == JointKind::Prismatic && part.parent == 0 && apart < 2.0 * SAME * self.cell
+        };
+        (0..found.parts.len()).filter(moves_along).find(|k| of(*k) > MOST * plateau.cells.len() as f64)
+    }
+
+    /// Gives each piece of a plateau but the first a part of its own, with the points of `part` that are nearest to it.
+    fn separate(&self, part: usize, pieces: &[Plateau], parts: &mut Parts, work: &Refinement<'_>) {
+        let first = parts.parts.len();
+        parts.parts.extend(vec![parts.parts[part]; pieces.len() - 1]);
+        let nearest = self.nearest(&pieces.iter().collect::<Vec<_>>());
+        let part_of = |i: usize| if i == 0 { part } else { first + i - 1 };
+        for s in State::ALL {
+            let points = &work.clouds[s].cloud.points;
+            let labels = parts.labels[s].iter_mut().zip(points).filter(|(label, _)| usize::from(**label) == part + 1);
+            labels.for_each(|(label, p)| *label = part_of(nearest[self.cell_of(p.as_dvec3())]) as u16 + 1);
+        }
+        let fit = JointFit::new(work.scene, work.front, &work.settings.joints, work.config, true);
+        for k in std::iter::once(part).chain(first..parts.parts.len()) {
+            let own = points_of_part(work.clouds, &parts.labels, k as u16 + 1);
+            parts.parts[k].motion = fit.along(&parts.parts[k].motion, &own, SAME * self.cell);
+        }
+    }
+
+    /// A plateau divided between the bars that stand out of it, into equal heights if each has one bar; the plateau itself if there are none, or only one, or if they are not across
+    /// the direction in which they follow each other.
+    fn by_handles(&self, plateau: &Plateau) -> Vec<Plateau> {
+        /// Largest part of the distance of two bars that is along them.
+        const ACROSS: f64 = 0.3;
+        let bars = self.bars(plateau);
+        let follow = |pair: &[Bar]| {
+            let way = [0, 1].map(|k| pair[1].middle[k] - pair[0].middle[k]);
+            let length = way[0].hypot(way[1]);
+            pair.iter().all(|bar| (way[0] * bar.along[0] + way[1] * bar.along[1]).abs() < ACROSS * length)
+        };
+        if bars.len() < 2 || !bars.windows(2).all(follow) {
+            return vec![plateau.clone()];
+        }
+        let rows = self.size[1];
+        let along = bars[0].along;
+        let across = |[x, y]: [f64; 2]| y * along[0] - x * along[1];
+        let place = |cell: usize| across([(cell / rows) as f64, (cell % rows) as f64]);
+        let ends = plateau.cells.iter().map(|cell| place(*cell));
+        let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], at| [l.min(at), h.max(at)]);
+        let bars: Vec<f64> = bars.iter().map(|bar| across(bar.middle)).collect();
+        // Fronts of the same height, if each has its handle: handles need not be in their middle.
+        let count = bars.len();
+        let share = |at: f64| (((at - low) / (high - low) * count as f64) as usize).min(count - 1);
+        let fronts: BTreeSet<usize> = bars.iter().map(|bar| share(*bar)).collect();
+        let nearest = |cell: usize| {
+            let at = place(cell);
+            let far = |i: &usize| (bars[*i] - at).abs();
+            match fronts.len() == count {
+                true => share(at),
+                false => (0..count).min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or_default(),
+            }
+        };
+        let mut out = vec![Plateau { length: plateau.length, cells: Vec::new() }; bars.len()];
+        plateau.cells.iter().for_each(|cell| out[nearest(*cell)].cells.push(*cell));
+        out
+    }
+
+    /// Long groups of cells that stand out of a plateau in both states, in the order of their places.
+    fn bars(&self, plateau: &Plateau) -> Vec<Bar> {
+        /// Least height, cells.
+        const HEIGHT: f64 = 1.2;
+        /// Least number of cells.
+        const LEAST: usize = 8;
+        /// Least ratio of the extents along and across.
+        const LONG: f64 = 2.0;
+        let stands_out = |s: State| {
+            let height = |cell: &usize| self.tops[s][*cell].map_or(f64::NEG_INFINITY, |top| top.0);
+            let mut heights: Vec<f64> = plateau.cells.iter().map(height).collect();
+            heights.sort_by(f64::total_cmp);
+            let least = heights[heights.len() / 2] + HEIGHT * self.cell;
+            plateau.cells.iter().map(|cell| height(cell) > least).collect::<Vec<bool>>()
+        };
+        let [start, end] = State::ALL.map(stands_out);
+        let mut left: BTreeSet<usize> = plateau
+            .cells
+            .iter()
+            .zip(start.iter().zip(&end))
+            .filter(|(_, (a, b))| **a && **b)
+            .map(|(cell, _)| *cell)
+            .collect();
+        let mut out: Vec<Bar> = Vec::new();
+        while let Some(first) = left.pop_first() {
+            let (mut cells, mut at) = (vec![first], 0);
+            while at < cells.len() {
+                for next in self.around(cells[at]) {
+                    if left.remove(&next) {
+                        cells.push(next);
+                    }
+                }
+                at += 1;
+            }
+            let bar = Bar::of(&cells, self.size[1]);
+            if cells.len() >= LEAST && bar.ratio >= LONG {
+                out.push(bar);
+            }
+        }
+        out.sort_by(|a, b| a.middle.partial_cmp(&b.middle).unwrap_or(std::cmp::Ordering::Equal));
+        out
+    }
+
+    /// Cell of a point, world frame.
+    fn cell_of(&self, p: DVec3) -> usize {
+        let [x, y] = [0, 1].map(|k| {
+            let at = ((p.dot(self.across[k]) - self.low[k]) / self.cell).max(0.0) as usize;
+            at.min(self.size[k] - 1)
+        });
+        x * self.size[1] + y
+    }
+
+    /// The nearest of some plateaus, by its index, for every cell of the grid; 0 if there are none.
+    fn nearest(&self, plateaus: &[&Plateau]) -> Vec<usize> {
+        let mut out = vec![usize::MAX; self.size[0] * self.size[1]];
+        let mut queue = VecDeque::new();
+        for (i, plateau) in plateaus.iter().enumerate() {
+            for cell in &plateau.cells {
+                out[*cell] = i;
+                queue.push_back(*cell);
+            }
+        }
+        while let Some(cell) = queue.pop_front() {
+            for next in self.around(cell) {
+                if out[next] == usize::MAX {
+                    out[next] = out[cell];
+                    queue.push_back(next);
+                }
+            }
+        }
+        out.into_iter().map(|i| if i == usize::MAX { 0 } else { i }).collect()
     }
 
     /// Share of the cells of the plateaus whose outermost points move as their plateau does.
@@ -324,19 +504,30 @@ impl Relief {
     }
 }
 
-impl Plateau {
-    /// Chessboard distance of a place from the box around the cells, in a grid with so many rows.
-    fn distance(&self, place: [i64; 2], rows: usize) -> i64 {
-        let [low, high] = self.bounds(rows);
-        (0..2).map(|k| (low[k] - place[k]).max(place[k] - high[k]).max(0)).max().unwrap_or(0)
-    }
+/// A long group of cells, in cells.
+#[derive(Clone, Copy, Debug)]
+struct Bar {
+    middle: [f64; 2],
+    /// Unit direction of its length.
+    along: [f64; 2],
+    /// Extent along by that across.
+    ratio: f64,
+}
 
-    /// First and last column and row.
-    fn bounds(&self, rows: usize) -> [[i64; 2]; 2] {
-        let places = self.cells.iter().map(|cell| [(cell / rows) as i64, (cell % rows) as i64]);
-        places.fold([[i64::MAX; 2], [i64::MIN; 2]], |[low, high], p| {
-            [[0, 1].map(|k| low[k].min(p[k])), [0, 1].map(|k| high[k].max(p[k]))]
-        })
+impl Bar {
+    fn of(cells: &[usize], rows: usize) -> Self {
+        let places = || cells.iter().map(|cell| [(cell / rows) as f64, (cell % rows) as f64]);
+        let count = cells.len() as f64;
+        let middle = [0, 1].map(|k| places().map(|p| p[k]).sum::<f64>() / count);
+        let moment =
+            |i: usize, j: usize| places().map(|p| (p[i] - middle[i]) * (p[j] - middle[j])).sum::<f64>() / count;
+        let (xx, xy, yy) = (moment(0, 0), moment(0, 1), moment(1, 1));
+        let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
+        let spread = ((xx - yy) / 2.0).hypot(xy);
+        let [long, short] = [spread, -spread].map(|s| ((xx + yy) / 2.0 + s).max(0.0));
+        // A cell has an extent of its own.
+        let ratio = ((long + 1.0 / 12.0) / (short + 1.0 / 12.0)).sqrt();
+        Self { middle, along: [angle.cos(), angle.sin()], ratio }
     }
 }
 
@@ -375,7 +566,7 @@ fn tops(places: &[[f64; 3]], low: [f64; 2], cell: f64, size: [usize; 2]) -> Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::discover::test_scene::{cabinet_scene, with_refinement};
+    use crate::discover::test_scene::{cabinet_scene, object_scene, with_refinement};
     use crate::discover::{DiscoverConfig, discover};
 
     #[test]
@@ -399,6 +590,33 @@ mod tests {
             // What agrees with the fronts stays, and so do parts that would be too many.
             assert!(with_plateaus(&found, &(1..=4), work, &result).is_none());
             assert!(with_plateaus(&short, &(1..=1), work, &result).is_none());
+        });
+    }
+
+    #[test]
+    fn drawers_that_move_alike_are_separated_by_their_handles() {
+        let scene = object_scene("twin_drawers", 32, 128);
+        let found = discover(&scene, 2..=2, &DiscoverConfig::default()).unwrap();
+        with_refinement(&scene, |work| {
+            let result =
+                |parts: Parts| work.evidence.result(work.scene, work.clouds, parts, Vec::new(), &[], work.settings);
+            let labels = found.labels.as_ref().map(|labels| labels.iter().map(|l| u16::from(*l > 0)).collect());
+            let one = result(Parts { parts: vec![found.parts[0]], labels });
+            let two = with_handles(one.clone(), &(1..=4), work, &result);
+            assert_eq!(two.parts.len(), 2);
+            for s in State::ALL {
+                let pairs = two.labels[s].iter().zip(&found.labels[s]).filter(|(_, right)| **right > 0);
+                let (mut same, mut all) = (0, 0);
+                pairs.for_each(|(own, right)| {
+                    same += usize::from(own == right);
+                    all += 1;
+                });
+                // Either may be the first; the sides of the drawers are near the border.
+                assert!(same.max(all - same) * 100 > 85 * all, "{same} of {all}");
+            }
+            // No more parts than are allowed, and none where there are two already.
+            assert_eq!(with_handles(one.clone(), &(1..=1), work, &result).parts.len(), 1);
+            assert_eq!(with_handles(found.clone(), &(1..=4), work, &result).parts, found.parts);
         });
     }
 
@@ -457,6 +675,24 @@ mod tests {
             .len()
         };
         assert_eq!([with_gap(2), with_gap(10)], [1, 2]);
+    }
+
+    #[test]
+    fn a_plateau_is_divided_between_parallel_bars_but_not_between_bars_in_a_row() {
+        let with_bars = |is_bar: fn(usize, usize) -> bool| {
+            let relief = relief(|x, y| match (x, y) {
+                (10..70, 10..50) => Some((if is_bar(x, y) { 0.03 } else { 0.0 }, 0.2)),
+                _ => Some((0.0, 0.0)),
+            });
+            let found = relief.plateaus();
+            assert_eq!(found.len(), 1);
+            relief.by_handles(&found[0]).iter().map(|p| p.cells.len()).collect::<Vec<usize>>()
+        };
+        assert_eq!(with_bars(|x, y| (30..50).contains(&x) && [18, 19, 20, 38, 39, 40].contains(&y)), [1200, 1200]);
+        assert_eq!(with_bars(|x, y| ((15..30).contains(&x) || (50..65).contains(&x)) && (28..31).contains(&y)), [2400]);
+        // Knobs say nothing, and neither does one bar.
+        assert_eq!(with_bars(|x, y| (38..42).contains(&x) && ((18..22).contains(&y) || (38..42).contains(&y))), [2400]);
+        assert_eq!(with_bars(|x, y| (30..50).contains(&x) && (28..31).contains(&y)), [2400]);
     }
 
     #[test]
