@@ -50,7 +50,7 @@ impl Refinement<'_> {
     }
 
     /// With slides along the direction that they and the front agree on, where depth noise spreads points.
-    fn aligned(&self, mut found: Parts) -> Parts {
+    pub(super) fn aligned(&self, mut found: Parts) -> Parts {
         if self.scene.spreading && self.config.decide_joints {
             self.settings.rails.align(self.scene, self.clouds, &found.labels, &mut found.parts, self.front);
         }

@@ -22,6 +22,8 @@ pub(super) fn with_plateaus(
 ) -> Option<Discovery> {
     /// What a change must raise the sum of quality and agreement by.
     const WORTH: f64 = 0.02;
+    /// Least share of the cells that what was found moves otherwise, unless there are fewer parts.
+    const DISAGREED: f64 = 0.05;
     /// Share of the explained points that must remain explained.
     const KEPT: f64 = 0.9;
     let relief = Relief::of(work.front?, work);
@@ -31,8 +33,10 @@ pub(super) fn with_plateaus(
     let mut best: Option<Discovery> = None;
     for turns in turns_of(found) {
         let Some(other) = relief.explained_with(&turns, plateaus.clone(), movable, work, result) else { continue };
-        let worth = if other.parts.len() < found.parts.len() { 0.0 } else { WORTH };
-        let better = value(&other) > best.as_ref().map_or(value(found) + worth, value);
+        let fewer = other.parts.len() < found.parts.len();
+        let worth = if fewer { 0.0 } else { WORTH };
+        let agrees = fewer || relief.agreement(&plateaus, &other) > relief.agreement(&plateaus, found) + DISAGREED;
+        let better = agrees && value(&other) > best.as_ref().map_or(value(found) + worth, value);
         if better && other.explained() >= KEPT * found.explained() {
             best = Some(other);
         }
@@ -334,9 +338,12 @@ impl Relief {
         let fit = JointFit::new(work.scene, work.front, &work.settings.joints, work.config, true);
         for part in parts_of {
             let own = points_of_part(work.clouds, &found.labels, part as u16 + 1);
-            found.parts[part].motion = fit.along(&found.parts[part].motion, &own, SAME * self.cell);
+            let along = fit.along(&found.parts[part].motion, &own, SAME * self.cell);
+            let free = fit.decide(&found.parts[part], &own, Some(JointKind::Prismatic)).joint;
+            let near = free.motion.translation.distance(along.translation) < SAME * self.cell;
+            found.parts[part].motion = if near { free.motion } else { along };
         }
-        found
+        work.aligned(found)
     }
 
     /// The part from 0 that slides as a plateau does and has most of its cells.
