@@ -43,6 +43,7 @@ mod front;
 mod front_slides;
 mod glide;
 mod graph_cut;
+mod handles;
 mod instances;
 mod joints;
 mod known;
@@ -54,6 +55,7 @@ mod near_grid;
 mod paired_mean;
 mod parents;
 mod plane_fit;
+mod plateaus;
 mod poses;
 mod rails;
 mod ranking;
@@ -85,12 +87,14 @@ use doubts::{certain_bodies, or_fewer, settled, sure_bodies};
 use exchanges::{exchanged, without_surplus};
 use front::Front;
 use glam::{DVec3, Vec3};
+use handles::with_handles;
 use known::{KnownFits, KnownLandings, KnownSamples};
 use missing::with_missing;
 pub use moved_points::{MovedPoints, moved_points};
+use plateaus::with_plateaus;
 use rayon::prelude::*;
 use refinement::{Parts, Refinement};
-use relief::{with_handles, with_plateaus};
+use relief::Relief;
 pub use scene::{DepthPicture, Scene, pixel_step};
 use segmentation::Graph;
 use selection::Selection;
@@ -277,11 +281,15 @@ fn best_parts(
     let found = or_fewer(found, numbers, evidence.total(), &settings.bodies, &|number| result(fewer(number)));
     let found = if scene.spreading {
         let found = exchanged(found, &work, &result);
-        let found = match with_plateaus(&found, &movable, &work, &result) {
-            Some(better) => better,
-            None => with_missing(without_surplus(found, *movable.start(), &work, &result), &movable, &work, &result),
-        };
-        with_handles(found, &movable, &work, &result)
+        let relief = front.map(|front| Relief::of(front, &work));
+        let of_plateaus = relief.as_ref().and_then(|relief| with_plateaus(&found, relief, &movable, &work, &result));
+        let found = of_plateaus.unwrap_or_else(|| {
+            with_missing(without_surplus(found, *movable.start(), &work, &result), &movable, &work, &result)
+        });
+        match &relief {
+            Some(relief) => with_handles(found, relief, &movable, &work, &result),
+            None => found,
+        }
     } else {
         found
     };

@@ -301,10 +301,9 @@ pub(super) fn refine_parts(
         costs: settings.label_costs,
         settings: settings.segmentation,
     };
-    let fix = |parts: &mut Vec<JointEstimate>| {
-        let slides = motions[..fixed].iter().map(|m| JointEstimate::new(JointKind::Prismatic, *m));
-        parts.iter_mut().zip(slides).for_each(|(part, slide)| *part = slide);
-    };
+    let slides = motions[..fixed].iter().map(|m| JointEstimate::new(JointKind::Prismatic, *m));
+    let slides: Vec<JointEstimate> = slides.collect();
+    parts[..fixed].copy_from_slice(&slides);
     let (mut labels, mut labelled_by) = (PerState::default(), None);
     let rounds = config.rounds.max(1);
     for round in 0..rounds {
@@ -321,22 +320,27 @@ pub(super) fn refine_parts(
         let numbered = parts.par_iter().enumerate();
         if last && config.decide_joints {
             let decide = |(k, part): (usize, &JointEstimate)| {
+                if k < fixed {
+                    return Decided { joint: *part, general: None, exact: true };
+                }
                 evidence.fits.decided(part, &members[k + 1], kinds[k], || fit.decide(part, &own(k + 1), kinds[k]))
             };
             let decided: Vec<Decided> = numbered.map(decide).collect();
             let clouds = (0..=parts.len()).map(own).collect();
             let carriers = Carriers { fit: &fit, settings: &settings.parents, clouds, numbering };
             parts = carriers.joints(&decided, kinds);
-            for (k, part) in parts.iter().enumerate() {
+            // Slides that stay are carried by nothing.
+            parts[..fixed].copy_from_slice(&slides);
+            for (k, part) in parts.iter().enumerate().skip(fixed) {
                 evidence.fits.settle(&part.motion, &members[k + 1], kinds[k], &decided[k]);
             }
         } else {
-            let refine = |(k, part): (usize, &JointEstimate)| {
-                evidence.fits.refined(part, &members[k + 1], || fit.refine(part, &own(k + 1)))
+            let refine = |(k, part): (usize, &JointEstimate)| match k < fixed {
+                true => *part,
+                false => evidence.fits.refined(part, &members[k + 1], || fit.refine(part, &own(k + 1))),
             };
             parts = numbered.map(refine).collect();
         }
-        fix(&mut parts);
     }
     if numbering == Numbering::ParentsFirst {
         parents_first(&mut parts, &mut labels);

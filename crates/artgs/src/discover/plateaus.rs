@@ -1,0 +1,153 @@
+//! Slides by the plateaus of the relief: a drawer's front is the outermost surface in both states, and the change of its height is the
+//! length of its slide.
+
+use super::Discovery;
+use super::doubts::DOUBTFUL;
+use super::refinement::{Parts, Refinement};
+use super::relief::{Plateau, Relief};
+use artgs_core::{JointEstimate, JointKind, Rigid};
+use std::ops::RangeInclusive;
+
+/// Parts that slide as the fronts of the object do, if these agree better with the heights of the fronts than what was `found`.
+pub(super) fn with_plateaus(
+    found: &Discovery,
+    relief: &Relief,
+    movable: &RangeInclusive<usize>,
+    work: &Refinement<'_>,
+    result: &dyn Fn(Parts) -> Discovery,
+) -> Option<Discovery> {
+    /// What a change must raise the sum of quality and agreement by.
+    const WORTH: f64 = 0.02;
+    /// Least share of the cells that what was found moves otherwise, unless there are fewer parts.
+    const DISAGREED: f64 = 0.05;
+    /// Share of the explained points that must remain explained.
+    const KEPT: f64 = 0.9;
+    let plateaus = relief.plateaus();
+    let total = work.evidence.total();
+    let value = |of: &Discovery| of.quality(total) + relief.agreement(&plateaus, of);
+    let mut best: Option<Discovery> = None;
+    for turns in turns_of(found) {
+        let Some(other) = explained_with(relief, &turns, plateaus.clone(), movable, work, result) else { continue };
+        let fewer = other.parts.len() < found.parts.len();
+        let worth = if fewer { 0.0 } else { WORTH };
+        let agrees = fewer || relief.agreement(&plateaus, &other) > relief.agreement(&plateaus, found) + DISAGREED;
+        let better = agrees && value(&other) > best.as_ref().map_or(value(found) + worth, value);
+        if better && other.explained() >= KEPT * found.explained() {
+            best = Some(other);
+        }
+    }
+    best
+}
+
+/// The hinges and screws that were found, and those of them that are not doubtful.
+fn turns_of(found: &Discovery) -> Vec<Vec<Rigid>> {
+    let of = |least: f64| -> Vec<Rigid> {
+        let turns = found.parts.iter().filter(|p| p.kind != JointKind::Prismatic);
+        turns.filter(|p| p.confidence.is_some_and(|c| c >= least)).map(|p| p.motion).collect()
+    };
+    let mut sets = vec![of(0.0), of(DOUBTFUL)];
+    sets.dedup();
+    sets
+}
+
+/// Parts that slide as `plateaus` do, and others that turn by `turns`; none if the plateaus are none, or too many.
+fn explained_with(
+    relief: &Relief,
+    turns: &[Rigid],
+    mut plateaus: Vec<Plateau>,
+    movable: &RangeInclusive<usize>,
+    work: &Refinement<'_>,
+    result: &dyn Fn(Parts) -> Discovery,
+) -> Option<Discovery> {
+    /// A plateau of which a smaller share moves along is none of a front: a door may have turned there.
+    const LEAST: f64 = 0.3;
+    while !plateaus.is_empty() {
+        let slides = slides(relief, &plateaus);
+        let motions: Vec<Rigid> = slides.iter().chain(turns).copied().collect();
+        let refined = work.refined_but(slides.len(), &motions);
+        let found = result(divided(relief, refined, &slides, &plateaus, work));
+        let count = plateaus.len();
+        plateaus.retain(|plateau| relief.agreement(std::slice::from_ref(plateau), &found) >= LEAST);
+        if plateaus.len() == count {
+            return movable.contains(&found.parts.len()).then_some(found);
+        }
+    }
+    None
+}
+
+/// Slides by the different lengths of plateaus, those of the largest ones first.
+fn slides(relief: &Relief, plateaus: &[Plateau]) -> Vec<Rigid> {
+    let mut lengths: Vec<f64> = Vec::new();
+    for plateau in plateaus {
+        if lengths.iter().all(|length| (length - plateau.length).abs() > relief.same()) {
+            lengths.push(plateau.length);
+        }
+    }
+    lengths.into_iter().map(|length| relief.slide(length)).collect()
+}
+
+/// Parts of which the first ones move by `slides`, with one part for each plateau: points go to the nearest one of the plateaus that
+/// changed by about the length of their slide.
+fn divided(relief: &Relief, mut found: Parts, slides: &[Rigid], plateaus: &[Plateau], work: &Refinement<'_>) -> Parts {
+    let off = |plateau: &Plateau, i: &usize| slides[*i].translation.distance(relief.slide(plateau.length).translation);
+    let nearest = |plateau: &Plateau| {
+        (0..slides.len()).min_by(|a, b| off(plateau, a).total_cmp(&off(plateau, b))).unwrap_or_default()
+    };
+    let of_slide: Vec<usize> = plateaus.iter().map(nearest).collect();
+    let mut parts_of: Vec<usize> = Vec::new();
+    for (i, plateau) in plateaus.iter().enumerate() {
+        let part = match of_slide[..i].contains(&of_slide[i]) {
+            false => of_slide[i],
+            true => {
+                found.parts.push(JointEstimate::new(JointKind::Prismatic, slides[of_slide[i]]));
+                found.parts.len() - 1
+            }
+        };
+        found.parts[part].motion = relief.slide(plateau.length);
+        parts_of.push(part);
+    }
+    for slide in 0..slides.len() {
+        let own: Vec<usize> = (0..plateaus.len()).filter(|i| of_slide[*i] == slide).collect();
+        if own.len() > 1 {
+            let of = |i: &usize| &plateaus[*i];
+            let parts: Vec<usize> = own.iter().map(|i| parts_of[*i]).collect();
+            relief.distribute(slide, &own.iter().map(of).collect::<Vec<_>>(), &parts, &mut found.labels, work);
+        }
+    }
+    for part in parts_of {
+        found.parts[part].motion = relief.registered(part, &found, work);
+    }
+    work.aligned(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::discover::test_scene::{cabinet_scene, with_refinement};
+    use crate::discover::{DiscoverConfig, discover};
+
+    #[test]
+    fn a_drawer_with_a_wrong_length_gets_the_length_of_its_front() {
+        let scene = cabinet_scene(16, 96);
+        let found = discover(&scene, 2..=2, &DiscoverConfig::default()).unwrap();
+        with_refinement(&scene, |work| {
+            let result =
+                |parts: Parts| work.evidence.result(work.scene, work.clouds, parts, Vec::new(), &[], work.settings);
+            let relief = Relief::of(work.front.unwrap(), work);
+            let drawer = found.parts.iter().position(|p| p.kind == JointKind::Prismatic).unwrap();
+            let truth = found.parts[drawer].motion.translation;
+            let mut parts = found.parts.clone();
+            parts[drawer].motion = Rigid::shift(truth * 0.6);
+            let short = result(Parts { parts, labels: found.labels.clone() });
+            let right = with_plateaus(&short, &relief, &(1..=4), work, &result).unwrap();
+            assert_eq!(right.parts.len(), 2);
+            let slide = right.parts.iter().find(|p| p.kind == JointKind::Prismatic).unwrap().motion.translation;
+            assert!(slide.distance(truth) < 0.01 * found.diagonal, "{slide} {truth}");
+            let hinge = |of: &Discovery| of.parts.iter().find(|p| p.kind == JointKind::Revolute).unwrap().motion;
+            assert!((hinge(&found).inverse() * hinge(&right)).angle().to_degrees() < 1.0);
+            // What agrees with the fronts stays, and so do parts that would be too many.
+            assert!(with_plateaus(&found, &relief, &(1..=4), work, &result).is_none());
+            assert!(with_plateaus(&short, &relief, &(1..=1), work, &result).is_none());
+        });
+    }
+}
