@@ -119,8 +119,9 @@ impl Drawn {
 }
 
 /// Compares the hulls of a link with its visual mesh `drawn`; none if either is absent. Of the visual mesh, only what is `observed`
-/// needs hulls, all of it if that is not known, and only where no other link is `passing`. `lost` is the number of pieces that the
-/// export reports as lost.
+/// needs hulls, all of it if that is not known, and only where no other link is `passing`. Space behind observed surfaces, such as the
+/// inside of walls that closing the mesh made hollow, may be filled where no other link is `passing`. `lost` is the number of pieces
+/// that the export reports as lost.
 pub(crate) fn link(
     link: &Link,
     hulls: &[SharedShape],
@@ -147,7 +148,8 @@ pub(crate) fn link(
     let bare = far.iter().filter(|p| !passing.holds(**p)).count();
     out.visual = near.len() as f64 / (near.len() + bare).max(1) as f64;
     out.hulls = covered_hulls(&pieces, drawn, tolerance, options);
-    phantom(&pieces, drawn, hole, &mut out);
+    let is_cavity = |p: DVec3| observed.is_none_or(|observed| !observed.hides(p)) || passing.holds(p);
+    phantom(&pieces, (drawn, &is_cavity), hole, &mut out);
     // Triangles that close the visual mesh.
     let closing: Vec<Vec<[u32; 3]>> = visuals
         .iter()
@@ -179,8 +181,13 @@ fn covered_hulls(pieces: &[Piece], drawn: &Drawn, tolerance: f64, options: &Chec
     f64::from(near as u32) / f64::from(outer.max(1) as u32)
 }
 
-/// Volume of the hulls more than `depth` in front of the visual mesh, the largest such distance, and where it is.
-fn phantom(pieces: &[Piece], drawn: &Drawn, depth: f64, out: &mut CoverageFinding) {
+/// Volume of the hulls more than `depth` in front of the visual mesh, in a cavity, the largest such distance, and where it is.
+fn phantom(
+    pieces: &[Piece],
+    (drawn, is_cavity): (&Drawn, &dyn Fn(DVec3) -> bool),
+    depth: f64,
+    out: &mut CoverageFinding,
+) {
     for (i, piece) in pieces.iter().enumerate() {
         let size = piece.high - piece.low;
         let step = (0.5 * depth).max(size.max_element() / 80.0);
@@ -195,7 +202,7 @@ fn phantom(pieces: &[Piece], drawn: &Drawn, depth: f64, out: &mut CoverageFindin
                         continue;
                     }
                     let far = drawn.outside(p);
-                    if far > depth {
+                    if far > depth && is_cavity(p) {
                         out.phantom_volume += cell.element_product();
                         if far > out.phantom_depth {
                             (out.phantom_depth, out.phantom_at) = (far, Some(p.to_array()));

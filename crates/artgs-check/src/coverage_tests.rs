@@ -75,6 +75,37 @@ fn a_filled_tray_has_a_phantom_and_a_tray_of_walls_has_none() {
 }
 
 #[test]
+fn space_behind_what_was_observed_may_be_filled_unless_another_link_passes() {
+    // A bell, of which images show the outside only: closing the mesh gave its walls an inner side.
+    let outside = Mesh::cuboid([0.0; 3], [0.3, 0.3, 0.3]);
+    let walls: Vec<Mesh> = [[0.0, 0.0], [0.27, 0.0]]
+        .map(|[x, y]| Mesh::cuboid([x, y, 0.0], [x + 0.03, 0.3, 0.27]))
+        .into_iter()
+        .chain([0.0, 0.27].map(|y| Mesh::cuboid([0.03, y, 0.0], [0.27, y + 0.03, 0.27])))
+        .chain([Mesh::cuboid([0.0, 0.0, 0.27], [0.3; 3])])
+        .collect();
+    let mut observed = outside.clone();
+    observed.triangles.retain(|t| t.iter().any(|i| outside.vertices[*i as usize][2] > 0.0));
+    let observed = Observed::new(&observed, 1.0, &Rigid::IDENTITY).unwrap();
+    let mut bell = Link::new("bell", None, Rigid::IDENTITY);
+    bell.visuals = walls.iter().map(shape).collect();
+    let found = |observed: Option<&Observed>, passing: &Passing| {
+        let drawn = Drawn::new(&bell.visuals);
+        link(&bell, &[hull(&outside)], drawn.as_ref(), observed, passing, 0, &CheckOptions::default()).unwrap()
+    };
+    assert!(found(None, &nothing()).phantom_depth > 0.1);
+    assert_eq!(found(Some(&observed), &nothing()).phantom_depth, 0.0);
+    // A clapper that slides into the bell.
+    let mut clapper = Link::new("clapper", Some(0), Rigid::IDENTITY);
+    clapper.visuals = vec![shape(&Mesh::cuboid([0.1, 0.1, -0.2], [0.2, 0.2, 0.0]))];
+    clapper.motion = Some(Motion { limits: [0.0, 0.2], ..Motion::new("slide", JointKind::Prismatic, DVec3::Z) });
+    let model = Model { links: vec![bell.clone(), clapper], ..Model::default() };
+    let drawn: Vec<Option<Drawn>> = model.links.iter().map(|link| Drawn::new(&link.visuals)).collect();
+    let passed = found(Some(&observed), &Passing::of(&model, &drawn, 0));
+    assert!(passed.phantom_depth > 0.05 && passed.phantom_volume < 0.11 * 0.11 * 0.22, "{passed:?}");
+}
+
+#[test]
 fn a_tray_without_its_floor_has_a_hole_and_fails() {
     let found = compared(&tray(), &tray()[1..]);
     assert!((found.hole - 0.38).abs() < 0.01, "{found:?}");

@@ -7,7 +7,7 @@ use artgs_core::{Mesh, Replica, Rigid, State};
 use artgs_io::RunFolder;
 use artgs_io::export_report::ExportReport;
 use glam::{DQuat, DVec3};
-use rapier3d::parry::query::PointQuery as _;
+use rapier3d::parry::query::{PointQuery as _, PointQueryWithLocation as _};
 use rapier3d::parry::shape::TriMesh;
 
 /// The fused surface of a link.
@@ -22,8 +22,19 @@ impl Observed {
         self.shape.project_local_point_with_max_dist(vector(p), false, self.reach as f32).is_some()
     }
 
+    /// True if the nearest observed surface faces away from a point: no image shows the space there.
+    pub(crate) fn hides(&self, p: DVec3) -> bool {
+        /// Cosine of the angle between the way to the surface and its normal: beside its rim, a surface hides nothing.
+        const FACING: f64 = 0.7;
+        let (nearest, (triangle, _)) = self.shape.project_local_point_and_get_location(vector(p), false);
+        let corner = self.shape.triangle(triangle);
+        let normal = DVec3::from_array((corner.b - corner.a).cross(corner.c - corner.a).to_array().map(f64::from));
+        let way = DVec3::from_array(nearest.point.to_array().map(f64::from)) - p;
+        way.dot(normal) > FACING * way.length() * normal.length()
+    }
+
     /// `mesh` is in the frame and unit of the capture at the start state.
-    fn new(mesh: &Mesh, scale: f64, to_link: &Rigid) -> Option<Self> {
+    pub(crate) fn new(mesh: &Mesh, scale: f64, to_link: &Rigid) -> Option<Self> {
         /// Distance of simplified surfaces from the fused one, relative to its edges.
         const REACH: f64 = 1.4;
         let points: Vec<DVec3> =
