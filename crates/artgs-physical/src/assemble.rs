@@ -222,6 +222,13 @@ fn collide(
     // Poses in which several joints move are not cleared: contacts there are real.
     let motions = pair_motions(&stances(asset, &decisions.ranges), asset.links.len());
     decisions.clearance = clear(&mut pieces, &surface, &motions, &spacing, related);
+    // Finer than the distance within which surfaces are covered, so that no gap opens between points.
+    let lean = |(part, link): (usize, &mut Vec<Hull>)| {
+        let Some(solid) = &solids[part] else { return };
+        let observed = observed(part, surfaces, &decisions.to_link[part], config.scale);
+        without_redundant(link, &seen_points(solid, &observed, cover), LEAN * cover);
+    };
+    pieces.par_iter_mut().enumerate().for_each(lean);
     // What cuts left open gets thin pieces of its own.
     let thin = DecomposeOptions { most: config.most_hulls, skin: 2.0 * options.least, ..options };
     let patched = |part: usize| solids[part].as_ref().map_or(Vec::new(), |solid| patches(solid, &pieces[part], &thin));
@@ -232,12 +239,6 @@ fn collide(
     }
     separate(&mut pieces, &surface, &motions, &spacing, related);
     pieces.iter_mut().for_each(|link| link.retain(|hull| !is_crumb(hull, cover)));
-    // Finer than the distance within which surfaces are covered, so that no gap opens between points.
-    let lean = |(part, link): (usize, &mut Vec<Hull>)| {
-        let Some(solid) = &solids[part] else { return };
-        let observed = observed(part, surfaces, &decisions.to_link[part], config.scale);
-        without_redundant(link, &seen_points(solid, &observed, cover), LEAN * cover);
-    };
     pieces.par_iter_mut().enumerate().for_each(lean);
     // A gap and both margins may be free of hulls.
     let near = 2.0 * (cover + spacing.gap + spacing.margins);
@@ -260,7 +261,7 @@ fn collide(
 }
 
 /// What a piece must cover alone lies within this share of the distance within which surfaces are covered: pieces lose corners later.
-const LEAN: f64 = 0.8;
+const LEAN: f64 = 0.5;
 
 /// True for pieces shorter than 5 and smaller than a cube of 2 times what surfaces are covered within: engines report contacts of
 /// such pieces that are up to 2 cm deep where there is a gap of 6 mm (PhysX with a tetrahedron of 21 x 9 x 4 mm).

@@ -30,6 +30,16 @@ impl Plane {
     }
 }
 
+/// True if the hull that the library finds in single precision has nearly this volume.
+fn has_hull(points: &[parry3d::math::Vec3], volume: f64) -> bool {
+    /// Least share of the volume.
+    const LEAST: f64 = 0.8;
+    let Ok((points, faces)) = parry3d::transformation::try_convex_hull(points) else { return false };
+    let at = |i: u32| crate::convert::from_parry(points[i as usize] - points[0]);
+    let found: f64 = faces.iter().map(|f| at(f[0]).dot(at(f[1]).cross(at(f[2]))) / 6.0).sum();
+    found > LEAST * volume && parry3d::shape::ConvexPolyhedron::from_convex_mesh(points, &faces).is_some()
+}
+
 /// A convex polyhedron with volume.
 #[derive(Clone, Debug)]
 pub struct Hull {
@@ -53,8 +63,16 @@ impl Hull {
             Some((vertices, triangles, shape))
         })?;
         let hull = Self { points: vertices.iter().map(|v| from_parry(*v)).collect(), triangles, shape };
-        let thickness = hull.planes().iter().map(|plane| hull.depth(plane)).fold(f64::INFINITY, f64::min);
-        (thickness >= thinnest && hull.volume() > 0.0).then_some(hull)
+        (hull.is_thick(thinnest) && hull.volume() > 0.0).then_some(hull)
+    }
+
+    /// True if no two parallel planes around it are closer than `thinnest`.
+    fn is_thick(&self, thinnest: f64) -> bool {
+        /// Least ratio of the mean thickness of a piece, twice its volume by its surface, to its width: a third in a tetrahedron. Planes of
+        /// flat pieces can all be too narrow to count.
+        const MEAN: f64 = 0.15;
+        let thickness = self.planes().iter().map(|plane| self.depth(plane)).fold(f64::INFINITY, f64::min);
+        thickness >= thinnest && 2.0 * self.volume() >= MEAN * thinnest * self.area()
     }
 
     /// A hull inside this one with at most `most` of its corners: first those of a large tetrahedron, then always the one farthest
@@ -73,10 +91,9 @@ impl Hull {
             kept.push(left.swap_remove(next));
             out = Self::of(&kept, 0.0);
         }
-        let thickness = |hull: &Self| hull.planes().iter().map(|plane| hull.depth(plane)).fold(f64::INFINITY, f64::min);
         // A thin piece keeps its corners rather than being lost.
         let whole = self.points.len() <= most;
-        out.filter(|hull| thickness(hull) >= thinnest).or_else(|| whole.then_some(self))
+        out.filter(|hull| hull.is_thick(thinnest)).or_else(|| whole.then_some(self))
     }
 
     /// Largest distance of a point from the plane of a face, negative inside.
@@ -122,15 +139,14 @@ impl Hull {
         Some(out)
     }
 
-    /// True if the library of engines, in single precision, finds about the same hull of the corners.
+    /// True if the library of engines, in single precision, finds about the same hull of the corners, also of those in the frame of the
+    /// middle and in another order: importers move and sort them.
     fn is_hull_in_single_precision(&self) -> bool {
-        /// Least share of the volume.
-        const LEAST: f64 = 0.8;
-        let points: Vec<_> = self.points.iter().map(|p| crate::convert::to_parry(*p)).collect();
-        let Ok((points, faces)) = parry3d::transformation::try_convex_hull(&points) else { return false };
-        let at = |i: u32| crate::convert::from_parry(points[i as usize] - points[0]);
-        let volume: f64 = faces.iter().map(|f| at(f[0]).dot(at(f[1]).cross(at(f[2]))) / 6.0).sum();
-        volume > LEAST * self.volume() && parry3d::shape::ConvexPolyhedron::from_convex_mesh(points, &faces).is_some()
+        let [low, high] = self.bounds();
+        let moved = |by: DVec3| self.points.iter().map(move |p| crate::convert::to_parry(*p - by));
+        let is_hull = |points: Vec<_>| has_hull(&points, self.volume());
+        let centred = || moved((low + high) / 2.0);
+        is_hull(moved(DVec3::ZERO).collect()) && is_hull(centred().collect()) && is_hull(centred().rev().collect())
     }
 
     /// Lowest and highest corner of the box around it.
@@ -419,5 +435,21 @@ mod tests {
         assert!(Hull::of(&flat, 1e-6).is_none());
         assert!(Hull::of(&[DVec3::NAN; 5], 1e-6).is_none());
         assert!(Hull::of(&[], 1e-6).is_none());
+        // A rim with a depth of 0.06 mm, of which all planes are too narrow to measure its thickness.
+        let rim = [
+            [-0.00516356, 0.02835752, -0.08844684],
+            [-0.00519412, 0.02877178, -0.06252924],
+            [-0.00517532, 0.03019597, -0.05311456],
+            [-0.00517525, 0.03131881, -0.05394103],
+            [-0.00517365, 0.03278462, -0.05620506],
+            [-0.00517192, 0.03303907, -0.05774904],
+            [-0.00516783, 0.03355096, -0.06133624],
+            [-0.00514545, 0.03249334, -0.08409224],
+            [-0.00513392, 0.03183458, -0.08699615],
+            [-0.00513183, 0.03078576, -0.08793292],
+            [-0.00515763, 0.02938926, -0.08846958],
+        ];
+        assert!(Hull::of(&rim.map(DVec3::from_array), 1e-3).is_none_or(|hull| hull.is_thick(1e-3)));
+        assert!(!cube().is_thick(1.01) && cube().is_thick(0.99));
     }
 }

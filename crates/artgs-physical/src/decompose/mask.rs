@@ -183,23 +183,27 @@ impl Mask {
         /// Share of the cells of a polygon that may be beyond the slack.
         const BEYOND: f64 = 0.015;
         let rows = self.size[1];
-        let inside = |p: DVec2| {
-            (0..polygon.len()).all(|i| {
-                let (a, b) = (polygon[i], polygon[(i + 1) % polygon.len()]);
-                (b - a).perp_dot(p - a) >= 0.0
-            })
-        };
+        let (low, high) =
+            polygon.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+        let ends = |k: usize| low[k].max(0.0) as usize..(high[k].ceil().max(0.0) as usize).min(self.size[k]);
         let (mut all, mut beyond) = (0_u32, 0_u32);
-        for (i, distance) in distances.iter().enumerate() {
-            if inside(DVec2::new((i / rows) as f64 + 0.5, (i % rows) as f64 + 0.5)) {
-                if *distance > 2 * slack {
+        for (x, y) in ends(0).flat_map(|x| ends(1).map(move |y| (x, y))) {
+            if holds(polygon, DVec2::new(x as f64 + 0.5, y as f64 + 0.5)) {
+                let distance = distances[x * rows + y];
+                if distance > 2 * slack {
                     return false;
                 }
                 all += 1;
-                beyond += u32::from(*distance > slack);
+                beyond += u32::from(distance > slack);
             }
         }
         f64::from(beyond) <= BEYOND * f64::from(all)
+    }
+
+    /// Set cells of which the middle is in a polygon.
+    pub(crate) fn within<'a>(&'a self, polygon: &'a [DVec2]) -> impl Iterator<Item = usize> + 'a {
+        let middle = |i: usize| DVec2::new((i / self.size[1]) as f64 + 0.5, (i % self.size[1]) as f64 + 0.5);
+        (0..self.cells.len()).filter(move |i| self.cells[*i] && holds(polygon, middle(*i)))
     }
 
     fn split(&self) -> [Self; 2] {
@@ -215,6 +219,11 @@ impl Mask {
             half
         })
     }
+}
+
+/// True if a point is in a convex polygon, counter-clockwise.
+pub(crate) fn holds(polygon: &[DVec2], p: DVec2) -> bool {
+    (0..polygon.len()).all(|i| (polygon[(i + 1) % polygon.len()] - polygon[i]).perp_dot(p - polygon[i]) >= -1e-9)
 }
 
 /// Convex hull, counter-clockwise.
@@ -298,10 +307,6 @@ mod tests {
             (0..size[1]).for_each(|y| out.cells[x * size[1] + y] = set(x, y));
         }
         out
-    }
-
-    fn holds(polygon: &[DVec2], p: DVec2) -> bool {
-        (0..polygon.len()).all(|i| (polygon[(i + 1) % polygon.len()] - polygon[i]).perp_dot(p - polygon[i]) >= -1e-9)
     }
 
     /// Cells farther than `slack` from all polygons, and cells of polygons farther than that from the mask.

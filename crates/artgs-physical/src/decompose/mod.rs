@@ -6,6 +6,7 @@ mod mask;
 mod regions;
 mod rest;
 mod sheets;
+mod slabs;
 pub(crate) mod solid;
 mod union;
 
@@ -66,6 +67,8 @@ pub(crate) fn decompose_solid(solid: &mut Solid, options: &DecomposeOptions) -> 
 
 /// Convex pieces; large regions count as seen from then on.
 fn pieces_with_regions(solid: &mut Solid, options: &DecomposeOptions) -> Vec<Hull> {
+    /// Distance of pieces beside which the surface is covered, in tolerances: samples are apart.
+    const COVERED: f64 = 0.9;
     let mut pieces = Pieces::default();
     let neighbours = sheets::neighbours(solid);
     let least = (3.0 * options.tolerance) * (3.0 * options.tolerance);
@@ -77,11 +80,11 @@ fn pieces_with_regions(solid: &mut Solid, options: &DecomposeOptions) -> Vec<Hul
             sheets::add(solid, region, seen, &neighbours, options, &mut pieces);
         }
     }
-    rest::add(solid, &axes(&regions), options, &mut pieces);
+    rest::add(solid, &axes(&regions), COVERED * options.tolerance, options, &mut pieces);
     let needed = union::Needed::of(solid, options);
     let most = options.most as usize;
-    let hulls = union::joined(needed.pruned(pieces.hulls, most, 2.0 * options.tolerance, options), solid, options);
-    let mut hulls = union::reduced(needed.pruned(hulls, most, 3.0 * options.tolerance, options), solid, options);
+    let hulls = union::joined(needed.pruned(pieces.hulls, most, options.tolerance, options), solid, options);
+    let mut hulls = union::reduced(needed.pruned(hulls, most, 1.5 * options.tolerance, options), solid, options);
     hulls = hulls
         .into_iter()
         .map(|hull| boxes::boxed(hull, solid, options))
@@ -94,9 +97,11 @@ fn pieces_with_regions(solid: &mut Solid, options: &DecomposeOptions) -> Vec<Hul
 /// Further pieces where `hulls` leave the observed surface uncovered, largest first, as thin as possible: what cuts left open is
 /// decomposed again. Together with `hulls` there are at most `options.most`.
 pub(crate) fn patches(solid: &Solid, hulls: &[Hull], options: &DecomposeOptions) -> Vec<Hull> {
+    /// Distance of pieces beside which the surface is covered, in tolerances: a gap is as wide as what they leave, and twice this.
+    const COVERED: f64 = 0.5;
     let mut pieces = Pieces::default();
     hulls.iter().for_each(|hull| pieces.push(hull.clone()));
-    rest::add(solid, &[DVec3::X, DVec3::Y, DVec3::Z], options, &mut pieces);
+    rest::add(solid, &[DVec3::X, DVec3::Y, DVec3::Z], COVERED * options.tolerance, options, &mut pieces);
     let mut added = pieces.hulls.split_off(hulls.len());
     let simple = |hull: Hull| hull.with_fewer_corners(options.corners, options.rounding, options.thinnest);
     added = added.into_iter().filter_map(simple).collect();
@@ -156,16 +161,6 @@ impl Pieces {
         p.cmpge(low - near).all()
             && p.cmple(high + near).all()
             && self.planes[piece].iter().all(|plane| plane.distance(p) <= near)
-    }
-
-    /// True if a piece is within `near` of a point, by its planes.
-    fn cover(&self, p: DVec3, near: f64) -> bool {
-        (0..self.hulls.len()).any(|piece| self.is_near(piece, p, near))
-    }
-
-    /// All pieces within `near` of a point.
-    fn covering(&self, p: DVec3, near: f64) -> Vec<usize> {
-        (0..self.hulls.len()).filter(|piece| self.is_near(*piece, p, near)).collect()
     }
 }
 

@@ -1,20 +1,29 @@
 //! What is not flat: groups of surface points, split by planes until their hulls follow the surface.
 
+use super::slabs::Slabs;
 use super::solid::{Sample, Solid};
+use super::union::stays_within;
 use super::{DecomposeOptions, Pieces};
 use crate::hull::Hull;
 use glam::DVec3;
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Covers what the pieces leave uncovered.
-pub(super) fn add(solid: &Solid, axes: &[DVec3], options: &DecomposeOptions, pieces: &mut Pieces) {
+/// Covers what no piece is within `near` of.
+pub(super) fn add(solid: &Solid, axes: &[DVec3], near: f64, options: &DecomposeOptions, pieces: &mut Pieces) {
     /// Samples of the whole surface at most.
-    const MOST: f64 = 60_000.0;
+    const MOST: f64 = 250_000.0;
+    /// Samples that are grouped and split at most: hulls of many points are slow.
+    const MOST_OPEN: usize = 40_000;
     let area: f64 = solid.mesh.triangles.iter().map(|t| 0.5 * crate::topology::cross(&solid.mesh, *t).length()).sum();
     let spacing = (0.5 * options.tolerance).max((area / MOST).sqrt());
-    let is_open = |s: &Sample| s.seen && !pieces.cover(s.point, 0.9 * options.tolerance);
-    let open: Vec<Sample> = solid.samples(spacing, true).into_iter().filter(is_open).collect();
-    let least = 4.0 * options.tolerance * options.tolerance / (spacing * spacing);
+    let slabs = Slabs::new(pieces, near);
+    let is_open = |s: &Sample| s.seen && !slabs.cover(s.point);
+    let open: Vec<Sample> = solid.samples(spacing, true).into_par_iter().filter(is_open).collect();
+    let stride = open.len().div_ceil(MOST_OPEN).max(1);
+    let open: Vec<Sample> = open.into_iter().step_by(stride).collect();
+    let spacing = spacing * (stride as f64).sqrt();
+    let least = 5.0 * near * near / (spacing * spacing);
     for group in groups(&open, 2.5 * spacing.max(options.tolerance)) {
         // Specks have a piece beside them.
         if (group.len() as f64) < least {
@@ -62,11 +71,12 @@ fn split(
     depth: usize,
     pieces: &mut Pieces,
 ) {
-    const DEEPEST: usize = 9;
-    const SAMPLES: usize = 160;
+    const DEEPEST: usize = 12;
+    /// Distance from the surface of a piece that cannot be split, in tolerances: one that protrudes farther fills a cavity.
+    const FAR: f64 = 2.0;
     let Some(hull) = Hull::of(&points, options.thinnest) else { return };
-    let protrusion = solid.protrusion(&hull, SAMPLES);
-    let halves = if protrusion > options.tolerance && depth < DEEPEST {
+    let stays_within = |most: f64| stays_within(&hull, solid, most, options.tolerance);
+    let halves = if depth < DEEPEST && !stays_within(options.tolerance) {
         best_cut(&points, axes, spacing, options)
     } else {
         None
@@ -75,9 +85,8 @@ fn split(
         Some(halves) => {
             halves.into_iter().for_each(|half| split(solid, half, axes, spacing, options, depth + 1, pieces));
         }
-        // A piece that cannot be split and still protrudes by far would fill a cavity.
-        None if protrusion > 3.0 * options.tolerance => {}
-        None => pieces.push(hull),
+        None if stays_within(FAR * options.tolerance) => pieces.push(hull),
+        None => {}
     }
 }
 

@@ -2,7 +2,9 @@
 
 use super::mask::{Mask, cover};
 use super::regions::Region;
+use super::slabs::Slabs;
 use super::solid::Solid;
+use super::union::stays_within;
 use super::{DecomposeOptions, Pieces};
 use crate::hull::Hull;
 use crate::topology::{corners, twins};
@@ -20,7 +22,7 @@ struct Grid {
 
 impl Grid {
     /// Cells per side at most.
-    const MOST: f64 = 256.0;
+    const MOST: f64 = 512.0;
 
     fn new(solid: &Solid, region: &Region, twins: &[u32], finest: f64) -> Self {
         let normal = region.normal;
@@ -110,10 +112,10 @@ pub(super) fn add(
     let grid = Grid::new(solid, region, twins, 0.4 * options.tolerance);
     let slack = ((0.8 * options.tolerance / grid.cell).round() as usize).max(1);
     let own = grid.mask(solid, &region.triangles).closed(slack);
-    let mut todo = own.clone();
+    let (mut todo, slabs) = (own.clone(), Slabs::new(pieces, near));
     for i in 0..todo.cells.len() {
         let is_wall = || seen || solid.is_behind(grid.middle(i), grid.normal);
-        todo.cells[i] = own.cells[i] && is_wall() && !pieces.cover(grid.middle(i), near);
+        todo.cells[i] = own.cells[i] && is_wall() && !slabs.cover(grid.middle(i));
     }
     if !todo.cells.contains(&true) {
         return;
@@ -123,22 +125,36 @@ pub(super) fn add(
     for i in 0..allowed.cells.len() {
         allowed.cells[i] = allowed.cells[i] || solid.signed(grid.middle(i)) < -0.2 * options.tolerance;
     }
-    for polygon in cover(&allowed, &todo, slack) {
-        let prism = |thickness: f64| {
-            let corners = polygon.iter().map(|p| grid.point(*p));
-            let points: Vec<DVec3> = corners.flat_map(|p| [p, p - grid.normal * thickness]).collect();
-            Hull::of(&points, options.thinnest)
-        };
-        let [most, least] = thickness(solid, &grid, &polygon, options);
-        let fits = |hull: &Hull| solid.protrusion(hull, SAMPLES) <= 2.0 * options.tolerance;
-        if let Some(hull) = prism(most).filter(fits).or_else(|| prism(least)) {
-            pieces.push(hull);
+    // Prisms that reach into a notch are replaced by several that follow its rim closer.
+    let mut slacks = (0..=slack).rev().peekable();
+    while let Some(slack) = slacks.next() {
+        let mut left = Mask::new(todo.size);
+        for polygon in cover(&allowed, &todo, slack) {
+            match prism(solid, &grid, &polygon, slacks.peek().is_none(), options) {
+                Some(hull) => pieces.push(hull),
+                None => todo.within(&polygon).for_each(|cell| left.cells[cell] = true),
+            }
         }
+        if !left.cells.contains(&true) {
+            return;
+        }
+        todo = left;
     }
 }
 
-/// Samples of a prism that are tested.
-const SAMPLES: usize = 200;
+/// The prism of a polygon, as thick as fits; if none does, none, or the thinnest one if it is the `last` resort.
+fn prism(solid: &Solid, grid: &Grid, polygon: &[DVec2], last: bool, options: &DecomposeOptions) -> Option<Hull> {
+    /// Distance from the surface, in tolerances.
+    const FAR: f64 = 2.0;
+    let of = |thickness: f64| {
+        let corners = polygon.iter().map(|p| grid.point(*p));
+        let points: Vec<DVec3> = corners.flat_map(|p| [p, p - grid.normal * thickness]).collect();
+        Hull::of(&points, options.thinnest)
+    };
+    let fits = |hull: &Hull| stays_within(hull, solid, FAR * options.tolerance, options.tolerance);
+    let [most, least] = thickness(solid, grid, polygon, options);
+    of(most).filter(fits).or_else(|| of(least).filter(|hull| last || fits(hull)))
+}
 
 /// How thick a prism behind the region may be, so that it sticks out in a few thin places only, and in none: the whole sheet where
 /// its other side is near, else the skin.

@@ -130,9 +130,4 @@ impl Solid {
         }
         out
     }
-
-    /// Farthest that sampled points of a convex surface are outside the solid.
-    pub(crate) fn protrusion(&self, hull: &crate::hull::Hull, count: usize) -> f64 {
-        hull.samples(count).into_iter().map(|p| self.signed(p)).fold(0.0, f64::max)
-    }
 }

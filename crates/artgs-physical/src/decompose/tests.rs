@@ -62,3 +62,47 @@ fn a_sheet_inside_a_solid_leaves_it_solid() {
     assert!((distance + 0.01).abs() < 1e-5, "{distance}");
     assert!(solid.signed(DVec3::new(0.3, 0.19, 0.13)) > 0.029);
 }
+
+/// Farthest that samples of the pieces are outside a mesh.
+fn protrusion(hulls: &[Hull], mesh: &Mesh) -> f64 {
+    let solid = Solid::new(mesh, &|_| true).unwrap();
+    let samples = hulls.iter().flat_map(|hull| hull.samples(2000));
+    samples.map(|p| solid.signed(p)).fold(0.0, f64::max)
+}
+
+#[test]
+fn pieces_of_a_sheet_reach_into_no_notch_of_its_rim() {
+    // A shelf with a slanted rim of teeth, 8 to 26 mm apart, as half-seen sheets have.
+    let mut mesh = Mesh::cuboid([0.0; 3], [0.6, 0.3, 0.01]);
+    for tooth in 0..12 {
+        let (x, gap) = (0.05 * tooth as f32, 0.008 + 0.0015 * tooth as f32);
+        mesh.append(&Mesh::cuboid([x, 0.3, 0.0], [x + 0.05 - gap, 0.33 + 0.01 * (tooth % 4) as f32, 0.01]));
+    }
+    let hulls = decompose(&mesh, &|_| true, &OPTIONS);
+    let deepest = protrusion(&hulls, &mesh);
+    assert!(deepest < 2.2 * OPTIONS.tolerance, "{deepest}");
+    let pieces = super::Pieces::default();
+    let pieces = hulls.into_iter().fold(pieces, |mut all, hull| {
+        all.push(hull);
+        all
+    });
+    let slabs = super::slabs::Slabs::new(&pieces, 1.5 * OPTIONS.tolerance);
+    let solid = Solid::new(&mesh, &|_| true).unwrap();
+    let open = solid.samples(0.01, false).iter().filter(|s| !slabs.cover(s.point)).count();
+    assert_eq!(open, 0);
+}
+
+#[test]
+fn small_features_of_a_large_object_have_pieces() {
+    // Knobs of 2 cm on a slab of 3 by 3 metres.
+    let mut mesh = Mesh::cuboid([0.0; 3], [3.0, 3.0, 0.05]);
+    let knobs: Vec<[f32; 2]> = (0..16).map(|i| [0.2 + 0.7 * (i % 4) as f32, 0.3 + 0.7 * (i / 4) as f32]).collect();
+    for [x, y] in &knobs {
+        mesh.append(&Mesh::cuboid([*x, *y, 0.05], [x + 0.02, y + 0.02, 0.07]));
+    }
+    let hulls = decompose(&mesh, &|_| true, &OPTIONS);
+    for [x, y] in &knobs {
+        let top = DVec3::new(f64::from(*x) + 0.01, f64::from(*y) + 0.01, 0.068);
+        assert!(hulls.iter().any(|h| h.planes().iter().all(|f| f.distance(top) < OPTIONS.tolerance)), "{top}");
+    }
+}

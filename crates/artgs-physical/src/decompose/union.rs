@@ -1,9 +1,11 @@
 //! Joins pieces whose common hull fills little that neither of them does.
 
+use super::slabs::Slabs;
 use super::solid::Solid;
 use super::{DecomposeOptions, Pieces};
 use crate::hull::Hull;
 use glam::DVec3;
+use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -20,7 +22,7 @@ const OBSERVED: usize = 4;
 impl Needed {
     pub(super) fn of(solid: &Solid, options: &DecomposeOptions) -> Self {
         /// Samples of the whole surface at most.
-        const MOST: f64 = 30_000.0;
+        const MOST: f64 = 250_000.0;
         let area: f64 =
             solid.mesh.triangles.iter().map(|t| 0.5 * crate::topology::cross(&solid.mesh, *t).length()).sum();
         let spacing = options.tolerance.max((area / MOST).sqrt());
@@ -35,8 +37,8 @@ impl Needed {
         const FEW: usize = 1;
         let mut pieces = Pieces::default();
         hulls.into_iter().for_each(|hull| pieces.push(hull));
-        let covers: Vec<Vec<usize>> =
-            self.samples.iter().map(|(p, _)| pieces.covering(*p, options.tolerance)).collect();
+        let slabs = Slabs::new(&pieces, options.tolerance);
+        let covers: Vec<Vec<usize>> = self.samples.par_iter().map(|(p, _)| slabs.covering(*p).collect()).collect();
         // Samples that each piece covers, and how many of them no other piece covers.
         let mut of_piece: Vec<Vec<usize>> = vec![Vec::new(); pieces.hulls.len()];
         for (sample, by) in covers.iter().enumerate() {
@@ -97,7 +99,9 @@ impl Ord for Candidate {
 /// Pieces, joined as long as a join stays within the tolerance of the solid.
 pub(super) fn joined(hulls: Vec<Hull>, solid: &Solid, options: &DecomposeOptions) -> Vec<Hull> {
     let mut alive: Vec<Option<Hull>> = hulls.into_iter().map(Some).collect();
-    let fits = |both: &Hull| both.points().len() <= options.corners && stays_within(both, solid, options.tolerance);
+    let fits = |both: &Hull| {
+        both.points().len() <= options.corners && stays_within(both, solid, options.tolerance, options.tolerance)
+    };
     let added = |a: &Hull, b: &Hull, both: &Hull| both.volume() - a.volume() - b.volume();
     join(&mut alive, 1, options, (added, None::<fn(&Hull) -> f64>), fits);
     alive.into_iter().flatten().collect()
@@ -111,7 +115,9 @@ pub(super) fn reduced(hulls: Vec<Hull>, solid: &Solid, options: &DecomposeOption
         let outside: Vec<f64> = samples.iter().map(|p| solid.signed(*p)).filter(|d| *d > 0.0).collect();
         let far = outside.iter().filter(|d| **d > options.tolerance).count();
         let area = both.area() * far as f64 / samples.len().max(1) as f64;
-        outside.iter().copied().fold(0.0, f64::max) + 0.05 * both.volume().cbrt() + OUTSIDE * area.sqrt()
+        let farthest = outside.iter().copied().fold(0.0, f64::max);
+        let deep = (farthest - DEEP * options.tolerance).max(0.0);
+        farthest + DEEPLY * deep + 0.05 * both.volume().cbrt() + OUTSIDE * area.sqrt()
     };
     let coarse = |_: &Hull, _: &Hull, both: &Hull| cost(both, SAMPLES);
     // Notches of thin sheets are narrower than the distance of few samples.
@@ -126,15 +132,18 @@ pub(super) fn reduced(hulls: Vec<Hull>, solid: &Solid, options: &DecomposeOption
 
 /// What the side of a square counts that is as large as the surface of a join outside the solid, against how far a join sticks out.
 const OUTSIDE: f64 = 0.2;
+/// What sticks out farther than this, in tolerances, counts so many times more.
+const DEEP: f64 = 2.0;
+const DEEPLY: f64 = 3.0;
 /// Samples of a hull that are tested first.
 const SAMPLES: usize = 100;
 
-/// True if no sample of the surface of a hull is outside the solid by more than the tolerance.
-pub(super) fn stays_within(hull: &Hull, solid: &Solid, tolerance: f64) -> bool {
+/// True if no sample of the surface of a hull is outside the solid by more than `most`. Samples are as close as the tolerance asks for.
+pub(super) fn stays_within(hull: &Hull, solid: &Solid, most: f64, tolerance: f64) -> bool {
     let few = hull.samples(SAMPLES);
     let count = samples_of(hull, tolerance);
-    few.into_iter().all(|p| solid.signed(p) <= tolerance)
-        && (count <= SAMPLES || hull.samples(count).into_iter().all(|p| solid.signed(p) <= tolerance))
+    few.into_iter().all(|p| solid.signed(p) <= most)
+        && (count <= SAMPLES || hull.samples(count).into_iter().all(|p| solid.signed(p) <= most))
 }
 
 /// Samples of the surface of a hull, a few tolerances apart.
