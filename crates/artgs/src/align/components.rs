@@ -54,21 +54,54 @@ impl Components {
     }
 }
 
-/// Share of the points of each component that moved.
-pub(super) fn moved_shares(numbers: &[Option<usize>], moved: &[bool], count: usize) -> Vec<f64> {
-    let mut counts = vec![(0, 0); count];
-    for (number, moved) in numbers.iter().zip(moved) {
-        if let Some(n) = number {
-            counts[*n].0 += usize::from(*moved);
-            counts[*n].1 += 1;
+/// Shares of the points of each component that moved: of its own ones, and with those of components near it that moved as a whole, because
+/// depth cameras see thin things in pieces.
+pub(super) fn moved_shares(
+    points: &[Vec3],
+    numbers: &[Option<usize>],
+    moved: &[bool],
+    count: usize,
+) -> Vec<(f64, f64)> {
+    /// Share of the points of a component from which it moved as a whole.
+    const WHOLE: f64 = 0.5;
+    let points = points_of(points, numbers, count);
+    let mut counts = vec![0_usize; count];
+    numbers.iter().zip(moved).filter(|(_, moved)| **moved).flat_map(|(n, _)| *n).for_each(|n| counts[n] += 1);
+    let is_whole = |n: usize| counts[n] as f64 >= WHOLE * points[n].len().max(1) as f64;
+    let pieces: Vec<usize> = (0..count).filter(|n| is_whole(*n)).collect();
+    let share = |n: usize| {
+        let of = pieces.iter().filter(|piece| **piece != n && is_near(&points[n], &points[**piece]));
+        let (moved, all) =
+            of.fold((counts[n], points[n].len()), |(m, a), piece| (m + counts[*piece], a + points[*piece].len()));
+        (counts[n] as f64 / points[n].len().max(1) as f64, moved as f64 / all.max(1) as f64)
+    };
+    (0..count).map(share).collect()
+}
+
+/// The points of each of `count` components.
+fn points_of(points: &[Vec3], numbers: &[Option<usize>], count: usize) -> Vec<Vec<Vec3>> {
+    let mut out = vec![Vec::new(); count];
+    for (p, n) in points.iter().zip(numbers) {
+        if let Some(n) = n {
+            out[*n].push(*p);
         }
     }
-    counts.into_iter().map(|(moved, all)| f64::from(moved as u32) / f64::from(all.max(1) as u32)).collect()
+    out
+}
+
+/// True if the points of another component come near those of one, relative to the diagonal of its box.
+fn is_near(own: &[Vec3], others: &[Vec3]) -> bool {
+    /// Largest distance, as a share of the diagonal.
+    const REACH: f32 = 0.3;
+    let (lower, upper) = own.iter().fold((Vec3::MAX, Vec3::MIN), |(l, u), p| (l.min(*p), u.max(*p)));
+    let reach = (REACH * lower.distance(upper)).powi(2);
+    others.iter().any(|p| own.iter().any(|q| q.distance_squared(*p) < reach))
 }
 
 /// The component that the cameras look at most. If nothing of it moved, that of the others that moved, if they look at it, too:
-/// things around a slender object may be larger than the object.
-pub(super) fn most_attended(attention: &[f64], moved: &[f64]) -> Option<usize> {
+/// things around a slender object may be larger than the object. `moved` are the shares of each component that moved, alone and with its
+/// pieces.
+pub(super) fn most_attended(attention: &[f64], moved: &[(f64, f64)]) -> Option<usize> {
     /// Share of the points of a component up to which nothing of it moved.
     const STILL: f64 = 0.005;
     /// Share of the points from which it moved.
@@ -81,8 +114,8 @@ pub(super) fn most_attended(attention: &[f64], moved: &[f64]) -> Option<usize> {
         (0..attention.len()).filter(|n| may(*n)).max_by(order)
     };
     let first = most(&|_| true)?;
-    let other = most(&|n| moved[n] >= MOVED && attention[n] >= NOTICED * total);
-    Some(if moved[first] <= STILL { other.unwrap_or(first) } else { first })
+    let other = most(&|n| moved[n].1 >= MOVED && attention[n] >= NOTICED * total);
+    Some(if moved[first].0 <= STILL { other.unwrap_or(first) } else { first })
 }
 
 /// Components near `best` that touch no plane: parts that are too thin for depth cameras hold them.
@@ -93,26 +126,16 @@ pub(super) fn with_held(
     planes: &[Plane],
     edge: f64,
 ) -> Vec<bool> {
-    /// Largest distance from the component, as a share of the diagonal of its box.
-    const REACH: f32 = 0.3;
     /// Share of its points that another component must have; smaller ones are errors of depth.
     const LEAST: f64 = 0.1;
     /// Distance from every plane, cubes.
     const CLEAR: f64 = 4.0;
     let count = numbers.iter().flatten().max().map_or(0, |n| n + 1);
-    let mut points: Vec<Vec<Vec3>> = vec![Vec::new(); count];
-    for (p, n) in cloud.points.iter().zip(numbers) {
-        if let Some(n) = n {
-            points[*n].push(*p);
-        }
-    }
+    let points = points_of(&cloud.points, numbers, count);
     let own = &points[best];
-    let (lower, upper) = own.iter().fold((Vec3::MAX, Vec3::MIN), |(l, u), p| (l.min(*p), u.max(*p)));
-    let reach = (REACH * lower.distance(upper)).powi(2);
     let held = |others: &Vec<Vec3>| {
         let clear = |p: &Vec3| planes.iter().all(|plane| plane.distance(p.as_dvec3()) > CLEAR * edge);
-        let near = |p: &Vec3| own.iter().any(|q| q.distance_squared(*p) < reach);
-        others.len() as f64 >= LEAST * own.len() as f64 && others.iter().all(clear) && others.iter().any(near)
+        others.len() as f64 >= LEAST * own.len() as f64 && others.iter().all(clear) && is_near(own, others)
     };
     points.iter().enumerate().map(|(n, others)| n == best || held(others)).collect()
 }
@@ -192,12 +215,29 @@ mod tests {
     #[test]
     fn what_moved_is_the_object_if_nothing_of_what_is_looked_at_most_did() {
         let attention = [0.1, 0.6, 0.2, 0.01];
-        assert_eq!(most_attended(&attention, &[0.0; 4]), Some(1));
-        assert_eq!(most_attended(&attention, &[0.9, 0.02, 0.9, 0.0]), Some(1));
-        assert_eq!(most_attended(&attention, &[0.9, 0.0, 0.3, 0.0]), Some(2));
+        let best = |shares: [f64; 4]| most_attended(&attention, &shares.map(|share| (share, share)));
+        assert_eq!(best([0.0; 4]), Some(1));
+        assert_eq!(best([0.9, 0.02, 0.9, 0.0]), Some(1));
+        assert_eq!(best([0.9, 0.0, 0.3, 0.0]), Some(2));
         // Nobody looks at the thing that moved.
-        assert_eq!(most_attended(&attention, &[0.0, 0.0, 0.0, 1.0]), Some(1));
+        assert_eq!(best([0.0, 0.0, 0.0, 1.0]), Some(1));
         assert_eq!(most_attended(&[], &[]), None);
+    }
+
+    #[test]
+    fn a_thin_thing_moved_if_its_pieces_did() {
+        // A box that the cameras look at most, a rod of which the end bends, and that end, which is apart from it.
+        let row = |corner: Vec3, count: usize| (0..count).map(move |i| corner + Vec3::X * 0.02 * i as f32);
+        let groups = [(Vec3::new(-1.3, 0.0, 0.0), 60), (Vec3::ZERO, 40), (Vec3::new(0.85, 0.0, 0.0), 6)];
+        let points: Vec<Vec3> = groups.into_iter().flat_map(|(corner, count)| row(corner, count)).collect();
+        let numbers: Vec<Option<usize>> = (0..3).flat_map(|n| std::iter::repeat_n(Some(n), groups[n].1)).collect();
+        let moved: Vec<bool> = (0..106).map(|i| i >= 98).collect();
+        let shares = moved_shares(&points, &numbers, &moved, 3);
+        assert_eq!(shares[0], (0.0, 0.0));
+        assert_eq!(shares[1], (0.05, 8.0 / 46.0));
+        assert_eq!(most_attended(&[0.7, 0.29, 0.01], &shares), Some(1));
+        // Without the piece, its share is that of errors of depth.
+        assert_eq!(moved_shares(&points[..100], &numbers[..100], &moved[..100], 2)[1], (0.05, 0.05));
     }
 
     #[test]

@@ -147,7 +147,7 @@ impl Selection {
         let total: f64 = attention.iter().sum::<f64>().max(1e-12);
         let changed = moved(&cloud);
         let numbers: Vec<Option<usize>> = cloud.points.iter().map(|p| components.of(*p)).collect();
-        let best = most_attended(&attention, &moved_shares(&numbers, &changed, components.count))?;
+        let best = most_attended(&attention, &moved_shares(&cloud.points, &numbers, &changed, components.count))?;
         let runner_up = attention.iter().enumerate().filter(|a| a.0 != best).map(|a| *a.1).fold(0.0, f64::max);
         let up = up.or(surfaces.planes.first().map(|p| p.normal));
         let mut belongs = with_enclosed(&cloud, &components, &numbers, best, up, config);

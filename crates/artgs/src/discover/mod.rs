@@ -84,7 +84,7 @@ pub use config::DiscoverConfig;
 use config::StepSettings;
 pub use correct::{CorrectError, correct};
 use doubts::{certain_bodies, or_fewer, settled, sure_bodies};
-use exchanges::{exchanged, without_surplus};
+use exchanges::{exchanged, without_errors, without_surplus};
 use front::Front;
 use glam::{DVec3, Vec3};
 use handles::with_handles;
@@ -286,6 +286,7 @@ fn best_parts(
         let found = of_plateaus.unwrap_or_else(|| {
             with_missing(without_surplus(found, *movable.start(), &work, &result), &movable, &work, &result)
         });
+        let found = without_errors(found, *movable.start(), &work, &result);
         match &relief {
             Some(relief) => with_handles(found, relief, &movable, &work, &result),
             None => found,
