@@ -80,7 +80,7 @@ fn pieces_with_regions(solid: &mut Solid, options: &DecomposeOptions) -> Vec<Hul
             sheets::add(solid, region, seen, &neighbours, options, &mut pieces);
         }
     }
-    rest::add(solid, &axes(&regions), COVERED * options.tolerance, options, &mut pieces);
+    rest::add(solid, &axes(&regions), [COVERED * options.tolerance, 0.0], options, &mut pieces);
     let needed = union::Needed::of(solid, options);
     let most = options.most as usize;
     let hulls = union::joined(needed.pruned(pieces.hulls, most, options.tolerance, options), solid, options);
@@ -97,11 +97,13 @@ fn pieces_with_regions(solid: &mut Solid, options: &DecomposeOptions) -> Vec<Hul
 /// Further pieces where `hulls` leave the observed surface uncovered, largest first, as thin as possible: what cuts left open is
 /// decomposed again. Together with `hulls` there are at most `options.most`.
 pub(crate) fn patches(solid: &Solid, hulls: &[Hull], options: &DecomposeOptions) -> Vec<Hull> {
-    /// Distance of pieces beside which the surface is covered, in tolerances: a gap is as wide as what they leave, and twice this.
+    /// Distance of pieces beside which the surface is covered, in tolerances: a gap is as wide as what they leave, and twice this. Where
+    /// another link passes, pieces are behind the surface.
     const COVERED: f64 = 0.5;
+    let near = COVERED * options.tolerance;
     let mut pieces = Pieces::default();
     hulls.iter().for_each(|hull| pieces.push(hull.clone()));
-    rest::add(solid, &[DVec3::X, DVec3::Y, DVec3::Z], COVERED * options.tolerance, options, &mut pieces);
+    rest::add(solid, &[DVec3::X, DVec3::Y, DVec3::Z], [near, near], options, &mut pieces);
     let mut added = pieces.hulls.split_off(hulls.len());
     let simple = |hull: Hull| hull.with_fewer_corners(options.corners, options.rounding, options.thinnest);
     added = added.into_iter().filter_map(simple).collect();

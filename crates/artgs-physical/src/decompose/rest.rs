@@ -9,8 +9,14 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Covers what no piece is within `near` of.
-pub(super) fn add(solid: &Solid, axes: &[DVec3], near: f64, options: &DecomposeOptions, pieces: &mut Pieces) {
+/// Covers what no piece is within `near` of, nor within `near` of the place that is `behind` it.
+pub(super) fn add(
+    solid: &Solid,
+    axes: &[DVec3],
+    [near, behind]: [f64; 2],
+    options: &DecomposeOptions,
+    pieces: &mut Pieces,
+) {
     /// Samples of the whole surface at most.
     const MOST: f64 = 250_000.0;
     /// Samples that are grouped and split at most: hulls of many points are slow.
@@ -18,7 +24,8 @@ pub(super) fn add(solid: &Solid, axes: &[DVec3], near: f64, options: &DecomposeO
     let area: f64 = solid.mesh.triangles.iter().map(|t| 0.5 * crate::topology::cross(&solid.mesh, *t).length()).sum();
     let spacing = (0.5 * options.tolerance).max((area / MOST).sqrt());
     let slabs = Slabs::new(pieces, near);
-    let is_open = |s: &Sample| s.seen && !slabs.cover(s.point);
+    let covered = |s: &Sample| slabs.cover(s.point) || slabs.cover(s.point - s.normal * behind);
+    let is_open = |s: &Sample| s.seen && !covered(s);
     let open: Vec<Sample> = solid.samples(spacing, true).into_par_iter().filter(is_open).collect();
     let stride = open.len().div_ceil(MOST_OPEN).max(1);
     let open: Vec<Sample> = open.into_iter().step_by(stride).collect();
