@@ -449,7 +449,7 @@ mod tests {
             [-0.00513183, 0.03078576, -0.08793292],
             [-0.00515763, 0.02938926, -0.08846958],
         ];
-        assert!(Hull::of(&rim.map(DVec3::from_array), 1e-3).is_none_or(|hull| hull.is_thick(1e-3)));
+        assert!(Hull::of(&rim.map(DVec3::from_array), 1e-3).is_none());
         assert!(!cube().is_thick(1.01) && cube().is_thick(0.99));
     }
 }

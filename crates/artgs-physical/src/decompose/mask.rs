@@ -182,28 +182,32 @@ impl Mask {
     fn is_followed_by(&self, polygon: &[DVec2], distances: &[usize], slack: usize) -> bool {
         /// Share of the cells of a polygon that may be beyond the slack.
         const BEYOND: f64 = 0.015;
-        let rows = self.size[1];
-        let (low, high) =
-            polygon.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
-        let ends = |k: usize| low[k].max(0.0) as usize..(high[k].ceil().max(0.0) as usize).min(self.size[k]);
         let (mut all, mut beyond) = (0_u32, 0_u32);
-        for (x, y) in ends(0).flat_map(|x| ends(1).map(move |y| (x, y))) {
-            if holds(polygon, DVec2::new(x as f64 + 0.5, y as f64 + 0.5)) {
-                let distance = distances[x * rows + y];
-                if distance > 2 * slack {
-                    return false;
-                }
-                all += 1;
-                beyond += u32::from(distance > slack);
+        for cell in self.inside(polygon) {
+            if distances[cell] > 2 * slack {
+                return false;
             }
+            all += 1;
+            beyond += u32::from(distances[cell] > slack);
         }
         f64::from(beyond) <= BEYOND * f64::from(all)
     }
 
+    /// Cells of which the middle is in a polygon.
+    fn inside<'a>(&'a self, polygon: &'a [DVec2]) -> impl Iterator<Item = usize> + 'a {
+        let (low, high) =
+            polygon.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+        let ends = |k: usize| low[k].max(0.0) as usize..(high[k].ceil().max(0.0) as usize).min(self.size[k]);
+        let (columns, rows) = (ends(0), ends(1));
+        let cells = columns.flat_map(move |x| rows.clone().map(move |y| (x, y)));
+        cells
+            .filter(|(x, y)| holds(polygon, DVec2::new(*x as f64 + 0.5, *y as f64 + 0.5)))
+            .map(|(x, y)| x * self.size[1] + y)
+    }
+
     /// Set cells of which the middle is in a polygon.
     pub(crate) fn within<'a>(&'a self, polygon: &'a [DVec2]) -> impl Iterator<Item = usize> + 'a {
-        let middle = |i: usize| DVec2::new((i / self.size[1]) as f64 + 0.5, (i % self.size[1]) as f64 + 0.5);
-        (0..self.cells.len()).filter(move |i| self.cells[*i] && holds(polygon, middle(*i)))
+        self.inside(polygon).filter(|cell| self.cells[*cell])
     }
 
     fn split(&self) -> [Self; 2] {

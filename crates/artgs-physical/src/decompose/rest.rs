@@ -24,7 +24,7 @@ pub(super) fn add(
     let area: f64 = solid.mesh.triangles.iter().map(|t| 0.5 * crate::topology::cross(&solid.mesh, *t).length()).sum();
     let spacing = (0.5 * options.tolerance).max((area / MOST).sqrt());
     let slabs = Slabs::new(pieces, near);
-    let covered = |s: &Sample| slabs.cover(s.point) || slabs.cover(s.point - s.normal * behind);
+    let covered = |s: &Sample| slabs.cover(s.point) || behind > 0.0 && slabs.cover(s.point - s.normal * behind);
     let is_open = |s: &Sample| s.seen && !covered(s);
     let open: Vec<Sample> = solid.samples(spacing, true).into_par_iter().filter(is_open).collect();
     let stride = open.len().div_ceil(MOST_OPEN).max(1);

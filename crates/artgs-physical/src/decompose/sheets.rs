@@ -1,6 +1,6 @@
 //! Flat regions of a surface as prisms.
 
-use super::mask::{Mask, cover};
+use super::mask::{Mask, cover, holds};
 use super::regions::Region;
 use super::slabs::Slabs;
 use super::solid::Solid;
@@ -166,13 +166,11 @@ fn thickness(solid: &Solid, grid: &Grid, polygon: &[DVec2], options: &DecomposeO
     /// A sheet is at most this many times as thick as a skin.
     const SHEET: f64 = 2.5;
     let (low, high) = polygon.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
-    let inside = |p: DVec2| {
-        (0..polygon.len()).all(|i| (polygon[(i + 1) % polygon.len()] - polygon[i]).perp_dot(p - polygon[i]) >= 0.0)
-    };
     let places = (0..SIDE * SIDE).map(|i| DVec2::new((i / SIDE) as f64 + 0.5, (i % SIDE) as f64 + 0.5) / SIDE as f64);
     let most = SHEET * options.skin;
     let depth = |p: DVec2| solid.thickness(grid.point(p), grid.normal, 0.5 * options.tolerance, most);
-    let mut depths: Vec<f64> = places.map(|s| low + (high - low) * s).filter(|p| inside(*p)).map(depth).collect();
+    let mut depths: Vec<f64> =
+        places.map(|s| low + (high - low) * s).filter(|p| holds(polygon, *p)).map(depth).collect();
     depths.sort_by(f64::total_cmp);
     [IGNORED, 0.0].map(|share| {
         let found = depths.get((share * depths.len() as f64) as usize).copied().unwrap_or(options.skin);

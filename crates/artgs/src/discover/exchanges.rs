@@ -63,11 +63,9 @@ pub(super) fn without_surplus(
         let mut small: Vec<usize> = (0..count).filter(|k| alone(*k) < ALONE).collect();
         small.sort_by(|a, b| alone(*a).total_cmp(&alone(*b)));
         for k in small {
-            let others: Vec<Rigid> = (0..count).filter(|other| *other != k).map(|k| found.parts[k].motion).collect();
-            let other = result(work.parts(&others, &(least..=count - 1)));
-            let fewer = !other.parts.is_empty() && other.parts.len() < count;
+            let Some(other) = without(&found, k, least, work, result) else { continue };
             let worth = WORTH * (1.0 - found.parts[k].confidence.unwrap_or(0.0));
-            if fewer && other.quality(total) > found.quality(total) - worth {
+            if other.quality(total) > found.quality(total) - worth {
                 found = other;
                 continue 'removed;
             }
@@ -75,6 +73,20 @@ pub(super) fn without_surplus(
         break;
     }
     found
+}
+
+/// The parts that the other motions explain without that of part `k` (from 0), at least `least`; none if they are not fewer.
+fn without(
+    found: &Discovery,
+    k: usize,
+    least: usize,
+    work: &Refinement<'_>,
+    result: &dyn Fn(Parts) -> Discovery,
+) -> Option<Discovery> {
+    let count = found.parts.len();
+    let others: Vec<Rigid> = (0..count).filter(|other| *other != k).map(|k| found.parts[k].motion).collect();
+    let other = result(work.parts(&others, &(least..=count - 1)));
+    (!other.parts.is_empty() && other.parts.len() < count).then_some(other)
 }
 
 /// Without parts, but at least `least`, that are not sure and moved no farther than errors of depth and of the alignment shift surfaces.
@@ -90,15 +102,10 @@ pub(super) fn without_errors(
     /// and 2.2 spacings that were none.
     const SURE: f64 = 0.8;
     while found.parts.len() > least.max(1) {
-        let count = found.parts.len();
         let is_error =
             |k: &usize| found.support[*k].shift < NEAR && found.parts[*k].confidence.is_none_or(|c| c < SURE);
-        let Some(k) = (0..count).find(is_error) else { break };
-        let others: Vec<Rigid> = (0..count).filter(|other| *other != k).map(|k| found.parts[k].motion).collect();
-        let mut other = result(work.parts(&others, &(least.max(1)..=count - 1)));
-        if other.parts.is_empty() || other.parts.len() >= count {
-            break;
-        }
+        let Some(k) = (0..found.parts.len()).find(is_error) else { break };
+        let Some(mut other) = without(&found, k, least.max(1), work, result) else { break };
         let share = 100.0 * found.support[k].shift * found.spacing / found.diagonal;
         other.warnings.append(&mut found.warnings);
         other.warnings.push(format!(
