@@ -64,13 +64,15 @@ pub(super) fn moved_shares(
 ) -> Vec<(f64, f64)> {
     /// Share of the points of a component from which it moved as a whole.
     const WHOLE: f64 = 0.5;
+    /// Distance of a piece, as a share of the diagonal of the box of the component.
+    const REACH: f32 = 0.3;
     let points = points_of(points, numbers, count);
     let mut counts = vec![0_usize; count];
     numbers.iter().zip(moved).filter(|(_, moved)| **moved).flat_map(|(n, _)| *n).for_each(|n| counts[n] += 1);
     let is_whole = |n: usize| counts[n] as f64 >= WHOLE * points[n].len().max(1) as f64;
     let pieces: Vec<usize> = (0..count).filter(|n| is_whole(*n)).collect();
     let share = |n: usize| {
-        let of = pieces.iter().filter(|piece| **piece != n && is_near(&points[n], &points[**piece]));
+        let of = pieces.iter().filter(|piece| **piece != n && is_near(&points[n], &points[**piece], REACH));
         let (moved, all) =
             of.fold((counts[n], points[n].len()), |(m, a), piece| (m + counts[*piece], a + points[*piece].len()));
         (counts[n] as f64 / points[n].len().max(1) as f64, moved as f64 / all.max(1) as f64)
@@ -89,12 +91,10 @@ fn points_of(points: &[Vec3], numbers: &[Option<usize>], count: usize) -> Vec<Ve
     out
 }
 
-/// True if the points of another component come near those of one, relative to the diagonal of its box.
-fn is_near(own: &[Vec3], others: &[Vec3]) -> bool {
-    /// Largest distance, as a share of the diagonal.
-    const REACH: f32 = 0.3;
+/// True if the points of another component come nearer to those of one than this share of the diagonal of its box.
+fn is_near(own: &[Vec3], others: &[Vec3], share: f32) -> bool {
     let (lower, upper) = own.iter().fold((Vec3::MAX, Vec3::MIN), |(l, u), p| (l.min(*p), u.max(*p)));
-    let reach = (REACH * lower.distance(upper)).powi(2);
+    let reach = (share * lower.distance(upper)).powi(2);
     others.iter().any(|p| own.iter().any(|q| q.distance_squared(*p) < reach))
 }
 
@@ -118,7 +118,8 @@ pub(super) fn most_attended(attention: &[f64], moved: &[(f64, f64)]) -> Option<u
     Some(if moved[first].0 <= STILL { other.unwrap_or(first) } else { first })
 }
 
-/// Components near `best` that touch no plane: parts that are too thin for depth cameras hold them.
+/// Components near `best` that touch no plane: parts that are too thin for depth cameras hold them. If `best` touches no plane either,
+/// such parts hold it too, and may be longer.
 pub(super) fn with_held(
     cloud: &FusedCloud,
     numbers: &[Option<usize>],
@@ -130,12 +131,18 @@ pub(super) fn with_held(
     const LEAST: f64 = 0.1;
     /// Distance from every plane, cubes.
     const CLEAR: f64 = 4.0;
+    /// Distances, as shares of the diagonal of the box of `best`: if it touches a plane, and if not.
+    const REACHES: [f32; 2] = [0.3, 0.6];
     let count = numbers.iter().flatten().max().map_or(0, |n| n + 1);
     let points = points_of(&cloud.points, numbers, count);
     let own = &points[best];
-    let held = |others: &Vec<Vec3>| {
+    let is_clear = |points: &[Vec3]| {
         let clear = |p: &Vec3| planes.iter().all(|plane| plane.distance(p.as_dvec3()) > CLEAR * edge);
-        others.len() as f64 >= LEAST * own.len() as f64 && others.iter().all(clear) && is_near(own, others)
+        points.iter().all(clear)
+    };
+    let reach = REACHES[usize::from(is_clear(own))];
+    let held = |others: &Vec<Vec3>| {
+        others.len() as f64 >= LEAST * own.len() as f64 && is_clear(others) && is_near(own, others, reach)
     };
     points.iter().enumerate().map(|(n, others)| n == best || held(others)).collect()
 }

@@ -269,7 +269,8 @@ struct Load {
 }
 
 impl Load {
-    /// What is above the largest level face of the object, connected to the rest only through it, and did not move.
+    /// What stands on the largest level face of the object, connected to the rest only through it, and did not move. What begins higher,
+    /// such as the back of a chair above its seat, is held by parts of the object that depth cameras do not see.
     fn find(
         cloud: &FusedCloud,
         members: &[usize],
@@ -285,15 +286,18 @@ impl Load {
         let points: Vec<Vec3> = above.iter().map(|&i| cloud.points[i]).collect();
         let loads = Components::new(&points, edge, config.gap);
         let mut counts = vec![(0, 0); loads.count];
+        let mut lowest = vec![f32::INFINITY; loads.count];
         for &i in &above {
             if let Some(n) = loads.of(cloud.points[i]) {
                 counts[n].1 += 1;
                 counts[n].0 += usize::from(moved[i]);
+                lowest[n] = lowest[n].min(cloud.points[i].dot(up));
             }
         }
-        let still = |n: usize| 5 * counts[n].0 < counts[n].1;
+        let reach = height + (config.gap + 2) as f32 * edge;
+        let is_load = |n: usize| 5 * counts[n].0 < counts[n].1 && lowest[n] < reach;
         let mut columns = HashSet::new();
-        for p in points.iter().filter(|p| loads.of(**p).is_some_and(still)) {
+        for p in points.iter().filter(|p| loads.of(**p).is_some_and(is_load)) {
             let (x, y) = column(*p, up, edge);
             columns.extend((0..9).map(|i| (x + i % 3 - 1, y + i / 3 - 1)));
         }

@@ -44,23 +44,26 @@ pub(super) fn exchanged(mut found: Discovery, work: &Refinement<'_>, result: &dy
     }
 }
 
-/// Without parts, but at least `least`, of which the others explain nearly all for certain: motions of noise, and motions that share
-/// the points of one part.
+/// Without parts, but at least `least`, that the others make superfluous: motions of noise, motions that share the points of one part,
+/// and the other side of a part that was turned over.
 pub(super) fn without_surplus(
     mut found: Discovery,
     least: usize,
     work: &Refinement<'_>,
     result: &dyn Fn(Parts) -> Discovery,
 ) -> Discovery {
-    /// Parts that alone explain a smaller share of the moved points are tried without.
+    /// Parts that alone explain a smaller share of the moved points are tried without,
     const ALONE: f64 = 0.03;
+    /// and so are parts of a lower confidence.
+    const DOUBTFUL: f64 = 0.1;
     /// What a part must raise the quality by, times its doubt: what it does not explain lowers the confidence of all others.
     const WORTH: f64 = 0.01;
     let (total, least) = (work.evidence.total(), least.max(1));
     'removed: while found.parts.len() > least {
         let count = found.parts.len();
         let alone = |k: usize| found.support[k].exclusive * found.support[k].moved / total.max(1) as f64;
-        let mut small: Vec<usize> = (0..count).filter(|k| alone(*k) < ALONE).collect();
+        let is_doubtful = |k: &usize| found.parts[*k].confidence.is_some_and(|c| c < DOUBTFUL);
+        let mut small: Vec<usize> = (0..count).filter(|k| alone(*k) < ALONE || is_doubtful(k)).collect();
         small.sort_by(|a, b| alone(*a).total_cmp(&alone(*b)));
         for k in small {
             let Some(other) = without(&found, k, least, work, result) else { continue };

@@ -25,6 +25,10 @@ pub(crate) struct ParentSettings {
     pub(crate) smaller: f64,
     /// Parts that move less against another part move with it, depth tolerances.
     pub(crate) least_motion: f64,
+    /// A part that turns with another one turns by more than this, degrees,
+    pub(crate) least_shared_deg: f64,
+    /// and by less than this against it, degrees.
+    pub(crate) shared_deg: f64,
 }
 
 impl Default for ParentSettings {
@@ -37,6 +41,8 @@ impl Default for ParentSettings {
             least_share: 0.005,
             smaller: 0.7,
             least_motion: 3.0,
+            least_shared_deg: 10.0,
+            shared_deg: 3.0,
         }
     }
 }
@@ -63,8 +69,10 @@ impl Carriers<'_> {
     /// The joints of all parts, of which those against the static part were `decided`. `kinds` are the types that the user
     /// gave.
     pub(super) fn joints(&self, decided: &[Decided], kinds: &[Option<JointKind>]) -> Vec<JointEstimate> {
-        let on_base =
-            |(k, d): (usize, &Decided)| (d.general.is_none() && !self.in_mid_air(k, &d.joint)).then_some(d.joint);
+        let on_base = |(k, d): (usize, &Decided)| {
+            let rests = d.general.is_none() && !self.in_mid_air(k, &d.joint) && !self.turns_along(k, decided, kinds);
+            rests.then_some(d.joint)
+        };
         let mut settled: Vec<Option<JointEstimate>> = decided.iter().enumerate().map(on_base).collect();
         // A part that is carried may carry others.
         while let Some((k, joint)) = self.next_carried(&settled, decided, kinds) {
@@ -149,6 +157,28 @@ impl Carriers<'_> {
             && own.iter().all(|c| c.len() >= self.settings.least_points)
             && !self.is_pivot(&joint.motion, own, base)
             && State::ALL.iter().any(|s| !self.are_near(&own[*s], &base[*s], self.settings.detached))
+    }
+
+    /// True for a hinge (of part `k`, from 0) of a part that slides on a larger one with a hinge: two hinges with equal angles, parallel axes
+    /// and parts that stay side by side would be a coincidence.
+    fn turns_along(&self, k: usize, decided: &[Decided], kinds: &[Option<JointKind>]) -> bool {
+        let is_hinge = |d: &Decided| {
+            let turn = d.joint.motion.angle().to_degrees();
+            d.general.is_none() && d.joint.kind == JointKind::Revolute && turn > self.settings.least_shared_deg
+        };
+        let size = |k: usize| self.clouds[k + 1].iter().map(Cloud::len).sum::<usize>();
+        let may_carry = |j: usize| {
+            let apart = decided[j].joint.motion.inverse() * decided[k].joint.motion;
+            (self.numbering == Numbering::ParentsFirst || j < k)
+                && is_hinge(&decided[j])
+                && size(j) > size(k)
+                && apart.angle().to_degrees() < self.settings.shared_deg
+        };
+        let slides_on =
+            |j: usize| self.carried(k, &decided[k], j, &decided[j].joint, Some(JointKind::Prismatic)).is_some();
+        kinds[k].is_none()
+            && is_hinge(&decided[k])
+            && (0..decided.len()).any(|j| j != k && may_carry(j) && slides_on(j))
     }
 
     /// True if the axis of a motion passes near both parts at one place. The parts are seen from the second one.
