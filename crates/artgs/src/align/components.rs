@@ -251,12 +251,22 @@ mod tests {
     fn what_touches_nothing_belongs_to_what_is_near() {
         let sheet =
             |corner: Vec3| (0..100).map(move |i| corner + Vec3::new((i % 10) as f32, 0.0, (i / 10) as f32) * 0.05);
-        let corners =
-            [Vec3::new(0.0, 0.5, 0.0), Vec3::new(0.0, 0.65, 0.1), Vec3::new(0.6, 0.0, 0.0), Vec3::new(3.0, 0.7, 0.0)];
+        let corners = [
+            Vec3::new(0.0, 0.5, 0.0),
+            Vec3::new(0.0, 0.65, 0.1),
+            Vec3::new(0.6, 0.0, 0.0),
+            Vec3::new(3.0, 0.7, 0.0),
+            Vec3::new(0.0, 0.78, 0.0),
+        ];
         let points: Vec<Vec3> = corners.into_iter().flat_map(sheet).collect();
         let cloud = FusedCloud { points, normals: Vec::new(), colors: Vec::new() };
-        let numbers: Vec<Option<usize>> = (0..400).map(|i| Some(i / 100)).collect();
-        let floor = Plane { normal: DVec3::Y, offset: 0.0, spread: 0.005 };
-        assert_eq!(with_held(&cloud, &numbers, 0, &[floor], 0.02), [true, true, false, false]);
+        let numbers: Vec<Option<usize>> = (0..500).map(|i| Some(i / 100)).collect();
+        let held = |height: f64| {
+            let floor = Plane { normal: DVec3::Y, offset: height, spread: 0.005 };
+            with_held(&cloud, &numbers, 0, &[floor], 0.02)
+        };
+        assert_eq!(held(0.45), [true, true, false, false, false]);
+        // What holds a thing in mid-air is longer.
+        assert_eq!(held(0.0), [true, true, false, false, true]);
     }
 }

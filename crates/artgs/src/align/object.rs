@@ -393,4 +393,26 @@ mod tests {
         assert_eq!(raised(DVec3::new(1.2, 0.8, 0.0), &[level(0.0), level(0.03)]), [false, false]);
         assert_eq!(raised(DVec3::ZERO, &[level(0.0), level(0.4)]), [false, false]);
     }
+
+    #[test]
+    fn what_stands_on_a_seat_is_a_load_and_its_back_is_not() {
+        let edge = 0.02;
+        let mut cloud = FusedCloud { points: Vec::new(), normals: Vec::new(), colors: Vec::new() };
+        let mut add = |corner: Vec3, sides: [Vec3; 2], normal: Vec3| {
+            for (i, j) in (0..20).flat_map(|i| (0..20).map(move |j| (i, j))) {
+                cloud.points.push(corner + (sides[0] * i as f32 + sides[1] * j as f32) / 20.0);
+                cloud.normals.push(normal);
+                cloud.colors.push(Vec3::ONE);
+            }
+        };
+        let wide = [Vec3::X * 0.4, Vec3::Y * 0.4];
+        add(Vec3::new(0.0, 0.0, 0.45), wide, Vec3::Z);
+        add(Vec3::new(0.1, 0.1, 0.47), [Vec3::X * 0.1, Vec3::Z * 0.1], Vec3::NEG_Y);
+        add(Vec3::new(0.0, 0.3, 0.7), [Vec3::X * 0.4, Vec3::Z * 0.2], Vec3::NEG_Y);
+        let members: Vec<usize> = (0..cloud.len()).collect();
+        let load = Load::find(&cloud, &members, &vec![false; cloud.len()], Vec3::Z, edge, &ObjectConfig::default());
+        let load = load.expect("a box stands on the seat");
+        assert!(load.contains(Vec3::new(0.15, 0.1, 0.55)), "the box");
+        assert!(!load.contains(Vec3::new(0.2, 0.3, 0.8)) && !load.contains(Vec3::new(0.2, 0.2, 0.45)), "back and seat");
+    }
 }

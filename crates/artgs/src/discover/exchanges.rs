@@ -266,6 +266,14 @@ mod tests {
             let surplus = refined(parts, work);
             let left = |least: usize| without_surplus(surplus.clone(), least, work, &|parts| refined(parts, work));
             assert_eq!((left(1).parts.len(), left(3).parts.len()), (2, 3));
+            // One that alone explains its points is removed if it is doubtful.
+            let left = |confidence: f64| {
+                let mut doubtful = surplus.clone();
+                doubtful.parts[2].confidence = Some(confidence);
+                doubtful.support.iter_mut().for_each(|support| support.exclusive = 1.0);
+                without_surplus(doubtful, 1, work, &|parts| refined(parts, work)).parts.len()
+            };
+            assert_eq!((left(0.05), left(0.5)), (2, 3));
             // Parts that alone explain their points stay.
             assert_eq!(without_surplus(found.clone(), 1, work, &|parts| refined(parts, work)).parts, found.parts);
         });

@@ -258,6 +258,9 @@ pub(super) fn parents_first(parts: &mut Vec<JointEstimate>, labels: &mut PerStat
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::discover::DiscoverConfig;
+    use crate::discover::joints::JointSettings;
+    use crate::discover::scene::Lengths;
 
     #[test]
     fn stray_points_near_a_part_are_not_a_surface_that_it_touches() {
@@ -290,5 +293,71 @@ mod tests {
         let before = (parts.clone(), labels.clone());
         parents_first(&mut parts, &mut labels);
         assert_eq!((parts, labels), before, "the order is kept where it is right");
+    }
+
+    /// A plate in the plane y = 0 with a box behind it, in both states.
+    fn plate([x0, x1]: [f64; 2], motion: &Rigid) -> PerState<Cloud> {
+        let mut start = Cloud::default();
+        let mut add = |p: DVec3, n: DVec3| {
+            start.points.push(p.as_vec3());
+            start.normals.push(n.as_vec3());
+            start.colors.push(glam::Vec3::ONE);
+            start.roughness.push(0.0);
+        };
+        let count = ((x1 - x0) / 0.01) as usize;
+        for (i, j) in (0..count).flat_map(|i| (0..30).map(move |j| (i, j))) {
+            add(DVec3::new(x0 + 0.01 * i as f64, 0.0, 0.01 * j as f64), DVec3::NEG_Y);
+        }
+        for (i, j) in (0..15).flat_map(|i| (0..30).map(move |j| (i, j))) {
+            add(DVec3::new(x0, 0.01 * i as f64, 0.01 * j as f64), DVec3::NEG_X);
+            add(DVec3::new(x0 + 0.005 * i as f64, 0.005 * j as f64, 0.0), DVec3::NEG_Z);
+        }
+        let end = moved(&start, motion);
+        PerState::new(start, end)
+    }
+
+    /// Joints of a door from x = 0 to 0.6 that turns by 47 degrees and of a second part, given as hinges on posts.
+    fn joints_of(second: [f64; 2], motion: Rigid) -> Vec<JointEstimate> {
+        let (lengths, settings, config) =
+            (Lengths { spacing: 0.01, diagonal: 1.6 }, JointSettings::default(), DiscoverConfig::default());
+        let fit = JointFit {
+            lengths: &lengths,
+            tolerance: 0.012,
+            settings: &settings,
+            config: &config,
+            spreading: false,
+            opening: None,
+            last: true,
+        };
+        let motions = [Rigid::about(DVec3::Z, DVec3::ZERO, (-47f64).to_radians()), motion];
+        let mut base = Cloud::default();
+        for (post, z) in motions.iter().flat_map(|m| (0..60).map(move |z| (m.screw().origin, z))) {
+            base.points.push(DVec3::new(post.x, post.y, 0.005 * f64::from(z)).as_vec3());
+            base.normals.push(glam::Vec3::NEG_Y);
+            base.colors.push(glam::Vec3::ONE);
+            base.roughness.push(0.0);
+        }
+        let clouds =
+            vec![PerState::new(base.clone(), base), plate([0.0, 0.6], &motions[0]), plate(second, &motions[1])];
+        let hinge =
+            |m: &Rigid| Decided { joint: JointEstimate::new(JointKind::Revolute, *m), general: None, exact: true };
+        let settings = ParentSettings::default();
+        let carriers = Carriers { fit: &fit, settings: &settings, clouds, numbering: Numbering::ParentsFirst };
+        carriers.joints(&motions.map(|m| hinge(&m)), &[None, None])
+    }
+
+    #[test]
+    fn what_turns_with_a_door_and_slides_on_it_is_no_hinge_of_its_own() {
+        let door = Rigid::about(DVec3::Z, DVec3::ZERO, (-47f64).to_radians());
+        let drawer = joints_of([0.05, 0.35], door * Rigid::shift(DVec3::new(0.0, -0.09, 0.0)))[1];
+        assert_eq!((drawer.kind, drawer.parent), (JointKind::Prismatic, 1), "{drawer:?}");
+        let slide = (door.inverse() * drawer.motion).translation;
+        assert!(slide.distance(DVec3::new(0.0, -0.09, 0.0)) < 0.002, "{slide}");
+        // A second door that opens as far, and one that opens by 52 degrees.
+        for degrees in [-47f64, -52.0] {
+            let other = Rigid::about(DVec3::Z, DVec3::new(0.62, 0.0, 0.0), degrees.to_radians());
+            let second = joints_of([0.62, 1.1], other)[1];
+            assert_eq!((second.kind, second.parent), (JointKind::Revolute, 0), "{second:?}");
+        }
     }
 }
