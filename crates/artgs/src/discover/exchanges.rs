@@ -8,8 +8,8 @@ use super::front_slides::front_slides;
 use super::landing::{Landing, StatePair};
 use super::ranking::better_seen;
 use super::refinement::{Parts, Refinement, members_of_part};
-use super::turned_over::plausible_twins;
-use artgs_core::{JointKind, PerState, Rigid, State};
+use super::turned_over::{placed, plausible_twins};
+use artgs_core::{Joint, JointKind, PerState, Rigid, State};
 
 /// Points that judge a motion.
 const SAMPLES: usize = 300;
@@ -33,8 +33,9 @@ pub(super) fn exchanged(mut found: Discovery, work: &Refinement<'_>, result: &dy
                 tried += 1;
                 let mut motions: Vec<Rigid> = found.parts.iter().map(|p| p.motion).collect();
                 motions[k] = other;
-                let other = result(work.parts(&motions, &(motions.len()..=motions.len())));
-                if is_better(&other, &found, work) {
+                let refined = result(work.parts(&motions, &(motions.len()..=motions.len())));
+                let beside = beside_other_side(&refined, k, work, result);
+                if let Some(other) = beside.into_iter().chain([refined]).find(|other| is_better(other, &found, work)) {
                     found = other;
                     continue 'exchanged;
                 }
@@ -42,6 +43,26 @@ pub(super) fn exchanged(mut found: Discovery, work: &Refinement<'_>, result: &dy
         }
         return found;
     }
+}
+
+/// With the hinge of part `k` (from 0) where its points cost least. Where the states show different sides of a thin part, a registration
+/// puts one side onto the other, and so moves the part by its thickness. None if there is no such part, or it stays.
+fn beside_other_side(
+    refined: &Discovery,
+    k: usize,
+    work: &Refinement<'_>,
+    result: &dyn Fn(Parts) -> Discovery,
+) -> Option<Discovery> {
+    let part = refined.parts.get(k).filter(|part| part.kind == JointKind::Revolute && part.parent == 0)?;
+    let members = members_of_part(&refined.labels, k as u16 + 1);
+    let placed = Joint::from_motion(part.kind, &placed(&part.motion, &members, work)).start_to_end();
+    let costs = costs_of(&[part.motion, placed], &members, work);
+    if costs[1] >= costs[0] {
+        return None;
+    }
+    let mut parts = Parts { parts: refined.parts.clone(), labels: refined.labels.clone() };
+    parts.parts[k].motion = placed;
+    Some(result(parts))
 }
 
 /// Without parts, but at least `least`, that the others make superfluous: motions of noise, motions that share the points of one part,
@@ -194,6 +215,7 @@ pub(super) fn implausibility(members: &PerState<Vec<usize>>, motion: &Rigid, wor
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::discover::cloud::principal_axes;
     use crate::discover::test_scene::{cabinet_scene, with_refinement};
     use crate::discover::twins::twins;
     use crate::discover::{DiscoverConfig, discover};
@@ -231,6 +253,25 @@ mod tests {
             // The right hinge stays.
             let kept = exchanged(found.clone(), work, &result);
             assert_eq!(kept.parts, found.parts);
+        });
+    }
+
+    #[test]
+    fn a_door_that_was_put_onto_its_other_side_is_put_beside_it() {
+        let scene = cabinet_scene(16, 96);
+        let found = discover(&scene, 2..=2, &DiscoverConfig::default()).unwrap();
+        with_refinement(&scene, |work| {
+            let door = found.parts.iter().position(|p| p.kind == JointKind::Revolute).unwrap();
+            let truth = found.parts[door].motion;
+            let members = members_of_part(&found.labels, door as u16 + 1);
+            let normal = principal_axes(work.clouds[State::END].cloud, &members[State::END])[2].as_dvec3();
+            let mut aside = found.clone();
+            aside.parts[door].motion = Rigid::shift(normal * (3.0 * found.spacing)) * truth;
+            let back = beside_other_side(&aside, door, work, &|parts| refined(parts, work)).unwrap();
+            let middle = found.middle(door + 1, State::START);
+            let apart = back.parts[door].motion.apply(middle).distance(truth.apply(middle));
+            assert!(apart < 1.5 * found.spacing, "{}", apart / found.spacing);
+            assert_eq!(back.labels, found.labels);
         });
     }
 

@@ -24,7 +24,7 @@ pub(super) fn plausible_twins(found: &Discovery, k: usize, work: &Refinement<'_>
 
 /// `motion` with the shift with which the part's points cost least: what is seen of a part, and so the middle about which it was
 /// turned over, differs between the states.
-fn placed(motion: &Rigid, members: &PerState<Vec<usize>>, work: &Refinement<'_>) -> Rigid {
+pub(super) fn placed(motion: &Rigid, members: &PerState<Vec<usize>>, work: &Refinement<'_>) -> Rigid {
     /// Tried shifts along each axis of the box and per sign: along its normal by the thickness of the part at most.
     const STEPS: [i32; 3] = [4, 4, 4];
     /// Distances between them, spacings.
