@@ -61,13 +61,24 @@ fn explained_with(
 ) -> Option<Discovery> {
     /// A plateau of which a smaller share moves along is none of a front: a door may have turned there.
     const LEAST: f64 = 0.3;
+    /// So is one whose points nearly all move onto other movable parts.
+    const CONTESTED: f64 = 0.9;
     while !plateaus.is_empty() {
         let slides = slides(relief, &plateaus);
         let motions: Vec<Rigid> = slides.iter().chain(turns).copied().collect();
         let refined = work.refined_but(slides.len(), &motions);
         let found = result(divided(relief, refined, &slides, &plateaus, work));
         let count = plateaus.len();
-        plateaus.retain(|plateau| relief.agreement(std::slice::from_ref(plateau), &found) >= LEAST);
+        let is_contested = |plateau: &Plateau| {
+            let slide = relief.slide(plateau.length).translation;
+            let is_its = |part: &JointEstimate| {
+                part.kind == JointKind::Prismatic && part.motion.translation.distance(slide) < relief.same()
+            };
+            let parts = found.parts.iter().zip(&found.support);
+            parts.filter(|(part, _)| is_its(part)).any(|(_, support)| support.contested >= CONTESTED)
+        };
+        let agrees = |plateau: &Plateau| relief.agreement(std::slice::from_ref(plateau), &found) >= LEAST;
+        plateaus.retain(|plateau| agrees(plateau) && !is_contested(plateau));
         if plateaus.len() == count {
             return movable.contains(&found.parts.len()).then_some(found);
         }
@@ -148,6 +159,16 @@ mod tests {
             // What agrees with the fronts stays, and so do parts that would be too many.
             assert!(with_plateaus(&found, &relief, &(1..=4), work, &result).is_none());
             assert!(with_plateaus(&short, &relief, &(1..=1), work, &result).is_none());
+            // A plateau of which the points move onto other parts is none of a drawer.
+            let contested = |mut found: Discovery, share: f64| {
+                found.support.iter_mut().for_each(|support| support.contested = share);
+                found
+            };
+            let with = |share: f64| {
+                let result = |parts: Parts| contested(result(parts), share);
+                with_plateaus(&contested(short.clone(), share), &relief, &(1..=4), work, &result)
+            };
+            assert!(with(0.5).is_some() && with(0.95).is_none());
         });
     }
 }
