@@ -18,7 +18,7 @@ pub(super) fn with_plateaus(
 ) -> Option<Discovery> {
     /// What a change must raise the sum of quality and agreement by.
     const WORTH: f64 = 0.02;
-    /// Least share of the cells that what was found moves otherwise, unless there are fewer parts, or fewer slides than plateaus.
+    /// Least share of the cells that what was found moves otherwise, unless there are fewer parts or more slides.
     const DISAGREED: f64 = 0.05;
     /// Share of the explained points that must remain explained.
     const KEPT: f64 = 0.9;
@@ -26,7 +26,8 @@ pub(super) fn with_plateaus(
     let total = work.evidence.total();
     let value = |of: &Discovery| of.quality(total) + relief.agreement(&plateaus, of);
     let mut best: Option<Discovery> = None;
-    let slides = |of: &Discovery| of.parts.iter().filter(|p| p.kind == JointKind::Prismatic).count();
+    // Number of slides.
+    let count = |of: &Discovery| of.parts.iter().filter(|p| p.kind == JointKind::Prismatic).count();
     let mut sets = vec![turns_of(found, 0.0), turns_of(found, DOUBTFUL)];
     sets.dedup();
     let (given, mut next) = (sets.len(), 0);
@@ -42,7 +43,7 @@ pub(super) fn with_plateaus(
         let worth = if fewer { 0.0 } else { WORTH };
         let rises = relief.agreement(&plateaus, &other) > relief.agreement(&plateaus, found) + DISAGREED;
         // One part or a small turn may stand for several drawers: then the agreement does not rise.
-        let more = slides(found) < slides(&other) && slides(&other) <= plateaus.len();
+        let more = count(found) < count(&other) && count(&other) <= plateaus.len();
         let agrees = more || (next <= given && (fewer || rises));
         let better = agrees && value(&other) > best.as_ref().map_or(value(found) + worth, value);
         if better && other.explained() >= KEPT * found.explained() {
