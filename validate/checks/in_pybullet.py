@@ -9,6 +9,10 @@ from .fingers import HALF, fingers, report_fingers, turned_to
 from .fingers import RADIUS as FINGER
 from .report import collect_warnings
 
+# By default Bullet keeps a contact until its pieces have moved by 2 cm beside it: edges that pass each other within a few
+# millimetres then stop a drawer that has room.
+BREAKING = 0.002
+
 
 class Engine:
     """A loaded robot with the interface of `drive`."""
@@ -145,6 +149,7 @@ def check_urdf(path, states, report):
     """Opens, drives and sweeps a URDF."""
     client = bullet.connect(bullet.DIRECT)
     bullet.setGravity(0.0, 0.0, -9.81, client)
+    bullet.setPhysicsEngineParameter(contactBreakingThreshold=BREAKING, physicsClientId=client)
     with collect_warnings(report):
         # Without the flags PyBullet would ignore every contact within the robot, and guess the inertia.
         flags = bullet.URDF_USE_SELF_COLLISION | bullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT

@@ -97,7 +97,8 @@ fn by_handles(relief: &Relief, plateau: &Plateau) -> Vec<Plateau> {
     out
 }
 
-/// Long groups of cells that stand out of a plateau in both states, in the order of their places.
+/// Long groups of cells that stand out of a plateau in both states, in the order of their places. Short groups at its rim, where a cell
+/// may hold the surface behind, are none.
 fn bars(relief: &Relief, plateau: &Plateau) -> Vec<Bar> {
     /// Least height, cells.
     const HEIGHT: f64 = 1.2;
@@ -105,6 +106,8 @@ fn bars(relief: &Relief, plateau: &Plateau) -> Vec<Bar> {
     const LEAST: usize = 8;
     /// Least ratio of the extents along and across.
     const LONG: f64 = 2.0;
+    /// Least length of a bar at the rim, relative to the longest bar.
+    const AT_RIM: f64 = 0.7;
     let stands_out = |s: State| {
         let height = |cell: &usize| relief.tops[s][*cell].map_or(f64::NEG_INFINITY, |top| top.0);
         let mut heights: Vec<f64> = plateau.cells.iter().map(height).collect();
@@ -120,7 +123,12 @@ fn bars(relief: &Relief, plateau: &Plateau) -> Vec<Bar> {
         .filter(|(_, (a, b))| **a && **b)
         .map(|(cell, _)| *cell)
         .collect();
-    let mut out: Vec<Bar> = Vec::new();
+    let inside: BTreeSet<usize> = plateau.cells.iter().copied().collect();
+    let at_rim = |cell: &usize| {
+        let beside: Vec<usize> = around(*cell, relief.size).collect();
+        beside.len() < 9 || beside.iter().any(|next| !inside.contains(next))
+    };
+    let (mut out, mut longest): (Vec<(Bar, bool)>, f64) = (Vec::new(), 0.0);
     while let Some(first) = left.pop_first() {
         let (mut cells, mut at) = (vec![first], 0);
         while at < cells.len() {
@@ -133,9 +141,12 @@ fn bars(relief: &Relief, plateau: &Plateau) -> Vec<Bar> {
         }
         let bar = Bar::of(&cells, relief.size[1]);
         if cells.len() >= LEAST && bar.ratio >= LONG {
-            out.push(bar);
+            longest = longest.max(bar.length);
+            out.push((bar, cells.iter().any(at_rim)));
         }
     }
+    out.retain(|(bar, rim)| !rim || bar.length >= AT_RIM * longest);
+    let mut out: Vec<Bar> = out.into_iter().map(|(bar, _)| bar).collect();
     out.sort_by(|a, b| a.middle.partial_cmp(&b.middle).unwrap_or(std::cmp::Ordering::Equal));
     out
 }
@@ -146,6 +157,8 @@ struct Bar {
     middle: [f64; 2],
     /// Unit direction of its length.
     along: [f64; 2],
+    /// Extent along.
+    length: f64,
     /// Extent along by that across.
     ratio: f64,
 }
@@ -161,9 +174,9 @@ impl Bar {
         let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
         let spread = ((xx - yy) / 2.0).hypot(xy);
         let [long, short] = [spread, -spread].map(|s| ((xx + yy) / 2.0 + s).max(0.0));
-        // A cell has an extent of its own.
-        let ratio = ((long + 1.0 / 12.0) / (short + 1.0 / 12.0)).sqrt();
-        Self { middle, along: [angle.cos(), angle.sin()], ratio }
+        // A cell has an extent of its own, and a row of L cells a variance of (L^2 - 1) / 12.
+        let [length, width] = [long, short].map(|s| (12.0 * s + 1.0).sqrt());
+        Self { middle, along: [angle.cos(), angle.sin()], length, ratio: length / width }
     }
 }
 
@@ -215,6 +228,13 @@ mod tests {
         };
         assert_eq!(with_bars(|x, y| (30..50).contains(&x) && [18, 19, 20, 38, 39, 40].contains(&y)), [1200, 1200]);
         assert_eq!(with_bars(|x, y| ((15..30).contains(&x) || (50..65).contains(&x)) && (28..31).contains(&y)), [2400]);
+        // A short ridge at the rim is no handle, bars at the rim that are as long as others are.
+        assert_eq!(
+            with_bars(|x, y| (30..50).contains(&x) && [18, 19, 20, 38, 39, 40].contains(&y)
+                || (58..68).contains(&x) && (48..50).contains(&y)),
+            [1200, 1200]
+        );
+        assert_eq!(with_bars(|x, y| (30..50).contains(&x) && [27, 28, 29, 47, 48, 49].contains(&y)), [1200, 1200]);
         // Knobs say nothing, and neither does one bar.
         assert_eq!(with_bars(|x, y| (38..42).contains(&x) && ((18..22).contains(&y) || (38..42).contains(&y))), [2400]);
         assert_eq!(with_bars(|x, y| (30..50).contains(&x) && (28..31).contains(&y)), [2400]);
