@@ -33,7 +33,7 @@ fn chain() -> Asset {
         link("knob", Some(2), at + DVec3::new(0.1, -0.4, 0.7), knob),
         link("flap", Some(3), at + DVec3::new(0.1, -0.5, 0.75), flap),
     ];
-    Asset { name: "chain".into(), links }
+    Asset { name: "chain".into(), links, ..Asset::default() }
 }
 
 /// The same with hinges in place of screws, as formats without screws hold it.

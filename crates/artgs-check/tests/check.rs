@@ -89,7 +89,7 @@ fn cabinet() -> Asset {
         link("part_2", Some(0), at + DVec3::new(0.0, -0.26, 0.25), &drawer, Some(slides)),
         link("flap", Some(1), at + DVec3::new(0.0, -0.285, 0.75), &flap, Some(tips)),
     ];
-    Asset { name: "cabinet".into(), links }
+    Asset { name: "cabinet".into(), links, ..Asset::default() }
 }
 
 /// A replica that corresponds to the asset.

@@ -28,6 +28,9 @@ pub struct Asset {
     pub name: String,
     /// Links, the base first, parents before children.
     pub links: Vec<AssetLink>,
+    /// Pairs of links, by their places in `links`, that cannot touch at any values of their joints within the limits: engines need not
+    /// test them against each other. First link before second; links and their parents are not among them.
+    pub apart: Vec<[usize; 2]>,
 }
 
 /// A rigid body of an asset.
@@ -212,7 +215,7 @@ mod tests {
         let base = link(None, JointKind::Revolute, DVec3::Z, DVec3::ZERO);
         let door = link(Some(0), JointKind::Revolute, DVec3::Z, DVec3::new(1.0, 0.0, 0.0));
         let drawer = link(Some(1), JointKind::Prismatic, DVec3::X, DVec3::new(2.0, 0.0, 0.5));
-        let asset = Asset { name: "a".into(), links: vec![base, door, drawer] };
+        let asset = Asset { name: "a".into(), links: vec![base, door, drawer], ..Asset::default() };
         let zero = asset.poses(&[0.0; 3]);
         assert!((zero[2].translation - DVec3::new(2.0, 0.0, 0.5)).length() < 1e-12);
         let quarter = asset.poses(&[0.0, std::f64::consts::FRAC_PI_2, 0.25]);

@@ -1,5 +1,6 @@
 //! Converts parts in the capture's frame to links in link frames: units, upward axis, zero pose, names, hulls, masses, limits.
 
+use crate::apart::links_apart;
 use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest, uncovered};
 use crate::config::{Collision, PhysicalConfig};
 use crate::decompose::solid::Solid;
@@ -130,7 +131,7 @@ fn limited(
         let arm = link.joint.map_or(0.0, |joint| arm(&joint, &link.visual.mesh));
         link.joint = link.joint.map(|joint| dynamics(joint, &link.inertial, arm, config));
     }
-    let mut asset = Asset { name: to_identifier(name, "replica"), links };
+    let mut asset = Asset { name: to_identifier(name, "replica"), links, apart: Vec::new() };
     let handles = semantics::handles(&asset);
     asset.links.iter_mut().zip(handles).for_each(|(link, handles)| link.handles = handles);
     let to_link = frames.iter().map(|f| Rigid::shift(-f.origin) * f.from_start).collect();
@@ -256,6 +257,7 @@ fn collide(
             let coarse = |hull: &Hull| hull.clone().for_engines(MOST_CORNERS, ROUNDING * cover, thinnest);
             link.collision = hulls.iter().filter_map(coarse).map(|hull| hull.mesh()).collect();
         }
+        asset.apart = links_apart(asset);
     }
     Ok(())
 }

@@ -100,7 +100,7 @@ pub(crate) fn posed(replica: &Replica, meshes: &[&Mesh], frames: &[Frame], scale
         let (parent, origin) = (replica.parts[part].parent, frame.origin);
         AssetLink { parent, joint: frame.joint, origin, visual, ..AssetLink::default() }
     };
-    Asset { name: String::new(), links: frames.iter().enumerate().map(link).collect() }
+    Asset { links: frames.iter().enumerate().map(link).collect(), ..Asset::default() }
 }
 
 /// From the upright frame of the capture to one with the front along -Y, the lowest point at z = 0, and the origin below the

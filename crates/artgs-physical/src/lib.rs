@@ -1,5 +1,6 @@
 //! Adds what simulators need to a replica: closed meshes, textures, convex hulls, masses, joint limits.
 
+mod apart;
 mod assemble;
 pub mod bake;
 mod build;

@@ -432,7 +432,7 @@ mod tests {
             movable(JointKind::Revolute, DVec3::NEG_Z, DVec3::new(-0.45, -0.01, 0.55), 1.2),
         ];
         let surface = |mesh: &Mesh| Surface::of(Solid::new(mesh, &|_| true).as_ref(), &|_| true, 4e-3 * 1.7);
-        (Asset { name: "a".into(), links }, [base, drawer, door].iter().map(surface).collect())
+        (Asset { name: "a".into(), links, ..Asset::default() }, [base, drawer, door].iter().map(surface).collect())
     }
 
     fn ranges(drawer: [f64; 2], config: &PhysicalConfig) -> Vec<Option<Range>> {

@@ -22,7 +22,7 @@ fn asset(kind: JointKind, axis: DVec3, origin: DVec3) -> Asset {
     };
     let base = AssetLink { name: "base".into(), ..AssetLink::default() };
     let part = AssetLink { name: "part".into(), parent: Some(0), joint: Some(joint), origin, ..AssetLink::default() };
-    Asset { name: "a".into(), links: vec![base, part] }
+    Asset { name: "a".into(), links: vec![base, part], ..Asset::default() }
 }
 
 /// The free way of the second mesh, link frames.

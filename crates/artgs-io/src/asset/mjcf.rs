@@ -226,6 +226,10 @@ fn write_pairs(out: &mut String, asset: &Asset) {
         let parent = &asset.links[link.parent.unwrap_or(0)].name;
         let _ = writeln!(out, "    <exclude body1=\"{parent}\" body2=\"{}\"/>", link.name);
     }
+    for pair in &asset.apart {
+        let [a, b] = pair.map(|link| &asset.links[link].name);
+        let _ = writeln!(out, "    <exclude body1=\"{a}\" body2=\"{b}\"/>");
+    }
     *out += "  </contact>\n";
     let mut screws = asset.movable().filter(|(_, _, j)| j.kind == JointKind::Screw).peekable();
     if screws.peek().is_none() {
@@ -303,7 +307,9 @@ mod tests {
         assert!(matches!(inertial.inertia, InertiaSpec::Full([0.1, 0.12, 0.08, 0.001, -0.002, 0.003])));
         let kinds = |b: &Body| b.geoms.iter().map(|g| g.contype).collect::<Vec<_>>();
         assert_eq!((kinds(base), kinds(drawer)), (vec![0, 1, 1, 1, 1, 1], vec![0, 1, 1]));
-        assert_eq!(model.contact.excludes.len(), 2);
+        let excludes: Vec<[&str; 2]> =
+            model.contact.excludes.iter().map(|e| [e.body1.as_str(), e.body2.as_str()]).collect();
+        assert_eq!(excludes, [["base", "part_1"], ["base", "part_2"], ["part_1", "part_2"]]);
         assert_eq!(model.keyframes.len(), 2);
         assert_eq!(model.keyframes[1].qpos, [1.5, 0.4]);
     }

@@ -107,7 +107,7 @@ pub(crate) fn cabinet() -> Asset {
     links[3].joint = joint(JointKind::Screw, DVec3::NEG_Y, [0.0, 6.0], [0.0, 3.0]);
     links[0].visual.texture = None;
     links[0].visual.uvs.clear();
-    Asset { name: "cabinet".into(), links }
+    Asset { name: "cabinet".into(), links, ..Asset::default() }
 }
 
 /// Writes the outputs of `artgs reconstruct` and `artgs export OUT --to urdf,splats` that the page reads.

@@ -279,7 +279,7 @@ fn best_parts(
     // Where depth noise spreads points, several motions that each explain noise can take the place of one that explains all.
     let numbers = if scene.spreading { *movable.start()..count } else { 0..0 };
     let found = or_fewer(found, numbers, evidence.total(), &settings.bodies, &|number| result(fewer(number)));
-    let found = if scene.spreading {
+    let mut found = if scene.spreading {
         let found = exchanged(found, &work, &result);
         let relief = front.map(|front| Relief::of(front, &work));
         let of_plateaus = relief.as_ref().and_then(|relief| with_plateaus(&found, relief, &movable, &work, &result));
@@ -297,7 +297,14 @@ fn best_parts(
     let points: usize = evidence.occupancy.iter().map(Vec::len).sum();
     let unexplained = (evidence.total() as f64 - found.explained()) / points.max(1) as f64;
     if unexplained > config.most_unexplained {
-        return Err(DiscoverError::Unexplained(unexplained));
+        if found.quality(evidence.total()) < config.sure_quality {
+            return Err(DiscoverError::Unexplained(unexplained));
+        }
+        found.warnings.push(format!(
+            "{:.0} % of all surfaces differ between the two states and no motion explains them, although joints were found: look at the \
+             parts, and check that both states show the same object",
+            100.0 * unexplained
+        ));
     }
     Ok(found)
 }
@@ -496,6 +503,9 @@ mod tests {
         assert!(share > 0.15, "{share}");
         let any = DiscoverConfig { most_unexplained: 1.0, ..DiscoverConfig::default() };
         assert!(discover(&scene, 0..=4, &any).is_ok());
+        let doubtful = DiscoverConfig { sure_quality: 0.0, ..DiscoverConfig::default() };
+        let found = discover(&scene, 0..=4, &doubtful).unwrap();
+        assert!(found.warnings.iter().any(|w| w.contains("% of all surfaces differ")), "{:?}", found.warnings);
         // Of one object in two states, nearly all is explained.
         let scene = scene_of_two(["storage"; 2], 24, 96);
         let sure = DiscoverConfig { most_unexplained: 0.02, ..DiscoverConfig::default() };

@@ -32,6 +32,8 @@ pub(super) const DISCOVER: &[Entry] = &[
     switch("decide_joints", "Decide between hinge, slide and screw, and find which part carries which"),
     number("most_unexplained", 0.0, 1.0, "share",
         "Largest share of all points that may differ between the states without a motion that explains them; with more, the states are refused"),
+    number("sure_quality", 0.0, 1.0, "share",
+        "Share of what moved that joints explain, weighted by their confidence, from which more may be unexplained, with a warning"),
 ];
 
 /// Entries of `StartConfig`.

@@ -115,7 +115,12 @@ impl Prim {
 
     /// A relationship to a prim.
     pub(super) fn rel(self, name: &str, target: &str) -> Result<Self, String> {
-        let paths = PathListOp::explicit([path(target)?]);
+        self.rels(name, &[target.to_owned()])
+    }
+
+    /// Adds a relationship to several prims.
+    pub(super) fn rels(self, name: &str, targets: &[String]) -> Result<Self, String> {
+        let paths = PathListOp::explicit(targets.iter().map(|target| path(target)).collect::<Result<Vec<_>, _>>()?);
         Ok(self.property(name, None, vec![variability(), ("targetPaths", Value::PathListOp(paths))]))
     }
 

@@ -40,13 +40,19 @@ pub(super) fn body(root: &str, asset: &Asset, i: usize) -> Result<Prim, String> 
         prim.custom("token", "artgs:class", class)
     });
     let prim = link.handles.iter().fold(prim, |prim, handle| prim.child(grasp(handle)));
-    match link.parent.and_then(|p| asset.links.get(p)) {
-        // A link and its parent may touch at their joint.
-        Some(parent) => {
-            prim.api("PhysicsFilteredPairsAPI").rel("physics:filteredPairs", &format!("{root}/{}", parent.name))
-        }
-        None => Ok(prim),
+    // A link and its parent may touch at their joint; others cannot touch at all.
+    let apart = asset.apart.iter().filter(|pair| pair[1] == i).map(|pair| pair[0]);
+    let filtered: Vec<String> = link
+        .parent
+        .into_iter()
+        .chain(apart)
+        .filter_map(|p| asset.links.get(p))
+        .map(|p| format!("{root}/{}", p.name))
+        .collect();
+    if filtered.is_empty() {
+        return Ok(prim);
     }
+    prim.api("PhysicsFilteredPairsAPI").rels("physics:filteredPairs", &filtered)
 }
 
 /// The grasp frame of a handle.
