@@ -39,7 +39,7 @@ impl Swept {
         let Some(joint) = link.joint else { return Vec::new() };
         let of_piece = |piece: &Mesh| {
             let corners: Vec<DVec3> = piece.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from))).collect();
-            parts(&joint).into_iter().map(move |values| Self::of(&corners, &values, &joint, link.origin))
+            groups(&joint).into_iter().map(move |values| Self::of(&corners, &values, &joint, link.origin))
         };
         link.collision.iter().flat_map(of_piece).collect()
     }
@@ -76,7 +76,7 @@ const SAGITTA: f64 = 5e-4;
 
 /// Values of a joint in groups over its range, the last of one the first of the next: the limits of a slide; of a hinge, values so close
 /// that chords follow the arc, in groups so short that convex hulls do.
-fn parts(joint: &AssetJoint) -> Vec<Vec<f64>> {
+fn groups(joint: &AssetJoint) -> Vec<Vec<f64>> {
     /// Steps in a group: 22 degrees.
     const STEPS: usize = 6;
     let [lower, upper] = joint.limits;
