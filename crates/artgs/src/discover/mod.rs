@@ -51,6 +51,7 @@ mod landing;
 mod missing;
 mod morton;
 mod moved_points;
+mod narrow;
 mod near_grid;
 mod paired_mean;
 mod parents;
@@ -91,6 +92,7 @@ use handles::with_handles;
 use known::{KnownFits, KnownLandings, KnownSamples};
 use missing::with_missing;
 pub use moved_points::{MovedPoints, moved_points};
+use narrow::with_doubts_of_narrow;
 use plateaus::with_plateaus;
 use rayon::prelude::*;
 use refinement::{Parts, Refinement};
@@ -306,7 +308,7 @@ fn best_parts(
             100.0 * unexplained
         ));
     }
-    Ok(found)
+    Ok(if scene.spreading { with_doubts_of_narrow(found) } else { found })
 }
 
 /// What the depth maps of the other state show at the points of each state, and how these are connected.
