@@ -20,14 +20,10 @@ pub(super) fn with_plateaus(
     const WORTH: f64 = 0.02;
     /// Least share of the cells that what was found moves otherwise, unless there are fewer parts or more slides.
     const DISAGREED: f64 = 0.05;
-    /// Share of the explained points that must remain explained.
-    const KEPT: f64 = 0.9;
     let plateaus = relief.plateaus();
     let total = work.evidence.total();
     let value = |of: &Discovery| of.quality(total) + relief.agreement(&plateaus, of);
     let mut best: Option<Discovery> = None;
-    // Number of slides.
-    let count = |of: &Discovery| of.parts.iter().filter(|p| p.kind == JointKind::Prismatic).count();
     let mut sets = vec![turns_of(found, 0.0), turns_of(found, DOUBTFUL)];
     sets.dedup();
     let (given, mut next) = (sets.len(), 0);
@@ -50,7 +46,41 @@ pub(super) fn with_plateaus(
             best = Some(other);
         }
     }
+    let explained = |turns: &[Rigid]| explained_with(relief, turns, plateaus.clone(), movable, work, result);
+    while let Some(other) = without_a_turn(best.as_ref().unwrap_or(found), &value, &explained) {
+        best = Some(other);
+    }
     best
+}
+
+/// Share of the explained points that must remain explained.
+const KEPT: f64 = 0.9;
+
+/// Number of slides.
+fn count(of: &Discovery) -> usize {
+    of.parts.iter().filter(|p| p.kind == JointKind::Prismatic).count()
+}
+
+/// The same slides without one of the turns, if that has a greater `value`: a turn can take what only one state shows of a drawer onto
+/// what only the other state shows of another one, where their slides hide it. `explained` finds the parts of other turns.
+fn without_a_turn(
+    found: &Discovery,
+    value: &dyn Fn(&Discovery) -> f64,
+    explained: &dyn Fn(&[Rigid]) -> Option<Discovery>,
+) -> Option<Discovery> {
+    /// Turns that are tried without: each needs a refinement.
+    const MOST: usize = 3;
+    let turns = turns_of(found, 0.0);
+    let but =
+        |k: usize| -> Vec<Rigid> { turns.iter().enumerate().filter(|(i, _)| *i != k).map(|(_, turn)| *turn).collect() };
+    let is_better = |other: &Discovery| {
+        other.parts.len() < found.parts.len()
+            && count(other) == count(found)
+            && value(other) > value(found)
+            && other.explained() >= KEPT * found.explained()
+    };
+    let others = (0..turns.len().min(MOST)).filter_map(|k| explained(&but(k))).filter(is_better);
+    others.max_by(|a, b| value(a).total_cmp(&value(b)))
 }
 
 /// The motions of the hinges and screws that have at least this confidence.
@@ -147,7 +177,45 @@ fn divided(relief: &Relief, mut found: Parts, slides: &[Rigid], plateaus: &[Plat
 mod tests {
     use super::*;
     use crate::discover::test_scene::{cabinet_scene, with_refinement};
-    use crate::discover::{DiscoverConfig, discover};
+    use crate::discover::{DiscoverConfig, Support, discover};
+    use glam::DVec3;
+
+    /// Parts that slide and turn, which explain as many points.
+    fn explaining(points: f64, kinds: &[JointKind]) -> Discovery {
+        let part = |(k, kind): (usize, &JointKind)| {
+            let motion = match kind {
+                JointKind::Prismatic => Rigid::shift(DVec3::X * (k + 1) as f64),
+                _ => Rigid::about(DVec3::Z, DVec3::ZERO, (k + 1) as f64),
+            };
+            JointEstimate { confidence: Some(0.8), ..JointEstimate::new(*kind, motion) }
+        };
+        let support = Support { moved: points, explained: 1.0, ..Support::default() };
+        Discovery {
+            parts: kinds.iter().enumerate().map(part).collect(),
+            support: vec![support],
+            ..Discovery::default()
+        }
+    }
+
+    #[test]
+    fn a_turn_that_slides_explain_as_well_is_removed() {
+        use JointKind::{Prismatic, Revolute};
+        let found = explaining(100.0, &[Prismatic, Revolute, Revolute]);
+        let turns = turns_of(&found, 0.0);
+        // Only the second turn is needed.
+        let with = |points: f64, kinds: &'static [JointKind]| {
+            let second = turns[1];
+            move |left: &[Rigid]| (left == [second]).then(|| explaining(points, kinds))
+        };
+        let value = |worth: f64| move |of: &Discovery| if of.parts.len() == 2 { worth } else { 0.5 };
+        let fewer: &[JointKind] = &[Prismatic, Revolute];
+        let right = without_a_turn(&found, &value(0.6), &with(95.0, fewer)).unwrap();
+        assert_eq!(right.parts.len(), 2);
+        assert!(without_a_turn(&found, &value(0.4), &with(95.0, fewer)).is_none(), "worse");
+        assert!(without_a_turn(&found, &value(0.6), &with(80.0, fewer)).is_none(), "explains less");
+        // The plateau of an open door is no drawer.
+        assert!(without_a_turn(&found, &value(0.6), &with(95.0, &[Prismatic, Prismatic])).is_none());
+    }
 
     #[test]
     fn a_drawer_with_a_wrong_length_gets_the_length_of_its_front() {
