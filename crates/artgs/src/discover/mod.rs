@@ -84,7 +84,7 @@ use cloud::{IndexedCloud, components};
 pub use config::DiscoverConfig;
 use config::StepSettings;
 pub use correct::{CorrectError, correct};
-use doubts::{certain_bodies, or_fewer, settled, sure_bodies};
+use doubts::{certain_bodies, explaining_enough, or_fewer, settled, sure_bodies};
 use exchanges::{exchanged, without_errors, without_surplus};
 use front::Front;
 use glam::{DVec3, Vec3};
@@ -281,7 +281,7 @@ fn best_parts(
     // Where depth noise spreads points, several motions that each explain noise can take the place of one that explains all.
     let numbers = if scene.spreading { *movable.start()..count } else { 0..0 };
     let found = or_fewer(found, numbers, evidence.total(), &settings.bodies, &|number| result(fewer(number)));
-    let mut found = if scene.spreading {
+    let found = if scene.spreading {
         let found = exchanged(found, &work, &result);
         let relief = front.map(|front| Relief::of(front, &work));
         let of_plateaus = relief.as_ref().and_then(|relief| with_plateaus(&found, relief, &movable, &work, &result));
@@ -296,18 +296,7 @@ fn best_parts(
     } else {
         found
     };
-    let points: usize = evidence.occupancy.iter().map(Vec::len).sum();
-    let unexplained = (evidence.total() as f64 - found.explained()) / points.max(1) as f64;
-    if unexplained > config.most_unexplained {
-        if found.quality(evidence.total()) < config.sure_quality {
-            return Err(DiscoverError::Unexplained(unexplained));
-        }
-        found.warnings.push(format!(
-            "{:.0} % of all surfaces differ between the two states and no motion explains them, although joints were found: look at the \
-             parts, and check that both states show the same object",
-            100.0 * unexplained
-        ));
-    }
+    let found = explaining_enough(found, &evidence, config)?;
     Ok(if scene.spreading { with_doubts_of_narrow(found) } else { found })
 }
 
