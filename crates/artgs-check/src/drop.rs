@@ -105,6 +105,27 @@ fn small_box() -> Vec<(SharedShape, DVec3)> {
     std::iter::once((SharedShape::cuboid(half, half, half), DVec3::ZERO)).chain((0..8).map(corner)).collect()
 }
 
+/// A ball or a box.
+struct Thing {
+    place: usize,
+    body: RigidBodyHandle,
+    start: DVec3,
+    /// How far it was below where it rests on the place, while it was there.
+    deepest: f64,
+    /// True as soon as it was beside the place: what rolls over the border may fall there, and roll below the place.
+    has_left: bool,
+}
+
+impl Thing {
+    fn follow(&mut self, at: DVec3, place: &Place) {
+        match place.below(at) {
+            Some(z) if !self.has_left => self.deepest = self.deepest.max(z + RADIUS - at.z),
+            Some(_) => {}
+            None => self.has_left = true,
+        }
+    }
+}
+
 /// Simulates a ball and a box at every start.
 fn drop(
     scene: &Scene,
@@ -132,7 +153,7 @@ fn drop(
             world.insert_collider(collider, Some(ground));
         }
     }
-    let mut things: Vec<(usize, RigidBodyHandle, DVec3, f64)> = Vec::new();
+    let mut things: Vec<Thing> = Vec::new();
     for (place, start) in starts {
         for shapes in [vec![(SharedShape::ball(RADIUS as Real), DVec3::ZERO)], small_box()] {
             out.dropped += 1;
@@ -147,24 +168,21 @@ fn drop(
                 let collider = ColliderBuilder::new(shape).translation(vector(at)).density(500.0).friction(0.6);
                 world.insert_collider(collider.collision_groups(groups), Some(body));
             }
-            things.push((*place, body, *start, 0.0));
+            things.push(Thing { place: *place, body, start: *start, deepest: 0.0, has_left: false });
         }
     }
     for _ in 0..(TIME / options.step).ceil() as usize {
         world.step_with_events(&(), &());
-        for (place, body, _, deepest) in &mut things {
-            let Some(body) = world.bodies.get(*body) else { continue };
+        for thing in &mut things {
+            let Some(body) = world.bodies.get(thing.body) else { continue };
             let at = DVec3::from_array(body.translation().to_array().map(f64::from));
-            // A thing that rolls over the border of a place may fall there.
-            if let Some(z) = places[*place].below(at) {
-                *deepest = deepest.max(z + RADIUS - at.z);
-            }
+            thing.follow(at, &places[thing.place]);
         }
     }
-    let deeper = |than: f64| things.iter().filter(|(.., deepest)| *deepest > than).count();
+    let deeper = |than: f64| things.iter().filter(|thing| thing.deepest > than).count();
     out.fell = deeper(THROUGH);
     out.sank = deeper(SINKS) - out.fell;
-    out.lost_at = things.iter().filter(|(.., deepest)| *deepest > SINKS).map(|(_, _, at, _)| at.to_array()).collect();
+    out.lost_at = things.iter().filter(|thing| thing.deepest > SINKS).map(|thing| thing.start.to_array()).collect();
 }
 
 #[cfg(test)]
@@ -204,5 +222,24 @@ mod tests {
         let mut out = DropFinding::default();
         drop(&scene, &poses, &places, &starts(-0.04), &CheckOptions::default(), &mut out);
         assert!(out.fell == out.dropped && out.lost_at.len() == out.fell, "{out:?}");
+    }
+
+    #[test]
+    fn what_has_rolled_over_the_border_may_roll_below_the_place() {
+        let mut link = Link::new("shelf", None, Rigid::IDENTITY);
+        let corner = |x: f64, y: f64| DVec3::new(x, y, 0.5);
+        let points = vec![corner(0.0, 0.0), corner(0.4, 0.0), corner(0.4, 0.3), corner(0.0, 0.3)];
+        link.visuals = vec![Shape { points, triangles: vec![[0, 1, 2], [0, 2, 3]] }];
+        let places = places::of(&link, &Rigid::IDENTITY, None);
+        let fallen = |way: &[[f64; 3]]| {
+            let (body, start) = (RigidBodyHandle::invalid(), DVec3::ZERO);
+            let mut thing = Thing { place: 0, body, start, deepest: 0.0, has_left: false };
+            way.iter().for_each(|at| thing.follow(DVec3::from_array(*at), &places[0]));
+            thing.deepest
+        };
+        let over_the_border = [[0.2, 0.15, 0.52], [0.2, -0.1, 0.4], [0.2, 0.1, 0.2]];
+        assert!(fallen(&over_the_border).abs() < 1e-9);
+        let through = [[0.2, 0.15, 0.52], [0.2, 0.15, 0.4], [0.2, -0.1, 0.2]];
+        assert!((fallen(&through) - 0.12).abs() < 1e-9);
     }
 }

@@ -286,7 +286,7 @@ pub(crate) struct Export {
     /// What parts collide with
     #[arg(long, value_enum, default_value_t = CollisionKind::Hulls)]
     pub(crate) collision: CollisionKind,
-    /// Convex pieces per link at most; 224 if absent
+    /// Convex pieces per link at most; 400 if absent
     #[arg(long, value_name = "N", value_parser = hulls)]
     pub(crate) hulls: Option<u32>,
     /// Joints go from one observed state to the other and no further

@@ -227,7 +227,7 @@ fn collide(
     let lean = |(part, link): (usize, &mut Vec<Hull>)| {
         let Some(solid) = &solids[part] else { return };
         let observed = observed(part, surfaces, &decisions.to_link[part], config.scale);
-        without_redundant(link, &seen_points(solid, &observed, cover), LEAN * cover);
+        without_redundant(link, &seen_points(solid, &observed, cover), LEAN * cover, config.most_hulls as usize);
     };
     pieces.par_iter_mut().enumerate().for_each(lean);
     // What cuts left open gets thin pieces of its own.

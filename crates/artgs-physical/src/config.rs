@@ -168,7 +168,7 @@ impl Default for PhysicalConfig {
             collision: Collision::Hulls,
             cover: 5e-3,
             cover_share: 5e-3,
-            most_hulls: 224,
+            most_hulls: 400,
             gap_share: 2e-3,
             most_gap: 2.5e-3,
             engine_margins: 3e-3,

@@ -6,8 +6,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// Removes pieces of a link of which every point of the `surface` within `near` is within `near` of another piece that stays, the
-/// smallest ones first. Cuts and the pieces for what they left open make such pieces; engines test each of them in every step.
-pub(crate) fn without_redundant(pieces: &mut Vec<Hull>, surface: &[DVec3], near: f64) {
+/// smallest ones first. Cuts and the pieces for what they left open make such pieces; engines test each of them in every step. If more
+/// than `most` are left, those go that alone cover the fewest points.
+pub(crate) fn without_redundant(pieces: &mut Vec<Hull>, surface: &[DVec3], near: f64, most: usize) {
     let covered = |hull: &Hull| -> Vec<u32> {
         let holds = covering(std::slice::from_ref(hull), near);
         (0..surface.len() as u32).filter(|i| holds(&surface[*i as usize])).collect()
@@ -18,14 +19,29 @@ pub(crate) fn without_redundant(pieces: &mut Vec<Hull>, surface: &[DVec3], near:
     let volumes: Vec<f64> = pieces.iter().map(Hull::volume).collect();
     let mut order: Vec<usize> = (0..pieces.len()).collect();
     order.sort_by(|a, b| volumes[*a].total_cmp(&volumes[*b]).then(a.cmp(b)));
+    // A piece that covers no seen point closes something that was not seen.
+    order.retain(|k| !covered[*k].is_empty());
     let mut kept = vec![true; pieces.len()];
-    for k in order {
-        // A piece that covers no seen point closes something that was not seen.
-        if covered[k].is_empty() || covered[k].iter().any(|i| covers[*i as usize] < 2) {
-            continue;
-        }
+    let mut count = pieces.len();
+    let mut remove = |k: usize, covers: &mut [u32]| {
         covered[k].iter().for_each(|i| covers[*i as usize] -= 1);
         kept[k] = false;
+        count -= 1;
+        count
+    };
+    let alone = |k: usize, covers: &[u32]| covered[k].iter().filter(|i| covers[**i as usize] < 2).count();
+    let mut left = pieces.len();
+    order.retain(|k| {
+        let is_needed = alone(*k, &covers) > 0;
+        if !is_needed {
+            left = remove(*k, &mut covers);
+        }
+        is_needed
+    });
+    while left > most
+        && let Some((at, _)) = order.iter().map(|k| alone(*k, &covers)).enumerate().min_by_key(|(_, alone)| *alone)
+    {
+        left = remove(order.remove(at), &mut covers);
     }
     let mut kept = kept.into_iter();
     pieces.retain(|_| kept.next().unwrap_or(true));
@@ -50,11 +66,22 @@ mod tests {
         let mut pieces = [&halves[..], &within, &[rim.clone(), unseen.clone()]].concat();
         let surface: Vec<DVec3> =
             (0..5000).map(|i| DVec3::new((i % 100) as f64 / 99.0, (i / 100) as f64 / 99.0, 0.02)).collect();
-        without_redundant(&mut pieces, &surface, 4e-3);
+        without_redundant(&mut pieces, &surface, 4e-3, 10);
         let kept: Vec<f64> = pieces.iter().map(Hull::volume).collect();
         let expected: Vec<f64> = [&halves[0], &halves[1], &rim, &unseen].map(Hull::volume).to_vec();
         assert_eq!(kept, expected);
         let holds = covering(&pieces, 4e-3);
         assert!(surface.iter().all(holds));
+    }
+
+    #[test]
+    fn of_too_many_pieces_those_go_that_alone_cover_the_least() {
+        let strips = [[0.0, 0.5], [0.5, 0.58], [0.58, 0.9], [0.9, 1.0]];
+        let mut pieces: Vec<Hull> = strips.iter().map(|[x, y]| block([*x, 0.0, 0.0], [*y, 0.5, 0.02])).collect();
+        let expected = [pieces[0].volume(), pieces[2].volume()];
+        let surface: Vec<DVec3> =
+            (0..5000).map(|i| DVec3::new((i % 100) as f64 / 99.0, (i / 100) as f64 / 99.0, 0.02)).collect();
+        without_redundant(&mut pieces, &surface, 1e-3, 2);
+        assert_eq!(pieces.iter().map(Hull::volume).collect::<Vec<_>>(), expected);
     }
 }

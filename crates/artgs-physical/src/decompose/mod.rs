@@ -104,11 +104,10 @@ pub(crate) fn patches(solid: &Solid, hulls: &[Hull], options: &DecomposeOptions)
     let mut pieces = Pieces::default();
     hulls.iter().for_each(|hull| pieces.push(hull.clone()));
     rest::add(solid, &[DVec3::X, DVec3::Y, DVec3::Z], [near, near], options, &mut pieces);
-    let mut added = pieces.hulls.split_off(hulls.len());
+    let mut added = union::joined(pieces.hulls.split_off(hulls.len()), solid, options);
     let simple = |hull: Hull| hull.with_fewer_corners(options.corners, options.rounding, options.thinnest);
     added = added.into_iter().filter_map(simple).collect();
     added.sort_by(|a, b| b.volume().total_cmp(&a.volume()));
-    added.truncate((options.most as usize).saturating_sub(hulls.len()));
     added
 }
 

@@ -81,15 +81,17 @@ fn split(
     const DEEPEST: usize = 12;
     /// Distance from the surface of a piece that cannot be split, in tolerances: one that protrudes farther fills a cavity.
     const FAR: f64 = 2.0;
+    /// A cut that leaves a larger share of the volume, such as one across a straight strip, brings the pieces no nearer to the surface.
+    const USEFUL: f64 = 0.97;
     let Some(hull) = Hull::of(&points, options.thinnest) else { return };
     let stays_within = |most: f64| stays_within(&hull, solid, most, options.tolerance);
-    let halves = if depth < DEEPEST && !stays_within(options.tolerance) {
-        best_cut(&points, axes, spacing, options)
-    } else {
-        None
-    };
-    match halves {
-        Some(halves) => {
+    if stays_within(options.tolerance) {
+        return pieces.push(hull);
+    }
+    let cut = if depth < DEEPEST { best_cut(&points, axes, spacing, options) } else { None };
+    match cut {
+        Some((left, _)) if left > USEFUL && stays_within(FAR * options.tolerance) => pieces.push(hull),
+        Some((_, halves)) => {
             halves.into_iter().for_each(|half| split(solid, half, axes, spacing, options, depth + 1, pieces));
         }
         None if stays_within(FAR * options.tolerance) => pieces.push(hull),
@@ -97,17 +99,30 @@ fn split(
     }
 }
 
-/// The cut across one of the axes that leaves the least volume in two hulls, of about equal size if possible.
-fn best_cut(points: &[DVec3], axes: &[DVec3], spacing: f64, options: &DecomposeOptions) -> Option<[Vec<DVec3>; 2]> {
+/// The cut across one of the axes that leaves the least volume in two hulls, of about equal size if possible: the share of the volume
+/// that is left, and both halves.
+fn best_cut(
+    points: &[DVec3],
+    axes: &[DVec3],
+    spacing: f64,
+    options: &DecomposeOptions,
+) -> Option<(f64, [Vec<DVec3>; 2])> {
     const PLACES: usize = 7;
     /// Points that are used to choose a cut.
     const MOST: usize = 1200;
     /// Weight of the difference in size.
     const BALANCE: f64 = 0.05;
+    /// Largest share of the points in one half: thin strips are not cut along their length again and again.
+    const LARGEST: f64 = 0.95;
+    // The halves overlap, so that no gap is between them.
+    let overlap = 1.2 * spacing;
+    let part = |points: &[DVec3], axis: DVec3, at: f64, sign: f64| -> Vec<DVec3> {
+        points.iter().copied().filter(|p| sign * (p.dot(axis) - at) <= overlap).collect()
+    };
     let stride = points.len().div_ceil(MOST);
     let few: Vec<DVec3> = points.iter().copied().step_by(stride).collect();
     let whole = Hull::of(&few, options.thinnest)?.volume();
-    let mut best: Option<(f64, DVec3, f64)> = None;
+    let mut best: Option<(f64, f64, DVec3, f64)> = None;
     for axis in axes {
         let along = || points.iter().map(|p| p.dot(*axis));
         let (low, high) = (along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max));
@@ -116,19 +131,44 @@ fn best_cut(points: &[DVec3], axes: &[DVec3], spacing: f64, options: &DecomposeO
         }
         for place in 1..=PLACES {
             let at = low + (high - low) * place as f64 / (PLACES + 1) as f64;
-            let volumes = [false, true].map(|upper| {
-                let half: Vec<DVec3> = few.iter().copied().filter(|p| (p.dot(*axis) > at) == upper).collect();
-                Hull::of(&half, 1e-6).map_or(0.0, |h| h.volume())
-            });
-            let cost = (volumes[0] + volumes[1]) / whole + BALANCE * (place as f64 / (PLACES + 1) as f64 - 0.5).abs();
+            let halves = [1.0, -1.0].map(|sign| part(&few, *axis, at, sign));
+            if halves.iter().any(|half| half.len() as f64 > LARGEST * few.len() as f64) {
+                continue;
+            }
+            let volume: f64 = halves.iter().map(|half| Hull::of(half, 1e-6).map_or(0.0, |h| h.volume())).sum();
+            let cost = volume / whole + BALANCE * (place as f64 / (PLACES + 1) as f64 - 0.5).abs();
             if best.is_none_or(|(least, ..)| cost < least) {
-                best = Some((cost, *axis, at));
+                best = Some((cost, volume / whole, *axis, at));
             }
         }
     }
-    let (_, axis, at) = best?;
-    // The halves overlap, so that no gap is between them.
-    let part = |sign: f64| points.iter().copied().filter(|p| sign * (p.dot(axis) - at) <= 1.2 * spacing).collect();
-    let halves: [Vec<DVec3>; 2] = [part(1.0), part(-1.0)];
-    halves.iter().all(|h| h.len() < points.len()).then_some(halves)
+    let (_, left, axis, at) = best?;
+    let halves = [1.0, -1.0].map(|sign| part(points, axis, at, sign));
+    halves.iter().all(|h| h.len() < points.len()).then_some((left, halves))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::decompose::tests::OPTIONS;
+
+    /// Points on a strip 1.1 m long with this profile, 6 mm apart.
+    fn strip(profile: &[[f64; 2]]) -> Vec<DVec3> {
+        (0..184).flat_map(|k| profile.iter().map(move |[x, y]| DVec3::new(*x, *y, 0.006 * f64::from(k)))).collect()
+    }
+
+    #[test]
+    fn halves_of_narrow_strips_are_smaller_than_the_whole() {
+        // Legs of 24 and 36 mm: at 12 mm, cuts between them leave nearly all points in one half, because halves overlap.
+        let profile: Vec<[f64; 2]> =
+            (0..5).map(|k| [0.006 * f64::from(k), 0.0]).chain((1..7).map(|k| [0.0, 0.006 * f64::from(k)])).collect();
+        let points = strip(&profile);
+        let (left, halves) = best_cut(&points, &[DVec3::X, DVec3::Y, DVec3::Z], 6e-3, &OPTIONS).unwrap();
+        assert!(halves.iter().all(|half| (half.len() as f64) < 0.95 * points.len() as f64));
+        assert!(left < 1.05, "{left}");
+        // A cut across a straight strip leaves its volume.
+        let straight = strip(&[[0.0, 0.0], [0.008, 0.0], [0.0, 0.008], [0.008, 0.008]]);
+        let (left, _) = best_cut(&straight, &[DVec3::X, DVec3::Y, DVec3::Z], 6e-3, &OPTIONS).unwrap();
+        assert!((1.0..1.05).contains(&left), "{left}");
+    }
 }

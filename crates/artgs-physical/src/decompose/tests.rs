@@ -106,3 +106,27 @@ fn small_features_of_a_large_object_have_pieces() {
         assert!(hulls.iter().any(|h| h.planes().iter().all(|f| f.distance(top) < OPTIONS.tolerance)), "{top}");
     }
 }
+
+#[test]
+fn a_long_strip_with_an_angle_is_patched_by_few_long_pieces() {
+    // Legs of 20 and 35 mm, 8 mm thick, 1.1 m long: the rim of a door frame. The inner corner is 12 mm from the hull of both legs.
+    let profile = [[0.0, 0.0], [0.02, 0.0], [0.02, 0.008], [0.008, 0.008], [0.008, 0.035], [0.0, 0.035]];
+    let ends = [0.0, 1.1_f32].map(|z| profile.map(|[x, y]| [x, y, z])).concat();
+    let sides = (0..6).flat_map(|i| {
+        let j = (i + 1) % 6;
+        [[i, j, j + 6], [i, j + 6, i + 6]]
+    });
+    let caps = [[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 5, 4]];
+    let lids = caps.iter().flat_map(|[a, b, c]| [[*a, *b, *c], [a + 6, c + 6, b + 6]]);
+    let mesh = Mesh { vertices: ends, colors: Vec::new(), triangles: sides.chain(lids).collect() };
+    let solid = Solid::new(&mesh, &|_| true).unwrap();
+    let tolerance = 3e-3;
+    let options = DecomposeOptions { tolerance, skin: 8e-3, ..OPTIONS };
+    let hulls = patches(&solid, &[], &options);
+    assert!((2..=12).contains(&hulls.len()), "{}", hulls.len());
+    let longest = |hull: &Hull| (hull.bounds()[1] - hull.bounds()[0]).max_element();
+    assert!(hulls.iter().map(longest).fold(0.0, f64::max) > 0.5);
+    assert!(protrusion(&hulls, &mesh) < 2.0 * tolerance);
+    let holds = crate::clearance::covering(&hulls, tolerance);
+    assert!(solid.samples(0.01, false).iter().all(|s| holds(&s.point)));
+}
