@@ -3,6 +3,7 @@
 use crate::failure::Failure;
 use artgs::consistency::{Consistency, Finding, StateConsistency, check_aligned, check_capture, check_recording};
 use artgs_core::{Capture, PerState, Recording, State};
+use std::path::Path;
 
 /// Refuses a capture whose views or states contradict each other, and removes single views that contradict the others, unless
 /// `forced`; warnings go to the capture.
@@ -76,10 +77,15 @@ pub(crate) fn described(found: &Consistency) -> String {
     text
 }
 
-/// Lines of `inspect` about a recording.
-pub(crate) fn described_recording(found: &StateConsistency) -> String {
+/// Lines of `inspect` about the recording at `path`.
+pub(crate) fn described_recording(found: &StateConsistency, path: &Path) -> String {
     let share = line("agreement", found.agreement, "of the depth points agree between frames");
-    share + &findings(found.findings("this recording"))
+    share + &findings(found.findings(&path.display().to_string()))
+}
+
+/// True if `reconstruct` refuses what these were found in.
+pub(crate) fn are_refusals(found: &[Finding]) -> bool {
+    found.iter().any(|finding| matches!(finding, Finding::Refused(_)))
 }
 
 fn line(name: &str, share: Option<f64>, of_what: &str) -> String {

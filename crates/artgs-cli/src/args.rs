@@ -148,7 +148,7 @@ pub(crate) struct Reconstruct {
     /// Memory that the run may take, such as 4GiB: larger images are reduced to fit; what is free on the machine if absent
     #[arg(long, value_name = "SIZE")]
     pub(crate) memory: Option<ByteSize>,
-    /// Show training in the browser as it goes
+    /// Show training in the browser while it runs
     #[arg(long)]
     pub(crate) view: bool,
     /// Stop when parts and joints are found, before training, so that they can be corrected: in the page, which with
@@ -170,7 +170,7 @@ pub(crate) struct RecordingArgs {
     /// Largest number of frames of a recording that are used
     #[arg(long, value_name = "N")]
     pub(crate) frames: Option<usize>,
-    /// Intrinsics for formats without: FX,FY,CX,CY in pixels of the recorded images
+    /// Intrinsics, for formats without intrinsics: FX,FY,CX,CY in pixels of the recorded images
     #[arg(long, value_name = "FX,FY,CX,CY")]
     pub(crate) intrinsics: Option<String>,
     /// Camera poses for formats without, as TUM files; one for both recordings, or one for each
@@ -204,7 +204,7 @@ pub(crate) struct Method {
     /// Only this share of the published steps, 0 to 1, with larger rates; with `--preset paper`
     #[arg(long, value_name = "SHARE")]
     pub(crate) schedule: Option<f64>,
-    /// Leave one idea out, as the ablations of the paper do; an unknown name lists them
+    /// Disable one component of the method, as the ablations of the paper do; an unknown name lists them
     #[arg(long, value_name = "NAME")]
     pub(crate) variant: Option<String>,
     /// TOML file with settings that replace those of the preset
@@ -292,7 +292,7 @@ pub(crate) struct Export {
     /// Joints go from one observed state to the other and no further
     #[arg(long)]
     pub(crate) observed_limits: bool,
-    /// Triangles per link, about, for drawing; 20000 if absent
+    /// Triangles per link for drawing, at most about this many; 20000 if absent
     #[arg(long, value_name = "N", value_parser = triangles)]
     pub(crate) triangles: Option<usize>,
     /// Millimetres per texel of the textures; as in the photos if absent
@@ -376,7 +376,7 @@ pub(crate) enum UpAxis {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum CollisionKind {
-    /// Convex pieces, cut so that no part is in another's way
+    /// Convex pieces, cut so that hulls of different parts do not collide
     Hulls,
     /// Convex pieces by CoACD, cut likewise; needs the Python package `coacd` and takes minutes
     Coacd,

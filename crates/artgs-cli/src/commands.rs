@@ -54,22 +54,34 @@ pub(crate) fn execute(command: &Command, style: Style) -> Result<(), Failure> {
 
 /// Describes a capture, or each of one or two recordings.
 fn inspect(args: &Inspect, style: Style) -> Result<(), Failure> {
-    let mut reports = described(args)?;
-    if let [(None, report)] = &reports[..] {
-        return report.show(style.json);
+    let inspected = described(args)?;
+    let refused: Vec<String> =
+        inspected.iter().filter(|i| i.is_refused).map(|i| i.path.display().to_string()).collect();
+    match &inspected[..] {
+        [Inspected { report, is_capture: true, .. }] => report.show(style.json)?,
+        _ if style.json => {
+            let reports: Value = inspected.into_iter().map(|i| i.report.json).collect();
+            say(format!("{reports:#}"))?;
+        }
+        _ => inspected.iter().try_for_each(|i| say(format!("{}\n{}", i.path.display(), i.report.text)))?,
     }
-    if style.json {
-        let reports: Value = reports.drain(..).map(|(_, report)| report.json).collect();
-        return say(format!("{reports:#}"));
+    if refused.is_empty() {
+        return Ok(());
     }
-    reports.iter().try_for_each(|(path, report)| match path {
-        Some(path) => say(format!("{}\n{}", path.display(), report.text)),
-        None => say(&report.text),
-    })
+    Err(Failure::bad(format!("{}: artgs reconstruct refuses this input for the errors above", refused.join(" and "))))
 }
 
-/// The description of a capture, or of each recording with its path.
-pub(crate) fn described(args: &Inspect) -> Result<Vec<(Option<PathBuf>, Report)>, Failure> {
+/// What `inspect` says about a capture or a recording.
+pub(crate) struct Inspected {
+    path: PathBuf,
+    is_capture: bool,
+    pub(crate) report: Report,
+    /// True if `reconstruct` refuses it.
+    is_refused: bool,
+}
+
+/// The description of a capture, or of each recording.
+pub(crate) fn described(args: &Inspect) -> Result<Vec<Inspected>, Failure> {
     let source = Source::new(&args.capture);
     if let Ok(Source::Capture(folder)) = source {
         recordings::require_none(&args.recording, &folder)?;
@@ -81,7 +93,8 @@ pub(crate) fn described(args: &Inspect) -> Result<Vec<(Option<PathBuf>, Report)>
         let needed = Plan::unlimited(&folder);
         report.text.push_str(&format!("memory            about {} to reconstruct\n", memory::size(needed as f64)));
         report.json["memory_bytes"] = json!(needed);
-        return Ok(vec![(None, report)]);
+        let is_refused = agreement::are_refusals(&found.findings());
+        return Ok(vec![Inspected { path: folder, is_capture: true, report, is_refused }]);
     }
     let paths = match source {
         Ok(Source::Recordings(paths)) => paths.into_iter().collect(),
@@ -92,9 +105,10 @@ pub(crate) fn described(args: &Inspect) -> Result<Vec<(Option<PathBuf>, Report)>
         let recording = recordings::load_state(path, state, &args.recording)?;
         let found = check_recording(recording.frames.iter().map(|f| &f.view));
         let mut report = Report::new(&RecordingSummary::new(&recording))?;
-        report.text.push_str(&agreement::described_recording(&found));
+        report.text.push_str(&agreement::described_recording(&found, path));
         report.json["consistency"] = json!(found);
-        reports.push((Some(path.clone()), report));
+        let is_refused = agreement::are_refusals(&found.findings(""));
+        reports.push(Inspected { path: path.clone(), is_capture: false, report, is_refused });
     }
     Ok(reports)
 }

@@ -37,7 +37,7 @@ pub(crate) fn run(args: &Demo, style: Style) -> Result<(), Failure> {
     }
     let loaded = load_capture(&capture)?;
     let resume = args.earlier.resume;
-    let job = Job { capture: &loaded, run: &run, config: &config, resume, device: &device, style };
+    let job = Job { capture: &loaded, run: &run, config: &config, resume, device: &device, style, before: &[] };
     let summary = job.reconstruct(&mut NullObserver)?;
     let scores = score(&run, Some(&capture.join("gt")), None)?;
     write_json(&args.out.join("scores.json"), &scores)?;

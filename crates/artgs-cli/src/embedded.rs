@@ -59,7 +59,9 @@ fn executed(words: &[OsString], given: Option<Capture>, observer: &mut dyn Obser
             let checked = crate::check::checked(args)?;
             Ok(serde_json::json!({ "passed": checked.passed, "report": checked.report.json }))
         }
-        Command::Inspect(args) => Ok(commands::described(args)?.into_iter().map(|(_, report)| report.json).collect()),
+        Command::Inspect(args) => {
+            Ok(commands::described(args)?.into_iter().map(|inspected| inspected.report.json).collect())
+        }
         _ => commands::execute(&cli.command, STYLE).map(|()| Value::Null),
     }
 }

@@ -37,7 +37,7 @@ mod support {
     pub(crate) fn open_if_fast() -> Result<Box<dyn Devices>, String> {
         let reason = |error: GpuError| match error {
             GpuError::None if adapters().is_empty() => "no graphics processor was found".to_string(),
-            GpuError::None => "there is only a driver that computes on the CPU".to_string(),
+            GpuError::None => "no GPU was found; the only Vulkan driver is a software driver".to_string(),
             error => error.to_string(),
         };
         let gpu = Gpu::open(None, false).map_err(reason)?;

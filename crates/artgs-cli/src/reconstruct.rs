@@ -31,6 +31,8 @@ pub(crate) struct Job<'a> {
     pub(crate) resume: bool,
     pub(crate) device: &'a Chosen,
     pub(crate) style: Style,
+    /// Events of its preparation, such as the alignment of two recordings.
+    pub(crate) before: &'a [Event],
 }
 
 /// A run that can begin: its input is read and accepted, its folder is locked.
@@ -41,12 +43,13 @@ struct Ready {
     config: Config,
     device: Chosen,
     lock: FolderLock,
+    before: Vec<Event>,
 }
 
 impl Ready {
     fn job(&self, args: &Reconstruct, style: Style) -> Job<'_> {
-        let Self { capture, run, config, device, .. } = self;
-        Job { capture, run, config, resume: args.earlier.resume, device, style }
+        let Self { capture, run, config, device, before, .. } = self;
+        Job { capture, run, config, resume: args.earlier.resume, device, style, before }
     }
 }
 
@@ -115,6 +118,8 @@ fn ready(args: &Reconstruct, given: Option<Capture>, style: Style, also: &mut dy
         Source::Capture(folder) => Plan::of_capture(folder, args.memory)?,
         Source::Recordings(_) => Plan::of_recordings(recordings::most_frames(&args.recording), args.memory)?,
     };
+    let mut before = Vec::new();
+    let also = &mut Tee(&mut before, also);
     if let Some(text) = plan.notice() {
         note(&text, style);
         also.event(Event::note(text));
@@ -149,7 +154,7 @@ fn ready(args: &Reconstruct, given: Option<Capture>, style: Style, also: &mut dy
         }
     };
     run.save_capture_folder(&photos).map_err(Failure::failed)?;
-    Ok(Ready { capture, photos, run, config, device, lock })
+    Ok(Ready { capture, photos, run, config, device, lock, before })
 }
 
 /// The same for a capture in memory, which is saved in the folder of the run: exports and the page need its photos.
@@ -169,7 +174,7 @@ fn ready_in_memory(
     let lock = folder::prepare(&run, args.earlier, COMMAND, style)?;
     let (capture, photos) = saved(&run, capture, &correction)?;
     run.save_capture_folder(&photos).map_err(Failure::failed)?;
-    Ok(Ready { capture, photos, run, config, device, lock })
+    Ok(Ready { capture, photos, run, config, device, lock, before: Vec::new() })
 }
 
 /// What others read who find the folder locked.
@@ -210,9 +215,10 @@ fn saved(run: &RunFolder, capture: Capture, report: &impl Serialize) -> Result<(
 
 /// The stages before training; with `--view` the page stays, takes corrections and continues the run.
 fn find_parts_only(args: &Reconstruct, ready: Ready, style: Style) -> Result<(), Failure> {
-    let Ready { capture, photos, run, config, device, lock } = ready;
+    let Ready { capture, photos, run, config, device, lock, before } = ready;
     let resume = args.earlier.resume;
-    let job = Job { capture: &capture, run: &run, config: &config, resume, device: &device, style };
+    let before = &before[..];
+    let job = Job { capture: &capture, run: &run, config: &config, resume, device: &device, style, before };
     if args.view {
         return rerun::find_parts(&job, &photos, args.method.device, lock);
     }
@@ -262,6 +268,8 @@ impl Job<'_> {
     ) -> Result<T, Failure> {
         let path = self.run.events();
         let mut log = JsonLines::append(&path).with_context(|| format!("cannot write {}", path.display()))?;
+        // These were shown while the folder was not yet prepared.
+        self.before.iter().for_each(|event| log.event(event.clone()));
         let mut shown = progress::renderer(self.style);
         let mut log_and_shown = Tee(&mut log, shown.as_mut());
         let mut noted = StageNote;
@@ -269,7 +277,13 @@ impl Job<'_> {
         let mut observer = Tee(&mut log_and_shown, &mut also_noted);
         self.device.announce(&mut observer);
         let (config, devices) = (self.config.clone(), self.device.devices.as_ref());
-        let reconstruction = Reconstruction { capture: self.capture, config, devices, resume: self.resume };
+        let finished = |event: &Event| match event {
+            Event::StageFinished { stage, seconds, .. } => Some((stage.to_string(), *seconds)),
+            _ => None,
+        };
+        let preparation = self.before.iter().filter_map(finished).collect();
+        let reconstruction =
+            Reconstruction { capture: self.capture, config, devices, resume: self.resume, preparation };
         let result = act(&reconstruction, &mut observer).map_err(failure);
         drop(shown);
         if let (Err(Failure::BadInput(reason)), false) = (&result, self.resume) {

@@ -58,7 +58,7 @@ fn rerun(
     let options = ExportOptions::of_last_export(run).map_err(Failure::bad_input)?;
     let device = device::choose(device, &config)?;
     let capture = load_capture(photos)?;
-    let job = Job { capture: &capture, run, config: &config, resume: true, device: &device, style };
+    let job = Job { capture: &capture, run, config: &config, resume: true, device: &device, style, before: &[] };
     job.reconstruct(&mut PageObserver(Arc::clone(live)))?;
     run.save_capture_folder(photos).map_err(Failure::failed)?;
     live.stage_started(EXPORT);

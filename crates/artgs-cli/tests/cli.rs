@@ -200,6 +200,32 @@ fn a_still_cabinet_becomes_a_static_replica_that_every_command_takes() {
 }
 
 #[test]
+fn the_alignment_of_two_recordings_is_part_of_the_events_and_times_of_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let (room, out) = (folder.path().join("room"), folder.path().join("out"));
+    let done = |args: &[&str]| {
+        let output = artgs(args);
+        assert_eq!(output.status.code(), Some(0), "{args:?}: {}", text(&output.stderr));
+    };
+    let size = ["--views", "16", "--size", "120", "--layout", "nerfstudio", "-q"];
+    done(&[&["synth", "storage2", "--scene", "room", "-o", str(&room)], &size[..]].concat());
+    let recordings = [room.join("start"), room.join("end")];
+    let last = ["-o", str(&out), "--stop-after", "discover", "--device", "cpu", "-q"];
+    done(&[&["reconstruct", str(&recordings[0]), str(&recordings[1])], &last[..]].concat());
+    let events = std::fs::read_to_string(out.join("events.jsonl")).unwrap();
+    let events: Vec<serde_json::Value> = events.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let place = |event: &str, stage: &str| events.iter().position(|e| e["event"] == event && e["stage"] == stage);
+    let aligned = place("stage_finished", "align").unwrap();
+    assert!(
+        place("stage_started", "align").unwrap() < aligned && aligned < place("stage_started", "discover").unwrap()
+    );
+    assert!(events.iter().any(|e| e["message"].as_str().is_some_and(|m| m.contains("its box is --box"))));
+    let times = std::fs::read(out.join("stages/times.json")).unwrap();
+    let times: serde_json::Value = serde_json::from_slice(&times).unwrap();
+    assert_eq!(times["align"], events[aligned]["seconds"]);
+}
+
+#[test]
 fn bad_input_exits_2_and_names_the_path() {
     let folder = tempfile::tempdir().unwrap();
     let missing = folder.path().join("nowhere");
@@ -264,6 +290,7 @@ fn captures_with_wrong_poses_or_depth_are_refused_and_the_mistake_is_named() {
         let shown = artgs(&["inspect", str(&capture)]);
         let all = text(&shown.stdout) + &text(&shown.stderr);
         assert!(all.contains(words), "{words}: {all}");
+        assert_eq!(shown.status.code(), Some(2), "{words}: inspect ends as reconstruct does");
     }
     // What is wrong can be used on demand.
     let changed: Value = serde_json::from_str(&right[0]).unwrap();

@@ -87,7 +87,7 @@ fn every_format_is_written_and_passes_the_check() {
     for step in ["surfaces", "limits", "hulls", "write"] {
         assert!(noted.contains(&format!("{step}: started\n{step}: ")), "{noted}");
     }
-    assert!(said.contains("MB; together ") && said.contains("stored once"), "{said}");
+    assert!(said.contains("MB; together ") && said.contains("shared between formats"), "{said}");
     let exports = out.join("exports");
     for file in [
         "urdf/my_cabinet.urdf",

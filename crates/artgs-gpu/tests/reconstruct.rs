@@ -48,7 +48,7 @@ fn joints_and_renderings_are_those_of_the_cpu() {
     let capture = cabinet(&root.path().join("capture"));
     let run = |name: &str, devices: &dyn Devices| {
         let out = root.path().join(name);
-        let reconstruction = Reconstruction { capture: &capture, config: config(), devices, resume: false };
+        let reconstruction = Reconstruction { config: config(), devices, ..Reconstruction::new(&capture) };
         let made = reconstruction.run_in(&RunFolder::new(out), &mut NullObserver).expect("it runs");
         (made.summary, made.replica)
     };

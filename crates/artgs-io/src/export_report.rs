@@ -57,6 +57,8 @@ pub struct ExportReport {
     pub options: RequestedOptions,
     /// Metres per unit of the capture; 0 if unknown.
     pub scale: f64,
+    /// Kilograms per cubic metre of links without a density of their own.
+    pub density: f64,
     /// Upward axis of the capture, `z` or `y`.
     pub up: String,
     /// Motion from the scaled frame of the capture to the object's frame of the export; none in reports of versions that
@@ -140,6 +142,14 @@ pub struct LinkReport {
     pub sources: Option<[String; 2]>,
     /// Why the limits are where they are.
     pub stops: Option<[String; 2]>,
+    /// Largest force of an actuator at the joint, newtons, or torque, newton metres; assumed, as all that follows.
+    pub effort: Option<f64>,
+    /// Largest speed, metres or radians per second.
+    pub velocity: Option<f64>,
+    /// Newton seconds per metre, or newton metre seconds per radian.
+    pub damping: Option<f64>,
+    /// Dry friction, newtons or newton metres.
+    pub friction: Option<f64>,
 }
 
 /// A handle of a link; lengths in metres.
@@ -298,7 +308,7 @@ impl fmt::Display for ExportReport {
         for handle in self.links.iter().flat_map(|link| &link.handles) {
             let HandleReport { name, width, length, depth, .. } = handle;
             let [width, length, depth] = [width, length, depth].map(|x| 1000.0 * x);
-            writeln!(f, "{name}: {width:.0} mm between the fingers, {length:.0} mm long, stands out {depth:.0} mm")?;
+            writeln!(f, "{name}: {width:.0} mm between the fingers, {length:.0} mm long, {depth:.0} mm deep")?;
         }
         let [before, after] = self.penetration.map(|p| 1000.0 * p);
         writeln!(
@@ -318,7 +328,7 @@ impl fmt::Display for ExportReport {
         write!(f, "{}; together {}", each.join(", "), megabytes(all))?;
         match self.shared_bytes {
             0 => writeln!(f),
-            shared => writeln!(f, ", of which {} are the same files and stored once", megabytes(shared)),
+            shared => writeln!(f, ", of which {} are shared between formats", megabytes(shared)),
         }
     }
 }
@@ -398,7 +408,8 @@ mod tests {
         assert!(!report.to_string().contains("MB"));
         report.record_digests(&folder, &[Format::Urdf, Format::Sdf, Format::Glb]).unwrap();
         let text = report.to_string();
-        let expected = "urdf 1.5 MB, glb 1.5 MB, sdf 1.5 MB; together 4.5 MB, of which 1.5 MB are the same files and stored once\n";
+        let expected =
+            "urdf 1.5 MB, glb 1.5 MB, sdf 1.5 MB; together 4.5 MB, of which 1.5 MB are shared between formats\n";
         assert!(text.ends_with(expected), "{text}");
     }
 

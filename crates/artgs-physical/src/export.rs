@@ -381,7 +381,7 @@ pub fn export(
         watch(ExportEvent::Written(i + 1, options.formats.len()));
     }
     let decided = report(&built, &replica, config.up, &options.formats);
-    let mut report = ExportReport { options: options.requested(), files, ..decided };
+    let mut report = ExportReport { options: options.requested(), files, density: config.density, ..decided };
     report.record_digests(folder, &options.formats).map_err(ExportError::Output)?;
     report.save(folder).map_err(ExportError::Output)?;
     Ok(report)
@@ -460,6 +460,10 @@ fn link_report(built: &BuiltAsset, part: &str, i: usize, formats: &[Format]) -> 
         observed: link.joint.map(|j| State::ALL.map(|state| j.observed[state])),
         sources: range.map(|range| range.sources.map(|source| source.name().into())),
         stops: range.map(|range| range.stops.each_ref().map(reason)),
+        effort: link.joint.map(|j| j.effort),
+        velocity: link.joint.map(|j| j.velocity),
+        damping: link.joint.map(|j| j.damping),
+        friction: link.joint.map(|j| j.friction),
     }
 }
 
@@ -468,7 +472,7 @@ fn reason(stop: &Stop) -> String {
         Stop::Observed => "as observed".into(),
         Stop::Contact(link) => format!("before it meets {link}"),
         Stop::Flush(link) => format!("where its front is flush with {link}"),
-        Stop::Support => "before it falls out".into(),
-        Stop::Reach => "as far as is ever assumed".into(),
+        Stop::Support => "where a quarter of its length is still supported".into(),
+        Stop::Reach => "the largest range that is assumed".into(),
     }
 }

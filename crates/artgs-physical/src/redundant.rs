@@ -16,32 +16,30 @@ pub(crate) fn without_redundant(pieces: &mut Vec<Hull>, surface: &[DVec3], near:
     let covered: Vec<Vec<u32>> = pieces.par_iter().map(covered).collect();
     let mut covers = vec![0u32; surface.len()];
     covered.iter().flatten().for_each(|i| covers[*i as usize] += 1);
+    let alone = |k: usize, covers: &[u32]| covered[k].iter().filter(|i| covers[**i as usize] < 2).count();
     let volumes: Vec<f64> = pieces.iter().map(Hull::volume).collect();
-    let mut order: Vec<usize> = (0..pieces.len()).collect();
-    order.sort_by(|a, b| volumes[*a].total_cmp(&volumes[*b]).then(a.cmp(b)));
     // A piece that covers no seen point closes something that was not seen.
-    order.retain(|k| !covered[*k].is_empty());
+    let mut candidates: Vec<usize> = (0..pieces.len()).filter(|k| !covered[*k].is_empty()).collect();
+    candidates.sort_by(|a, b| volumes[*a].total_cmp(&volumes[*b]).then(a.cmp(b)));
     let mut kept = vec![true; pieces.len()];
-    let mut count = pieces.len();
     let mut remove = |k: usize, covers: &mut [u32]| {
         covered[k].iter().for_each(|i| covers[*i as usize] -= 1);
         kept[k] = false;
-        count -= 1;
-        count
     };
-    let alone = |k: usize, covers: &[u32]| covered[k].iter().filter(|i| covers[**i as usize] < 2).count();
-    let mut left = pieces.len();
-    order.retain(|k| {
+    let mut count = pieces.len();
+    candidates.retain(|k| {
         let is_needed = alone(*k, &covers) > 0;
         if !is_needed {
-            left = remove(*k, &mut covers);
+            remove(*k, &mut covers);
+            count -= 1;
         }
         is_needed
     });
-    while left > most
-        && let Some((at, _)) = order.iter().map(|k| alone(*k, &covers)).enumerate().min_by_key(|(_, alone)| *alone)
+    while count > most
+        && let Some((at, _)) = candidates.iter().map(|k| alone(*k, &covers)).enumerate().min_by_key(|(_, alone)| *alone)
     {
-        left = remove(order.remove(at), &mut covers);
+        remove(candidates.remove(at), &mut covers);
+        count -= 1;
     }
     let mut kept = kept.into_iter();
     pieces.retain(|_| kept.next().unwrap_or(true));

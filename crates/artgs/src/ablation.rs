@@ -12,11 +12,11 @@ use crate::fit::{LogLinear, PlateauConfig};
 use crate::run::points::{PartSource, StartSource};
 
 const VARIANTS: [(&str, &str); 8] = [
-    ("full", "nothing taken away"),
+    ("full", "the complete method"),
     ("random-gaussians", "canonical Gaussians begin at random in the object's box (w/o Cano. Init.)"),
     ("random-centres", "part centres are learnt from random ones (w/o Center Init.)"),
     ("cluster-all", "part centres are learnt from clusters of everything, not of what moved (w/o Motion Prior)"),
-    ("no-types", "joints stay general rigid motions; types are decided by the turn in the end (w/o Joint Pred.)"),
+    ("no-types", "joints stay general rigid motions; types are decided by the final rotation (w/o Joint Pred.)"),
     ("mlp", "a perceptron of the position assigns parts (w/ MLP Seg)"),
     ("slots", "slot attention assigns parts (w/ SA Seg)"),
     ("learnt-parts", "default only: parts and motions learnt as the paper learns them, instead of found in depth"),

@@ -84,7 +84,7 @@ fn colours() {
         bad("a WebP named .png", "tiny", RECONSTRUCT, &[COLOUR, "not a complete, readable PNG"], |f| {
             f.write(COLOUR, "RIFF\x24\0\0\0WEBPVP8 ")
         }),
-        odd("no alpha", "tiny", "inspect IN", &["warning", "no alpha"], |f| {
+        bad("no alpha in any view", "tiny", "inspect IN", &["refuses this input"], |f| {
             every(f, "rgba", |name| f.write(name, png(&RgbImage::new(48, 48).into())))
         }),
         odd("grey", "tiny", "inspect IN", &["no alpha"], |f| f.write(COLOUR, png(&GrayImage::new(48, 48).into()))),

@@ -447,6 +447,13 @@ fn other_formats() {
         bad("a folder of photos without poses", "", "reconstruct IN/a -o OUT", &["no camera poses", "COLMAP"], |f| {
             f.write("a/IMG_0001.JPG", "")
         }),
+        bad(
+            "one file of a recording",
+            "tum",
+            "reconstruct IN/start/rgb.txt IN/end/rgb.txt -o OUT",
+            &["is a file of a recording", "give its folder"],
+            |_| {},
+        ),
         bad("a text file", "", "inspect IN/a.txt IN/a.txt", &["a.txt", "not a recording"], |f| {
             f.write("a.txt", "hello")
         }),

@@ -21,6 +21,14 @@ pub enum RecordingError {
         /// Every format with the files that it is recognised by.
         known: String,
     },
+    /// One file of a recording.
+    #[error("{}: is a file of a recording; give its folder {}", path.display(), folder.display())]
+    OneFile {
+        /// The given path.
+        path: PathBuf,
+        /// The folder, which has a known format.
+        folder: PathBuf,
+    },
     /// Images alone.
     #[error("{}: {}", path.display(), crate::capture::NO_POSES)]
     NoPoses {

@@ -56,9 +56,11 @@ pub fn load_recording(path: &Path, options: &RecordingOptions) -> Result<Recordi
     }
     options.check(path)?;
     let format = options.format.or_else(|| RecordingFormat::detect(path)).or_else(|| RecordingFormat::by_name(path));
-    let unknown = || match crate::capture::has_only_images(path) {
-        true => RecordingError::NoPoses { path: path.into() },
-        false => RecordingError::Unknown { path: path.into(), known: RecordingFormat::known() },
+    let folder = path.parent().filter(|_| path.is_file()).filter(|folder| RecordingFormat::detect(folder).is_some());
+    let unknown = || match (folder, crate::capture::has_only_images(path)) {
+        (Some(folder), _) => RecordingError::OneFile { path: path.into(), folder: folder.into() },
+        (None, true) => RecordingError::NoPoses { path: path.into() },
+        (None, false) => RecordingError::Unknown { path: path.into(), known: RecordingFormat::known() },
     };
     let format = format.ok_or_else(unknown)?;
     let index = match format {

@@ -113,7 +113,8 @@ pub enum AlignError {
     /// Two different alignments explain the recordings equally well.
     #[error(
         "two alignments of the recordings are almost equally good (scores {first:.2} and {second:.2}), {degrees:.0} degrees \
-         and {length:.2} units apart; keep something in view that breaks the symmetry, and leave it where it is"
+         and {length:.2} units apart: the surroundings look alike from two sides, or the recordings show different objects or places; \
+         check that both show the same object, keep something in view that breaks the symmetry, and leave it where it is"
     )]
     Ambiguous {
         /// Score of the best alignment.

@@ -20,7 +20,7 @@ pub(super) fn with_doubts_of_narrow(mut found: Discovery) -> Discovery {
         let part = &mut found.parts[k];
         part.confidence = part.confidence.map(|confidence| confidence * LARGEST / angle);
         found.warnings.push(format!(
-            "part {} is narrow for the errors of depth: its axis may be off by {:.0} degrees; record it from closer",
+            "part {} is narrow for the errors of depth: its axis may be off by {:.0} degrees; record it from a shorter distance",
             k + 1,
             angle.to_degrees()
         ));

@@ -60,7 +60,8 @@ impl Run<'_> {
                 Ok(result)
             },
         )?;
-        self.summary.total_seconds = self.begun.elapsed().as_secs_f64();
+        let before: f64 = self.what.preparation.iter().map(|(_, seconds)| seconds).sum();
+        self.summary.total_seconds = before + self.begun.elapsed().as_secs_f64();
         self.summary.peak_memory_mib = peak_memory_mib();
         if let Some(folder) = self.folder {
             let applied = load_text(&folder.applied_corrections())?.unwrap_or_default();

@@ -24,12 +24,15 @@ pub struct Reconstruction<'a> {
     pub devices: &'a dyn Devices,
     /// Take stages that an earlier run saved in the same folder, and apply its `corrections.json`.
     pub resume: bool,
+    /// Names and wall-clock seconds of what was done for this run before it, such as the alignment of two recordings. They are part of
+    /// [`Summary::seconds`](super::Summary) and of its total.
+    pub preparation: Vec<(String, f64)>,
 }
 
 impl<'a> Reconstruction<'a> {
     /// The default method on the processor, from the start. It finds the number of parts.
     pub fn new(capture: &'a Capture) -> Self {
-        Self { capture, config: Config::default(), devices: &Cpu, resume: false }
+        Self { capture, config: Config::default(), devices: &Cpu, resume: false, preparation: Vec::new() }
     }
 
     /// The same with a known number of parts, or bounds of it; it counts the static part.

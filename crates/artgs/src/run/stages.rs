@@ -57,8 +57,9 @@ impl<'a> Run<'a> {
             }
             folder.save_config(&what.config.to_toml()?)?;
         }
+        times.extend(what.preparation.iter().cloned());
         let keys = StageKeys::new(folder, what.capture, &what.config, resume)?;
-        let (begun, summary) = (Instant::now(), Summary::default());
+        let (begun, summary) = (Instant::now(), Summary { seconds: what.preparation.clone(), ..Summary::default() });
         let mut run = Self { what, config: &what.config, folder, reuse: resume, observer, begun, summary, times, keys };
         what.capture.warnings.iter().for_each(|w| run.warn(w.clone()));
         Ok(run)

@@ -18,7 +18,7 @@ pub struct Summary {
     /// Wall-clock seconds of each stage, in order. For a stage whose result was loaded they are those of the run that
     /// computed it.
     pub seconds: Vec<(String, f64)>,
-    /// Wall-clock seconds of this run alone.
+    /// Wall-clock seconds of this run alone, with its preparation.
     pub total_seconds: f64,
     /// What trained, at last; none if nothing had to be trained.
     pub device: Option<String>,

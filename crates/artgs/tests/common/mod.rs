@@ -16,6 +16,6 @@ pub(crate) fn reconstruct(
     devices: &dyn Devices,
     observer: &mut dyn Observer,
 ) -> Result<Summary, Error> {
-    let reconstruction = Reconstruction { capture, config: config.clone(), devices, resume };
+    let reconstruction = Reconstruction { config: config.clone(), devices, resume, ..Reconstruction::new(capture) };
     Ok(reconstruction.run_in(&RunFolder::new(out), observer)?.summary)
 }
