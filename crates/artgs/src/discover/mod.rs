@@ -53,6 +53,7 @@ mod morton;
 mod moved_points;
 mod narrow;
 mod near_grid;
+mod oblique;
 mod paired_mean;
 mod parents;
 mod plane_fit;
@@ -93,6 +94,7 @@ use known::{KnownFits, KnownLandings, KnownSamples};
 use missing::with_missing;
 pub use moved_points::{MovedPoints, moved_points};
 use narrow::with_doubts_of_narrow;
+use oblique::with_doubts_of_oblique;
 use plateaus::with_plateaus;
 use rayon::prelude::*;
 use refinement::{Parts, Refinement};
@@ -297,7 +299,7 @@ fn best_parts(
         found
     };
     let found = explaining_enough(found, &evidence, config)?;
-    Ok(if scene.spreading { with_doubts_of_narrow(found) } else { found })
+    Ok(if scene.spreading { with_doubts_of_oblique(with_doubts_of_narrow(found)) } else { found })
 }
 
 /// What the depth maps of the other state show at the points of each state, and how these are connected.
