@@ -10,7 +10,7 @@ const LARGEST: f64 = 0.26;
 const DOUBTED: f64 = 0.3;
 
 /// What was found, with less confidence in slides of flat parts that go neither across nor along their face, and a warning for each: a
-/// panel that slides within its plane behind another one fits a shift from the plane of one onto that of the other. Of 75 slides in rooms
+/// panel that slides within its plane behind another one fits a shift from the plane of one onto that of the other. Of 72 slides in rooms
 /// of the photo seeds 8 and 9 and of four other objects, the right ones were within 4 degrees; the two of `sliding_doors` before a D435, 26
 /// and 44 degrees, were wrong. Slides of parts that other parts carry include the motion of these.
 pub(super) fn with_doubts_of_oblique(mut found: Discovery) -> Discovery {
