@@ -98,7 +98,7 @@ pub(crate) fn require_replica(run: &RunFolder) -> Result<(), Failure> {
         format!("{shown}: is a file; give the folder that artgs reconstruct wrote")
     } else if !run.root().is_dir() {
         format!("{shown}: no such folder; give the folder that artgs reconstruct wrote")
-    } else if run.has_found_parts() || run.stage("").is_dir() {
+    } else if run.stage("").is_dir() {
         let how = format!("artgs reconstruct CAPTURE -o {shown} --resume continues it");
         format!("{shown}: its run stopped before there was a replica; {how}")
     } else {
