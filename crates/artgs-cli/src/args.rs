@@ -632,11 +632,17 @@ fn number_in(text: &str, low: f64, high: f64) -> Result<f64, String> {
 #[derive(Debug, Args)]
 pub(crate) struct Synth {
     /// Name of an object or a suite; --list shows them
-    #[arg(value_name = "OBJECT|SUITE", required_unless_present = "list")]
+    #[arg(value_name = "OBJECT|SUITE", required_unless_present_any = ["list", "random"])]
     pub(crate) what: Option<String>,
     /// Folder for the capture of an object, or for a folder per object of a suite
     #[arg(short, long, value_name = "DIR", required_unless_present = "list")]
     pub(crate) out: Option<PathBuf>,
+    /// Draw an object, its states and its recording from the population by this seed; views, noise and drift are drawn, too
+    #[arg(long, value_name = "SEED", conflicts_with_all = ["what", "views", "noise", "path", "drift", "own_frames", "bystander", "seed", "layout"])]
+    pub(crate) random: Option<u64>,
+    /// Number of states of a random object; those after the end are called state_2, state_3, ...
+    #[arg(long, value_name = "N", requires = "random", default_value_t = 2, value_parser = clap::value_parser!(u64).range(2..=100))]
+    pub(crate) states: u64,
     /// List objects and suites
     #[arg(long)]
     pub(crate) list: bool,
@@ -660,7 +666,8 @@ pub(crate) struct Synth {
     /// front=on (cameras only in front), light=camera, no-depth
     #[arg(long, value_name = "NAME=VALUE")]
     pub(crate) noise: Vec<String>,
-    /// The device in a room; its noise was measured on recordings; lidar if absent
+    /// The device in a room; its noise was measured on recordings; lidar if absent. For a random object also exact (masks and
+    /// exact depth) or room (a room with a device that is drawn); drawn if absent
     #[arg(long, value_enum)]
     pub(crate) sensor: Option<SynthSensor>,
     /// How the device moves in a room; handheld (around the front at two heights) if absent
@@ -711,6 +718,10 @@ pub(crate) enum SynthSensor {
     D435,
     /// LiDAR of a phone
     Lidar,
+    /// Random objects: no device, but masks and exact depth
+    Exact,
+    /// Random objects: a room with a device that is drawn
+    Room,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

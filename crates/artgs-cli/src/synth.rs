@@ -8,6 +8,7 @@ use crate::output::say;
 use anyhow::Context;
 use artgs_core::JointKind;
 use artgs_io::recording::RecordingFormat;
+use artgs_synth::population::{Device, RandomOptions, random_info, write_random};
 use artgs_synth::recording::{Sensor, recording_info, write_recorded_object};
 use artgs_synth::{
     CaptureOptions, Layout, ObjectInfo, RecordingCaptureOptions, SUITES, SynthError, capture_info, objects, suite,
@@ -21,6 +22,7 @@ use std::path::{Path, PathBuf};
 enum Job {
     Capture(CaptureOptions),
     Recording(RecordingCaptureOptions, RecordingFormat),
+    Random(u64, RandomOptions),
 }
 
 impl Job {
@@ -31,6 +33,9 @@ impl Job {
             Self::Recording(options, format) => {
                 write_recorded_object(name, options, *format, folder).map(|made| (made.parts, json!(made)))
             }
+            Self::Random(seed, options) => {
+                write_random(*seed, options, folder).map(|made| (made.parts, json!(made)))
+            }
         }
     }
 
@@ -39,15 +44,19 @@ impl Job {
         match self {
             Self::Capture(_) => capture_info(folder).is_some(),
             Self::Recording(..) => recording_info(folder).is_some(),
+            Self::Random(..) => random_info(folder).is_some(),
         }
     }
 }
 
 pub(crate) fn run(args: &Synth, style: Style) -> Result<(), Failure> {
     use_threads(args.threads)?;
-    let (Some(what), Some(out), false) = (&args.what, &args.out, args.list) else { return list(style) };
-    let job = job(args)?;
-    let targets = targets(what, out)?;
+    let (Some(out), false) = (&args.out, args.list) else { return list(style) };
+    let (job, targets) = match (args.random, &args.what) {
+        (Some(seed), _) => (random(seed, args), vec![("random object", out.clone())]),
+        (None, Some(what)) => (job(args)?, targets(what, out)?),
+        (None, None) => return list(style),
+    };
     for (_, folder) in &targets {
         check(&job, folder, args.force)?;
     }
@@ -73,6 +82,22 @@ fn job(args: &Synth) -> Result<Job, Failure> {
         SynthScene::Studio => studio(args),
         SynthScene::Room => room(args),
     }
+}
+
+/// A random object: what is not asked for is drawn.
+fn random(seed: u64, args: &Synth) -> Job {
+    let device = match args.sensor {
+        None if args.scene == SynthScene::Room => Device::Room,
+        None => Device::Any,
+        Some(SynthSensor::Exact) => Device::Exact,
+        Some(SynthSensor::Room) => Device::Room,
+        Some(SynthSensor::Lidar) => Device::Sensor(Sensor::Lidar),
+        Some(SynthSensor::Kinect) => Device::Sensor(Sensor::Kinect),
+        Some(SynthSensor::Xtion) => Device::Sensor(Sensor::Xtion),
+        Some(SynthSensor::D435) => Device::Sensor(Sensor::D435),
+    };
+    let states = Some(args.states as usize);
+    Job::Random(seed, RandomOptions { device, size: args.size, test_views: args.test_views.unwrap_or(0), states })
 }
 
 fn studio(args: &Synth) -> Result<Job, Failure> {
@@ -132,6 +157,9 @@ fn room(args: &Synth) -> Result<Job, Failure> {
         Some(SynthSensor::Kinect) => Sensor::Kinect,
         Some(SynthSensor::Xtion) => Sensor::Xtion,
         Some(SynthSensor::D435) => Sensor::D435,
+        Some(SynthSensor::Exact | SynthSensor::Room) => {
+            return Err(Failure::bad("--sensor exact and room are for random objects; add --random SEED"));
+        }
     };
     let default = RecordingCaptureOptions::default();
     let options = RecordingCaptureOptions {

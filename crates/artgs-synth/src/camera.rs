@@ -15,6 +15,8 @@ pub(crate) struct CameraRing {
     pub(crate) distance: f64,
     /// Range of azimuths, radians; half of it on each side of the front. A full turn is `TAU`.
     pub(crate) around: f64,
+    /// Lowest and highest elevation, radians.
+    pub(crate) elevations: [f64; 2],
 }
 
 impl CameraRing {
@@ -25,11 +27,11 @@ impl CameraRing {
         Intrinsics { fx: focal, fy: focal, cx: pixels / 2.0, cy: pixels / 2.0, width: size, height: size }
     }
 
-    /// Cameras on a spiral from 10 degrees below to 75 degrees above, denser in front of the object.
+    /// Cameras on a spiral from the lowest to the highest elevation, denser in front of the object.
     /// `phase` in [0, 1) rotates and shifts the spiral.
     pub(crate) fn cameras(&self, intrinsics: Intrinsics, count: usize, phase: f64) -> Vec<Camera> {
         let facing = self.front.y.atan2(self.front.x);
-        let (low, high) = ((-10_f64).to_radians().sin(), 75_f64.to_radians().sin());
+        let [low, high] = self.elevations.map(f64::sin);
         let golden = (5_f64.sqrt() - 1.0) / 2.0;
         let at = |index: usize| {
             let sin = low + (high - low) * (index as f64 + 0.25 + 0.5 * phase) / count as f64;

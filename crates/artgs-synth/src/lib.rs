@@ -2,6 +2,7 @@
 //! the program without a camera.
 //!
 //! [`objects`] lists them, [`write_object`] writes a capture folder of one, [`render_capture`] keeps it in memory.
+//! [`population`] draws random objects by seed.
 //! [`recording`] simulates what people record: the object in a room, with the errors of a device.
 //! [`cabinet`] is the small fixture of the tests and of `artgs demo`.
 
@@ -12,6 +13,7 @@ mod degrade;
 mod light;
 mod material;
 mod object;
+pub mod population;
 pub mod recording;
 mod render;
 mod replace;
@@ -26,7 +28,7 @@ pub use catalog::{ObjectInfo, SUITES, object, objects, suite};
 pub use degrade::Degradation;
 pub use object::Object;
 pub use recording::{RecordingCaptureOptions, RecordingTruth, render_recording};
-pub use render::{CaptureOptions, render_capture};
+pub use render::{Arc, CaptureOptions, render_capture};
 pub use write::{CaptureInfo, Layout, capture_info, write_object};
 
 use material::Material;

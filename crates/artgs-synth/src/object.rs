@@ -1,5 +1,6 @@
 //! Articulated objects: parts of closed surfaces with materials, joints, and the placement of the object.
 
+use crate::light::LightQuality;
 use crate::{Material, Solid};
 use artgs_core::{Joint, JointKind, Mesh, PerState, Rigid, State};
 use glam::DVec3;
@@ -27,6 +28,8 @@ pub(crate) struct Part {
     pub(crate) joint: Option<Joint>,
     /// The part that carries the joint, of smaller index; None: the static part.
     pub(crate) parent: Option<usize>,
+    /// Values of the joint in further states, after the start and the end; empty if there are none.
+    pub(crate) further: Vec<f64>,
 }
 
 /// An articulated object. Object frame while all parts are closed: x to the right seen from the front, front towards -y,
@@ -43,12 +46,14 @@ pub struct Object {
     pub(crate) scale: f64,
     /// Seed of textures and placement.
     pub(crate) seed: u64,
+    /// How finely light is computed.
+    pub(crate) light: LightQuality,
 }
 
 impl Part {
     /// The static part.
     pub(crate) fn fixed(name: &str) -> Self {
-        Self { name: name.into(), pieces: Vec::new(), joint: None, parent: None }
+        Self { name: name.into(), pieces: Vec::new(), joint: None, parent: None, further: Vec::new() }
     }
 
     /// A part that moves about or along `axis` through `origin`. `values` are those at the start and at the end, in degrees
@@ -117,20 +122,26 @@ impl Object {
                 if joint.kind == JointKind::Prismatic {
                     joint.state_values = joint.state_values.map(|v| v * scale);
                     joint.limits = joint.limits.map(|v| v * scale);
+                    part.further.iter_mut().for_each(|v| *v *= scale);
                 }
             }
             let box_of_part = bounds(part.points());
             part.joint = part.joint.map(|j| j.with_origin_near((box_of_part.0 + box_of_part.1) / 2.0));
         }
         let placement = placement(name, seed) * Rigid::shift(-middle * scale);
-        Self { name, parts, placement, scale, seed }
+        Self { name, parts, placement, scale, seed, light: LightQuality::FINE }
     }
 
     /// Motion of a part from its closed position to a state, object frame; parents included.
     fn opened(&self, part: usize, state: State) -> Rigid {
-        let Part { joint, parent, .. } = &self.parts[part];
-        let own = joint.map_or(Rigid::IDENTITY, |j| j.motion(j.state_values[state]));
-        parent.map_or(own, |p| self.opened(p, state) * own)
+        self.opened_with(part, &|joint, _| joint.state_values[state])
+    }
+
+    /// The same with the values of the joints that `value` gives for a joint and its part.
+    fn opened_with(&self, part: usize, value: &dyn Fn(&Joint, &Part) -> f64) -> Rigid {
+        let own = &self.parts[part];
+        let motion = own.joint.map_or(Rigid::IDENTITY, |j| j.motion(value(&j, own)));
+        own.parent.map_or(motion, |p| self.opened_with(p, value) * motion)
     }
 
     /// Object frame (all parts closed) to world for the points of a part in a state.
@@ -164,19 +175,26 @@ impl Object {
         Mesh { vertices, colors: Vec::new(), triangles }
     }
 
-    /// Points of all parts in both states, object frame.
-    fn points_of_both_states(&self) -> Vec<DVec3> {
-        let poses = State::ALL.into_iter().flat_map(|s| (0..self.parts.len()).map(move |p| (p, s)));
-        let points = poses.flat_map(|(part, state)| {
-            let opened = self.opened(part, state);
-            self.parts[part].points().map(move |p| opened.apply(p))
-        });
-        points.collect()
+    /// Points of all parts in all states, object frame.
+    fn points_of_all_states(&self) -> Vec<DVec3> {
+        let further = self.parts.iter().map(|part| part.further.len()).max().unwrap_or(0);
+        let mut points = Vec::new();
+        for state in 0..2 + further {
+            let value = |joint: &Joint, part: &Part| match State::from_index(state) {
+                Some(state) => joint.state_values[state],
+                None => part.further[state - 2],
+            };
+            for part in 0..self.parts.len() {
+                let opened = self.opened_with(part, &value);
+                points.extend(self.parts[part].points().map(|p| opened.apply(p)));
+            }
+        }
+        points
     }
 
-    /// Corners of the box, parallel to the axes of the object frame, that holds the object in both states.
-    pub(crate) fn bounds_of_both_states(&self) -> (DVec3, DVec3) {
-        bounds(self.points_of_both_states().into_iter())
+    /// Corners of the box, parallel to the axes of the object frame, that holds the object in all states.
+    pub(crate) fn bounds_of_all_states(&self) -> (DVec3, DVec3) {
+        bounds(self.points_of_all_states().into_iter())
     }
 
     /// Corners of the box around the object with all parts closed, object frame.
@@ -184,9 +202,9 @@ impl Object {
         bounds(self.parts.iter().flat_map(Part::points))
     }
 
-    /// Middle (world frame) and radius of a ball that holds the object in both states.
+    /// Middle (world frame) and radius of a ball that holds the object in all states.
     pub fn ball(&self) -> (DVec3, f64) {
-        let points = self.points_of_both_states();
+        let points = self.points_of_all_states();
         let (low, high) = bounds(points.iter().copied());
         let middle = (low + high) / 2.0;
         let radius = points.iter().map(|p| p.distance(middle)).fold(0.0, f64::max);

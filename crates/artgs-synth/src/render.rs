@@ -5,7 +5,8 @@ use crate::degrade::{Degradation, depth_count};
 use crate::light::LightMap;
 use crate::material::{cell_noise, value_noise};
 use crate::trace::{Intersection, Surface};
-use crate::write::{DEPTH_SCALE, SPLIT_NAMES};
+use crate::visible::visible;
+use crate::write::{DEPTH_SCALE, SPLIT_NAMES, StatePair};
 use crate::{Layout, Object, SynthError};
 use artgs_core::{Camera, Capture, DepthMap, PerState, Rigid, State, StateViews, View};
 use glam::DVec3;
@@ -30,6 +31,22 @@ pub struct CaptureOptions {
     pub layout: Layout,
     /// Simulated errors of the capture.
     pub degradation: Degradation,
+    /// Where the cameras are.
+    #[serde(default)]
+    pub arc: Arc,
+}
+
+/// Where the cameras of a capture are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Arc {
+    /// All around, from 10 degrees below to 75 degrees above.
+    #[default]
+    Full,
+    /// At most 90 degrees from the front, at the same elevations.
+    Half,
+    /// All around, 30 to 80 degrees above.
+    Above,
 }
 
 impl Default for CaptureOptions {
@@ -41,6 +58,7 @@ impl Default for CaptureOptions {
             seed: 0,
             layout: Layout::default(),
             degradation: Degradation::default(),
+            arc: Arc::default(),
         }
     }
 }
@@ -51,7 +69,6 @@ impl CaptureOptions {
         match self.degradation.invalid() {
             _ if self.views == 0 => Err(SynthError::Options("`views` must be at least 1")),
             _ if self.views.max(self.test_views) > 10_000 => Err(SynthError::Options("`views` must be at most 10000")),
-            _ if self.views.max(self.test_views) > 10_000 => Err(SynthError::Options("at most 10000 views")),
             _ if !(16..=4096).contains(&self.size) => Err(SynthError::Options("`size` must be 16 to 4096 pixels")),
             Some(message) => Err(SynthError::Options(message)),
             None => Ok(()),
@@ -103,12 +120,18 @@ struct Hit {
 
 impl<'a> Renderer<'a> {
     pub(crate) fn new(object: &'a Object, options: &'a CaptureOptions) -> Self {
+        Self::with_names(object, options, StatePair(0))
+    }
+
+    /// With the names of these states in paths.
+    pub(crate) fn with_names(object: &'a Object, options: &'a CaptureOptions, pair: StatePair) -> Self {
         let surfaces = PerState::from_fn(|state| Surface::new(object, state));
         let sun = object.placement.turn(DVec3::new(0.45, -0.65, 0.62).normalize());
         let object_from_world =
             PerState::from_fn(|state| (0..object.parts.len()).map(|p| object.pose(p, state).inverse()).collect());
-        let lights = PerState::from_fn(|state| LightMap::measure(&surfaces[state], sun));
-        Self { object, options, object_from_world, surfaces, lights, planned_views: planned_views(object, options) }
+        let lights = PerState::from_fn(|state| LightMap::new(&surfaces[state], sun, object.light));
+        let planned_views = planned_views(object, options, pair);
+        Self { object, options, object_from_world, surfaces, lights, planned_views }
     }
 
     /// Renders a view: the view as the capture states it, and 0 or 1 + the ground-truth part of every pixel.
@@ -121,16 +144,18 @@ impl<'a> Renderer<'a> {
         let (mut depth, mut lost) = (vec![0.0; size * size], vec![false; size * size]);
         let (eye, axes) = camera_axes(&planned.camera);
         let k = &planned.camera.intrinsics;
+        let seen = SAMPLES.map(|offset| visible(&self.surfaces[planned.state], &planned.camera.world_to_camera, k, offset));
         for pixel in 0..size * size {
+            if seen.iter().all(|sample| sample[pixel].is_none()) {
+                continue;
+            }
             let corner = [(pixel % size) as f64 + 0.5, (pixel / size) as f64 + 0.5];
             let ray = |[dx, dy]: [f64; 2]| {
                 axes[0] * ((corner[0] + dx - k.cx) / k.fx) + axes[1] * ((corner[1] + dy - k.cy) / k.fy) + axes[2]
             };
-            let hits: [Option<Hit>; SAMPLES.len()] = SAMPLES.map(|offset| self.cast(planned.state, eye, ray(offset)));
+            let sample = |k: usize| Some(self.hit(planned.state, eye, ray(SAMPLES[k]), seen[k][pixel]?));
+            let hits: [Option<Hit>; SAMPLES.len()] = std::array::from_fn(sample);
             let covered = hits.iter().flatten().count();
-            if covered == 0 {
-                continue;
-            }
             let mean = hits.iter().flatten().map(|s| s.color).sum::<DVec3>() / covered as f64;
             let rgb = (mean * 255.0).round().clamp(DVec3::ZERO, DVec3::splat(255.0));
             let alpha = (255.0 * covered as f64 / SAMPLES.len() as f64).round();
@@ -156,18 +181,18 @@ impl<'a> Renderer<'a> {
         (View { name: planned.name.clone(), camera: planned.stated, rgba, depth }, labels)
     }
 
-    fn cast(&self, state: State, eye: DVec3, ray: DVec3) -> Option<Hit> {
+    fn hit(&self, state: State, eye: DVec3, ray: DVec3, intersection: Intersection) -> Hit {
         let surface = &self.surfaces[state];
-        let intersection = surface.cast(eye, ray)?;
         let (part, piece) = surface.owner(intersection.triangle);
         let color = self.own_color(state, part, piece, eye + ray * intersection.t);
-        let shade = self.lights[state].at(intersection.triangle, intersection.weights[0], intersection.weights[1]);
+        let [u, v] = intersection.weights;
+        let shade = self.lights[state].at(surface, intersection.triangle, u, v);
         let light = if self.options.degradation.camera_light {
             0.35 * shade.sky + 0.70 * -surface.normal(intersection.triangle).dot(ray.normalize())
         } else {
             0.62 * shade.sky + 0.50 * shade.sun
         };
-        Some(Hit { intersection, part, color: color * light })
+        Hit { intersection, part, color: color * light }
     }
 
     fn own_color(&self, state: State, part: usize, piece: usize, point: DVec3) -> DVec3 {
@@ -197,12 +222,18 @@ impl<'a> Renderer<'a> {
 }
 
 /// All views of a capture, state by state, training views first.
-pub(crate) fn planned_views(object: &Object, options: &CaptureOptions) -> Vec<PlannedView> {
+pub(crate) fn planned_views(object: &Object, options: &CaptureOptions, pair: StatePair) -> Vec<PlannedView> {
     let (middle, radius) = object.ball();
     let degradation = &options.degradation;
-    let around = if degradation.front { TAU / 3.0 } else { TAU };
+    let (around, elevations) = match options.arc {
+        Arc::Full => (TAU, [-10.0, 75.0]),
+        Arc::Half => (TAU / 2.0, [-10.0, 75.0]),
+        Arc::Above => (TAU, [30.0, 80.0]),
+    };
+    let around = if degradation.front { TAU / 3.0 } else { around };
     let front = object.placement.turn(DVec3::NEG_Y);
-    let ring = CameraRing { middle, front, distance: DISTANCE * radius, around };
+    let elevations = elevations.map(f64::to_radians);
+    let ring = CameraRing { middle, front, distance: DISTANCE * radius, around, elevations };
     // A margin around the ball.
     let intrinsics = ring.intrinsics(1.05 * radius, options.size);
     let mut rng = Pcg64Mcg::seed_from_u64(options.seed ^ 0x0f_f5e7);
@@ -210,11 +241,12 @@ pub(crate) fn planned_views(object: &Object, options: &CaptureOptions) -> Vec<Pl
     let mut planned_views = Vec::new();
     for state in State::ALL {
         for (split, count) in [options.views, options.test_views].into_iter().enumerate() {
-            let phase = (2 * state.index() + split) as f64 / 4.0;
+            // Views of every pair of states differ.
+            let phase = ((2 * state.index() + split) as f64 / 4.0 + 0.11 * pair.0 as f64).fract();
             for (index, camera) in ring.cameras(intrinsics, count, phase).into_iter().enumerate() {
                 let moved = camera.moved_with(&misalignment[state]);
                 let stated = degradation.jittered(moved, &mut rng);
-                let name = options.layout.image(state.name(), SPLIT_NAMES[split], index);
+                let name = options.layout.image(&pair.name(state), SPLIT_NAMES[split], index);
                 planned_views.push(PlannedView { state, split, index, camera, stated, name });
             }
         }

@@ -5,7 +5,9 @@ use artgs_core::State;
 use glam::{DVec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
-use obvhs::ray::{Ray, RayHit};
+#[cfg(test)]
+use obvhs::ray::RayHit;
+use obvhs::ray::Ray;
 use obvhs::triangle::Triangle;
 use std::time::Duration;
 
@@ -69,8 +71,9 @@ impl Surface {
         (part as usize, piece as usize)
     }
 
-    /// The nearest intersection of a ray with the front of a triangle. The tree works in single precision, the intersection
+    /// The nearest intersection of a ray with the front of a triangle: what [`crate::visible`] computes for all pixels at once. The tree works in single precision, the intersection
     /// of triangles in double.
+    #[cfg(test)]
     pub(crate) fn cast(&self, from: DVec3, direction: DVec3) -> Option<Intersection> {
         let mut best: Option<Intersection> = None;
         let intersect = |_: &Ray, id: usize| {

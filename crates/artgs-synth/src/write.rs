@@ -84,35 +84,90 @@ pub fn write_object(name: &str, options: &CaptureOptions, folder: &Path) -> Resu
 
 /// Writes everything but the marker.
 fn write_files(object: &Object, options: &CaptureOptions, folder: &Path) -> Result<(), SynthError> {
-    let renderer = Renderer::new(object, options);
-    renderer.planned_views.par_iter().try_for_each(|planned| write_rendered(folder, &renderer, planned))?;
-    for state in State::ALL {
-        for (split, split_name) in SPLIT_NAMES.into_iter().enumerate() {
-            let of_split = |planned: &&PlannedView| (planned.state, planned.split) == (state, split);
-            let planned_views: Vec<&PlannedView> = renderer.planned_views.iter().filter(of_split).collect();
-            let frames: Vec<(&str, &Camera)> = planned_views.iter().map(|s| (s.name.as_str(), &s.stated)).collect();
-            if !frames.is_empty() {
-                let value = match options.layout {
-                    Layout::ArtGs => transforms(&frames, state, !options.degradation.no_depth),
-                    Layout::Paris => paris_cameras(&frames),
-                };
-                write_json(&folder.join(options.layout.camera_file(state.name(), split_name)), &value)?;
-            }
-        }
-        let meshes: Vec<Mesh> = (0..object.parts.len()).map(|part| object.mesh(part, state)).collect();
-        write_meshes(folder, &meshes, state)?;
-    }
+    write_views(object, options, StatePair(0), &State::ALL, folder)?;
     let input = json!({ "generator": GENERATOR, "object": object.name, "options": options });
     Ok(write_json(&folder.join("gt/trans.json"), &ground_truth(object, input))?)
 }
 
-fn write_rendered(folder: &Path, renderer: &Renderer, planned: &PlannedView) -> Result<(), FileError> {
+/// Two states of an object, by the number of the first one among all its states.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StatePair(pub(crate) usize);
+
+impl StatePair {
+    /// Number of a state among all.
+    pub(crate) fn number(self, state: State) -> usize {
+        self.0 + state.index()
+    }
+
+    /// Name of a state in paths: `start`, `end`, `state_2`, ...
+    pub(crate) fn name(self, state: State) -> String {
+        match State::from_index(self.number(state)) {
+            Some(state) => state.name().into(),
+            None => format!("state_{}", self.number(state)),
+        }
+    }
+}
+
+/// Writes images, cameras, true masks and meshes of some states of a pair. Returns for every state that was
+/// written the number of depth pixels of all training views that show each part.
+pub(crate) fn write_views(
+    object: &Object,
+    options: &CaptureOptions,
+    pair: StatePair,
+    states: &[State],
+    folder: &Path,
+) -> Result<Vec<Vec<usize>>, SynthError> {
+    let renderer = Renderer::with_names(object, options, pair);
+    let views: Vec<&PlannedView> = renderer.planned_views.iter().filter(|view| states.contains(&view.state)).collect();
+    let counts = views.par_iter().map(|planned| write_rendered(folder, &renderer, planned, &pair.name(planned.state), object.parts.len()));
+    let counts: Vec<Vec<usize>> = counts.collect::<Result<_, _>>()?;
+    let mut seen = Vec::new();
+    for &state in states {
+        for (split, split_name) in SPLIT_NAMES.into_iter().enumerate() {
+            let of_split = |planned: &&&PlannedView| (planned.state, planned.split) == (state, split);
+            let frames: Vec<(&str, &Camera)> = views.iter().filter(of_split).map(|s| (s.name.as_str(), &s.stated)).collect();
+            if !frames.is_empty() {
+                let value = match options.layout {
+                    Layout::ArtGs => transforms(&frames, pair.number(state), !options.degradation.no_depth),
+                    Layout::Paris => paris_cameras(&frames),
+                };
+                write_json(&folder.join(options.layout.camera_file(&pair.name(state), split_name)), &value)?;
+            }
+        }
+        let meshes: Vec<Mesh> = (0..object.parts.len()).map(|part| object.mesh(part, state)).collect();
+        write_meshes(folder, &meshes, &pair.name(state))?;
+        let of_state = views.iter().zip(&counts).filter(|(view, _)| (view.state, view.split) == (state, 0));
+        seen.push(of_state.fold(vec![0; object.parts.len()], |sum, (_, n)| sum.iter().zip(n).map(|(a, b)| a + b).collect()));
+    }
+    Ok(seen)
+}
+
+/// Writes a view; returns how many of its pixels show each of some parts.
+fn write_rendered(
+    folder: &Path,
+    renderer: &Renderer,
+    planned: &PlannedView,
+    state: &str,
+    parts: usize,
+) -> Result<Vec<usize>, FileError> {
     let (view, labels) = renderer.render(planned);
     write_view(folder, &view)?;
     let k = &view.camera.intrinsics;
-    let (state, split, index) = (planned.state.name(), SPLIT_NAMES[planned.split], planned.index);
+    let (split, index) = (SPLIT_NAMES[planned.split], planned.index);
     let path = folder.join(format!("gt/part_masks/{state}/{split}/{index:04}.png"));
-    write_gray(&path, k.width, k.height, &labels)
+    write_gray(&path, k.width, k.height, &labels)?;
+    Ok(count_labels(&labels, parts))
+}
+
+/// How many labels are 1 (part 0), 2 (part 1) and so on.
+pub(crate) fn count_labels(labels: &[u8], parts: usize) -> Vec<usize> {
+    let mut counts = vec![0; parts];
+    for label in labels {
+        if let Some(count) = usize::from(*label).checked_sub(1).and_then(|part| counts.get_mut(part)) {
+            *count += 1;
+        }
+    }
+    counts
 }
 
 /// The depth image of a colour image: in a folder `depth` in place of `rgba`, or in one beside the colour images.
@@ -132,14 +187,14 @@ pub(crate) fn write_view(folder: &Path, view: &View) -> Result<(), FileError> {
     write_depth(&folder.join(depth_path(&view.name)), k.width, k.height, depth)
 }
 
-/// `transforms_{split}_{state}.json` for images and their cameras, at least one.
-pub(crate) fn transforms(frames: &[(&str, &Camera)], state: State, has_depth: bool) -> Value {
+/// `transforms_{split}_{state}.json` for images and their cameras, at least one; `state` is its number.
+pub(crate) fn transforms(frames: &[(&str, &Camera)], state: usize, has_depth: bool) -> Value {
     let k = &frames[0].1.intrinsics;
     let angle = |size: u32, focal: f64| 2.0 * (0.5 * f64::from(size) / focal).atan();
     let frame = |(name, camera): &(&str, &Camera)| {
         let mut frame = json!({
             "file_path": name,
-            "time": state.index() as f64,
+            "time": state as f64,
             "transform_matrix": opengl_pose(camera),
         });
         if has_depth {
@@ -203,9 +258,8 @@ pub(crate) fn ground_truth(object: &Object, input: Value) -> Value {
     json!({ "input": input, "trans_info": joints })
 }
 
-/// Writes the ground-truth meshes of a state, the static part first.
-pub(crate) fn write_meshes(folder: &Path, parts: &[Mesh], state: State) -> Result<(), FileError> {
-    let name = state.name();
+/// Writes the ground-truth meshes of a state of this name, the static part first.
+pub(crate) fn write_meshes(folder: &Path, parts: &[Mesh], name: &str) -> Result<(), FileError> {
     let mut whole = Mesh::default();
     for (part, mesh) in parts.iter().enumerate() {
         let slot = if part == 0 { "static".to_string() } else { format!("dynamic_{}", part - 1) };

@@ -111,6 +111,7 @@ fn render_views(cabinet: &Cabinet, options: &CabinetOptions, state: State, split
 fn cameras(cabinet: &Cabinet, options: &CabinetOptions, count: usize, phase: f64) -> Vec<Camera> {
     let (middle, radius) = cabinet.ball();
     let front = cabinet.placement.turn(DVec3::NEG_Y);
-    let ring = CameraRing { middle, front, distance: DISTANCE, around: std::f64::consts::TAU };
+    let elevations = [-10_f64, 75.0].map(f64::to_radians);
+    let ring = CameraRing { middle, front, distance: DISTANCE, around: std::f64::consts::TAU, elevations };
     ring.cameras(options.intrinsics(radius), count, phase)
 }

@@ -21,11 +21,11 @@ pub fn write_cabinet(folder: &Path, options: &CabinetOptions) -> Result<(Capture
             let frames: Vec<(&str, &Camera)> = views.iter().map(|v| (v.name.as_str(), &v.camera)).collect();
             if !frames.is_empty() {
                 let name = format!("transforms_{}_{}.json", SPLIT_NAMES[split], state.name());
-                write_json(&folder.join(name), &transforms(&frames, state, true))?;
+                write_json(&folder.join(name), &transforms(&frames, state.index(), true))?;
             }
         }
         let meshes: Vec<Mesh> = (0..cabinet.parts.len()).map(|part| cabinet.mesh(part, state)).collect();
-        write_meshes(folder, &meshes, state)?;
+        write_meshes(folder, &meshes, state.name())?;
     }
     write_json(&folder.join("gt/trans.json"), &ground_truth(&cabinet, options))?;
     Ok((capture, cabinet))

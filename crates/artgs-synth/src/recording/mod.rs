@@ -17,6 +17,7 @@ pub use drift::Drift;
 pub use room::{BYSTANDER_LABEL, CLUTTER_LABEL};
 pub use sensor::Sensor;
 pub use write::{RecordingInfo, recording_info, write_recorded_object, write_truth};
+pub(crate) use write::write_recorded_states;
 
 use crate::catalog::object_in_metres;
 use crate::{Object, SynthError};
@@ -142,20 +143,31 @@ pub fn render_recording(
     options: &RecordingCaptureOptions,
 ) -> Result<(PerState<Recording>, RecordingTruth), SynthError> {
     options.check()?;
-    let object = object_in_metres(name, options.seed)?;
+    record_object(object_in_metres(name, options.seed)?, options, 0)
+}
+
+/// Renders the recordings of an object, whose lengths are metres, in its two states. They are the states `first` and `first + 1` of
+/// all: room and worlds are the same for all pairs of states, walks are not.
+pub(crate) fn record_object(
+    object: Object,
+    options: &RecordingCaptureOptions,
+    first: usize,
+) -> Result<(PerState<Recording>, RecordingTruth), SynthError> {
+    options.check()?;
     let room = Room::new(object, options.bystander, options.seed)?;
     let renderer = Renderer::new(&room, options);
     let mut rng = Pcg64Mcg::seed_from_u64(options.seed ^ 0x0077_6f72_6c64);
-    let start = world_from_room(&room, options.world, &mut rng);
-    let end = world_from_room(&room, options.world, &mut rng);
-    let room_to_world = PerState::new(start, if options.own_frames { end } else { start });
-    let states = PerState::from_fn(|state| record(&room, &renderer, options, state, &room_to_world[state]));
-    let placed = Object { placement: start * room.object.placement, ..room.object.clone() };
+    let worlds: Vec<Rigid> = (0..first + 2).map(|_| world_from_room(&room, options.world, &mut rng)).collect();
+    let world = |state: usize| worlds[if options.own_frames { state } else { 0 }];
+    let room_to_world = PerState::new(world(first), world(first + 1));
+    let walks = RecordingCaptureOptions { seed: options.seed.wrapping_add(0x5_0000 * first as u64), ..*options };
+    let states = PerState::from_fn(|state| record(&room, &renderer, &walks, state, &room_to_world[state]));
+    let placed = Object { placement: worlds[0] * room.object.placement, ..room.object.clone() };
     let (mut recordings, mut cameras, mut labels) = (PerState::default(), PerState::default(), PerState::default());
     for (state, recorded) in State::ALL.into_iter().zip(states) {
         (recordings[state], cameras[state], labels[state]) = recorded;
     }
-    let end_to_start = room_to_world[State::START] * room_to_world[State::END].inverse();
+    let end_to_start = worlds[0] * room_to_world[State::END].inverse();
     Ok((recordings, RecordingTruth { object: placed, end_to_start, cameras, labels, room_to_world }))
 }
 

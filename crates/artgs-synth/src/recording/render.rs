@@ -4,7 +4,7 @@ use super::room::Room;
 use super::sensor::{SeenImage, SeenPoint, Sensor};
 use super::{MILLIMETRES, RecordingCaptureOptions, exposure};
 use crate::Material;
-use crate::light::LightMap;
+use crate::light::{LightMap, LightQuality};
 use crate::material::value_noise;
 use crate::trace::{Intersection, Surface};
 use crate::visible::visible;
@@ -104,7 +104,7 @@ impl<'a> Renderer<'a> {
         // A lamp above the object, so that walls do not shade it. There is no ceiling for the light.
         let sun = all.placement.turn(DVec3::new(0.3, -0.38, 0.87).normalize());
         let spacing = LIGHT_SPACING * (LIGHT_WIDTH / f64::from(options.width)).max(1.0);
-        let lights = PerState::from_fn(|state| LightMap::with_spacing(&surfaces[state], sun, spacing));
+        let lights = PerState::from_fn(|state| LightMap::new(&surfaces[state], sun, LightQuality { spacing, ..all.light }));
         let object_from_room =
             PerState::from_fn(|state| (0..all.parts.len()).map(|p| all.pose(p, state).inverse()).collect());
         Self { room, sensor: options.sensor, seed: options.seed, object_from_room, surfaces, lights }
@@ -170,7 +170,7 @@ impl<'a> Renderer<'a> {
         let p = self.object_from_room[state][part].apply(eye + ray * hit.t) / all.scale;
         let salt = (part as u64) << 32 | piece as u64;
         let own = material.color(p, all.seed ^ salt.wrapping_mul(0x9e37_79b9_7f4a_7c15));
-        let shade = self.lights[state].at(hit.triangle, hit.weights[0], hit.weights[1]);
+        let shade = self.lights[state].at(surface, hit.triangle, hit.weights[0], hit.weights[1]);
         let point = SeenPoint {
             depth: hit.t,
             facing: -surface.normal(hit.triangle).dot(ray.normalize()),

@@ -69,7 +69,7 @@ impl Room {
             return Err(SynthError::Options("a room holds objects of fewer than 199 parts"));
         }
         let mut dice = Dice(Pcg64Mcg::seed_from_u64(seed ^ 0x0072_6f6f_6d00));
-        let (low, high) = object.bounds_of_both_states();
+        let (low, high) = object.bounds_of_all_states();
         let closed = object.closed_bounds();
         let mut clutter = Part::fixed("clutter");
         // The side of the object where the box stands that is moved.

@@ -1,9 +1,9 @@
 //! Recordings on disk: `start`, `end`, and their truth under `gt`.
 
-use super::{RecordingCaptureOptions, RecordingTruth, WorldAxes, render_recording};
+use super::{RecordingCaptureOptions, RecordingTruth, WorldAxes, record_object, render_recording};
 use crate::replace::replace;
-use crate::write::{GENERATOR, MARKER, ground_truth, write_json, write_meshes};
-use crate::{SynthError, objects};
+use crate::write::{GENERATOR, MARKER, StatePair, count_labels, ground_truth, write_json, write_meshes};
+use crate::{Object, SynthError, objects};
 use artgs_core::{Camera, Mesh, PerState, Recording, Rigid, State};
 use artgs_io::capture::opengl_pose;
 use artgs_io::image_io::write_gray;
@@ -91,20 +91,50 @@ pub fn write_truth(
     });
     write_json(&folder.join("gt/trans.json"), &ground_truth(object, input))?;
     write_json(&folder.join("gt/alignment.json"), &alignment(recordings, truth))?;
-    for state in State::ALL {
-        let meshes: Vec<Mesh> = (0..object.parts.len()).map(|part| object.mesh(part, state)).collect();
-        write_meshes(folder, &meshes, state)?;
-        let masks = folder.join("gt/part_masks").join(state.name());
-        let cameras = truth.cameras[state].par_iter();
-        cameras.zip(truth.labels[state].par_iter()).enumerate().try_for_each(|(index, (camera, labels))| {
-            let name = format!("frame_{index:05}.png");
-            let k = &camera.intrinsics;
-            write_gray(&masks.join("colour").join(&name), k.width, k.height, &labels.colour)?;
-            let height = labels.depth.len() as u32 / labels.depth_width;
-            write_gray(&masks.join("depth").join(&name), labels.depth_width, height, &labels.depth)
-        })?;
+    State::ALL.into_iter().try_for_each(|state| write_true_state(folder, truth, StatePair(0), state))
+}
+
+/// Writes true meshes and part masks of a state.
+fn write_true_state(folder: &Path, truth: &RecordingTruth, pair: StatePair, state: State) -> Result<(), SynthError> {
+    let object = &truth.object;
+    let meshes: Vec<Mesh> = (0..object.parts.len()).map(|part| object.mesh(part, state)).collect();
+    write_meshes(folder, &meshes, &pair.name(state))?;
+    let masks = folder.join("gt/part_masks").join(pair.name(state));
+    let cameras = truth.cameras[state].par_iter();
+    cameras.zip(truth.labels[state].par_iter()).enumerate().try_for_each(|(index, (camera, labels))| {
+        let name = format!("frame_{index:05}.png");
+        let k = &camera.intrinsics;
+        write_gray(&masks.join("colour").join(&name), k.width, k.height, &labels.colour)?;
+        let height = labels.depth.len() as u32 / labels.depth_width;
+        Ok(write_gray(&masks.join("depth").join(&name), labels.depth_width, height, &labels.depth)?)
+    })
+}
+
+/// Renders and writes recordings of some states of a pair, their alignment, true masks and meshes. Returns for every state that was
+/// written the number of depth pixels of all frames that show each part, and the object in the true world of the start state.
+pub(crate) fn write_recorded_states(
+    folder: &Path,
+    object: Object,
+    options: &RecordingCaptureOptions,
+    format: RecordingFormat,
+    pair: StatePair,
+    states: &[State],
+) -> Result<(Vec<Vec<usize>>, Object), SynthError> {
+    let (recordings, truth) = record_object(object, options, pair.number(State::START))?;
+    let mut seen = Vec::new();
+    for &state in states {
+        write_recording(&folder.join(pair.name(state)), &recordings[state], format)?;
+        write_true_state(folder, &truth, pair, state)?;
+        let parts = truth.object.parts.len();
+        let counts = truth.labels[state].iter().map(|labels| count_labels(&labels.depth, parts));
+        seen.push(counts.fold(vec![0; parts], |sum, n| sum.iter().zip(n).map(|(a, b)| a + b).collect()));
     }
-    Ok(())
+    let file = match pair.number(State::START) {
+        0 => "gt/alignment.json".to_string(),
+        first => format!("gt/alignment_{first}.json"),
+    };
+    write_json(&folder.join(file), &alignment(&recordings, &truth))?;
+    Ok((seen, truth.object))
 }
 
 /// `alignment.json`. Poses are camera to world, OpenGL axes; intrinsics are focal length and principal point of the colour

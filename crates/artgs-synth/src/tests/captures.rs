@@ -2,6 +2,7 @@
 
 use super::small;
 use crate::render::{Renderer, planned_views};
+use crate::write::StatePair;
 use crate::{CaptureOptions, Layout, SynthError, capture_info, object, render_capture, write_object};
 use artgs_core::{Capture, Mesh, State};
 use artgs_io::{load_capture, load_ground_truth};
@@ -58,7 +59,7 @@ fn depth_back_projects_onto_the_true_mesh_of_the_part_seen() {
 fn the_whole_object_is_in_every_view_and_fills_it() {
     for info in crate::objects() {
         let object = object(info.name, 0).unwrap();
-        for planned in planned_views(&object, &CaptureOptions { views: 8, ..small() }) {
+        for planned in planned_views(&object, &CaptureOptions { views: 8, ..small() }, StatePair(0)) {
             let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
             for part in 0..object.parts.len() {
                 for p in object.mesh(part, planned.state).vertices {
