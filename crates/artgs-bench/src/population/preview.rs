@@ -263,9 +263,10 @@ mod tests {
 
     fn count(picture: &Picture, tile: usize, like: [u8; 3]) -> usize {
         // Shading keeps the ratios of the channels.
+        let sum = |c: &[u8; 3]| c.iter().map(|v| f64::from(*v)).sum::<f64>();
         let same = |c: &[u8; 3]| {
-            let factor = f64::from(c[0]) / f64::from(like[0]);
-            (0..3).all(|i| (f64::from(c[i]) - factor * f64::from(like[i])).abs() < 2.5) && c[0] > 60
+            let factor = sum(c) / sum(&like);
+            factor > 0.5 && (0..3).all(|i| (f64::from(c[i]) - factor * f64::from(like[i])).abs() < 2.5)
         };
         let row = |y: usize| &picture.rgb[y * picture.width + tile * TILE[0]..][..TILE[0]];
         (0..TILE[1]).map(|y| row(y).iter().filter(|c| same(c)).count()).sum()

@@ -91,6 +91,7 @@ pub struct JointRow {
     /// Confidence, 0 to 1.
     pub confidence: Option<f64>,
     /// The joint is correct: its part covers a true one, type right, axis to 5 degrees, position and motion to 5 % of the size of the part
-    /// (the definition of confidence).
+    /// (the definition of confidence). The size is the diagonal of the box around the true part. A motion is also correct to 5 % of the
+    /// true one; its error against the size is the largest distance by which it moves a point of the part.
     pub correct: bool,
 }
