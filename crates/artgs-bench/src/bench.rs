@@ -1,7 +1,9 @@
 //! Runs of a benchmark: plans missing runs, executes them and scores the results.
 
+use crate::batch::TableError;
 use crate::item::{Item, ItemError, Source, check_names};
 use crate::launch::{Ended, Tools};
+use crate::population::{RESERVED, WriteError};
 use crate::record::{Facts, Outcome, Record, RunSettings};
 use crate::variant::{Variant, VariantError, check_variants};
 use artgs_io::folder_lock::LockError;
@@ -72,6 +74,17 @@ pub enum BenchError {
         /// How many there are.
         runs: usize,
     },
+    /// Seeds that nobody may use before a program is judged.
+    #[error(
+        "seeds from {RESERVED} on are kept for judging a finished program; give seeds below it, such as --seeds 0..200"
+    )]
+    ReservedSeeds,
+    /// Rows of earlier runs that cannot be listed or read.
+    #[error(transparent)]
+    Rows(#[from] TableError),
+    /// The tables of a population could not be written.
+    #[error(transparent)]
+    Tables(#[from] WriteError),
     /// A file could not be read or written.
     #[error(transparent)]
     File(#[from] FileError),
@@ -88,7 +101,7 @@ pub enum BenchError {
 impl BenchError {
     /// True if the user has to change the command.
     pub fn is_bad_input(&self) -> bool {
-        !matches!(self, Self::File(_) | Self::Folder { .. } | Self::Lock(LockError::File(_)))
+        !matches!(self, Self::File(_) | Self::Tables(_) | Self::Folder { .. } | Self::Lock(LockError::File(_)))
     }
 }
 
@@ -235,7 +248,7 @@ pub fn run(
 }
 
 /// Marks the folder as the output of a benchmark and locks it; refuses a folder with other files.
-fn claim(out: &Path) -> Result<FolderLock, BenchError> {
+pub(crate) fn claim(out: &Path) -> Result<FolderLock, BenchError> {
     let marker = out.join(MARKER);
     let empty = std::fs::read_dir(out).map(|mut entries| entries.next().is_none()).unwrap_or(!out.exists());
     if !empty && !marker.is_file() {

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+use sysinfo::{Pid, ProcessRefreshKind, ProcessesToUpdate, System};
 
 /// Time between checks of a child process.
 const POLL: Duration = Duration::from_millis(50);
@@ -33,49 +34,110 @@ pub(crate) enum Ended {
     Stopped,
 }
 
+/// How a child process ended, and what it took.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Exit {
+    pub(crate) ended: Ended,
+    /// Its exit code; none if it was killed or not started.
+    pub(crate) code: Option<i32>,
+    /// Time of all processors together, seconds; 0 if unknown. That of the last [`POLL`] is missing.
+    pub(crate) cpu_seconds: f64,
+    /// Largest resident memory, MiB; 0 if unknown.
+    pub(crate) peak_memory_mib: f64,
+}
+
 impl Tools {
     /// Runs the program with both its streams in `log`, until it ends, `limit` has passed or `stop` is set.
     pub(crate) fn run(&self, args: &[OsString], log: &Path, limit: Option<Duration>, stop: &AtomicBool) -> Ended {
-        let mut child = match self.start(args, log) {
-            Ok(child) => child,
-            Err(error) => return Ended::Failed(format!("{} cannot be started: {error}", self.program.display())),
-        };
-        let start = Instant::now();
-        loop {
-            if stop.load(Ordering::Relaxed) {
-                kill(&mut child);
-                return Ended::Stopped;
-            }
-            match child.try_wait() {
-                Ok(Some(status)) if status.success() => return Ended::Success,
-                Ok(Some(status)) => return Ended::Failed(reason(status, log)),
-                Ok(None) => {}
-                Err(error) => {
-                    kill(&mut child);
-                    return Ended::Failed(format!("cannot be waited for: {error}"));
-                }
-            }
-            if let Some(limit) = limit.filter(|limit| start.elapsed() > *limit) {
-                kill(&mut child);
-                return Ended::Failed(format!("stopped after the time limit of {} s", limit.as_secs_f64()));
-            }
-            std::thread::sleep(POLL);
+        execute(&self.program, args, log, limit, stop).ended
+    }
+}
+
+/// Runs a program with both its streams in `log`, until it ends, `limit` has passed or `stop` is set.
+pub(crate) fn execute(
+    program: &Path,
+    args: &[OsString],
+    log: &Path,
+    limit: Option<Duration>,
+    stop: &AtomicBool,
+) -> Exit {
+    let mut child = match start(program, args, log) {
+        Ok(child) => child,
+        Err(error) => {
+            let ended = Ended::Failed(format!("{} cannot be started: {error}", program.display()));
+            return Exit { ended, code: None, cpu_seconds: 0.0, peak_memory_mib: 0.0 };
         }
+    };
+    let mut meter = Meter::new(child.id());
+    let begun = Instant::now();
+    let (ended, code) = loop {
+        if stop.load(Ordering::Relaxed) {
+            kill(&mut child);
+            break (Ended::Stopped, None);
+        }
+        meter.read();
+        match child.try_wait() {
+            Ok(Some(status)) if status.success() => break (Ended::Success, status.code()),
+            Ok(Some(status)) => break (Ended::Failed(reason(status, log)), status.code()),
+            Ok(None) => {}
+            Err(error) => {
+                kill(&mut child);
+                break (Ended::Failed(format!("cannot be waited for: {error}")), None);
+            }
+        }
+        if let Some(limit) = limit.filter(|limit| begun.elapsed() > *limit) {
+            kill(&mut child);
+            break (Ended::Failed(format!("stopped after the time limit of {} s", limit.as_secs_f64())), None);
+        }
+        std::thread::sleep(POLL);
+    };
+    Exit { ended, code, cpu_seconds: meter.cpu_seconds, peak_memory_mib: meter.peak_memory_mib }
+}
+
+fn start(program: &Path, args: &[OsString], log: &Path) -> io::Result<Child> {
+    if let Some(folder) = log.parent() {
+        std::fs::create_dir_all(folder)?;
+    }
+    let out = File::create(log)?;
+    let err = out.try_clone()?;
+    let mut command = Command::new(program);
+    command.args(args).stdin(Stdio::null()).stdout(out).stderr(err);
+    // With its own group, Ctrl-C on a terminal reaches only the benchmark, which then knows that the child did not fail.
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(&mut command, 0);
+    command.spawn()
+}
+
+/// Reads what a process takes while it runs: one that has ended has neither time nor memory.
+struct Meter {
+    process: Pid,
+    system: System,
+    cpu_seconds: f64,
+    peak_memory_mib: f64,
+}
+
+impl Meter {
+    fn new(process: u32) -> Self {
+        Self { process: Pid::from_u32(process), system: System::new(), cpu_seconds: 0.0, peak_memory_mib: 0.0 }
     }
 
-    fn start(&self, args: &[OsString], log: &Path) -> io::Result<Child> {
-        if let Some(folder) = log.parent() {
-            std::fs::create_dir_all(folder)?;
+    fn read(&mut self) {
+        let what = ProcessRefreshKind::nothing().with_cpu().with_memory().without_tasks();
+        self.system.refresh_processes_specifics(ProcessesToUpdate::Some(&[self.process]), false, what);
+        if let Some(process) = self.system.process(self.process) {
+            self.cpu_seconds = self.cpu_seconds.max(process.accumulated_cpu_time() as f64 / 1000.0);
+            let memory = process.memory() as f64 / 1024.0 / 1024.0;
+            self.peak_memory_mib = self.peak_memory_mib.max(memory);
         }
-        let out = File::create(log)?;
-        let err = out.try_clone()?;
-        let mut command = Command::new(&self.program);
-        command.args(args).stdin(Stdio::null()).stdout(out).stderr(err);
-        // With its own group, Ctrl-C on a terminal reaches only the benchmark, which then knows that the child did not fail.
-        #[cfg(unix)]
-        std::os::unix::process::CommandExt::process_group(&mut command, 0);
-        command.spawn()
+        self.peak_memory_mib = self.peak_memory_mib.max(highest_memory_mib(self.process).unwrap_or(0.0));
     }
+}
+
+/// Largest resident memory of a process so far, MiB; only Linux reports it. Elsewhere the samples have to do.
+fn highest_memory_mib(process: Pid) -> Option<f64> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(line.trim().trim_end_matches("kB").trim().parse::<f64>().ok()? / 1024.0)
 }
 
 /// Errors are ignored: they mean that the child has already ended.
@@ -170,6 +232,18 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let ended = nowhere.run(&[], &dir.path().join("log"), None, &AtomicBool::new(false));
         assert!(matches!(ended, Ended::Failed(reason) if reason.contains("/nowhere/artgs")));
+    }
+
+    #[test]
+    fn the_exit_code_and_what_a_run_took_are_kept() {
+        let dir = tempfile::tempdir().unwrap();
+        let work = "i=0; while [ $i -lt 200000 ]; do i=$((i+1)); done; sleep 0.2; exit 2";
+        let args = ["-c".into(), work.into()];
+        let exit = execute(Path::new("sh"), &args, &dir.path().join("log"), None, &AtomicBool::new(false));
+        assert_eq!(exit.code, Some(2));
+        if cfg!(target_os = "linux") {
+            assert!(exit.cpu_seconds > 0.0 && exit.peak_memory_mib > 0.1, "{exit:?}");
+        }
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Benchmarks: runs the method on many captures, each run in its own process, scores the replicas, and writes tables with
-//! means and standard deviations beside the numbers printed in the paper. [`batch`] reports on the rows of `artgs batch`.
+//! means and standard deviations beside the numbers printed in the paper. [`batch`] reports on the rows of `artgs batch`,
+//! [`population`] runs random objects one by one.
 
 pub mod batch;
 mod bench;
@@ -16,6 +17,7 @@ pub mod paper;
 mod picture;
 mod plot;
 mod plots;
+pub mod population;
 mod record;
 mod report;
 mod stats;

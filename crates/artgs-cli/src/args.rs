@@ -1,6 +1,8 @@
 //! The command line as people type it.
 
 use crate::device::DeviceChoice;
+#[cfg(feature = "bench")]
+use crate::seeds::Seeds;
 use artgs::{PartCount, PartCountError};
 use artgs_io::asset::Actuators;
 use artgs_io::asset::Format;
@@ -469,15 +471,17 @@ pub(crate) struct Report {
 #[cfg(feature = "bench")]
 #[derive(Debug, Args)]
 pub(crate) struct Bench {
-    /// Suites of procedural objects, captures with their ground truth under `gt`, or folders of such captures
-    #[arg(required = true, value_name = "SUITE|DIR")]
+    /// Suites of procedural objects, captures with their ground truth under `gt`, or folders of such captures; or
+    /// `population` for the random objects of --seeds A..B, one by one
+    #[arg(required = true, value_name = "SUITE|DIR|population")]
     pub(crate) what: Vec<PathBuf>,
     /// Folder for runs and results; made if missing; an interrupted bench continues where it stopped
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
-    /// Runs of every object and variant, with seeds 0, 1, ...
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
-    pub(crate) seeds: u64,
+    /// Runs of every object and variant, with seeds 0, 1, ...; 1 if absent. Of a population: the seeds of its objects, B
+    /// excluded, or included in A..=B
+    #[arg(long, value_name = "N|A..B")]
+    pub(crate) seeds: Option<Seeds>,
     /// Ways to run the method, separated by commas; `full` if neither this nor --variant-config is given
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     pub(crate) variants: Vec<String>,
@@ -485,9 +489,9 @@ pub(crate) struct Bench {
     #[arg(long, value_name = "NAME=FILE", value_parser = pair)]
     pub(crate) variant_config: Vec<(String, String)>,
     /// Whether runs are given the true number of parts or have to find it; variants that cannot find it are always given
-    /// it
-    #[arg(long, value_enum, default_value_t = Parts::Given)]
-    pub(crate) parts: Parts,
+    /// it; given if absent, except that a population never is
+    #[arg(long, value_enum)]
+    pub(crate) parts: Option<Parts>,
     /// Stop runs when parts and joints are found, and score these: seconds per run
     #[arg(long, value_name = "STAGE", value_enum)]
     pub(crate) stop_after: Option<Stop>,
@@ -501,9 +505,9 @@ pub(crate) struct Bench {
     /// nothing; may be repeated: each of them
     #[arg(long, value_name = "NAME=VALUE")]
     pub(crate) noise: Vec<String>,
-    /// Seed of placement, textures and degradations of the objects of suites
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(crate) photo_seed: u64,
+    /// Seed of placement, textures and degradations of the objects of suites; 0 if absent
+    #[arg(long, value_name = "N")]
+    pub(crate) photo_seed: Option<u64>,
     /// Share of the published steps that variants of the paper make, above 0 and at most 1
     #[arg(long, value_name = "SHARE", value_parser = share)]
     pub(crate) schedule: Option<f64>,
@@ -516,6 +520,13 @@ pub(crate) struct Bench {
     /// A capture that stands for an object of the paper
     #[arg(long, value_name = "NAME=OBJECT", value_parser = pair)]
     pub(crate) stand_in: Vec<(String, String)>,
+    /// Population: exact for captures with masks and exact depth, else the device that records the object in a room;
+    /// exact if absent
+    #[arg(long, value_enum)]
+    pub(crate) sensor: Option<PopulationSensor>,
+    /// Population: keep captures and runs in OUT/objects
+    #[arg(long)]
+    pub(crate) keep: bool,
     /// Seconds after which a run counts as failed
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub(crate) timeout: Option<Duration>,
@@ -537,6 +548,22 @@ pub(crate) struct Bench {
     /// Write events as JSON, one per line
     #[arg(long)]
     json: bool,
+}
+
+/// How the objects of a population are captured.
+#[cfg(feature = "bench")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PopulationSensor {
+    /// Masks and exact depth
+    Exact,
+    /// Structured light, first Kinect
+    Kinect,
+    /// Structured light, Asus Xtion
+    Xtion,
+    /// Active stereo, RealSense D435
+    D435,
+    /// LiDAR of a phone
+    Lidar,
 }
 
 /// How the runs of a bench know the number of parts.

@@ -5,7 +5,9 @@ use crate::commands::{Style, use_threads};
 use crate::device::{self, DeviceChoice};
 use crate::failure::Failure;
 use crate::output::say;
+use crate::population;
 use crate::process;
+use crate::seeds::Seeds;
 use crate::suites::{self, Photos};
 use anyhow::{Context, anyhow};
 use artgs::Config;
@@ -22,17 +24,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 pub(crate) fn run(args: &Bench, style: Style) -> Result<(), Failure> {
     use_threads(args.threads)?;
+    if population::is_meant(args)? {
+        return population::run(args, style);
+    }
+    let seeds = seeds(args)?;
     let (items, variants) = (items(args)?, variants(args)?);
     // Fails now instead of in every run.
     device::open(args.device)?;
     let program = process::program().context("cannot find the path of this program")?.to_path_buf();
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("cannot watch for Ctrl-C")?;
+    let stop = watched()?;
     let report = |event: Event<'_>| show(&event, style);
     let lpips = args.lpips.as_deref().map(Lpips::load).transpose().map_err(Failure::bad)?;
     let tools = Tools { program, measure: Arc::new(move |run, capture| measure(run, capture, lpips.as_ref())) };
-    let finished = artgs_bench::run(&items, &variants, &options(args), &tools, &stop, &report)
+    let finished = artgs_bench::run(&items, &variants, &options(args, seeds), &tools, &stop, &report)
         .map_err(|e| if e.is_bad_input() { Failure::BadInput(e.into()) } else { Failure::Failed(e.into()) })?;
     let Finished { records, missing } = finished;
     let all = Collected::new(&items, &variants, records);
@@ -48,16 +52,48 @@ pub(crate) fn run(args: &Bench, style: Style) -> Result<(), Failure> {
     Ok(())
 }
 
-fn options(args: &Bench) -> Options {
+/// Becomes true at Ctrl-C and when the process is to end.
+pub(crate) fn watched() -> Result<Arc<AtomicBool>, Failure> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("cannot watch for Ctrl-C")?;
+    Ok(stop)
+}
+
+/// Runs of every object; options of a population are refused.
+fn seeds(args: &Bench) -> Result<u64, Failure> {
+    if args.sensor.is_some() || args.keep {
+        return Err(Failure::bad("--sensor and --keep are for `artgs bench population`"));
+    }
+    match &args.seeds {
+        None => Ok(1),
+        Some(Seeds::Count(count)) => Ok(*count),
+        Some(Seeds::Range(_)) => {
+            Err(Failure::bad("--seeds A..B is for `artgs bench population`; here --seeds is a number of runs"))
+        }
+    }
+}
+
+/// True if runs are given the number of parts.
+fn parts_given(args: &Bench) -> bool {
+    args.parts != Some(Parts::Auto)
+}
+
+/// The device as `artgs reconstruct` reads it; none if it is to choose.
+pub(crate) fn device_of(args: &Bench) -> Option<String> {
+    Some(args.device).filter(|d| *d != DeviceChoice::Auto).map(|d| d.to_string())
+}
+
+fn options(args: &Bench, seeds: u64) -> Options {
     Options {
         out: args.out.clone(),
-        seeds: args.seeds,
+        seeds,
         timeout: args.timeout,
         jobs: args.jobs.get(),
         threads: args.threads.map(Into::into),
-        parts_given: args.parts == Parts::Given,
+        parts_given: parts_given(args),
         stop_after_discover: args.stop_after.is_some(),
-        device: Some(args.device).filter(|d| *d != DeviceChoice::Auto).map(|d| d.to_string()),
+        device: device_of(args),
         force: args.force,
         retry_failed: args.retry_failed,
     }
@@ -69,7 +105,7 @@ fn circumstances(args: &Bench) -> Circumstances {
         command: process::line(),
         threads: args.threads.map_or_else(cores, Into::into),
         jobs: args.jobs.get(),
-        parts_given: args.parts == Parts::Given,
+        parts_given: parts_given(args),
         stopped_after_discover: args.stop_after.is_some(),
     }
 }
@@ -77,7 +113,8 @@ fn circumstances(args: &Bench) -> Circumstances {
 /// Objects of the suites and folders named, in that order.
 fn items(args: &Bench) -> Result<Vec<Item>, Failure> {
     let Bench { views, size, noise, .. } = args;
-    let photos = Photos { views: views.clone(), size: size.clone(), noise: noise.clone(), seed: args.photo_seed };
+    let photos =
+        Photos { views: views.clone(), size: size.clone(), noise: noise.clone(), seed: args.photo_seed.unwrap_or(0) };
     let (mut items, mut of_suites) = (Vec::new(), false);
     for what in &args.what {
         let suite = what.to_str().and_then(|name| suites::suite(name, &photos));

@@ -26,6 +26,8 @@ mod object_box;
 mod output;
 mod pace;
 mod parts_table;
+#[cfg(feature = "bench")]
+mod population;
 mod process;
 mod progress;
 mod reconstruct;
@@ -33,6 +35,8 @@ mod recordings;
 #[cfg(feature = "bench")]
 mod report;
 mod rerun;
+#[cfg(feature = "bench")]
+mod seeds;
 mod settings;
 #[cfg(feature = "bench")]
 mod suites;

@@ -12,5 +12,6 @@ pub use causes::{Cause, Retry};
 pub use changes::Changes;
 pub use page::{Origin, page};
 pub use read::{TableError, is_reading, read_rows};
+pub(crate) use read::{guarded, parquet_fields};
 pub use row::Row;
 pub use summary::{Spread, Summary};

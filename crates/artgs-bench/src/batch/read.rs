@@ -124,26 +124,39 @@ pub fn is_reading() -> bool {
 /// What to do about a wrong table of `artgs.ray`.
 const TABLE: &str = "write the table again with `artgs.ray.reconstruct`";
 
+/// What `read` returns, or that the file is damaged if it panics: the crate asserts what a damaged file may violate. `remedy` says what
+/// to do then.
+pub(crate) fn guarded<T>(read: impl FnOnce() -> Result<T, String>, remedy: &str) -> Result<T, String> {
+    READING.set(true);
+    let read = catch_unwind(AssertUnwindSafe(read));
+    READING.set(false);
+    read.unwrap_or_else(|_| Err(format!("cannot be read as Parquet: the file is damaged; {remedy}")))
+}
+
 /// Rows of the table of `artgs.ray`.
 fn of_parquet(path: &Path) -> Result<Vec<Row>, String> {
-    // The crate asserts what a damaged file may violate.
-    READING.set(true);
-    let read = catch_unwind(AssertUnwindSafe(|| parquet_rows(path)));
-    READING.set(false);
-    read.unwrap_or_else(|_| Err(format!("cannot be read as Parquet: the file is damaged; {TABLE}")))
+    guarded(|| parquet_rows(path), TABLE)
 }
 
 fn parquet_rows(path: &Path) -> Result<Vec<Row>, String> {
-    use parquet::file::reader::{FileReader, SerializedFileReader};
-    let wrong = |error: parquet::errors::ParquetError| format!("cannot be read as Parquet: {error}; {TABLE}");
-    let file = std::fs::File::open(path).map_err(|e| e.to_string())?;
-    let reader = SerializedFileReader::new(file).map_err(wrong)?;
     let (mut rows, mut places) = (Vec::new(), BTreeMap::new());
-    for (record, number) in reader.get_row_iter(None).map_err(wrong)?.zip(1_u64..) {
-        let record = record.map_err(wrong)?;
-        let fields = record.get_column_iter().map(|(name, field)| (name.clone(), json_of(field))).collect();
+    for (fields, number) in parquet_fields(path, TABLE)?.into_iter().zip(1_u64..) {
         let row = Row::new(fields).map_err(|reason| format!("row {number}: {reason}; {TABLE}"))?;
         add(&mut rows, &mut places, row, format!("row {number}"), TABLE)?;
+    }
+    Ok(rows)
+}
+
+/// The columns of every row of a Parquet file by name, lists included; to be called in [`guarded`].
+pub(crate) fn parquet_fields(path: &Path, remedy: &str) -> Result<Vec<Map<String, Value>>, String> {
+    use parquet::file::reader::{FileReader, SerializedFileReader};
+    let wrong = |error: parquet::errors::ParquetError| format!("cannot be read as Parquet: {error}; {remedy}");
+    let file = std::fs::File::open(path).map_err(|e| e.to_string())?;
+    let reader = SerializedFileReader::new(file).map_err(wrong)?;
+    let mut rows = Vec::new();
+    for record in reader.get_row_iter(None).map_err(wrong)? {
+        let record = record.map_err(wrong)?;
+        rows.push(record.get_column_iter().map(|(name, field)| (name.clone(), json_of(field))).collect());
     }
     Ok(rows)
 }
@@ -164,6 +177,7 @@ fn json_of(field: &parquet::record::Field) -> Value {
         Field::Double(value) => (*value).into(),
         Field::Str(value) => value.clone().into(),
         Field::Group(row) => Value::Object(row.get_column_iter().map(|(n, f)| (n.clone(), json_of(f))).collect()),
+        Field::ListInternal(list) => list.elements().iter().map(json_of).collect(),
         _ => Value::Null,
     }
 }

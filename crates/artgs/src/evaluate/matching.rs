@@ -43,7 +43,7 @@ pub(crate) fn match_parts(costs: &[Vec<f64>], truths: usize) -> Vec<Option<usize
 
 /// Least-cost assignment of rows to distinct columns of a dense matrix with `columns` columns, by shortest augmenting
 /// paths in O(n^3). With more rows than columns the most expensive rows get none. Costs that are not finite count as 1e12.
-pub(crate) fn hungarian(costs: &[Vec<f64>], columns: usize) -> Vec<Option<usize>> {
+pub fn hungarian(costs: &[Vec<f64>], columns: usize) -> Vec<Option<usize>> {
     let rows = costs.len();
     let cost = |r: usize, c: usize| if costs[r][c].is_finite() { costs[r][c] } else { 1e12 };
     if rows <= columns {
