@@ -16,6 +16,7 @@ pub mod paper;
 mod picture;
 mod plot;
 mod plots;
+pub mod population;
 mod record;
 mod report;
 mod stats;

@@ -8,9 +8,11 @@ mod row;
 mod summary;
 mod tables;
 
+pub(crate) use causes::causes;
 pub use causes::{Cause, Retry};
 pub use changes::Changes;
 pub use page::{Origin, page};
+pub(crate) use read::reading;
 pub use read::{TableError, is_reading, read_rows};
 pub use row::Row;
 pub use summary::{Spread, Summary};

@@ -126,11 +126,16 @@ const TABLE: &str = "write the table again with `artgs.ray.reconstruct`";
 
 /// Rows of the table of `artgs.ray`.
 fn of_parquet(path: &Path) -> Result<Vec<Row>, String> {
-    // The crate asserts what a damaged file may violate.
+    let damaged = || Err(format!("cannot be read as Parquet: the file is damaged; {TABLE}"));
+    reading(|| parquet_rows(path)).unwrap_or_else(damaged)
+}
+
+/// The result of reading a Parquet file; none if the crate panics, which asserts what a damaged file may violate.
+pub(crate) fn reading<T>(read: impl FnOnce() -> T) -> Option<T> {
     READING.set(true);
-    let read = catch_unwind(AssertUnwindSafe(|| parquet_rows(path)));
+    let found = catch_unwind(AssertUnwindSafe(read));
     READING.set(false);
-    read.unwrap_or_else(|_| Err(format!("cannot be read as Parquet: the file is damaged; {TABLE}")))
+    found.ok()
 }
 
 fn parquet_rows(path: &Path) -> Result<Vec<Row>, String> {
