@@ -166,9 +166,9 @@ pub(crate) fn document(
     page.finish()
 }
 
-/// True for `0.03±0.01 (1 F)` and for the placeholder of a missing number.
+/// True for `0.03±0.01 (1 F)`, `12.5 %` and for the placeholder of a missing number.
 fn is_number(cell: &str) -> bool {
     let (number, rest) = cell.split_once(' ').unwrap_or((cell, "("));
     let mean = number.split('±').next().unwrap_or_default();
-    matches!(cell, "-" | "F") || (mean.parse::<f64>().is_ok() && rest.starts_with('('))
+    matches!(cell, "-" | "F") || (mean.parse::<f64>().is_ok() && (rest.starts_with('(') || rest == "%"))
 }

@@ -7,7 +7,7 @@ use crate::plot::{FONT, MARGIN, SIZE, Scale, line, text};
 use std::fmt::Write;
 
 /// Size of a bar, pixels.
-const BAR: (f64, f64) = (240.0, 16.0);
+const BAR: (f64, f64) = (170.0, 16.0);
 /// Colours: a share below the mark by more than its interval, another share, its interval.
 const BAD: &str = "#dc2626";
 const PLAIN: &str = "#2563eb";

@@ -49,7 +49,7 @@ mod tests {
             "right           2 of 4, 50.0 % (15.0 to 85.0 %)",
             "1 refused, 0 failed; 0 undecidable objects apart, 0 of them right",
             "       1  joint type wrong",
-            "feature thin: 0 of 1 right (0.0 %, others 66.7 %), +0.5 wrong objects",
+            "feature thin: 0 of 1 right (0.0 %, others 66.7 %), 0.5 wrong objects above average",
             "1 from right to wrong, 0 from wrong to right (p = 1); times 1.00 of those before (median)",
         ] {
             assert!(text.lines().any(|l| l == line), "{text}");

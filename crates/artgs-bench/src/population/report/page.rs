@@ -31,7 +31,7 @@ pub fn page(rows: &[Row], summary: &Summary, origin: &Origin) -> String {
     }
     for (table, groups) in by_group(summary) {
         let bars: Vec<String> = groups.iter().take(MOST).map(|g| bar(&g.right, summary.right.share)).collect();
-        page.table_with(&table, Some(("share right, 0 to 100 %", &bars)));
+        page.table_with(&table, Some(("0 to 100 %", &bars)));
     }
     page.table(&tables::calibration(&summary.calibration));
     page.drawings([reliability(&summary.calibration)]);
@@ -63,8 +63,8 @@ pub fn markdown(summary: &Summary, origin: &Origin) -> String {
 
 /// Tables of shares by what objects are.
 fn by_group(summary: &Summary) -> [(Table, &[Group]); 4] {
-    let note = "What loses most first: wrong objects of the row above what they would be with the share right of all objects. Others are the \
-                objects without it.";
+    let note = "What loses most first. Lost: wrong objects above the number that the share right of all objects would give. To others: \
+                difference to the share of the objects without it, percentage points.";
     let bars = "Bars: share right with interval, red if all of the interval is below the share of all objects (line).";
     let features = format!("{note} An object counts for each of its features. {bars}");
     let rising = "In rising order.";

@@ -8,12 +8,12 @@ use super::statistics::{Middle, Share};
 use super::summary::Summary;
 use crate::batch::Cause;
 use crate::histogram::short;
-use crate::table::{Table, fill, table};
+use crate::table::{NOTHING, Table, fill, table};
 
 /// Text of a number that does not exist.
 const NONE: &str = "none";
 /// Seeds that a cell names.
-const SEEDS: usize = 8;
+const SEEDS: usize = 6;
 
 /// The most important numbers, each a row of a name and a text.
 pub(super) fn headline(summary: &Summary) -> Table {
@@ -26,8 +26,12 @@ pub(super) fn headline(summary: &Summary) -> Table {
         ("confidences".into(), confidences(&summary.calibration)),
         ("most frequent error".into(), worst_kind(summary)),
     ];
-    let lossy =
-        [("feature", &summary.features), ("category", &summary.categories), ("number of parts", &summary.parts)];
+    let lossy = [
+        ("feature", &summary.features),
+        ("category", &summary.categories),
+        ("number of parts", &summary.parts),
+        ("sensor", &summary.sensors),
+    ];
     rows.extend(
         lossy.iter().filter_map(|(what, groups)| Some((format!("{what} that loses most"), worst_group(groups)?))),
     );
@@ -98,7 +102,12 @@ fn worst_group(groups: &[Group]) -> Option<String> {
 pub(super) fn described(group: &Group) -> String {
     let others = group.others.share.map(|share| format!(", others {:.1} %", 100.0 * share)).unwrap_or_default();
     let Share { count, of, share, .. } = group.right;
-    format!("{}: {count} of {of} right ({}{others}), {:+.1} wrong objects", group.name, percent(share), group.lost)
+    format!(
+        "{}: {count} of {of} right ({}{others}), {:.1} wrong objects above average",
+        group.name,
+        percent(share),
+        group.lost
+    )
 }
 
 /// What changed, and whether chance explains it.
@@ -151,7 +160,7 @@ pub(super) fn kinds(summary: &Summary) -> Table {
     fill(table("What goes wrong", &note, &head), &summary.kinds, |KindCount { kind, count, categories, seeds }| {
         let of_wrong = (*kind != super::Kind::Joint && wrong > 0).then(|| *count as f64 / wrong as f64);
         let categories: Vec<String> = categories.iter().map(|(name, n)| format!("{name} {n}")).collect();
-        let of_wrong = of_wrong.map_or("-".into(), |share| format!("{:.0} %", 100.0 * share));
+        let of_wrong = of_wrong.map_or(NOTHING.into(), |share| format!("{:.0} %", 100.0 * share));
         vec![kind.name().into(), count.to_string(), of_wrong, categories.join(", "), named(seeds)]
     })
 }
@@ -161,24 +170,15 @@ pub(super) fn confusions(confusions: &[Confusion]) -> Table {
     let note = "Found parts that cover a true one and have another type; other errors of their object do not matter.";
     let head = ["true type", "found type", "joints", "largest confidence", "seeds"];
     fill(table("Wrong joint types", note, &head), confusions, |c| {
-        let confidence = c.confidence.map_or("-".into(), |c| format!("{c:.2}"));
+        let confidence = c.confidence.map_or(NOTHING.into(), |c| format!("{c:.2}"));
         vec![c.truth.clone(), c.found.clone(), c.count.to_string(), confidence, named(&c.seeds)]
     })
 }
 
 /// Shares right by a property.
 pub(super) fn groups(title: &str, name: &str, note: &str, groups: &[Group]) -> Table {
-    let head = [
-        name,
-        "objects",
-        "right",
-        "share",
-        "95 % interval",
-        "to others, points",
-        "wrong above average",
-        "joints correct",
-        "wrong seeds",
-    ];
+    let head =
+        [name, "objects", "right", "share", "95 % interval", "to others", "lost", "joints correct", "wrong seeds"];
     fill(table(title, note, &head), groups, |g| {
         vec![
             g.name.clone(),
@@ -186,7 +186,7 @@ pub(super) fn groups(title: &str, name: &str, note: &str, groups: &[Group]) -> T
             g.right.count.to_string(),
             percent(g.right.share),
             interval(&g.right),
-            g.difference.map_or("-".into(), |d| format!("{:+.1}", 100.0 * d)),
+            g.difference.map_or(NOTHING.into(), |d| format!("{:+.1}", 100.0 * d)),
             format!("{:+.1}", g.lost),
             percent(g.joints_right.share),
             named(&g.wrong),
@@ -214,15 +214,16 @@ pub(super) fn calibration(calibration: &Calibration) -> Table {
         "share less confidence, points",
     ];
     fill(table("Calibration of confidences", &note, &head), &calibration.bins, |bin| {
+        let known = |text: String| if bin.correct.of > 0 { text } else { NOTHING.into() };
         let gap = bin.correct.share.zip(bin.confidence).map(|(share, confidence)| share - confidence);
         vec![
             format!("{:.1} to {:.1}", bin.low, bin.high),
             bin.correct.of.to_string(),
             bin.correct.count.to_string(),
-            percent(bin.correct.share),
-            interval(&bin.correct),
-            bin.confidence.map_or(NONE.into(), |c| format!("{c:.3}")),
-            gap.map_or(NONE.into(), |gap| format!("{:+.1}", 100.0 * gap)),
+            known(percent(bin.correct.share)),
+            known(interval(&bin.correct)),
+            bin.confidence.map_or(NOTHING.into(), |c| format!("{c:.3}")),
+            gap.map_or(NOTHING.into(), |gap| format!("{:+.1}", 100.0 * gap)),
         ]
     })
 }
@@ -290,7 +291,7 @@ pub(super) fn causes(causes: &[Cause]) -> Table {
 fn named(seeds: &[u64]) -> String {
     let shown: Vec<String> = seeds.iter().take(SEEDS).map(ToString::to_string).collect();
     let more = if seeds.len() > SEEDS { ", …" } else { "" };
-    if shown.is_empty() { "-".into() } else { format!("{}{more}", shown.join(", ")) }
+    if shown.is_empty() { NOTHING.into() } else { format!("{}{more}", shown.join(", ")) }
 }
 
 #[cfg(test)]
@@ -308,7 +309,10 @@ mod tests {
         assert_eq!(cell("right: number of parts, types, parents"), "3 of 6, 50.0 % (18.8 to 81.2 %)");
         assert_eq!(cell("right, and every joint correct"), "2 of 6, 33.3 % (9.7 to 70.0 %)");
         assert_eq!(cell("most frequent error"), "joint type wrong: 2 of 3 wrong objects");
-        assert_eq!(cell("feature that loses most"), "thin: 0 of 2 right (0.0 %, others 75.0 %), +1.0 wrong objects");
+        assert_eq!(
+            cell("feature that loses most"),
+            "thin: 0 of 2 right (0.0 %, others 75.0 %), 1.0 wrong objects above average"
+        );
         assert_eq!(cell("since the earlier table"), "1 from right to wrong, 0 from wrong to right (p = 1)");
         let sure = "of 2 joints with confidence above 0.9, 2 are wrong (100.0 %)";
         assert!(cell("confidences").ends_with(sure), "{}", cell("confidences"));

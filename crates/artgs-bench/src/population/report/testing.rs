@@ -113,7 +113,11 @@ fn make_wrong(row: &mut Row, way: f64, confidence: f64) {
     (row.right, row.joints_right) = (false, false);
     let last = row.joints.len() - 1;
     match (way * 6.0) as usize {
-        0 => *row = Row { features: row.features.clone(), category: row.category.clone(), ..refused(row.seed) },
+        0 => {
+            (row.status, row.parts_found, row.count_right) = (Status::Refused, 0, false);
+            row.reason = refused(row.seed).reason;
+            row.joints.clear();
+        }
         1 => {
             (row.parts_found, row.missing, row.count_right) = (row.parts_found - 1, 1, false);
             row.joints.pop();
