@@ -74,7 +74,7 @@ pub(crate) enum Command {
     Demo(Demo),
     /// Reconstruct the captures of a manifest, or one of them as a job of a cluster
     Batch(Batch),
-    /// Describe the results of a batch on a page: failures by cause, distributions, the least confident captures, changes
+    /// Describe the results of a batch or of `bench population` on a page: failures or errors, distributions, the worst, changes
     #[cfg(feature = "bench")]
     Report(Report),
     /// Reconstruct and score many captures, and tabulate the results beside those of the paper
@@ -450,7 +450,7 @@ pub(crate) struct Batch {
 #[cfg(feature = "bench")]
 #[derive(Debug, Args)]
 pub(crate) struct Report {
-    /// Folder of a batch, its results.jsonl or rows, or the results.parquet of artgs.ray
+    /// Folder of a batch, its results.jsonl or rows, or the results.parquet of artgs.ray; or the same of artgs bench population
     pub(crate) table: PathBuf,
     /// The page (.html), or a folder for report.html; beside the table if absent
     #[arg(short, long, value_name = "FILE|DIR")]

@@ -32,6 +32,8 @@ mod reconstruct;
 mod recordings;
 #[cfg(feature = "bench")]
 mod report;
+#[cfg(feature = "bench")]
+mod report_population;
 mod rerun;
 mod settings;
 #[cfg(feature = "bench")]
