@@ -24,6 +24,8 @@ pub(super) fn headline(summary: &Summary) -> Table {
         ("right, and every joint correct".into(), share(&summary.joints_right)),
         ("refused, failed".into(), format!("{} refused, {} failed", summary.refused, summary.failed)),
         ("confidences".into(), confidences(&summary.calibration)),
+        ("errors of joints of right objects, median (95th percentile)".into(), errors(summary)),
+        ("time and memory, median (95th percentile)".into(), costs(summary)),
         ("most frequent error".into(), worst_kind(summary)),
     ];
     let lossy = [
@@ -53,6 +55,27 @@ pub(super) fn headline(summary: &Summary) -> Table {
         summary.objects, summary.right.of
     );
     fill(table("In short", &note, &["", "result"]), &rows, |(what, text)| vec![what.clone(), text.clone()])
+}
+
+fn errors(summary: &Summary) -> String {
+    let n = &summary.numbers;
+    let (axis, position, motion) = (n.axis_deg, n.position, n.motion);
+    format!(
+        "axis {} degrees, position {} %, motion {} %",
+        middle(axis, 1.0),
+        middle(position, 100.0),
+        middle(motion, 100.0)
+    )
+}
+
+fn costs(summary: &Summary) -> String {
+    let n = &summary.numbers;
+    format!("{} s, {} MiB", middle(n.seconds, 1.0), middle(n.peak_memory_mib, 1.0))
+}
+
+/// `0.5 (5.1)`, of values times a scale.
+fn middle(middle: Option<Middle>, scale: f64) -> String {
+    middle.map_or(NONE.into(), |m| format!("{} ({})", short(scale * m.median), short(scale * m.p95)))
 }
 
 /// `8 of 10, 80.0 % (49.0 to 94.3 %)`.
@@ -308,6 +331,9 @@ mod tests {
         let cell = |row: &str| found.rows.iter().find(|r| r.cells[0] == row).map(|r| r.cells[1].clone()).unwrap();
         assert_eq!(cell("right: number of parts, types, parents"), "3 of 6, 50.0 % (18.8 to 81.2 %)");
         assert_eq!(cell("right, and every joint correct"), "2 of 6, 33.3 % (9.7 to 70.0 %)");
+        let errors = cell("errors of joints of right objects, median (95th percentile)");
+        assert_eq!(errors, "axis 0.5 (5.56) degrees, position 1 (1) %, motion 2 (2) %");
+        assert_eq!(cell("time and memory, median (95th percentile)"), "10 (10) s, 300 (300) MiB");
         assert_eq!(cell("most frequent error"), "joint type wrong: 2 of 3 wrong objects");
         assert_eq!(
             cell("feature that loses most"),
