@@ -70,7 +70,7 @@ fn errors(summary: &Summary) -> String {
 
 fn costs(summary: &Summary) -> String {
     let n = &summary.numbers;
-    format!("{} s, {} MiB", middle(n.seconds, 1.0), middle(n.peak_memory_mib, 1.0))
+    format!("time {} s, memory {} MiB", middle(n.seconds, 1.0), middle(n.peak_memory_mib, 1.0))
 }
 
 /// `0.5 (5.1)`, of values times a scale.
@@ -333,7 +333,7 @@ mod tests {
         assert_eq!(cell("right, and every joint correct"), "2 of 6, 33.3 % (9.7 to 70.0 %)");
         let errors = cell("errors of joints of right objects, median (95th percentile)");
         assert_eq!(errors, "axis 0.5 (5.56) degrees, position 1 (1) %, motion 2 (2) %");
-        assert_eq!(cell("time and memory, median (95th percentile)"), "10 (10) s, 300 (300) MiB");
+        assert_eq!(cell("time and memory, median (95th percentile)"), "time 10 (10) s, memory 300 (300) MiB");
         assert_eq!(cell("most frequent error"), "joint type wrong: 2 of 3 wrong objects");
         assert_eq!(
             cell("feature that loses most"),
