@@ -86,6 +86,11 @@ impl Page {
 
     /// A table with its heading.
     pub(crate) fn table(&mut self, table: &Table) {
+        self.table_with(table, None);
+    }
+
+    /// A table with a last column of `svg` elements or nothing, one for each row, below a heading.
+    pub(crate) fn table_with(&mut self, table: &Table, drawn: Option<(&str, &[String])>) {
         self.section(&table.title, &table.notes);
         let out = &mut self.0;
         out.push_str("<div class=\"wide\">\n<table>\n<thead><tr>");
@@ -93,12 +98,15 @@ impl Page {
             let class = if table.rows.iter().all(|r| is_number(&r.cells[column])) { "number" } else { "text" };
             let _ = write!(out, "<th class=\"{class}\">{}</th>", escape(name));
         }
+        if let Some((name, _)) = drawn {
+            let _ = write!(out, "<th class=\"text\">{}</th>", escape(name));
+        }
         out.push_str("</tr></thead>\n<tbody>\n");
         let mixed = table.rows.iter().any(|r| r.origin != Origin::Ours);
         let firsts: Vec<Option<&String>> = table.rows.iter().map(|r| r.cells.first()).collect();
         let grouped = firsts.windows(2).any(|pair| pair[0] == pair[1]);
         let mut before: Option<&str> = None;
-        for row in &table.rows {
+        for (number, row) in table.rows.iter().enumerate() {
             let mut classes = match row.origin {
                 Origin::Ours if mixed => vec!["ours"],
                 Origin::StandIn => vec!["stand-in"],
@@ -117,6 +125,9 @@ impl Page {
                     _ => "text",
                 };
                 let _ = write!(out, "<td class=\"{class}\">{}</td>", escape(cell));
+            }
+            if let Some((_, drawings)) = drawn {
+                let _ = write!(out, "<td>{}</td>", drawings.get(number).map(String::as_str).unwrap_or_default());
             }
             out.push_str("</tr>\n");
         }
@@ -155,9 +166,9 @@ pub(crate) fn document(
     page.finish()
 }
 
-/// True for `0.03±0.01 (1 F)` and for the placeholder of a missing number.
+/// True for `0.03±0.01 (1 F)`, `12.5 %` and for the placeholder of a missing number.
 fn is_number(cell: &str) -> bool {
     let (number, rest) = cell.split_once(' ').unwrap_or((cell, "("));
     let mean = number.split('±').next().unwrap_or_default();
-    matches!(cell, "-" | "F") || (mean.parse::<f64>().is_ok() && rest.starts_with('('))
+    matches!(cell, "-" | "F") || (mean.parse::<f64>().is_ok() && (rest.starts_with('(') || rest == "%"))
 }

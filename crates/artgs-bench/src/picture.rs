@@ -5,23 +5,29 @@ use image::imageops::{self, FilterType as Resampling};
 use image::{ExtendedColorType, ImageEncoder, RgbImage};
 use std::path::Path;
 
-/// Widest embedded picture, pixels.
+/// Widest embedded half of a preview, and widest embedded picture, pixels.
 const WIDTH: u32 = 450;
+const WHOLE_WIDTH: u32 = 680;
 
 /// The left half of a run's preview (photograph, rendering and parts of one view, both states), small, as a `data:` URL;
 /// none if there is no readable preview.
 pub(crate) fn preview_url(preview: &Path) -> Option<String> {
     let whole = image::open(preview).ok()?.to_rgb8();
     let half = imageops::crop_imm(&whole, 0, 0, whole.width() / 2, whole.height()).to_image();
-    png_url(&shrunk(half))
+    png_url(&shrunk(half, WIDTH))
 }
 
-fn shrunk(picture: RgbImage) -> RgbImage {
-    if picture.width() <= WIDTH {
+/// A picture, small, as a `data:` URL; none if it cannot be read.
+pub(crate) fn picture_url(picture: &Path) -> Option<String> {
+    png_url(&shrunk(image::open(picture).ok()?.to_rgb8(), WHOLE_WIDTH))
+}
+
+fn shrunk(picture: RgbImage, width: u32) -> RgbImage {
+    if picture.width() <= width {
         return picture;
     }
-    let height = (u64::from(picture.height()) * u64::from(WIDTH) / u64::from(picture.width())).max(1);
-    imageops::resize(&picture, WIDTH, height as u32, Resampling::Triangle)
+    let height = (u64::from(picture.height()) * u64::from(width) / u64::from(picture.width())).max(1);
+    imageops::resize(&picture, width, height as u32, Resampling::Triangle)
 }
 
 fn png_url(picture: &RgbImage) -> Option<String> {
@@ -63,8 +69,10 @@ mod tests {
         let path = dir.path().join("preview.png");
         RgbImage::new(2400, 400).save(&path).unwrap();
         assert!(preview_url(&path).unwrap().starts_with("data:image/png;base64,iVBOR"));
-        assert_eq!(shrunk(RgbImage::new(1200, 400)).dimensions(), (450, 150));
-        assert_eq!(shrunk(RgbImage::new(60, 40)).dimensions(), (60, 40));
-        assert_eq!(preview_url(&dir.path().join("none.png")), None);
+        assert_eq!(shrunk(RgbImage::new(1200, 400), WIDTH).dimensions(), (450, 150));
+        assert_eq!(shrunk(RgbImage::new(60, 40), WIDTH).dimensions(), (60, 40));
+        assert!(picture_url(&path).unwrap().starts_with("data:image/png;base64,iVBOR"));
+        let none = dir.path().join("none.png");
+        assert_eq!((preview_url(&none), picture_url(&none)), (None, None));
     }
 }

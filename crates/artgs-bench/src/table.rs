@@ -8,6 +8,8 @@ use crate::stats::Aggregate;
 pub(crate) const NOTHING: &str = "-";
 /// Cell of a number if every run failed.
 pub(crate) const FAILED: &str = "F";
+/// Rows of the long tables of a report at most; how many more there are is stated.
+pub(crate) const MOST: usize = 50;
 
 /// Where the numbers of a row come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,6 +67,24 @@ impl Table {
         self.rows.iter_mut().for_each(|r| strip(&mut r.cells));
         self
     }
+}
+
+/// A table without rows; an empty note is none.
+pub(crate) fn table(title: &str, note: &str, head: &[&str]) -> Table {
+    let mut table = Table::new(title, head.iter().map(ToString::to_string).collect());
+    table.notes = Some(note).filter(|note| !note.is_empty()).map(String::from).into_iter().collect();
+    table
+}
+
+/// Appends as many rows as a table may have, and states how many there are.
+pub(crate) fn fill<T>(mut table: Table, items: &[T], cells: impl Fn(&T) -> Vec<String>) -> Table {
+    for item in items.iter().take(MOST) {
+        table.push(Origin::Ours, cells(item));
+    }
+    if items.len() > MOST {
+        table.notes.push(format!("{MOST} of {}.", items.len()));
+    }
+    table
 }
 
 /// A mean with its standard deviation and the number of failed runs: `0.03±0.01 (1 F)`.

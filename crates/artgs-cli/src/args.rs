@@ -76,7 +76,7 @@ pub(crate) enum Command {
     Demo(Demo),
     /// Reconstruct the captures of a manifest, or one of them as a job of a cluster
     Batch(Batch),
-    /// Describe the results of a batch on a page: failures by cause, distributions, the least confident captures, changes
+    /// Describe the results of a batch or of `bench population` on a page: failures or errors, distributions, the worst, changes
     #[cfg(feature = "bench")]
     Report(Report),
     /// Reconstruct and score many captures, and tabulate the results beside those of the paper
@@ -452,7 +452,7 @@ pub(crate) struct Batch {
 #[cfg(feature = "bench")]
 #[derive(Debug, Args)]
 pub(crate) struct Report {
-    /// Folder of a batch, its results.jsonl or rows, or the results.parquet of artgs.ray
+    /// Folder of a batch, its results.jsonl or rows, or the results.parquet of artgs.ray; or the same of artgs bench population
     pub(crate) table: PathBuf,
     /// The page (.html), or a folder for report.html; beside the table if absent
     #[arg(short, long, value_name = "FILE|DIR")]
@@ -520,10 +520,10 @@ pub(crate) struct Bench {
     /// A capture that stands for an object of the paper
     #[arg(long, value_name = "NAME=OBJECT", value_parser = pair)]
     pub(crate) stand_in: Vec<(String, String)>,
-    /// Population: exact for captures with masks and exact depth, else the device that records the object in a room;
-    /// exact if absent
+    /// Population: exact for captures with masks and exact depth, else the device that records the object in a room, or room for one
+    /// that is drawn; if absent, half of the objects are exact
     #[arg(long, value_enum)]
-    pub(crate) sensor: Option<PopulationSensor>,
+    pub(crate) sensor: Option<SynthSensor>,
     /// Population: keep captures and runs in OUT/objects
     #[arg(long)]
     pub(crate) keep: bool,
@@ -548,22 +548,6 @@ pub(crate) struct Bench {
     /// Write events as JSON, one per line
     #[arg(long)]
     json: bool,
-}
-
-/// How the objects of a population are captured.
-#[cfg(feature = "bench")]
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum PopulationSensor {
-    /// Masks and exact depth
-    Exact,
-    /// Structured light, first Kinect
-    Kinect,
-    /// Structured light, Asus Xtion
-    Xtion,
-    /// Active stereo, RealSense D435
-    D435,
-    /// LiDAR of a phone
-    Lidar,
 }
 
 /// How the runs of a bench know the number of parts.

@@ -34,6 +34,8 @@ mod reconstruct;
 mod recordings;
 #[cfg(feature = "bench")]
 mod report;
+#[cfg(feature = "bench")]
+mod report_population;
 mod rerun;
 #[cfg(feature = "bench")]
 mod seeds;

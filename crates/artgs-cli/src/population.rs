@@ -1,6 +1,6 @@
 //! `artgs bench population`: random objects one by one, as child processes of this program.
 
-use crate::args::{Bench, Parts, PopulationSensor};
+use crate::args::{Bench, Parts};
 use crate::bench::{device_of, watched};
 use crate::commands::Style;
 use crate::device;
@@ -82,11 +82,11 @@ fn options(args: &Bench) -> Result<Options, Failure> {
     if args.size.len() > 1 {
         return Err(Failure::bad("--size of a population is one number"));
     }
-    let sensor = args.sensor.unwrap_or(PopulationSensor::Exact).to_possible_value();
+    let sensor = args.sensor.and_then(|sensor| sensor.to_possible_value());
     Ok(Options {
         out: args.out.clone(),
         seeds,
-        sensor: sensor.map_or_else(|| Options::EXACT.into(), |value| value.get_name().into()),
+        sensor: sensor.map_or_else(|| Options::ANY.into(), |value| value.get_name().into()),
         size: args.size.first().copied(),
         stop_after_discover: args.stop_after.is_some(),
         timeout: args.timeout,

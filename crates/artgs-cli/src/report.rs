@@ -1,11 +1,13 @@
-//! `artgs report`: a page about the results of a batch.
+//! `artgs report`: a page about the results of a batch; `report_population` makes that of a population.
 
 use crate::args::Report;
 use crate::commands::Style;
 use crate::failure::Failure;
 use crate::output::say;
 use crate::process;
+use crate::report_population;
 use artgs_bench::batch::{self, Cause, Origin, Retry, Row, Summary};
+use artgs_bench::population::report::is_population;
 use artgs_io::write_atomic;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -16,11 +18,14 @@ const PAGE: &str = "report.html";
 const SHOWN: usize = 5;
 
 pub(crate) fn run(args: &Report, style: Style) -> Result<(), Failure> {
+    if is_population(&args.table) {
+        return report_population::run(args, style);
+    }
     let read = |table: &Path| batch::read_rows(table).map_err(Failure::bad_input);
     let (rows, base) = read(&args.table)?;
     let before: Option<Vec<Row>> = args.before.as_deref().map(|table| read(table).map(|(rows, _)| rows)).transpose()?;
     let summary = Summary::new(&rows, before.as_deref(), args.cpu_price);
-    let file = file(args.out.as_deref(), &base);
+    let file = page_file(args.out.as_deref(), &base);
     let page = batch::page(&rows, &summary, &Origin { command: process::line(), base });
     write_atomic(&file, page.as_bytes()).map_err(Failure::failed)?;
     if style.json {
@@ -30,7 +35,7 @@ pub(crate) fn run(args: &Report, style: Style) -> Result<(), Failure> {
 }
 
 /// The file of the page.
-fn file(out: Option<&Path>, base: &Path) -> PathBuf {
+pub(crate) fn page_file(out: Option<&Path>, base: &Path) -> PathBuf {
     let is_page = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("html"));
     match out {
         None => base.join(PAGE),

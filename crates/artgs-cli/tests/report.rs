@@ -75,3 +75,36 @@ fn wrong_input_is_one_clear_error() {
         assert!(!folder.path().join("report.html").exists());
     }
 }
+
+#[test]
+fn a_table_of_a_population_has_a_page_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    let row = |seed: u32, right: bool| {
+        format!(
+            "{{\"seed\": {seed}, \"category\": \"cabinet\", \"sensor\": \"exact\", \"decidable\": true, \"right\": {right}}}\n"
+        )
+    };
+    write("new.jsonl", &(row(1, true) + &row(2, false)));
+    write("old.jsonl", &(row(1, true) + &row(2, true)));
+    write("batch.jsonl", TABLE);
+    let shown = report(folder.path(), &["new.jsonl", "--before", "old.jsonl"]);
+    let lines = text(&shown.stdout);
+    assert_eq!(shown.status.code(), Some(0), "{}", text(&shown.stderr));
+    assert!(
+        lines.contains("1 of 2, 50.0 %") && lines.contains("1 from right to wrong, 0 from wrong to right"),
+        "{lines}"
+    );
+    let page = std::fs::read_to_string(folder.path().join("report.html")).unwrap();
+    assert!(page.contains("Population benchmark") && folder.path().join("report.md").is_file());
+    let found: Value = serde_json::from_slice(&report(folder.path(), &["new.jsonl", "--json"]).stdout).unwrap();
+    assert_eq!((&found["summary"]["right"]["count"], &found["markdown"]), (&1.into(), &"report.md".into()));
+    for (args, words) in [
+        (&["new.jsonl", "--before", "batch.jsonl"][..], "batch.jsonl: is no table of artgs bench population"),
+        (&["new.jsonl", "--cpu-price", "1"], "--cpu-price is for tables of artgs batch"),
+    ] {
+        let refused = report(folder.path(), args);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(text(&refused.stderr).contains(words), "{}", text(&refused.stderr));
+    }
+}

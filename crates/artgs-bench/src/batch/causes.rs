@@ -41,7 +41,7 @@ pub struct Cause {
 }
 
 /// Groups of failures, the largest first.
-pub(super) fn causes(rows: &[Row]) -> Vec<Cause> {
+pub(crate) fn causes(rows: &[Row]) -> Vec<Cause> {
     let mut groups: BTreeMap<String, Vec<&Row>> = BTreeMap::new();
     for row in rows.iter().filter(|row| !row.done) {
         groups.entry(cause(&row.reason, &row.id)).or_default().push(row);

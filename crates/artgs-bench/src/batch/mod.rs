@@ -8,6 +8,7 @@ mod row;
 mod summary;
 mod tables;
 
+pub(crate) use causes::causes;
 pub use causes::{Cause, Retry};
 pub use changes::Changes;
 pub use page::{Origin, page};

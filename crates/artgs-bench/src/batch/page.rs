@@ -2,10 +2,11 @@
 
 use super::row::Row;
 use super::summary::{FIELDS, Summary, of_done};
-use super::tables::{self, MOST};
+use super::tables;
 use crate::histogram::{Histogram, short};
 use crate::html::{Page, Picture};
 use crate::picture::preview_url;
+use crate::table::MOST;
 use artgs_io::RunFolder;
 use std::path::{Path, PathBuf};
 

@@ -5,28 +5,8 @@ use super::changes::{Change, Changes};
 use super::row::Row;
 use super::summary::{FIELDS, Spread, Summary};
 use crate::histogram::short;
-use crate::table::{NOTHING, Origin, Table};
+use crate::table::{NOTHING, Table, fill, table};
 use std::collections::BTreeMap;
-
-/// Rows of a table at most; how many more there are is stated.
-pub(super) const MOST: usize = 50;
-
-fn table(title: &str, note: &str, head: &[&str]) -> Table {
-    let mut table = Table::new(title, head.iter().map(ToString::to_string).collect());
-    table.notes = Some(note).filter(|note| !note.is_empty()).map(String::from).into_iter().collect();
-    table
-}
-
-/// Appends as many rows as a table may have, and states how many there are.
-fn fill<T>(mut table: Table, items: &[T], cells: impl Fn(&T) -> Vec<String>) -> Table {
-    for item in items.iter().take(MOST) {
-        table.push(Origin::Ours, cells(item));
-    }
-    if items.len() > MOST {
-        table.notes.push(format!("{MOST} of {}.", items.len()));
-    }
-    table
-}
 
 /// Done, failed, time, cost.
 pub(super) fn totals(rows: &[Row], summary: &Summary) -> Table {

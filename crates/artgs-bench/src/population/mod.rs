@@ -5,6 +5,7 @@ mod object;
 mod overlap;
 mod preview;
 mod read;
+pub mod report;
 mod row;
 mod run;
 mod score;

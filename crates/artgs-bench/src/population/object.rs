@@ -113,8 +113,8 @@ fn fail(row: &mut Row, reason: String) {
 fn make(seed: u64, options: &Options, files: &Files) -> Vec<OsString> {
     let mut args: Vec<OsString> = vec!["synth".into(), "--random".into(), seed.to_string().into()];
     args.extend(["-o".into(), files.capture.clone().into()]);
-    if options.sensor != Options::EXACT {
-        args.extend(["--scene".into(), "room".into(), "--sensor".into(), options.sensor.clone().into()]);
+    if options.sensor != Options::ANY {
+        args.extend(["--sensor".into(), options.sensor.clone().into()]);
     }
     if let Some(size) = options.size {
         args.extend(["--size".into(), size.to_string().into()]);
@@ -186,6 +186,9 @@ fn describe(row: &mut Row, capture: &Path) -> Result<(), String> {
     row.undecidable = description.reasons();
     row.decidable = row.undecidable.is_empty();
     row.category = description.category;
+    if !description.sensor.is_empty() {
+        row.sensor = description.sensor;
+    }
     row.features = description.features;
     let joints = read_true_joints(&capture.join("gt")).map_err(|e| e.to_string())?;
     row.parts_true = joints.len() as u32;

@@ -24,7 +24,7 @@ pub struct Options {
     pub out: PathBuf,
     /// Seeds of the objects, below [`RESERVED`].
     pub seeds: Range<u64>,
-    /// [`Options::EXACT`], or the device that records the object in a room.
+    /// How objects are recorded, as `artgs synth --random --sensor` reads it; [`Options::ANY`]: as their seeds draw it.
     pub sensor: String,
     /// Width of the photos, pixels; as `artgs synth` chooses it if absent.
     pub size: Option<u32>,
@@ -47,8 +47,8 @@ pub struct Options {
 }
 
 impl Options {
-    /// A capture with masks and exact depth.
-    pub const EXACT: &'static str = "exact";
+    /// Half of the objects exact, half in rooms.
+    pub const ANY: &'static str = "any";
 }
 
 /// Progress of a population.

@@ -38,7 +38,7 @@ impl Fake {
         Options {
             out: self.root.path().join("out"),
             seeds,
-            sensor: Options::EXACT.into(),
+            sensor: Options::ANY.into(),
             size: None,
             stop_after_discover: true,
             timeout: None,
@@ -150,7 +150,7 @@ fn other_settings_are_refused_or_replaced() {
     let finished = fake.run(&Options { force: true, ..lidar.clone() }).unwrap();
     assert_eq!(finished.rows.iter().map(|row| row.seed).collect::<Vec<_>>(), [1], "rows of one kind remain");
     let calls = fake.calls();
-    assert!(calls[0].ends_with("--scene room --sensor lidar") && calls[1].ends_with("--json"), "{calls:?}");
+    assert!(calls[0].ends_with("--sensor lidar") && calls[1].ends_with("--json"), "{calls:?}");
 
     std::fs::write(&fake.program, "#!/bin/sh\nexit 0\n").unwrap();
     let error = fake.run(&lidar).unwrap_err().to_string();
