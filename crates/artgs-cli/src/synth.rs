@@ -33,9 +33,7 @@ impl Job {
             Self::Recording(options, format) => {
                 write_recorded_object(name, options, *format, folder).map(|made| (made.parts, json!(made)))
             }
-            Self::Random(seed, options) => {
-                write_random(*seed, options, folder).map(|made| (made.parts, json!(made)))
-            }
+            Self::Random(seed, options) => write_random(*seed, options, folder).map(|made| (made.parts, json!(made))),
         }
     }
 

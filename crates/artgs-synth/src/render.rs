@@ -144,7 +144,8 @@ impl<'a> Renderer<'a> {
         let (mut depth, mut lost) = (vec![0.0; size * size], vec![false; size * size]);
         let (eye, axes) = camera_axes(&planned.camera);
         let k = &planned.camera.intrinsics;
-        let seen = SAMPLES.map(|offset| visible(&self.surfaces[planned.state], &planned.camera.world_to_camera, k, offset));
+        let seen =
+            SAMPLES.map(|offset| visible(&self.surfaces[planned.state], &planned.camera.world_to_camera, k, offset));
         for pixel in 0..size * size {
             if seen.iter().all(|sample| sample[pixel].is_none()) {
                 continue;

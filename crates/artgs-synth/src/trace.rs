@@ -5,9 +5,9 @@ use artgs_core::State;
 use glam::{DVec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
+use obvhs::ray::Ray;
 #[cfg(test)]
 use obvhs::ray::RayHit;
-use obvhs::ray::Ray;
 use obvhs::triangle::Triangle;
 use std::time::Duration;
 

@@ -119,13 +119,16 @@ pub(crate) fn write_views(
 ) -> Result<Vec<Vec<usize>>, SynthError> {
     let renderer = Renderer::with_names(object, options, pair);
     let views: Vec<&PlannedView> = renderer.planned_views.iter().filter(|view| states.contains(&view.state)).collect();
-    let counts = views.par_iter().map(|planned| write_rendered(folder, &renderer, planned, &pair.name(planned.state), object.parts.len()));
+    let counts = views
+        .par_iter()
+        .map(|planned| write_rendered(folder, &renderer, planned, &pair.name(planned.state), object.parts.len()));
     let counts: Vec<Vec<usize>> = counts.collect::<Result<_, _>>()?;
     let mut seen = Vec::new();
     for &state in states {
         for (split, split_name) in SPLIT_NAMES.into_iter().enumerate() {
             let of_split = |planned: &&&PlannedView| (planned.state, planned.split) == (state, split);
-            let frames: Vec<(&str, &Camera)> = views.iter().filter(of_split).map(|s| (s.name.as_str(), &s.stated)).collect();
+            let frames: Vec<(&str, &Camera)> =
+                views.iter().filter(of_split).map(|s| (s.name.as_str(), &s.stated)).collect();
             if !frames.is_empty() {
                 let value = match options.layout {
                     Layout::ArtGs => transforms(&frames, pair.number(state), !options.degradation.no_depth),
@@ -137,7 +140,9 @@ pub(crate) fn write_views(
         let meshes: Vec<Mesh> = (0..object.parts.len()).map(|part| object.mesh(part, state)).collect();
         write_meshes(folder, &meshes, &pair.name(state))?;
         let of_state = views.iter().zip(&counts).filter(|(view, _)| (view.state, view.split) == (state, 0));
-        seen.push(of_state.fold(vec![0; object.parts.len()], |sum, (_, n)| sum.iter().zip(n).map(|(a, b)| a + b).collect()));
+        seen.push(
+            of_state.fold(vec![0; object.parts.len()], |sum, (_, n)| sum.iter().zip(n).map(|(a, b)| a + b).collect()),
+        );
     }
     Ok(seen)
 }

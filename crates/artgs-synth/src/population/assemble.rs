@@ -108,7 +108,9 @@ fn part(body: &Body, values: &[f64]) -> Part {
 /// Features of the values.
 fn tell_values(bodies: &[Body], values: &[Vec<f64>], features: &mut BTreeSet<&'static str>) {
     let natural: Vec<(f64, [f64; 2])> = (1..bodies.len())
-        .filter_map(|b| Some((bodies[b].mechanism.as_ref().filter(|m| m.rests_closed)?.range[0], [values[b][0], values[b][1]])))
+        .filter_map(|b| {
+            Some((bodies[b].mechanism.as_ref().filter(|m| m.rests_closed)?.range[0], [values[b][0], values[b][1]]))
+        })
         .collect();
     let opens = natural.iter().any(|(_, [a, b])| b > a);
     let closes = natural.iter().any(|(_, [a, b])| b < a);
@@ -122,7 +124,10 @@ fn tell_values(bodies: &[Body], values: &[Vec<f64>], features: &mut BTreeSet<&'s
         features.insert("closed-in-one");
     }
     let equal = |a: usize, b: usize| {
-        bodies[a].parent == bodies[b].parent && bodies[a].group.is_some() && bodies[a].group == bodies[b].group && values[a] == values[b]
+        bodies[a].parent == bodies[b].parent
+            && bodies[a].group.is_some()
+            && bodies[a].group == bodies[b].group
+            && values[a] == values[b]
     };
     if (1..bodies.len()).any(|a| (a + 1..bodies.len()).any(|b| equal(a, b))) {
         features.insert("equal-motion");

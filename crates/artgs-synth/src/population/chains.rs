@@ -46,14 +46,7 @@ pub(super) fn desk_lamp(studio: &mut Studio) -> Model {
     head.add(metal, pin([a, b + 0.004], -upper, elbow, 0.012));
     head.add(metal, cuboid([x - bar, -upper - 0.05, elbow - bar], [x + bar, -upper - 0.01, elbow + bar]));
     let (wide, tall) = (studio.dice.within([0.055, 0.085]), studio.dice.within([0.07, 0.12]));
-    let shade = [
-        (0.0, 0.0),
-        (0.025, 0.0),
-        (wide, -tall),
-        (wide - 0.003, -tall),
-        (0.022, -0.004),
-        (0.0, -0.004),
-    ];
+    let shade = [(0.0, 0.0), (0.025, 0.0), (wide, -tall), (wide - 0.003, -tall), (0.022, -0.004), (0.0, -0.004)];
     let shade: Vec<DVec2> = shade.iter().rev().copied().map(DVec2::from).collect();
     head.add(front, lathe(&shade, 32).shifted([x, -upper - 0.07, elbow]));
     if head_turns {

@@ -30,7 +30,9 @@ impl<'a> Clearance<'a> {
         let poses = poses(self.bodies, values);
         let n = self.bodies.len();
         let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| [i, j]));
-        pairs.into_iter().find(|[i, j]| self.meet(&poses, *i, *j) || self.holds(&poses, *i, *j) || self.holds(&poses, *j, *i))
+        pairs
+            .into_iter()
+            .find(|[i, j]| self.meet(&poses, *i, *j) || self.holds(&poses, *i, *j) || self.holds(&poses, *j, *i))
     }
 
     /// Two bodies that intersect on every way from one state to the next that was tried: all at once, and one after the other in
@@ -97,7 +99,8 @@ impl<'a> Clearance<'a> {
         let (box_a, box_b) = (self.meshes[i].compute_aabb(&a), self.meshes[j].compute_aabb(&b));
         let apart = box_a.maxs.cmplt(box_b.mins).any() || box_b.maxs.cmplt(box_a.mins).any();
         // The cost is that of the triangles of the first one near the second one.
-        let (a, i, b, j) = if self.meshes[i].num_triangles() < self.meshes[j].num_triangles() { (a, i, b, j) } else { (b, j, a, i) };
+        let (a, i, b, j) =
+            if self.meshes[i].num_triangles() < self.meshes[j].num_triangles() { (a, i, b, j) } else { (b, j, a, i) };
         !apart && intersection_test(&a, &self.meshes[i], &b, &self.meshes[j]).is_ok_and(|found| found.intersecting)
     }
 

@@ -203,7 +203,8 @@ impl Carcass<'_, '_> {
 
     /// Cuts a bay by boards, or without if their thickness is 0.
     fn cut(&mut self, bay: &Bay, shares: &[f64], columns: bool, board: f64) -> Vec<Bay> {
-        let (from, to) = if columns { (bay.opening.x[0], bay.opening.x[1]) } else { (bay.opening.z[0], bay.opening.z[1]) };
+        let (from, to) =
+            if columns { (bay.opening.x[0], bay.opening.x[1]) } else { (bay.opening.z[0], bay.opening.z[1]) };
         let clear = to - from - board * (shares.len() - 1) as f64;
         let (mut at, mut bays) = (from, Vec::new());
         for (index, share) in shares.iter().enumerate() {
@@ -343,7 +344,8 @@ impl Carcass<'_, '_> {
         });
         let slide = Mechanism::slide(DVec3::NEG_Y, [-travel, 0.0], 0.04_f64.min(0.5 * travel)).anywhere();
         let mut tray = Body::new(format!("tray_{}", self.model.movable()), drawer, slide);
-        let material = if self.studio.looks.is_equal() { self.studio.looks.inside() } else { self.studio.looks.thing() };
+        let material =
+            if self.studio.looks.is_equal() { self.studio.looks.inside() } else { self.studio.looks.thing() };
         let z0 = top - tall;
         tray.add(material, cuboid([x0, y0, z0], [x1, y0 + long, z0 + 0.006]));
         for (a, b) in [([x0, y0], [x1, y0 + 0.006]), ([x0, y0 + long - 0.006], [x1, y0 + long])] {

@@ -49,7 +49,7 @@ pub struct RandomObject {
 /// Makes an object of one category.
 type Maker = fn(&mut Studio) -> Model;
 
-/// Categories that are no furniture, with their weights; those of furniture have 0.64 together.
+/// Categories that are no furniture, with their weights; those of furniture have 0.67 together.
 const MAKERS: [(Maker, f64); 19] = [
     (appliances::fridge, 0.035),
     (appliances::oven, 0.035),
@@ -72,7 +72,7 @@ const MAKERS: [(Maker, f64); 19] = [
     (chains::office_chair, 0.015),
 ];
 /// Weight of a cabinet whose door carries a drawer.
-const DOOR_WITH_DRAWER: f64 = 0.015;
+const DOOR_WITH_DRAWER: f64 = 0.025;
 
 /// Draws the object of a seed with `states` states, at least 2. The same seed gives the same object; its category, materials and sizes
 /// do not depend on the number of states.

@@ -8,13 +8,12 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
 /// Views per state and their weights.
-const VIEWS: [(usize, f64); 7] =
-    [(16, 0.08), (24, 0.12), (32, 0.15), (48, 0.25), (64, 0.2), (90, 0.12), (120, 0.08)];
+const VIEWS: [(usize, f64); 7] = [(16, 0.08), (24, 0.12), (32, 0.15), (48, 0.25), (64, 0.2), (90, 0.12), (120, 0.08)];
 /// Recordings in rooms, as videos, have at least this many frames.
 const FRAMES: usize = 32;
 /// Probability that a capture is exact where the device is drawn.
 const EXACT: f64 = 0.5;
-/// Width and height of images of exact captures, pixels.
+/// Width of images, pixels. Those of exact captures are square, those of rooms 320 x 240, where LiDAR has its own 256 x 192 pixels.
 const SIZE: u32 = 320;
 
 /// What records an object.
@@ -36,7 +35,7 @@ pub enum Device {
 pub struct RandomOptions {
     /// What records the object.
     pub device: Device,
-    /// Width of the images, pixels; 320, in rooms that of the device.
+    /// Width of the images, pixels; 320 if absent.
     pub size: Option<u32>,
     /// Held-out views per state of exact captures.
     pub test_views: usize,
@@ -155,11 +154,9 @@ fn room(
     features: &mut BTreeSet<&'static str>,
 ) -> RandomCapture {
     let format = match sensor {
-        Sensor::Lidar => dice.weighted(&[
-            (RoomFormat::ScannerApp, 0.4),
-            (RoomFormat::Record3d, 0.3),
-            (RoomFormat::Polycam, 0.3),
-        ]),
+        Sensor::Lidar => {
+            dice.weighted(&[(RoomFormat::ScannerApp, 0.4), (RoomFormat::Record3d, 0.3), (RoomFormat::Polycam, 0.3)])
+        }
         _ => dice.weighted(&[(RoomFormat::Tum, 0.5), (RoomFormat::Nerfstudio, 0.3), (RoomFormat::Colmap, 0.2)]),
     };
     let drift = match dice.chance(0.75) {
@@ -174,7 +171,7 @@ fn room(
     }
     let options = RecordingCaptureOptions {
         views,
-        width: size.unwrap_or(sensor.default_width()),
+        width: size.unwrap_or(SIZE),
         sensor,
         drift,
         own_frames,

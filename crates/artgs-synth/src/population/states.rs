@@ -170,7 +170,9 @@ fn equalise(bodies: &[Body], values: &mut [Vec<f64>], dice: &mut Dice) {
             (Some(a), Some(b)) => a.axis.dot(b.axis) > 0.99,
             _ => false,
         };
-        if same_axis(&bodies[leader], &bodies[member]) && dice.chance(0.6) {
+        let within = |mechanism: &Mechanism| values[leader].iter().all(|v| *v <= mechanism.range[1]);
+        let can = bodies[member].mechanism.as_ref().is_some_and(within);
+        if can && same_axis(&bodies[leader], &bodies[member]) && dice.chance(0.6) {
             values[member] = values[leader].clone();
         }
     }

@@ -114,7 +114,10 @@ fn what_views_cannot_tell_is_marked() {
         of_geometry(&object, 0.01).into_iter().map(|u| (u.reason, u.parts)).collect::<Vec<_>>()
     };
     // Side by side with the same motion, farther apart, with another motion.
-    assert_eq!(reasons(vec![base(), drawer("a", 0.0, 0.2), drawer("b", 0.304, 0.2)]), [(Reason::EqualMotion, vec![1, 2])]);
+    assert_eq!(
+        reasons(vec![base(), drawer("a", 0.0, 0.2), drawer("b", 0.304, 0.2)]),
+        [(Reason::EqualMotion, vec![1, 2])]
+    );
     assert_eq!(reasons(vec![base(), drawer("a", 0.0, 0.2), drawer("b", 0.34, 0.2)]), []);
     assert_eq!(reasons(vec![base(), drawer("a", 0.0, 0.2), drawer("b", 0.304, 0.21)]), []);
     let knob = |material: Material, pointer: bool| {

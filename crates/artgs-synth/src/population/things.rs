@@ -80,7 +80,8 @@ fn add_lid(model: &mut Model, studio: &mut Studio, x: [f64; 2], [d, h]: [f64; 2]
     let out = studio.dice.within([0.0, 0.015]);
     lid.add(studio.looks.front(), cuboid([x[0], -out, z], [x[1], d, z + thick]));
     if studio.dice.chance(0.4) {
-        let grip = cuboid([(x[0] + x[1]) / 2.0 - 0.05, -out - 0.012, z], [(x[0] + x[1]) / 2.0 + 0.05, -out, z + 0.8 * thick]);
+        let grip =
+            cuboid([(x[0] + x[1]) / 2.0 - 0.05, -out - 0.012, z], [(x[0] + x[1]) / 2.0 + 0.05, -out, z + 0.8 * thick]);
         lid.add(studio.looks.handle(), grip);
     }
     model.push(lid)
@@ -131,7 +132,10 @@ pub(super) fn toolbox(studio: &mut Studio) -> Model {
     let mut bail = Body::new("handle", lid, hinge.anywhere());
     let (inner, z) = (half - 0.009, top + 0.008);
     for side in [-1.0, 1.0] {
-        bail.add(metal, cuboid([side * inner - 0.003, y - reach, z - 0.004], [side * inner + 0.003, y + 0.004, z + 0.004]));
+        bail.add(
+            metal,
+            cuboid([side * inner - 0.003, y - reach, z - 0.004], [side * inner + 0.003, y + 0.004, z + 0.004]),
+        );
     }
     bail.add(metal, cuboid([-inner + 0.003, y - reach, z - 0.005], [inner - 0.003, y - reach + 0.012, z + 0.005]));
     model.push(bail);
@@ -150,7 +154,8 @@ pub(super) fn scissors(studio: &mut Studio) -> Model {
             }
             points
         };
-        let edge = [(-0.05, -0.06), (0.03, -0.07), (0.045, 0.02), (0.035, 0.2), (0.006, 0.54), (-0.012, 0.54), (-0.03, 0.1)];
+        let edge =
+            [(-0.05, -0.06), (0.03, -0.07), (0.045, 0.02), (0.035, 0.2), (0.006, 0.54), (-0.012, 0.54), (-0.03, 0.1)];
         let shank = [(-0.045, -0.061), (0.075, -0.24), (0.12, -0.24), (0.03, -0.071)];
         into.add(blade, prism(&mirror(&edge), -y[1], -y[0]).facing_front());
         into.add(handle, prism(&mirror(&shank), -y[1], -y[0]).facing_front());
@@ -185,7 +190,16 @@ pub(super) fn stapler(studio: &mut Studio) -> Model {
     let mut model = Model::new("stapler", base);
     let hinge = Mechanism::hinge(DVec3::Y, [0.42 * s, 0.0, 0.15 * s], [0.0, 50.0], 10.0);
     let mut arm = Body::new("arm", 0, hinge);
-    let grip = [(-0.5, 0.115), (0.3, 0.12), (0.46, 0.12), (0.46, 0.17), (0.36, 0.21), (-0.05, 0.22), (-0.44, 0.185), (-0.5, 0.145)];
+    let grip = [
+        (-0.5, 0.115),
+        (0.3, 0.12),
+        (0.46, 0.12),
+        (0.46, 0.17),
+        (0.36, 0.21),
+        (-0.05, 0.22),
+        (-0.44, 0.185),
+        (-0.5, 0.145),
+    ];
     arm.add(studio.looks.front(), prism(&at(&grip), -0.064 * s, 0.064 * s).facing_front());
     arm.add(metal, cuboid([-0.49 * s, -0.045 * s, 0.06 * s], [0.26 * s, 0.045 * s, 0.118 * s]));
     model.push(arm);
@@ -241,7 +255,8 @@ pub(super) fn window(studio: &mut Studio) -> Model {
     let (x, z) = ([-w / 2.0, w / 2.0], [0.1, 0.1 + h]);
     let (wall, wood) = (studio.looks.thing(), studio.looks.body());
     let (outer, outer_z) = ([x[0] - 0.13, x[1] + 0.13], [0.0, z[1] + 0.13]);
-    let mut base = Body::fixed("frame").with(wall, frame(&rect(outer, outer_z), &rect(x, z), -0.14, -0.001).facing_front());
+    let mut base =
+        Body::fixed("frame").with(wall, frame(&rect(outer, outer_z), &rect(x, z), -0.14, -0.001).facing_front());
     base.add(wood, ring(x, z, bar, [0.01, 0.01 + thick]));
     let mut model = Model::new("window", base);
     let (open, open_z) = ([x[0] + bar, x[1] - bar], [z[0] + bar, z[1] - bar]);
@@ -255,7 +270,8 @@ pub(super) fn window(studio: &mut Studio) -> Model {
     };
     // Sashes lie before the frame, which they cover by a little.
     let lap = 0.015;
-    let (front, cover, cover_z) = ([-0.002 - thick, -0.002], [open[0] - lap, open[1] + lap], [open_z[0] - lap, open_z[1] + lap]);
+    let (front, cover, cover_z) =
+        ([-0.002 - thick, -0.002], [open[0] - lap, open[1] + lap], [open_z[0] - lap, open_z[1] + lap]);
     let upright = |side: f64, at: f64| Mechanism::hinge(DVec3::Z * side, [at, front[0], z[0]], [0.0, 100.0], 15.0);
     match layout {
         0 => sash("sash", upright(-1.0, cover[0]), cover, cover_z, front),
@@ -282,7 +298,8 @@ pub(super) fn dial_panel(studio: &mut Studio) -> Model {
     let (count, radius) = (dice.count(1, 4), dice.within([0.02, 0.045]));
     let (w, d, h) = ((count as f64 + 0.6) * 3.4 * radius, dice.within([0.1, 0.25]), dice.within([0.1, 0.18]));
     let body = studio.looks.body();
-    let mut model = Model::new("dial-panel", Body::fixed("box").with(body, cuboid([-w / 2.0, 0.0, 0.0], [w / 2.0, d, h])));
+    let mut model =
+        Model::new("dial-panel", Body::fixed("box").with(body, cuboid([-w / 2.0, 0.0, 0.0], [w / 2.0, d, h])));
     for k in 0..count {
         let x = -w / 2.0 + w * (k as f64 + 0.5) / count as f64;
         let pointer = studio.dice.chance(0.7);

@@ -70,7 +70,11 @@ pub fn write_random(seed: u64, options: &RandomOptions, folder: &Path) -> Result
 }
 
 /// Writes all states. Returns the number of depth pixels per state and part, and the object in the world of the truth.
-fn write_states(drawn: &RandomObject, capture: &RandomCapture, folder: &Path) -> Result<(Vec<Vec<usize>>, Object), SynthError> {
+fn write_states(
+    drawn: &RandomObject,
+    capture: &RandomCapture,
+    folder: &Path,
+) -> Result<(Vec<Vec<usize>>, Object), SynthError> {
     let (mut seen, mut placed) = (Vec::new(), drawn.object.clone());
     for first in (0..drawn.states()).step_by(2) {
         let last = (first + 1).min(drawn.states() - 1);

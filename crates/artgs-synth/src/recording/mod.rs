@@ -16,8 +16,8 @@ mod write;
 pub use drift::Drift;
 pub use room::{BYSTANDER_LABEL, CLUTTER_LABEL};
 pub use sensor::Sensor;
-pub use write::{RecordingInfo, recording_info, write_recorded_object, write_truth};
 pub(crate) use write::write_recorded_states;
+pub use write::{RecordingInfo, recording_info, write_recorded_object, write_truth};
 
 use crate::catalog::object_in_metres;
 use crate::{Object, SynthError};

@@ -104,7 +104,8 @@ impl<'a> Renderer<'a> {
         // A lamp above the object, so that walls do not shade it. There is no ceiling for the light.
         let sun = all.placement.turn(DVec3::new(0.3, -0.38, 0.87).normalize());
         let spacing = LIGHT_SPACING * (LIGHT_WIDTH / f64::from(options.width)).max(1.0);
-        let lights = PerState::from_fn(|state| LightMap::new(&surfaces[state], sun, LightQuality { spacing, ..all.light }));
+        let lights =
+            PerState::from_fn(|state| LightMap::new(&surfaces[state], sun, LightQuality { spacing, ..all.light }));
         let object_from_room =
             PerState::from_fn(|state| (0..all.parts.len()).map(|p| all.pose(p, state).inverse()).collect());
         Self { room, sensor: options.sensor, seed: options.seed, object_from_room, surfaces, lights }
