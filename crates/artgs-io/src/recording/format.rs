@@ -89,8 +89,14 @@ impl RecordingFormat {
         }
     }
 
-    /// The format of a recording of one state, also a damaged one; none for a capture and anything else.
+    /// The format of a recording of one state, also a damaged one; none for a capture, a folder of the recordings of both states, and
+    /// anything else.
     pub fn of(path: &Path) -> Option<Self> {
+        if Self::of_two_states(path).is_some() { None } else { Self::of_one(path) }
+    }
+
+    /// The same where the recording may be a folder with the recordings of both states: some formats are looked for one level down.
+    fn of_one(path: &Path) -> Option<Self> {
         if is_capture(path) { None } else { Self::detect(path).or_else(|| Self::by_name(path)) }
     }
 
@@ -98,7 +104,7 @@ impl RecordingFormat {
     /// one of them is not a recording, or if the folder is a capture.
     pub fn of_two_states(folder: &Path) -> Option<PerState<PathBuf>> {
         let paths = PerState::from_fn(|state| folder.join(state.name()));
-        (!is_capture(folder) && paths.iter().all(|path| Self::of(path).is_some())).then_some(paths)
+        (!is_capture(folder) && paths.iter().all(|path| Self::of_one(path).is_some())).then_some(paths)
     }
 
     fn matches(self, path: &Path) -> bool {

@@ -92,7 +92,7 @@ fn moves_equally(object: &Object, a: usize, b: usize) -> bool {
 /// colours do not show the turn.
 fn is_revolution(object: &Object, part: usize, pixel: f64) -> bool {
     let Some(joint) = object.parts[part].joint.filter(|j| j.kind != JointKind::Prismatic) else { return false };
-    let plain = object.parts[part].pieces.iter().all(|p| matches!(p.material, Material::Plain { .. }));
+    let plain = object.parts[part].pieces.iter().all(|p| is_even(&p.material, 2.0 * pixel / object.scale));
     // What it carries shows the turn.
     let carries = object.parts.iter().any(|other| other.parent == Some(part));
     if !plain || carries {
@@ -103,6 +103,17 @@ fn is_revolution(object: &Object, part: usize, pixel: f64) -> bool {
     let points: Vec<DVec3> = object.parts[part].points().collect();
     let farthest = |p: &DVec3| distance_to(turn.apply(*p), &points);
     points.iter().all(|p| farthest(p) < 0.5 * pixel)
+}
+
+/// True if a material has no pattern, or one finer than `finest` (the unit of materials), which photos do not resolve.
+fn is_even(material: &Material, finest: f64) -> bool {
+    match material {
+        Material::Plain { .. } => true,
+        Material::Wood { period, .. } | Material::Brushed { period, .. } => *period < finest,
+        Material::Checks { cell: size, .. } | Material::Speckle { size, .. } | Material::Stripes { width: size, .. } => {
+            *size < finest
+        }
+    }
 }
 
 /// Distance of a point from the nearest of some triangles.

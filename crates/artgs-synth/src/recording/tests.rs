@@ -252,6 +252,20 @@ fn written_recordings_are_read_back_with_their_truth() {
 }
 
 #[test]
+fn a_folder_with_the_recordings_of_both_states_is_not_one_recording() {
+    use RecordingFormat::{Colmap, Nerfstudio, Polycam, Record3d, ScannerApp, Tum};
+    let dir = tempfile::tempdir().unwrap();
+    let options = RecordingCaptureOptions { views: 2, ..small() };
+    for format in [ScannerApp, Tum, Record3d, Polycam, Nerfstudio, Colmap] {
+        let folder = dir.path().join(format.name());
+        write_recorded_object("blade", &options, format, &folder).unwrap();
+        assert_eq!(RecordingFormat::of(&folder), None, "{}", format.name());
+        assert!(RecordingFormat::of_two_states(&folder).is_some(), "{}", format.name());
+        assert_eq!(RecordingFormat::of(&folder.join("start")), Some(format));
+    }
+}
+
+#[test]
 fn complete_recordings_are_kept_and_others_replaced() {
     let dir = tempfile::tempdir().unwrap();
     let options = RecordingCaptureOptions { views: 3, ..small() };
