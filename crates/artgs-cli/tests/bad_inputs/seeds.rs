@@ -106,7 +106,7 @@ fn two_objects(folder: &Path) {
 }
 
 fn small_capture() -> CaptureOptions {
-    CaptureOptions { views: 16, test_views: 0, size: 96, ..CaptureOptions::default() }
+    CaptureOptions { views: 16, test_views: 0, size: 120, ..CaptureOptions::default() }
 }
 
 /// A run, in `out`, that has found parts in `capture`.

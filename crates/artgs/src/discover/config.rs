@@ -38,7 +38,8 @@ pub struct DiscoverConfig {
     /// Largest share of the surfaces that may contradict the found parts, 0 to 1: with more, the states show different objects. It is
     /// the share of all points that moved for certain without a motion that explains them, or, if that is larger and depth noise does
     /// not spread points, the share of the points of a state that the motions take to empty space of the other state, of those that they
-    /// take to where it shows something.
+    /// take to where it shows something. Of ten right captures 0.1 to 1.1 %, of four pairs of states of one object that was rendered in two
+    /// ways at most 1.3 %, of 38 pairs of different objects 16 % and more.
     /// Where depth noise spreads points, of 36 right captures at most 3.3 %; of three pairs of different objects in rooms that were
     /// aligned, 11 to 29 %.
     pub most_unexplained: f64,

@@ -75,7 +75,7 @@ mod tests {
 
     #[test]
     fn places_in_empty_space_contradict_and_hidden_places_do_not() {
-        for scene in [cabinet_scene(16, 96), laptop_scene(16, 96)] {
+        for scene in [cabinet_scene(16, 96), laptop_scene(16, 120)] {
             let found = discover(&scene, 1..=4, &DiscoverConfig::default()).unwrap();
             let share = contradicted(&found, &scene);
             assert!(share < 0.02, "{share}");
@@ -87,7 +87,7 @@ mod tests {
 
     #[test]
     fn an_object_of_which_nothing_rests_is_refused() {
-        let scene = laptop_scene(16, 96);
+        let scene = laptop_scene(16, 120);
         let found = discover(&scene, 1..=4, &DiscoverConfig::default()).unwrap();
         let evidence = Evidence::new(&scene, &StepSettings::default()).unwrap();
         let moved = Discovery { labels: found.labels.as_ref().map(|l| vec![1; l.len()]), ..found };

@@ -515,7 +515,7 @@ mod tests {
 
     #[test]
     fn a_laptop_that_is_closed_in_one_state_is_explained() {
-        let found = discover(&laptop_scene(24, 96), 0..=4, &DiscoverConfig::default()).unwrap();
+        let found = discover(&laptop_scene(16, 120), 0..=4, &DiscoverConfig::default()).unwrap();
         assert_eq!(found.parts.len(), 1, "{:?}", found.parts);
         let degrees = found.parts[0].motion.angle().to_degrees();
         assert!((degrees - 91.0).abs() < 2.0, "{degrees}");
