@@ -19,7 +19,7 @@ pub(crate) fn require(capture: &mut Capture, forced: bool) -> Result<(), Failure
 /// Why the views of a state are refused, if they contradict each other.
 pub(crate) fn refusal(capture: &Capture) -> Option<String> {
     let found = check_capture(capture);
-    let alone = Consistency { across: None, end_scale: None, copied: 0.0, ..found };
+    let alone = Consistency { across: None, across_shown: None, end_scale: None, copied: 0.0, ..found };
     let refused =
         alone.findings().into_iter().filter_map(|f| if let Finding::Refused(text) = f { Some(text) } else { None });
     refused.reduce(|all, text| all + "\n" + &text)

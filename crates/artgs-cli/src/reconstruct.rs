@@ -97,7 +97,7 @@ pub(crate) fn call(
 fn ready(args: &Reconstruct, given: Option<Capture>, style: Style, also: &mut dyn Observer) -> Result<Ready, Failure> {
     let mut config = configure(&args.method, None)?;
     if args.force_input {
-        config.discover.most_unexplained = 1.0;
+        config.discover = config.discover.without_refusals();
     }
     let run = RunFolder::new(&args.out);
     folder::check(&run, args.earlier)?;

@@ -132,6 +132,17 @@ impl Object {
         Self { name, parts, placement, scale, seed, light: LightQuality::FINE }
     }
 
+    /// The same object with other values of the joint of a movable part in the two states, radians or scene units. The static
+    /// part has none, and does not change.
+    pub fn with_values(mut self, part: usize, values: PerState<f64>) -> Self {
+        let [start, end] = [values[State::START], values[State::END]];
+        if let Some(joint) = &mut self.parts[part].joint {
+            joint.state_values = values;
+            joint.limits = [start.min(end), start.max(end)];
+        }
+        self
+    }
+
     /// Motion of a part from its closed position to a state, object frame; parents included.
     fn opened(&self, part: usize, state: State) -> Rigid {
         self.opened_with(part, &|joint, _| joint.state_values[state])

@@ -1,6 +1,6 @@
 //! Captures whose files are whole, and whose views or states contradict each other: the mistake is named.
 
-use crate::case::{bad, check};
+use crate::case::{bad, check, odd};
 use crate::folder::Folder;
 use serde_json::{Value, json};
 
@@ -143,5 +143,23 @@ fn outputs() {
         )
         .exits(1),
         bad("with an empty name", "tiny", "reconstruct IN -o=", &["--out"], nothing),
+    ]);
+}
+
+#[test]
+fn states_that_hardly_agree_are_refused_only_if_no_motion_explains_them() {
+    const FIND: &str = "reconstruct IN -o OUT --stop-after discover --device cpu";
+    const HIDES: &str = "hides most of what rests";
+    check(&[
+        odd("a closed lid", "closed-laptop", FIND, &[HIDES, "part 1: revolute"], |_| {}),
+        odd("a closed lid is inspected", "closed-laptop", "inspect IN", &[HIDES], |_| {}),
+        bad("states of two objects", "two-objects", FIND, &["different objects", "no motion explains them"], |_| {}),
+        bad("one state is turned as a whole", "fridge", FIND, &["different frames"], |f| {
+            f.json("transforms_train_end.json", |root| {
+                let turn = glam::DMat4::from_rotation_z(1.5);
+                poses(root, |m| turn * m);
+            });
+        }),
+        odd("states of two objects are inspected", "two-objects", "inspect IN", &["show one object"], |_| {}),
     ]);
 }

@@ -1,8 +1,10 @@
 //! Good inputs that the cases copy: captures and recordings of a few small frames, a replica with its exports, and a run that
 //! stopped after it found parts. Made once per run of the tests.
 
-use artgs_core::{Joint, JointKind, Mesh, Replica, Rigid, State};
+use artgs_core::{Joint, JointKind, Mesh, PerState, Replica, Rigid, State};
+use artgs_io::capture::write_capture;
 use artgs_io::{write_mesh_ply, write_replica};
+use artgs_synth::{CaptureOptions, object, render_capture};
 use glam::DVec3;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -64,6 +66,8 @@ fn make(seed: &str, folder: &Path) {
             synth(&["blade", "-o", shown, "--views", "4", "--test-views", "1", "--size", "48", "--layout", "paris"])
         }
         "fridge" => synth(&["fridge", "-o", shown, "--views", "12", "--test-views", "0", "--size", "96"]),
+        "closed-laptop" => closed_laptop(folder),
+        "two-objects" => two_objects(folder),
         "nerfstudio" | "tum" | "scanner-app" | "record3d" | "polycam" | "colmap" => room(seed),
         "containers" => link(&corpus(), folder),
         "replica" => replica(folder),
@@ -84,6 +88,25 @@ fn artgs(args: &[&str]) {
 /// Recordings in one file, which the tests of their readers use, too.
 fn corpus() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../artgs-io/tests/corpus/containers")
+}
+
+/// A laptop that is closed at the start and open at the end: closed, the lid hides most of what rests.
+fn closed_laptop(folder: &Path) {
+    let values = PerState::new(4_f64.to_radians(), 95_f64.to_radians());
+    let laptop = object("laptop", 0).unwrap().with_values(1, values);
+    write_capture(folder, &render_capture(&laptop, &small_capture()).unwrap()).unwrap();
+}
+
+/// A shelf at the start, a washing machine at the end.
+fn two_objects(folder: &Path) {
+    let [mut capture, other] =
+        ["storage", "washer"].map(|name| render_capture(&object(name, 0).unwrap(), &small_capture()).unwrap());
+    capture.states[State::END] = other.states[State::END].clone();
+    write_capture(folder, &capture).unwrap();
+}
+
+fn small_capture() -> CaptureOptions {
+    CaptureOptions { views: 16, test_views: 0, size: 120, ..CaptureOptions::default() }
 }
 
 /// A run, in `out`, that has found parts in `capture`.

@@ -1,9 +1,9 @@
 //! Parts of which the joint is doubtful are removed, or get another motion, while the others then explain more for certain.
 
+use super::Discovery;
 use super::bodies::{Body, BodySettings};
 use super::candidates::Candidate;
 use super::refinement::{Parts, Refinement};
-use super::{DiscoverConfig, DiscoverError, Discovery, Evidence};
 use artgs_core::Rigid;
 use std::ops::{Range, RangeInclusive};
 
@@ -33,28 +33,6 @@ pub(super) fn settled<'b>(
     }
     let others = bodies().filter(|others| is_better(others, quality, work, movable));
     others.cloned().unwrap_or(found)
-}
-
-/// What was found, with a warning if many points that moved fit no motion although the joints are sure of most of them; refused if they
-/// are not.
-pub(super) fn explaining_enough(
-    mut found: Discovery,
-    evidence: &Evidence,
-    config: &DiscoverConfig,
-) -> Result<Discovery, DiscoverError> {
-    let points: usize = evidence.occupancy.iter().map(Vec::len).sum();
-    let unexplained = (evidence.total() as f64 - found.explained()) / points.max(1) as f64;
-    if unexplained > config.most_unexplained {
-        if found.quality(evidence.total()) < config.sure_quality {
-            return Err(DiscoverError::Unexplained(unexplained));
-        }
-        found.warnings.push(format!(
-            "{:.0} % of all surfaces differ between the two states and no motion explains them, although joints were found: look at the \
-             parts, and check that both states show the same object",
-            100.0 * unexplained
-        ));
-    }
-    Ok(found)
 }
 
 /// What was found, or, if that explains too little for certain of `moved` points, the parts of one of these `numbers` of motions, if they

@@ -28,6 +28,7 @@ mod candidates;
 pub(crate) mod cloud;
 mod confidence;
 mod config;
+mod contradictions;
 mod correct;
 mod cube_votes;
 mod denoise;
@@ -84,8 +85,9 @@ pub use cloud::Cloud;
 use cloud::{IndexedCloud, components};
 pub use config::DiscoverConfig;
 use config::StepSettings;
+use contradictions::explaining_enough;
 pub use correct::{CorrectError, correct};
-use doubts::{certain_bodies, explaining_enough, or_fewer, settled, sure_bodies};
+use doubts::{certain_bodies, or_fewer, settled, sure_bodies};
 use exchanges::{exchanged, without_errors, without_surplus};
 use front::Front;
 use glam::{DVec3, Vec3};
@@ -179,6 +181,12 @@ pub enum DiscoverError {
          misaligned; check that both show the same object in the same place", 100.0 * .0
     )]
     Unexplained(f64),
+    /// The found motions move the whole object.
+    #[error(
+        "only {:.0} % of all surfaces rest between the two states: their poses are in different frames, or the object was moved as a whole; \
+         recordings in frames of their own are aligned if they are given one by one: artgs reconstruct CLOSED OPEN -o OUT", 100.0 * .0
+    )]
+    NothingRests(f64),
 }
 
 /// Finds the movable parts, as many as `movable` allows, and labels every surface point. If it allows none, and what was
@@ -254,7 +262,7 @@ fn best_parts(
     };
     let refined = work.refined(&motions(chosen));
     if let Some(sure) = sure_bodies(&refined, &work, &movable, &result, &bodies) {
-        return Ok(sure);
+        return explaining_enough(sure, &evidence, scene, config);
     }
     let mut found = work.completed(refined, &movable);
     if let Some(other) = other {
@@ -298,7 +306,7 @@ fn best_parts(
     } else {
         found
     };
-    let found = explaining_enough(found, &evidence, config)?;
+    let found = explaining_enough(found, &evidence, scene, config)?;
     Ok(if scene.spreading { with_doubts_of_oblique(with_doubts_of_narrow(found)) } else { found })
 }
 
@@ -485,7 +493,7 @@ pub fn without_parts(scene: &Scene) -> Discovery {
 
 #[cfg(test)]
 mod tests {
-    use super::test_scene::scene_of_two;
+    use super::test_scene::{laptop_scene, scene_of_two};
     use super::*;
 
     #[test]
@@ -494,7 +502,7 @@ mod tests {
         let found = discover(&scene, 0..=4, &DiscoverConfig::default());
         let Err(DiscoverError::Unexplained(share)) = found else { panic!("{:?}", found.map(|f| f.parts)) };
         assert!(share > 0.15, "{share}");
-        let any = DiscoverConfig { most_unexplained: 1.0, ..DiscoverConfig::default() };
+        let any = DiscoverConfig::default().without_refusals();
         assert!(discover(&scene, 0..=4, &any).is_ok());
         let doubtful = DiscoverConfig { sure_quality: 0.0, ..DiscoverConfig::default() };
         let found = discover(&scene, 0..=4, &doubtful).unwrap();
@@ -503,5 +511,13 @@ mod tests {
         let scene = scene_of_two(["storage"; 2], 24, 96);
         let sure = DiscoverConfig { most_unexplained: 0.02, ..DiscoverConfig::default() };
         assert!(discover(&scene, 0..=4, &sure).is_ok_and(|found| found.parts.len() == 1));
+    }
+
+    #[test]
+    fn a_laptop_that_is_closed_in_one_state_is_explained() {
+        let found = discover(&laptop_scene(16, 120), 0..=4, &DiscoverConfig::default()).unwrap();
+        assert_eq!(found.parts.len(), 1, "{:?}", found.parts);
+        let degrees = found.parts[0].motion.angle().to_degrees();
+        assert!((degrees - 91.0).abs() < 2.0, "{degrees}");
     }
 }

@@ -19,6 +19,13 @@ pub(super) fn object_scene(name: &str, views: usize, size: u32) -> Scene {
     scene_of(&render_capture(&object(name, 0).unwrap(), &options).unwrap())
 }
 
+/// A laptop that is closed at the start and open at the end: closed, the lid hides most of what rests.
+pub(super) fn laptop_scene(views: usize, size: u32) -> Scene {
+    let options = CaptureOptions { views, size, ..CaptureOptions::default() };
+    let object = object("laptop", 0).unwrap().with_values(1, PerState::new(4f64.to_radians(), 95f64.to_radians()));
+    scene_of(&render_capture(&object, &options).unwrap())
+}
+
 /// One object in the start state, another one in the end state.
 pub(super) fn scene_of_two(names: [&str; 2], views: usize, size: u32) -> Scene {
     let options = CaptureOptions { views, size, ..CaptureOptions::default() };

@@ -4,6 +4,7 @@ use super::preview::Preview;
 use super::stages::Run;
 use super::{Error, FittedParts, Reconstructed, ViewMeans};
 use crate::articulation::{Trained, score_state};
+use crate::config::Method;
 use crate::discover::Discovery;
 use crate::fit::score::mean_score;
 use crate::observer::{Event, percent};
@@ -77,15 +78,23 @@ impl Run<'_> {
             self.warn(format!("part {part} has no surface: no view shows enough of it"));
         }
         for (k, found) in fitted.parts.iter().enumerate() {
-            if let Some(share) = found.confidence.filter(|&c| c < DOUBTFUL) {
-                self.warn(format!(
-                    "part {}: its joint takes only {:.0} % of its points onto a surface of the other state; look at it in artgs view",
-                    k + 1,
-                    100.0 * share
-                ));
+            if let Some(confidence) = found.confidence.filter(|&c| c < DOUBTFUL) {
+                self.warn(low_confidence(k + 1, confidence, self.config.method));
             }
         }
     }
+}
+
+/// A warning of a joint that is probably wrong. The confidence of the baseline is another measure.
+fn low_confidence(part: usize, confidence: f64, method: Method) -> String {
+    let percent = 100.0 * confidence;
+    let what = match method {
+        Method::Registration => {
+            format!("its joint takes only {percent:.0} % of its visible points onto a surface of the other state")
+        }
+        _ => format!("the probability that its joint is correct is only {percent:.0} %"),
+    };
+    format!("part {part}: {what}; check it in artgs view, and correct its joint there if it is wrong")
 }
 
 /// The joints' origins are near the parts at the start state. Joints are those to the part that carries each.
@@ -134,4 +143,17 @@ fn peak_memory_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
     Some(line.trim().trim_end_matches("kB").trim().parse::<f64>().ok()? / 1024.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_low_confidence_is_stated_as_the_probability_that_the_joint_is_correct() {
+        let text = low_confidence(2, 0.342, Method::Discover);
+        assert!(text.contains("part 2: the probability that its joint is correct is only 34 %"), "{text}");
+        let text = low_confidence(2, 0.342, Method::Registration);
+        assert!(text.contains("part 2: its joint takes only 34 % of its visible points"), "{text}");
+    }
 }
