@@ -68,7 +68,7 @@ fn seeds(args: &Bench) -> Result<u64, Failure> {
     match &args.seeds {
         None => Ok(1),
         Some(Seeds::Count(count)) => Ok(*count),
-        Some(Seeds::Range(_)) => {
+        Some(Seeds::Of(_)) => {
             Err(Failure::bad("--seeds A..B is for `artgs bench population`; here --seeds is a number of runs"))
         }
     }

@@ -70,13 +70,13 @@ fn options(args: &Bench) -> Result<Options, Failure> {
         return Err(Failure::bad(format!("{option} cannot be used with a population; leave it out")));
     }
     let seeds = match &args.seeds {
-        Some(Seeds::Range(seeds)) => seeds.clone(),
+        Some(Seeds::Of(seeds)) => seeds.clone(),
         Some(Seeds::Count(count)) => {
             return Err(Failure::bad(format!("--seeds of a population is a range: write --seeds 0..{count}")));
         }
         None => return Err(Failure::bad("a population needs its objects: add --seeds A..B, such as --seeds 0..100")),
     };
-    if seeds.end > RESERVED {
+    if seeds.last().is_some_and(|last| *last >= RESERVED) {
         return Err(Failure::bad(artgs_bench::BenchError::ReservedSeeds));
     }
     if args.size.len() > 1 {

@@ -1,4 +1,4 @@
-//! The objects of a range of seeds one after another, and their tables.
+//! The objects of some seeds one after another, and their tables.
 
 use super::object::measured;
 use super::read::{row_files, rows_of_folder, write_rows};
@@ -7,7 +7,6 @@ use crate::bench::{BenchError, claim};
 use artgs_io::digest::tree_digest;
 use artgs_io::run_folder::{load_json, remove_file, save_json};
 use serde::{Deserialize, Serialize};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
@@ -22,8 +21,8 @@ const DIGITS: usize = 7;
 pub struct Options {
     /// Folder for everything.
     pub out: PathBuf,
-    /// Seeds of the objects, below [`RESERVED`].
-    pub seeds: Range<u64>,
+    /// Seeds of the objects, below [`RESERVED`], in rising order.
+    pub seeds: Vec<u64>,
     /// How objects are recorded, as `artgs synth --random --sensor` reads it; [`Options::ANY`]: as their seeds draw it.
     pub sensor: String,
     /// Width of the photos, pixels; as `artgs synth` chooses it if absent.
@@ -129,13 +128,13 @@ pub fn run(
     stop: &AtomicBool,
     observe: &(dyn Fn(Event<'_>) + Sync),
 ) -> Result<Finished, BenchError> {
-    if options.seeds.end > RESERVED {
+    if options.seeds.last().is_some_and(|last| *last >= RESERVED) {
         return Err(BenchError::ReservedSeeds);
     }
     let _lock = claim(&options.out)?;
     let settings = Settings::new(options, version(program)?);
     let wanted = plan(options, &settings)?;
-    let total = (options.seeds.end - options.seeds.start) as usize;
+    let total = options.seeds.len();
     if wanted.len() < total {
         observe(Event::Kept { objects: total - wanted.len() });
     }
@@ -183,7 +182,7 @@ fn plan(options: &Options, settings: &Settings) -> Result<Vec<u64>, BenchError> 
                 }
             }
             Ok(Some(file)) => others.push((path, file.settings.differences(settings))),
-            _ if options.seeds.contains(&seed) => remove_file(&path)?,
+            _ if options.seeds.binary_search(&seed).is_ok() => remove_file(&path)?,
             _ => {}
         }
     }
@@ -192,7 +191,7 @@ fn plan(options: &Options, settings: &Settings) -> Result<Vec<u64>, BenchError> 
         return Err(BenchError::OtherSettings { folder, fields, runs: others.len() });
     }
     others.iter().try_for_each(|(path, _)| remove_file(path))?;
-    Ok(options.seeds.clone().filter(|seed| kept.binary_search(seed).is_err()).collect())
+    Ok(options.seeds.iter().copied().filter(|seed| kept.binary_search(seed).is_err()).collect())
 }
 
 #[cfg(all(test, unix))]

@@ -37,7 +37,7 @@ impl Fake {
     fn options(&self, seeds: Range<u64>) -> Options {
         Options {
             out: self.root.path().join("out"),
-            seeds,
+            seeds: seeds.collect(),
             sensor: Options::ANY.into(),
             size: None,
             stop_after_discover: true,
@@ -133,7 +133,7 @@ fn objects_are_made_run_scored_and_removed() {
 
     let again = fake.run(&Options { keep: true, jobs: 2, ..fake.options(4..6) }).unwrap_err().to_string();
     assert!(again.contains("rows/4.json was made with another --size (2 such runs)"), "{again}");
-    let more = fake.run(&Options { keep: true, jobs: 2, seeds: 3..7, ..options.clone() }).unwrap();
+    let more = fake.run(&Options { keep: true, jobs: 2, seeds: (3..7).collect(), ..options.clone() }).unwrap();
     assert_eq!(more.rows.iter().map(|row| row.seed).collect::<Vec<_>>(), [3, 4, 5, 6]);
     assert_eq!(fake.calls().len(), 4, "the rows of two seeds are kept");
     assert!(options.out.join("objects/6/run/stages/parts.json").is_file());

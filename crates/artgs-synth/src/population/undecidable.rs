@@ -110,9 +110,9 @@ fn is_even(material: &Material, finest: f64) -> bool {
     match material {
         Material::Plain { .. } => true,
         Material::Wood { period, .. } | Material::Brushed { period, .. } => *period < finest,
-        Material::Checks { cell: size, .. } | Material::Speckle { size, .. } | Material::Stripes { width: size, .. } => {
-            *size < finest
-        }
+        Material::Checks { cell: size, .. }
+        | Material::Speckle { size, .. }
+        | Material::Stripes { width: size, .. } => *size < finest,
     }
 }
 
