@@ -1,4 +1,4 @@
-//! From bodies with values to an object: what rests becomes a piece of what carries it, and features are told.
+//! From bodies with values to an object: what rests becomes a piece of what carries it, and features are found.
 
 use super::looks::Looks;
 use super::model::{Body, Model};
@@ -32,7 +32,7 @@ pub(super) fn assemble(model: Model, looks: &Looks, values: Vec<Vec<f64>>, seed:
     if bodies.len() < 2 {
         return None;
     }
-    // Marks of the makers that are of parts, of which some rest now, are told anew.
+    // Marks of the makers that are of parts are found again: some of these parts rest now.
     features.retain(|f| !["dial", "small", "symmetric", "screw", "chain", "tray", "flap", "sliding-panel"].contains(f));
     if rested {
         features.insert("resting");
@@ -41,8 +41,8 @@ pub(super) fn assemble(model: Model, looks: &Looks, values: Vec<Vec<f64>>, seed:
     if looks.is_equal() {
         features.insert("equal-materials");
     }
-    tell_values(&bodies, &values, &mut features);
-    tell_bodies(&bodies, looks, &mut features);
+    add_features_of_values(&bodies, &values, &mut features);
+    add_features_of_bodies(&bodies, looks, &mut features);
     let parts = bodies.iter().zip(&values).map(|(body, values)| part(body, values)).collect();
     let object = Object::with_diagonal(category, parts, [LEAST_DIAGONAL, f64::INFINITY], seed);
     let object = Object { light: LightQuality::COARSE, ..object };
@@ -106,7 +106,7 @@ fn part(body: &Body, values: &[f64]) -> Part {
 }
 
 /// Features of the values.
-fn tell_values(bodies: &[Body], values: &[Vec<f64>], features: &mut BTreeSet<&'static str>) {
+fn add_features_of_values(bodies: &[Body], values: &[Vec<f64>], features: &mut BTreeSet<&'static str>) {
     let natural: Vec<(f64, [f64; 2])> = (1..bodies.len())
         .filter_map(|b| {
             Some((bodies[b].mechanism.as_ref().filter(|m| m.rests_closed)?.range[0], [values[b][0], values[b][1]]))
@@ -135,7 +135,7 @@ fn tell_values(bodies: &[Body], values: &[Vec<f64>], features: &mut BTreeSet<&'s
 }
 
 /// Features of the bodies that move.
-fn tell_bodies(bodies: &[Body], looks: &Looks, features: &mut BTreeSet<&'static str>) {
+fn add_features_of_bodies(bodies: &[Body], looks: &Looks, features: &mut BTreeSet<&'static str>) {
     let (low, high) = bounds(bodies.iter().flat_map(Body::points));
     let diagonal = (high - low).length();
     for (index, body) in bodies.iter().enumerate().skip(1) {

@@ -100,7 +100,7 @@ fn no_part_is_inside_another_one_in_any_state() {
 }
 
 #[test]
-fn what_views_cannot_tell_is_marked() {
+fn what_views_cannot_decide_is_marked() {
     use crate::object::Part;
     use crate::shape::{cuboid, cylinder};
     use crate::{Material, Object};

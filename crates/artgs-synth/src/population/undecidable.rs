@@ -1,4 +1,4 @@
-//! What the views of an object cannot tell.
+//! What the views of an object cannot decide.
 
 use super::clearance::gap;
 use crate::Object;
@@ -12,7 +12,7 @@ const SAME_PLACE: f64 = 0.001;
 /// Depth pixels of all views of a state, from which on a part counts as seen.
 pub(super) const SEEN: usize = 30;
 
-/// Why views cannot tell the truth from another answer.
+/// Why views allow another answer than the truth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reason {
@@ -24,7 +24,7 @@ pub enum Reason {
     Revolution,
 }
 
-/// Parts of which the views do not tell the truth.
+/// Parts of which the views allow another answer than the truth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Undecidable {
     /// Indices of the parts in the object, 1 or more.
@@ -35,7 +35,7 @@ pub struct Undecidable {
     pub why: String,
 }
 
-/// What the geometry alone does not tell. `pixel` is the width of a pixel at the object, metres: narrower gaps are not seen.
+/// What follows from the geometry alone. `pixel` is the width of a pixel at the object, metres: narrower gaps are not seen.
 pub(super) fn of_geometry(object: &Object, pixel: f64) -> Vec<Undecidable> {
     let mut found = equal_motions(object, pixel);
     found.extend((1..object.parts.len()).filter(|&part| is_revolution(object, part, pixel)).map(|part| Undecidable {
