@@ -322,7 +322,7 @@ impl Carcass<'_, '_> {
     /// A tray that slides on the walls of a drawer, which has been added last.
     fn add_tray(&mut self, drawer: usize) {
         let Some(mechanism) = self.model.bodies[drawer].mechanism.clone() else { return };
-        // The left and the right wall of the box: the third and the fourth piece from its end; the front has other pieces.
+        // The left and the right wall of the box: thin along x and long along y.
         let is_wall = |piece: &&Piece| {
             let (low, high) = bounds(piece.solid.0.iter().flatten().copied());
             high.x - low.x < 0.011 && high.y - low.y > 0.1

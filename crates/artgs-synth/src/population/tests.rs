@@ -155,3 +155,64 @@ fn variety() {
     let _ = std::io::Write::write_all(&mut std::io::stderr(), lines.as_bytes());
     assert!(categories.len() > 8 && features.len() > 25 && parts.len() > 4, "{lines}");
 }
+
+/// Seeds that are recorded with few views.
+fn quick(device: Device) -> impl Iterator<Item = u64> {
+    let views = move |seed: u64| match random_capture(seed, &RandomOptions { device, ..RandomOptions::default() }).0 {
+        RandomCapture::Exact(options) => options.views,
+        RandomCapture::Room { options, .. } => options.views,
+    };
+    (0..200).filter(move |seed| views(*seed) <= 32)
+}
+
+#[test]
+fn written_objects_are_read_back_with_all_their_states() {
+    for device in [Device::Exact, Device::Room] {
+        let seed = quick(device).next().unwrap();
+        let options = RandomOptions { device, size: Some(64), states: Some(3), test_views: 0 };
+        let dir = tempfile::tempdir().unwrap();
+        let info = write_random(seed, &options, dir.path()).unwrap();
+        assert_eq!((random_info(dir.path()), info.states), (Some(info.clone()), 3));
+        let truth = artgs_io::load_ground_truth(&dir.path().join("gt")).unwrap();
+        assert_eq!(truth.joints.len() + 1, info.parts);
+        let json: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(dir.path().join("gt/trans.json")).unwrap()).unwrap();
+        assert_eq!(json["population"]["seed"], seed);
+        assert_eq!(json["population"]["pixels"].as_array().unwrap().len(), 3);
+        assert!(json["trans_info"].as_array().unwrap().iter().all(|t| t["states"].as_array().unwrap().len() == 3));
+        assert!(dir.path().join("gt/state_2/state_2_static_rotate.ply").is_file());
+        if device == Device::Exact {
+            let capture = artgs_io::load_capture(dir.path()).unwrap();
+            assert_eq!(capture.warnings, Vec::<String>::new());
+            assert!(dir.path().join("transforms_train_state_2.json").is_file());
+            assert!(dir.path().join("state_2/train/rgba/0000.png").is_file());
+        } else {
+            let read = |state: &str| {
+                artgs_io::recording::load_recording(&dir.path().join(state), &Default::default()).unwrap().frames.len()
+            };
+            assert_eq!(read("start"), read("state_2"));
+            assert!(artgs_io::recording::RecordingFormat::of_two_states(dir.path()).is_some());
+        }
+    }
+}
+
+#[test]
+fn the_device_does_not_change_the_object() {
+    let drawn = |device: Device| {
+        let (capture, features) = random_capture(7, &RandomOptions { device, ..RandomOptions::default() });
+        (capture.sensor(), features.contains("own-frames"))
+    };
+    assert_eq!(drawn(Device::Exact).0, "exact");
+    let (sensor, own_frames) = drawn(Device::Room);
+    assert_ne!(sensor, "exact");
+    // Drift and frames of a room are drawn by the seed, whether the device is asked for or drawn.
+    let asked = drawn(Device::Sensor(crate::recording::Sensor::from_name(sensor).unwrap()));
+    assert_eq!(asked, (sensor, own_frames));
+}
+
+#[test]
+fn bad_numbers_of_states_are_refused() {
+    for states in [0, 1, 101] {
+        assert!(matches!(random_object(3, states), Err(crate::SynthError::Options(_))));
+    }
+}
