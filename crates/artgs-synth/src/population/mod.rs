@@ -86,7 +86,7 @@ pub fn random_object(seed: u64, states: usize) -> Result<RandomObject, SynthErro
 }
 
 fn attempt_at(seed: u64, attempt: u64, states: usize) -> Option<RandomObject> {
-    let mut dice = Dice::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ attempt << 17 ^ 0x6172_7467_73);
+    let mut dice = Dice::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ attempt << 17 ^ 0x0061_7274_6773);
     let (mut model, looks) = draw_model(&mut dice);
     model.group_equals();
     let values = states::draw_states(&model.bodies, states, &mut dice.branch())?;

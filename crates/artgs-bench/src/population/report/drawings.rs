@@ -33,7 +33,8 @@ pub(super) fn bar(share: &Share, all: Option<f64>) -> String {
         );
     };
     rect(1.0, "#999", 0.15);
-    rect(value, colour, 0.55);
+    // A share of 0 is a narrow bar, so that its colour is seen.
+    rect(value.max(0.02), colour, 0.55);
     let middle = 0.5 * height;
     line(&mut out, (x.at(low), middle), (x.at(high), middle), DARK);
     for end in [low, high] {

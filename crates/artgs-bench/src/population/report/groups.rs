@@ -25,6 +25,9 @@ pub struct Group {
     /// Wrong objects of the group above the average: how many less there were if as large a share of the group as of all objects were
     /// right. Negative for groups that are better than the average.
     pub lost: f64,
+    /// Right objects of the group that are not in the group that loses most: what remains if that one is repaired. None where groups do
+    /// not overlap.
+    pub without_first: Option<Share>,
     /// Seeds of the wrong objects in rising order.
     pub wrong: Vec<u64>,
 }
@@ -53,16 +56,25 @@ fn group(name: String, rows: &[&Row], all: Share) -> Group {
         others,
         difference: right.share.zip(others.share).map(|(a, b)| a - b),
         lost: all.share.map_or(0.0, |share| right.rest() as f64 - right.of as f64 * (1.0 - share)),
+        without_first: None,
         wrong: seeds(&wrong),
     }
 }
 
 /// By feature; an object counts for each of its features.
 pub(super) fn by_feature(rows: &[Row]) -> Vec<Group> {
-    groups(rows, |row| match row.features.as_slice() {
+    let mut groups = groups(rows, |row| match row.features.as_slice() {
         [] => BTreeSet::from(["without a feature".to_string()]),
         features => features.iter().cloned().collect(),
-    })
+    });
+    let Some(first) = groups.first().map(|group| group.name.clone()) else { return groups };
+    for group in &mut groups {
+        let others = rows
+            .iter()
+            .filter(|row| row.decidable && row.features.contains(&group.name) && !row.features.contains(&first));
+        group.without_first = Some(Share::among(&others.collect::<Vec<_>>(), |row| row.right));
+    }
+    groups
 }
 
 /// By category.

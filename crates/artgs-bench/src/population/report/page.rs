@@ -66,7 +66,10 @@ fn by_group(summary: &Summary) -> [(Table, &[Group]); 4] {
     let note = "What loses most first. Lost: wrong objects above the number that the share right of all objects would give. To others: \
                 difference to the share of the objects without it, percentage points.";
     let bars = "Bars: share right with interval, red if all of the interval is below the share of all objects (line).";
-    let features = format!("{note} An object counts for each of its features. {bars}");
+    let features = format!(
+        "{note} An object counts for each of its features; the column \
+                            \"right without\" leaves out the objects with the feature that loses most. {bars}"
+    );
     let rising = "In rising order.";
     [
         (tables::groups("By feature", "feature", &features, &summary.features), summary.features.as_slice()),
@@ -83,8 +86,10 @@ fn pictures(page: &mut Page, rows: &[Row], origin: &Origin) {
     }
     let of = if worst.len() > worst::SHOWN { format!("{} of {}. ", worst::SHOWN, worst.len()) } else { String::new() };
     let note = format!(
-        "{of}Decidable objects with something wrong: first those with the largest confidence of a joint that is not correct, refused ones last. \
-         Joint 1 is that of the first movable part."
+        "{of}Decidable objects with something wrong: first those with the largest confidence of a joint that is not correct, then those that are \
+         right with a joint off, refused ones last. From left to right: photo, true parts, found parts in the colours of the true parts that \
+         they cover (magenta and pink: they cover none), axes at the start; above the start, below the end. Joint 1 is that of the first \
+         movable part that was found."
     );
     page.section("Worst objects", &[note]);
     let shown: Vec<Picture> =

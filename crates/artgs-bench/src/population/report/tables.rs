@@ -50,8 +50,9 @@ pub(super) fn headline(summary: &Summary) -> Table {
     let programs: Vec<String> = summary.programs.iter().map(|(program, n)| format!("{program} ({n})")).collect();
     rows.push(("program (objects)".into(), if programs.is_empty() { NONE.into() } else { programs.join(", ") }));
     let note = format!(
-        "{} objects. All numbers except those of undecidable objects are of the {} decidable ones, whose views allow only one answer. \
-         Refused and failed objects are wrong. Intervals are of 95 % (Wilson).",
+        "{} objects. Shares, errors and confidences are of the {} decidable ones, whose views allow only one answer; time and memory are of all \
+         that finished. Refused and failed objects are wrong. Intervals are of 95 % (Wilson). The page Population of the book explains \
+         categories, features and reasons.",
         summary.objects, summary.right.of
     );
     fill(table("In short", &note, &["", "result"]), &rows, |(what, text)| vec![what.clone(), text.clone()])
@@ -200,10 +201,15 @@ pub(super) fn confusions(confusions: &[Confusion]) -> Table {
 
 /// Shares right by a property.
 pub(super) fn groups(title: &str, name: &str, note: &str, groups: &[Group]) -> Table {
-    let head =
-        [name, "objects", "right", "share", "95 % interval", "to others", "lost", "joints correct", "wrong seeds"];
+    let first = groups.first().filter(|group| group.without_first.is_some()).map(|group| group.name.as_str());
+    let without = first.map(|first| format!("right without {first}"));
+    let mut head =
+        vec![name, "objects", "right", "share", "95 % interval", "to others", "lost", "joints correct", "wrong seeds"];
+    if let Some(without) = &without {
+        head.insert(8, without);
+    }
     fill(table(title, note, &head), groups, |g| {
-        vec![
+        let mut row = vec![
             g.name.clone(),
             g.right.of.to_string(),
             g.right.count.to_string(),
@@ -213,7 +219,11 @@ pub(super) fn groups(title: &str, name: &str, note: &str, groups: &[Group]) -> T
             format!("{:+.1}", g.lost),
             percent(g.joints_right.share),
             named(&g.wrong),
-        ]
+        ];
+        if let Some(share) = &g.without_first {
+            row.insert(8, format!("{} of {}", share.count, share.of));
+        }
+        row
     })
 }
 
@@ -221,7 +231,8 @@ pub(super) fn groups(title: &str, name: &str, note: &str, groups: &[Group]) -> T
 pub(super) fn calibration(calibration: &Calibration) -> Table {
     let note = format!(
         "{}. {} found joints of decidable objects; {} more have no confidence and are not counted. The calibration error is the mean \
-         difference between confidence and share of correct joints, over ten bins weighted by their joints.",
+         difference between confidence and share of correct joints, over ten bins weighted by their joints. Red bars: the interval of the \
+         share does not hold the mean confidence, in either direction.",
         confidences(calibration),
         calibration.joints,
         calibration.without_confidence

@@ -10,7 +10,7 @@ use std::path::Path;
 pub(super) const SHOWN: usize = 30;
 
 /// Decidable objects with something wrong: by the largest confidence of a joint that is not correct, then those without such a
-/// joint, then failed ones, refused ones last.
+/// joint, then right ones with a joint off, then failed ones, refused ones last.
 pub(super) fn worst(rows: &[Row]) -> Vec<&Row> {
     let mut wrong: Vec<&Row> = rows.iter().filter(|row| row.decidable && !row.joints_right).collect();
     let place = |row: &Row| match row.status {
@@ -21,8 +21,8 @@ pub(super) fn worst(rows: &[Row]) -> Vec<&Row> {
     wrong.sort_by(|a, b| {
         place(a)
             .cmp(&place(b))
-            .then(confidence(b).total_cmp(&confidence(a)))
             .then(a.right.cmp(&b.right))
+            .then(confidence(b).total_cmp(&confidence(a)))
             .then(a.seed.cmp(&b.seed))
     });
     wrong
@@ -55,6 +55,6 @@ mod tests {
         let undecidable = Row { decidable: false, ..wrong_type(7) };
         let rows = [refused(1), few, off(2), right(3), wrong_type(4), undecidable];
         let seeds: Vec<u64> = worst(&rows).iter().map(|row| row.seed).collect();
-        assert_eq!(seeds, [4, 2, 5, 1]);
+        assert_eq!(seeds, [4, 5, 2, 1]);
     }
 }
