@@ -1,5 +1,7 @@
 //! A contact sheet of random objects: `contact_sheet FROM TO FILE.png`; each seed has its start above its end.
 
+#![allow(clippy::print_stdout, reason = "an example prints")]
+
 use artgs_core::State;
 use artgs_synth::population::random_object;
 use artgs_synth::{Arc, CaptureOptions, render_capture};
