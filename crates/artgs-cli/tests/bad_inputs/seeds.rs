@@ -94,19 +94,17 @@ fn corpus() -> PathBuf {
 fn closed_laptop(folder: &Path) {
     let values = PerState::new(4_f64.to_radians(), 95_f64.to_radians());
     let laptop = object("laptop", 0).unwrap().with_values(1, values);
-    write_capture(folder, &render_capture(&laptop, &small_capture()).unwrap()).unwrap();
+    let options = CaptureOptions { views: 16, test_views: 0, size: 120, ..CaptureOptions::default() };
+    write_capture(folder, &render_capture(&laptop, &options).unwrap()).unwrap();
 }
 
 /// A shelf at the start, a washing machine at the end.
 fn two_objects(folder: &Path) {
+    let options = CaptureOptions { views: 12, test_views: 0, size: 64, ..CaptureOptions::default() };
     let [mut capture, other] =
-        ["storage", "washer"].map(|name| render_capture(&object(name, 0).unwrap(), &small_capture()).unwrap());
+        ["storage", "washer"].map(|name| render_capture(&object(name, 0).unwrap(), &options).unwrap());
     capture.states[State::END] = other.states[State::END].clone();
     write_capture(folder, &capture).unwrap();
-}
-
-fn small_capture() -> CaptureOptions {
-    CaptureOptions { views: 16, test_views: 0, size: 120, ..CaptureOptions::default() }
 }
 
 /// A run, in `out`, that has found parts in `capture`.
