@@ -5,6 +5,7 @@ use artgs::discover::Discovery;
 use artgs_core::{Splats, State};
 use artgs_io::{RunFolder, write_atomic, write_mesh_ply, write_splat_ply};
 use serde_json::json;
+use std::ops::Range;
 use std::sync::Mutex;
 
 /// A program that makes the capture of a cupboard and answers every run with its exact parts, after it writes its arguments into
