@@ -177,9 +177,8 @@ fn plan(options: &Options, settings: &Settings) -> Result<Vec<u64>, BenchError> 
         // A row that cannot be read counts as unfinished.
         match load_json::<RowFile>(&path) {
             Ok(Some(file)) if file.settings == *settings => {
-                if file.row.status != Status::Failed || !options.retry_failed {
-                    kept.push(seed);
-                }
+                let again = file.row.status == Status::Failed && options.retry_failed;
+                kept.extend((!again).then_some(seed));
             }
             Ok(Some(file)) => others.push((path, file.settings.differences(settings))),
             _ if options.seeds.binary_search(&seed).is_ok() => remove_file(&path)?,
