@@ -1,3 +1,5 @@
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 use super::super::read::read_rows;
 use super::super::testing::{cupboard, found_as};
 use super::*;
