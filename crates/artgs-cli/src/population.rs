@@ -103,10 +103,10 @@ fn show(event: &Event<'_>, style: Style) {
     if style.json {
         // A closed pipe does not stop the bench.
         let _ = say(event_json(event));
-    } else if !style.quiet {
-        if let Some(text) = event_text(event) {
-            let _ = writeln!(io::stderr(), "{text}");
-        }
+    } else if !style.quiet
+        && let Some(text) = event_text(event)
+    {
+        let _ = writeln!(io::stderr(), "{text}");
     }
 }
 

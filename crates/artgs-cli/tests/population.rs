@@ -2,6 +2,7 @@
 //! itself. The number of parts is not given.
 
 #![cfg(feature = "bench")]
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use serde_json::Value;
 use std::path::Path;

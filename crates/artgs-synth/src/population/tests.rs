@@ -1,5 +1,7 @@
 //! The population: its physical rules, its variety, and what the truth says of it.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 use super::undecidable::{Reason, of_geometry};
 use super::*;
 use crate::object::bounds;
