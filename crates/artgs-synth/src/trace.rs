@@ -71,8 +71,8 @@ impl Surface {
         (part as usize, piece as usize)
     }
 
-    /// The nearest intersection of a ray with the front of a triangle: what [`crate::visible`] computes for all pixels at once. The tree works in single precision, the intersection
-    /// of triangles in double.
+    /// The nearest intersection of a ray with the front of a triangle: what [`crate::visible`] computes for all pixels at once. The tree
+    /// works in single precision, the intersection of triangles in double.
     #[cfg(test)]
     pub(crate) fn cast(&self, from: DVec3, direction: DVec3) -> Option<Intersection> {
         let mut best: Option<Intersection> = None;
