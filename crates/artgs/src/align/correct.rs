@@ -194,9 +194,6 @@ fn end_correction(
     const WIDTHS: [f64; 3] = [0.03, 0.01, 0.003];
     /// By how much more the agreement must grow for a shift by the size of the object.
     const PER_SIZE: f64 = 10.0;
-    /// Least agreement of corrected states. Where a lid hides what rests, or the states show different objects, a wrong motion makes
-    /// at most 11 % agree.
-    const LEAST: f64 = 0.15;
     /// From the median of absolute values to three standard deviations.
     const WITHIN: f64 = 3.0 * 1.4826;
     let (center, size) = extent(frames);
@@ -218,7 +215,7 @@ fn end_correction(
     // A right alignment far from the stated one lets many times more surfaces agree; one that follows parts which moved alike
     // does not.
     let gain = if loose { 1.0 } else { config.correct.gain + PER_SIZE * shift(motion) / size };
-    (*corrected > (gain * stated).max(LEAST)).then(|| EndCorrection {
+    (*corrected > gain * stated).then(|| EndCorrection {
         motion: *motion,
         agreement: [stated, *corrected],
         shift: shift(motion),
