@@ -113,7 +113,8 @@ fn write_truth(
     let input = json!({ "generator": GENERATOR, "object": drawn.category, "random": object.seed, "capture": capture });
     let mut truth = ground_truth(object, input);
     if drawn.states() > 2 {
-        add_further(object, &mut truth);
+        // A pair of states holds the values of all states as further ones; the object as drawn holds each once.
+        add_further(&drawn.object, &mut truth);
     }
     truth["population"] = json!({
         "seed": object.seed,
