@@ -207,7 +207,7 @@ fn the_alignment_of_two_recordings_is_part_of_the_events_and_times_of_a_run() {
         let output = artgs(args);
         assert_eq!(output.status.code(), Some(0), "{args:?}: {}", text(&output.stderr));
     };
-    let size = ["--views", "16", "--size", "120", "--layout", "nerfstudio", "-q"];
+    let size = ["--views", "16", "--size", "200", "--layout", "nerfstudio", "-q"];
     done(&[&["synth", "storage2", "--scene", "room", "-o", str(&room)], &size[..]].concat());
     let recordings = [room.join("start"), room.join("end")];
     let last = ["-o", str(&out), "--stop-after", "discover", "--device", "cpu", "-q"];
