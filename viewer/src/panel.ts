@@ -121,7 +121,7 @@ export class Panel {
     if (joint.confidence !== undefined) {
       // Rounded down, so that only a confidence of 1 is shown as 100 %.
       kind.append(`, confidence ${Math.floor(joint.confidence * 100 + 1e-9)} %`);
-      kind.title = "Probability that the joint is correct: its type, its axis to 5 degrees, its place and motion to 5 % of the part's size";
+      kind.title = "Probability that the joint is correct: its type, its axis to 5 degrees, its place to 5 % of the part's size, its motion to 5 % of the true motion or of the part's size";
     }
     const head = make("span", { className: "head" }, dot, link.data.name.replaceAll("_", " "), kind, value);
     const ends = make("span", { className: "ends" }, ...joint.limits.map((v) => make("span", {}, readable(joint, v))));

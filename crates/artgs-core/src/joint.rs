@@ -100,8 +100,8 @@ pub struct JointEstimate {
     /// Root mean square distance between the registered surfaces, scene units; none where too little of the part was
     /// seen to register it.
     pub rms: Option<f64>,
-    /// Joint confidence, 0 to 1: the probability that the joint is correct (type, axis to 5 degrees, place and motion to 5 %
-    /// of the part's size), from its fit, its visibility and the margin to the best different motion. None if unknown.
+    /// Joint confidence, 0 to 1: the probability that the joint is correct (type, axis to 5 degrees, place to 5 % of the part's size,
+    /// motion to 5 % of the true motion or of the part's size), from its fit, its visibility and the margin to the best different motion. None if unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub confidence: Option<f64>,
 }

@@ -116,8 +116,8 @@ pub struct Part {
     pub parent: Option<usize>,
     /// Joint to the parent; none for the base.
     pub joint: Option<JointRecord>,
-    /// Joint confidence, 0 to 1: the probability that the joint is correct (type, axis to 5 degrees, place and motion to 5 %
-    /// of the part's size), from its fit, its visibility and the margin to the best different motion. None if unknown.
+    /// Joint confidence, 0 to 1: the probability that the joint is correct (type, axis to 5 degrees, place to 5 % of the part's size,
+    /// motion to 5 % of the true motion or of the part's size), from its fit, its visibility and the margin to the best different motion. None if unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub confidence: Option<f64>,
     /// Other joints that explain it nearly as well, the most likely first.

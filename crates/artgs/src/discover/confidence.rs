@@ -78,8 +78,8 @@ impl Default for ConfidenceSettings {
 }
 
 impl ConfidenceSettings {
-    /// Probability that the joint is correct: its type, its axis to 5 degrees, and its place and motion to 5 % of the
-    /// part's size. `fit` is the share of the visible points that the motion takes onto a surface. Points that land on another
+    /// Probability that the joint is correct: its type, its axis to 5 degrees, its place to 5 % of the part's size, and its motion to
+    /// 5 % of the true motion or of the part's size. `fit` is the share of the visible points that the motion takes onto a surface. Points that land on another
     /// movable part contradict the joint or the extent of the part.
     pub(super) fn confidence(&self, support: &Support, fit: Option<f64>) -> f64 {
         let [least_margin, most_margin] = self.margins;
