@@ -46,7 +46,7 @@ pub(crate) fn require_one_object(capture: &mut Capture, forced: bool) -> Result<
 /// Warnings, those of refusals included if they are `forced`.
 fn accepted(findings: Vec<Finding>, forced: bool) -> Result<Vec<String>, Failure> {
     let refused = |f: &Finding| match f {
-        Finding::Refused(text) => Some(text.clone()),
+        Finding::Refused(text) => Some(format!("{}.", text.trim_end_matches('.'))),
         Finding::Warning(_) => None,
     };
     let refusals: Vec<String> = findings.iter().filter_map(refused).collect();
@@ -98,4 +98,17 @@ fn findings(found: Vec<Finding>) -> String {
         Finding::Warning(text) => format!("warning: {text}\n"),
     };
     found.into_iter().map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sentences_of_a_refusal_end_with_a_full_stop() {
+        let findings = ["select it by --box", "both are one."].map(|text| Finding::Refused(text.into()));
+        let refused = accepted(findings.to_vec(), false).unwrap_err().to_string();
+        assert_eq!(refused, "select it by --box.\nboth are one.\n--force-input uses the capture as it is");
+        assert_eq!(accepted(findings.to_vec(), true).unwrap(), ["select it by --box", "both are one."]);
+    }
 }
