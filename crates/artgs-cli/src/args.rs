@@ -651,16 +651,16 @@ pub(crate) struct Synth {
     /// Draw an object, its states and its recording from the population by this seed; views, noise and drift are drawn, too
     #[arg(long, value_name = "SEED", conflicts_with_all = ["what", "views", "noise", "path", "drift", "own_frames", "bystander", "seed", "layout"])]
     pub(crate) random: Option<u64>,
-    /// Number of states of a random object; those after the end are called state_2, state_3, ...
-    #[arg(long, value_name = "N", requires = "random", default_value_t = 2, value_parser = clap::value_parser!(u64).range(2..=100))]
-    pub(crate) states: u64,
+    /// Number of states of a random object, 2 if absent; those after the end are called state_2, state_3, ...
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..=100))]
+    pub(crate) states: Option<u64>,
     /// List objects and suites
     #[arg(long)]
     pub(crate) list: bool,
     /// What is around the object: studio (nothing; cameras on a sphere, masks) or room (floor, walls and clutter; a
-    /// recording by a simulated device, no masks, metres)
-    #[arg(long, value_enum, default_value_t = SynthScene::Studio)]
-    pub(crate) scene: SynthScene,
+    /// recording by a simulated device, no masks, metres). If absent, studio, or what a random object draws
+    #[arg(long, value_enum)]
+    pub(crate) scene: Option<SynthScene>,
     /// Training views per state; 64, in a room 90 frames
     #[arg(long, value_name = "N")]
     pub(crate) views: Option<usize>,

@@ -8,7 +8,7 @@ use crate::output::say;
 use anyhow::Context;
 use artgs_core::JointKind;
 use artgs_io::recording::RecordingFormat;
-use artgs_synth::population::{Device, RandomOptions, random_info, write_random};
+use artgs_synth::population::{Device, RandomCapture, RandomInfo, RandomOptions, random_info, write_random};
 use artgs_synth::recording::{Sensor, recording_info, write_recorded_object};
 use artgs_synth::{
     CaptureOptions, Layout, ObjectInfo, RecordingCaptureOptions, SUITES, SynthError, capture_info, objects, suite,
@@ -26,14 +26,17 @@ enum Job {
 }
 
 impl Job {
-    /// Writes an object into a folder. Returns its number of parts and a description as JSON.
-    fn write(&self, name: &str, folder: &Path) -> Result<(usize, Value), SynthError> {
+    /// Writes an object into a folder. Returns what was made, in words and as JSON.
+    fn write(&self, name: &str, folder: &Path) -> Result<(String, Value), SynthError> {
+        let named = |parts: usize| format!("{name}, K = {parts}");
         match self {
-            Self::Capture(options) => write_object(name, options, folder).map(|made| (made.parts, json!(made))),
+            Self::Capture(options) => write_object(name, options, folder).map(|made| (named(made.parts), json!(made))),
             Self::Recording(options, format) => {
-                write_recorded_object(name, options, *format, folder).map(|made| (made.parts, json!(made)))
+                write_recorded_object(name, options, *format, folder).map(|made| (named(made.parts), json!(made)))
             }
-            Self::Random(seed, options) => write_random(*seed, options, folder).map(|made| (made.parts, json!(made))),
+            Self::Random(seed, options) => {
+                write_random(*seed, options, folder).map(|made| (described(&made), json!(made)))
+            }
         }
     }
 
@@ -47,11 +50,20 @@ impl Job {
     }
 }
 
+/// A random object in words.
+fn described(made: &RandomInfo) -> String {
+    let sensor = match made.capture {
+        RandomCapture::Exact(_) => "exact",
+        RandomCapture::Room { options, .. } => options.sensor.name(),
+    };
+    format!("seed {}: {}, K = {}, sensor {sensor}", made.random, made.category, made.parts)
+}
+
 pub(crate) fn run(args: &Synth, style: Style) -> Result<(), Failure> {
     use_threads(args.threads)?;
     let (Some(out), false) = (&args.out, args.list) else { return list(style) };
     let (job, targets) = match (args.random, &args.what) {
-        (Some(seed), _) => (random(seed, args), vec![("random object", out.clone())]),
+        (Some(seed), _) => (random(seed, args)?, vec![("random object", out.clone())]),
         (None, Some(what)) => (job(args)?, targets(what, out)?),
         (None, None) => return list(style),
     };
@@ -61,7 +73,7 @@ pub(crate) fn run(args: &Synth, style: Style) -> Result<(), Failure> {
     for (name, folder) in &targets {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
         let _lock = folder::lock_any(folder, "artgs synth", style)?;
-        let (k, written) = job.write(name, folder).map_err(|error| match error {
+        let (what, written) = job.write(name, folder).map_err(|error| match error {
             SynthError::File(_) | SynthError::Recording(_) => Failure::from(anyhow::Error::from(error)),
             _ => Failure::bad(error),
         })?;
@@ -69,33 +81,46 @@ pub(crate) fn run(args: &Synth, style: Style) -> Result<(), Failure> {
             say(json!({ "event": "result", "capture": folder, "made": written }))?;
         } else if !style.quiet {
             let shown = folder.display();
-            say(format!("{name}, K = {k}, in {shown}; artgs reconstruct {shown} -o ..."))?;
+            say(format!("{what}, in {shown}; artgs reconstruct {shown} -o ..."))?;
         }
     }
     Ok(())
 }
 
 fn job(args: &Synth) -> Result<Job, Failure> {
+    if args.states.is_some() {
+        return Err(Failure::bad("--states is for random objects; give --random SEED in place of the object"));
+    }
+    let sensor = device(args)?;
     match args.scene {
-        SynthScene::Studio => studio(args),
-        SynthScene::Room => room(args),
+        None | Some(SynthScene::Studio) => studio(args),
+        Some(SynthScene::Room) => room(args, sensor.unwrap_or(Sensor::Lidar)),
     }
 }
 
 /// A random object: what is not asked for is drawn.
-fn random(seed: u64, args: &Synth) -> Job {
-    let device = match args.sensor {
-        None if args.scene == SynthScene::Room => Device::Room,
-        None => Device::Any,
-        Some(SynthSensor::Exact) => Device::Exact,
-        Some(SynthSensor::Room) => Device::Room,
-        Some(SynthSensor::Lidar) => Device::Sensor(Sensor::Lidar),
-        Some(SynthSensor::Kinect) => Device::Sensor(Sensor::Kinect),
-        Some(SynthSensor::Xtion) => Device::Sensor(Sensor::Xtion),
-        Some(SynthSensor::D435) => Device::Sensor(Sensor::D435),
+fn random(seed: u64, args: &Synth) -> Result<Job, Failure> {
+    match (args.scene, args.sensor) {
+        (Some(SynthScene::Room), Some(SynthSensor::Exact)) => {
+            return Err(Failure::bad("--sensor exact has no room; leave --scene room out, or give another --sensor"));
+        }
+        (Some(SynthScene::Studio), Some(sensor)) if sensor != SynthSensor::Exact => {
+            return Err(Failure::bad("this --sensor is in a room; leave --scene studio out, or give --sensor exact"));
+        }
+        _ => {}
+    }
+    let device = match (args.sensor, args.scene) {
+        (None, None) => Device::Any,
+        (None, Some(SynthScene::Room)) | (Some(SynthSensor::Room), _) => Device::Room,
+        (None, Some(SynthScene::Studio)) | (Some(SynthSensor::Exact), _) => Device::Exact,
+        (Some(SynthSensor::Lidar), _) => Device::Sensor(Sensor::Lidar),
+        (Some(SynthSensor::Kinect), _) => Device::Sensor(Sensor::Kinect),
+        (Some(SynthSensor::Xtion), _) => Device::Sensor(Sensor::Xtion),
+        (Some(SynthSensor::D435), _) => Device::Sensor(Sensor::D435),
     };
-    let states = Some(args.states as usize);
-    Job::Random(seed, RandomOptions { device, size: args.size, test_views: args.test_views.unwrap_or(0), states })
+    let states = args.states.map(|states| states as usize);
+    let test_views = args.test_views.unwrap_or(0);
+    Ok(Job::Random(seed, RandomOptions { device, size: args.size, test_views, states }))
 }
 
 fn studio(args: &Synth) -> Result<Job, Failure> {
@@ -132,7 +157,23 @@ fn studio(args: &Synth) -> Result<Job, Failure> {
     Ok(Job::Capture(options))
 }
 
-fn room(args: &Synth) -> Result<Job, Failure> {
+/// The device that records an object of the catalogue; none if none is asked for.
+fn device(args: &Synth) -> Result<Option<Sensor>, Failure> {
+    let of_random = |name: &str| {
+        Failure::bad(format!("--sensor {name} is for random objects; give --random SEED in place of the object"))
+    };
+    Ok(match args.sensor {
+        None => None,
+        Some(SynthSensor::Lidar) => Some(Sensor::Lidar),
+        Some(SynthSensor::Kinect) => Some(Sensor::Kinect),
+        Some(SynthSensor::Xtion) => Some(Sensor::Xtion),
+        Some(SynthSensor::D435) => Some(Sensor::D435),
+        Some(SynthSensor::Exact) => return Err(of_random("exact")),
+        Some(SynthSensor::Room) => return Err(of_random("room")),
+    })
+}
+
+fn room(args: &Synth, sensor: Sensor) -> Result<Job, Failure> {
     let of_a_studio = [("--noise", !args.noise.is_empty()), ("--test-views", args.test_views.is_some_and(|n| n > 0))];
     if let Some((option, _)) = of_a_studio.iter().find(|(_, given)| *given) {
         return Err(Failure::bad(format!(
@@ -148,15 +189,6 @@ fn room(args: &Synth) -> Result<Job, Failure> {
         Some(SynthLayout::Colmap) => RecordingFormat::Colmap,
         Some(SynthLayout::Artgs | SynthLayout::Paris) => {
             return Err(Failure::bad("artgs and paris need masks, which a room has not; give another --layout"));
-        }
-    };
-    let sensor = match args.sensor {
-        None | Some(SynthSensor::Lidar) => Sensor::Lidar,
-        Some(SynthSensor::Kinect) => Sensor::Kinect,
-        Some(SynthSensor::Xtion) => Sensor::Xtion,
-        Some(SynthSensor::D435) => Sensor::D435,
-        Some(SynthSensor::Exact | SynthSensor::Room) => {
-            return Err(Failure::bad("--sensor exact and room are for random objects; add --random SEED"));
         }
     };
     let default = RecordingCaptureOptions::default();
@@ -255,11 +287,21 @@ mod tests {
     use super::*;
     use clap::Parser;
 
-    fn job_of(line: &str) -> Result<Job, Failure> {
-        let cli =
-            crate::args::Cli::try_parse_from(format!("artgs synth blade -o x {line}").split_whitespace()).unwrap();
+    fn args_of(line: &str) -> Synth {
+        let cli = crate::args::Cli::try_parse_from(format!("artgs synth {line}").split_whitespace()).unwrap();
         let crate::args::Command::Synth(args) = cli.command else { panic!("another command") };
-        job(&args)
+        args
+    }
+
+    fn job_of(line: &str) -> Result<Job, Failure> {
+        job(&args_of(&format!("blade -o x {line}")))
+    }
+
+    fn device_of(line: &str) -> Result<Device, Failure> {
+        match random(3, &args_of(&format!("--random 3 -o x {line}")))? {
+            Job::Random(3, options) => Ok(options.device),
+            other => panic!("{other:?}"),
+        }
     }
 
     #[test]
@@ -297,10 +339,46 @@ mod tests {
             ("--scene room --noise depth=0.1", "--noise"),
             ("--scene room --layout paris", "masks"),
             ("--scene room --size 65", "multiple of 4"),
+            ("--states 3", "--states is for random objects; give --random SEED in place of the object"),
+            ("--states 2", "--states is for random objects"),
+            ("--sensor exact", "--sensor exact is for random objects; give --random SEED in place of the object"),
+            ("--sensor room", "--sensor room is for random objects"),
+            ("--scene room --sensor exact", "--sensor exact is for random objects"),
         ] {
             let failure = job_of(line).unwrap_err();
             assert!(failure.exit_code() == 2 && failure.to_string().contains(words), "{line}: {failure}");
         }
+    }
+
+    #[test]
+    fn the_scene_of_a_random_object_is_not_ignored() {
+        for (line, device) in [
+            ("", Device::Any),
+            ("--scene studio", Device::Exact),
+            ("--scene room", Device::Room),
+            ("--scene studio --sensor exact", Device::Exact),
+            ("--scene room --sensor lidar", Device::Sensor(Sensor::Lidar)),
+            ("--sensor room", Device::Room),
+        ] {
+            assert_eq!(device_of(line).unwrap(), device, "{line}");
+        }
+        for (line, words) in [
+            ("--scene studio --sensor lidar", "leave --scene studio out"),
+            ("--scene studio --sensor room", "leave --scene studio out"),
+            ("--scene room --sensor exact", "leave --scene room out"),
+        ] {
+            let failure = device_of(line).unwrap_err();
+            assert!(failure.exit_code() == 2 && failure.to_string().contains(words), "{line}: {failure}");
+        }
+    }
+
+    #[test]
+    fn a_random_object_is_described_in_one_line() {
+        let dir = tempfile::tempdir().unwrap();
+        let options = RandomOptions { device: Device::Exact, size: Some(16), test_views: 0, states: None };
+        let (what, _) = Job::Random(6, options).write("random object", dir.path()).unwrap();
+        let found = random_info(dir.path()).unwrap();
+        assert_eq!(what, format!("seed 6: {}, K = 2, sensor exact", found.category));
     }
 
     #[test]
