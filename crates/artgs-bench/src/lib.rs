@@ -5,6 +5,7 @@
 pub mod batch;
 mod bench;
 mod collect;
+mod counted;
 mod escape;
 mod histogram;
 mod html;
@@ -29,6 +30,7 @@ mod variant;
 
 pub use bench::{BenchError, Event, Finished, Options, RunName, run};
 pub use collect::Collected;
+pub use counted::counted;
 pub use item::{Item, ItemError, Renderer, Source, items_of_folder};
 pub use launch::Tools;
 pub use measure::{Measure, measure};

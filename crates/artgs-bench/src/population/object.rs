@@ -59,8 +59,7 @@ pub(super) fn measured(
     stop: &AtomicBool,
 ) -> Result<Option<Row>, FileError> {
     let files = Files::new(&options.out, seed);
-    let mut row =
-        Row { seed, sensor: options.sensor.clone(), decidable: true, program: version.into(), ..Row::default() };
+    let mut row = Row { seed, sensor: options.sensor.clone(), program: version.into(), ..Row::default() };
     let begun = Instant::now();
     let made = execute(program, &make(seed, options, &files), &files.make_log, options.timeout, stop);
     row.make_seconds = begun.elapsed().as_secs_f64();

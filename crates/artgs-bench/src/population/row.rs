@@ -21,7 +21,7 @@ pub enum Status {
 pub struct Row {
     /// Seed of `artgs synth --random`.
     pub seed: u64,
-    /// What the object is, such as `cabinet` or `desk-lamp`.
+    /// What the object is, such as `cabinet` or `desk-lamp`; empty if it could not be made.
     pub category: String,
     /// `exact` for a capture with masks and exact depth, else the device of the room.
     pub sensor: String,
@@ -31,7 +31,7 @@ pub struct Row {
     pub status: Status,
     /// Why it was refused or failed; empty if done.
     pub reason: String,
-    /// False if the views cannot decide between the truth and another answer.
+    /// False if the views cannot decide between the truth and another answer, and for an object that could not be made.
     pub decidable: bool,
     /// Why, one entry for each reason: `equal-motion`, `unseen`, `revolution`.
     pub undecidable: Vec<String>,
@@ -90,8 +90,15 @@ pub struct JointRow {
     pub motion: Option<f64>,
     /// Confidence, 0 to 1.
     pub confidence: Option<f64>,
-    /// The joint is correct: its part covers a true one, type right, axis to 5 degrees, position and motion to 5 % of the size of the part
-    /// (the definition of confidence). The size is the diagonal of the box around the true part. A motion is also correct to 5 % of the
-    /// true one; its error against the size is the largest distance by which it moves a point of the part.
+    /// The joint is correct: its part covers a true one, type right, axis to 5 degrees, position to 5 % of the size of the part, motion to
+    /// 5 % of the true motion or of the size of the part (the definition of confidence). The size is the diagonal of the box around the
+    /// true part. The error of a motion against the size is the largest distance by which it moves a point of the part.
     pub correct: bool,
+}
+
+impl Row {
+    /// False if the object could not be made: then nothing is known about it.
+    pub fn is_made(&self) -> bool {
+        self.status != Status::Failed || !self.category.is_empty()
+    }
 }

@@ -9,6 +9,9 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Ranges of the number of parts.
 const PARTS: [(u32, u32); 5] = [(1, 1), (2, 2), (3, 4), (5, 8), (9, 20)];
 
+/// Name of the group of objects that have no feature. It is no feature.
+pub(super) const FEATURELESS: &str = "without a feature";
+
 /// Decidable objects with something in common.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Group {
@@ -25,7 +28,7 @@ pub struct Group {
     /// Wrong objects of the group above the average: how many less there were if as large a share of the group as of all objects were
     /// right. Negative for groups that are better than the average.
     pub lost: f64,
-    /// Right objects of the group that are not in the group that loses most: what remains if that one is repaired. None where groups do
+    /// Right objects of the group that do not have the feature that loses most: what remains if that one is repaired. None where groups do
     /// not overlap.
     pub without_first: Option<Share>,
     /// Seeds of the wrong objects in rising order.
@@ -63,18 +66,27 @@ fn group(name: String, rows: &[&Row], all: Share) -> Group {
 
 /// By feature; an object counts for each of its features.
 pub(super) fn by_feature(rows: &[Row]) -> Vec<Group> {
-    let mut groups = groups(rows, |row| match row.features.as_slice() {
-        [] => BTreeSet::from(["without a feature".to_string()]),
-        features => features.iter().cloned().collect(),
-    });
-    let Some(first) = groups.first().map(|group| group.name.clone()) else { return groups };
+    let mut groups = groups(rows, names_of_features);
+    let Some(first) = first_feature(&groups).map(|group| group.name.clone()) else { return groups };
     for group in &mut groups {
-        let others = rows
-            .iter()
-            .filter(|row| row.decidable && row.features.contains(&group.name) && !row.features.contains(&first));
+        let others = rows.iter().filter(|row| {
+            row.decidable && names_of_features(row).contains(&group.name) && !row.features.contains(&first)
+        });
         group.without_first = Some(Share::among(&others.collect::<Vec<_>>(), |row| row.right));
     }
     groups
+}
+
+fn names_of_features(row: &Row) -> BTreeSet<String> {
+    match row.features.as_slice() {
+        [] => BTreeSet::from([FEATURELESS.to_string()]),
+        features => features.iter().cloned().collect(),
+    }
+}
+
+/// The feature that loses most of groups in this order; none if no object has a feature.
+pub(super) fn first_feature(groups: &[Group]) -> Option<&Group> {
+    groups.iter().find(|group| group.name != FEATURELESS)
 }
 
 /// By category.
@@ -134,6 +146,17 @@ mod tests {
         assert_eq!((category.difference, category.lost, category.others.share), (None, 0.0, None));
         assert!(by_feature(&[]).is_empty());
         assert_eq!(by_feature(&[right(1)])[0].name, "without a feature");
+    }
+
+    #[test]
+    fn objects_without_a_feature_are_no_feature() {
+        let rows = [wrong_type(1), wrong_type(2), with(right(3), &["thin"]), with(right(4), &["thin"])];
+        let found = by_feature(&rows);
+        assert_eq!((found[0].name.as_str(), first_feature(&found).unwrap().name.as_str()), (FEATURELESS, "thin"));
+        let without: Vec<(&str, Option<Share>)> = found.iter().map(|g| (g.name.as_str(), g.without_first)).collect();
+        assert_eq!(without[0], (FEATURELESS, Some(Share::new(0, 2))), "none of them is thin");
+        assert!(without[1..].iter().all(|(_, share)| *share == Some(Share::new(0, 0))), "{without:?}");
+        assert_eq!(by_feature(&[right(1)])[0].without_first, None);
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! The most important numbers as text for terminals.
 
+use super::groups::FEATURELESS;
 use super::summary::Summary;
 use super::tables::{changed, confidences, described, share};
+use crate::counted::counted;
 
 /// Features that are named.
 const FEATURES: usize = 3;
@@ -13,12 +15,16 @@ pub fn overview(summary: &Summary) -> String {
         format!("right           {}", share(&summary.right)),
         format!("joints correct  {}", share(&summary.joints_right)),
         format!(
-            "{} refused, {} failed; {} undecidable objects apart, {} of them right",
-            summary.refused, summary.failed, undecidable.of, undecidable.count
+            "{} refused, {} failed; {} apart, {} of them right{}",
+            summary.refused,
+            summary.failed,
+            counted(undecidable.of, "undecidable object"),
+            undecidable.count,
+            if summary.not_made > 0 { format!("; {} not made", summary.not_made) } else { String::new() }
         ),
     ];
     lines.extend(summary.kinds.iter().map(|kind| format!("{:8}  {}", kind.count, kind.kind.name())));
-    let losing = summary.features.iter().filter(|group| group.lost > 0.0).take(FEATURES);
+    let losing = summary.features.iter().filter(|group| group.lost > 0.0 && group.name != FEATURELESS).take(FEATURES);
     lines.extend(losing.map(|group| format!("feature {}", described(group))));
     lines.push(confidences(&summary.calibration));
     lines.extend(
@@ -37,7 +43,7 @@ fn times(ratio: Option<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::super::Row;
-    use super::super::testing::{refused, right, wrong_type};
+    use super::super::testing::{not_made, refused, right, wrong_type};
     use super::*;
 
     #[test]
@@ -55,5 +61,9 @@ mod tests {
             assert!(text.lines().any(|l| l == line), "{text}");
         }
         assert!(overview(&Summary::new(&[], None)).contains("right           none"));
+        let hidden = Row { decidable: false, ..right(5) };
+        let text = overview(&Summary::new(&[wrong_type(1), hidden, not_made(6)], None));
+        let line = "0 refused, 0 failed; 1 undecidable object apart, 1 of them right; 1 not made";
+        assert!(text.lines().any(|l| l == line) && !text.contains("feature"), "{text}");
     }
 }

@@ -55,6 +55,8 @@ pub struct Summary {
     pub refused: usize,
     /// Failed decidable objects.
     pub failed: usize,
+    /// Objects that could not be made: they are in no other number but those of all objects.
+    pub not_made: usize,
     /// All others.
     pub undecidable: Undecidable,
     /// Distributions.
@@ -73,7 +75,7 @@ pub struct Summary {
     pub parts: Vec<Group>,
     /// Confidences of joints of decidable objects.
     pub calibration: Calibration,
-    /// Refusals and failures of all objects by cause.
+    /// Refusals and failures of all objects by cause, those that could not be made included.
     pub causes: Vec<Cause>,
     /// Versions of the program with their numbers of objects.
     pub programs: BTreeMap<String, usize>,
@@ -83,15 +85,17 @@ pub struct Summary {
 
 impl Summary {
     /// Numbers of a table; with an earlier one, the differences.
-    pub fn new(rows: &[Row], before: Option<&[Row]>) -> Self {
+    pub fn new(all: &[Row], before: Option<&[Row]>) -> Self {
+        let rows = &made(all)[..];
         let decidable = || rows.iter().filter(|row| row.decidable);
         let count = |wanted: Status| decidable().filter(|row| row.status == wanted).count();
         let mut programs = BTreeMap::new();
-        for row in rows.iter().filter(|row| !row.program.is_empty()) {
+        for row in all.iter().filter(|row| !row.program.is_empty()) {
             *programs.entry(row.program.clone()).or_default() += 1;
         }
         Self {
-            objects: rows.len(),
+            objects: all.len(),
+            not_made: all.len() - rows.len(),
             right: Share::among(decidable(), |row| row.right),
             joints_right: Share::among(decidable(), |row| row.joints_right),
             refused: count(Status::Refused),
@@ -105,11 +109,16 @@ impl Summary {
             sensors: groups::by_sensor(rows),
             parts: groups::by_parts(rows),
             calibration: Calibration::of_rows(rows),
-            causes: causes_of(rows),
+            causes: causes_of(all),
             programs,
-            changes: before.map(|before| Changes::new(before, rows)),
+            changes: before.map(|before| Changes::new(&made(before), rows)),
         }
     }
+}
+
+/// Rows of objects that could be made. Of others nothing is known but the seed.
+fn made(rows: &[Row]) -> Vec<Row> {
+    rows.iter().filter(|row| row.is_made()).cloned().collect()
 }
 
 fn undecidable(rows: &[Row]) -> Undecidable {
@@ -165,7 +174,7 @@ fn causes_of(rows: &[Row]) -> Vec<Cause> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{off, refused, right, wrong_type};
+    use super::super::testing::{not_made, off, refused, right, wrong_type};
     use super::*;
 
     #[test]
@@ -185,6 +194,20 @@ mod tests {
         assert_eq!((found.numbers.seconds.unwrap().count, found.numbers.cpu_seconds), (4, None));
         assert_eq!((found.causes.len(), found.causes[0].count), (1, 2));
         assert_eq!(found.causes[0].ids, ["4", "7"]);
+    }
+
+    #[test]
+    fn objects_that_could_not_be_made_have_no_properties() {
+        let rows = [right(1), wrong_type(2), not_made(3)];
+        let found = Summary::new(&rows, Some(&[right(1), not_made(2), not_made(3)]));
+        assert_eq!((found.objects, found.not_made, found.failed, found.undecidable.right.of), (3, 1, 0, 0));
+        assert_eq!((found.right, found.kinds.len()), (Share::new(1, 2), 1));
+        for groups in [&found.features, &found.categories, &found.sensors, &found.parts] {
+            assert_eq!(groups.iter().map(|group| group.right.of).collect::<Vec<_>>(), [2], "{groups:?}");
+        }
+        let changes = found.changes.unwrap();
+        assert_eq!((changes.both, changes.added, changes.removed), (1, 1, 0));
+        assert_eq!(found.causes[0].ids, ["3"]);
     }
 
     #[test]

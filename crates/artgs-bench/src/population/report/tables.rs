@@ -2,11 +2,12 @@
 
 use super::calibration::{Calibration, SURE};
 use super::changes::{Change, Changes, Pairs};
-use super::groups::Group;
+use super::groups::{FEATURELESS, Group, first_feature};
 use super::kinds::{Confusion, KindCount};
 use super::statistics::{Middle, Share};
 use super::summary::Summary;
 use crate::batch::Cause;
+use crate::counted::counted;
 use crate::histogram::short;
 use crate::table::{NOTHING, Table, fill, table};
 
@@ -39,21 +40,25 @@ pub(super) fn headline(summary: &Summary) -> Table {
     );
     rows.extend(summary.changes.as_ref().map(|changes| ("since the earlier table".into(), changed(&changes.right))));
     let apart = format!(
-        "{} objects ({} refused, {} failed), {} right; {}",
-        undecidable.right.of,
+        "{} ({} refused, {} failed), {} right; {}",
+        counted(undecidable.right.of, "object"),
         undecidable.refused,
         undecidable.failed,
         undecidable.right.count,
         if reasons.is_empty() { "no reasons".into() } else { reasons.join(", ") }
     );
     rows.push(("undecidable, counted apart".into(), apart));
+    if summary.not_made > 0 {
+        rows.push(("could not be made, in no other number".into(), counted(summary.not_made, "object")));
+    }
     let programs: Vec<String> = summary.programs.iter().map(|(program, n)| format!("{program} ({n})")).collect();
     rows.push(("program (objects)".into(), if programs.is_empty() { NONE.into() } else { programs.join(", ") }));
     let note = format!(
-        "{} objects. Shares, errors and confidences are of the {} decidable ones, whose views allow only one answer; time and memory are of all \
-         that finished. Refused and failed objects are wrong. Intervals are of 95 % (Wilson). The page Population of the book explains \
-         categories, features and reasons.",
-        summary.objects, summary.right.of
+        "{}, {} of them decidable: their views allow only one answer. Shares, errors and confidences are of the decidable ones; time and \
+         memory are of all that finished. Refused and failed objects are wrong. Intervals are of 95 % (Wilson). The page Population of the \
+         book explains categories, features and reasons.",
+        counted(summary.objects, "object"),
+        summary.right.of
     );
     fill(table("In short", &note, &["", "result"]), &rows, |(what, text)| vec![what.clone(), text.clone()])
 }
@@ -103,7 +108,8 @@ pub(super) fn confidences(calibration: &Calibration) -> String {
     let error = calibration.error.map_or(NONE.into(), |error| format!("{error:.3}"));
     let Share { count, of, share, .. } = calibration.sure_and_wrong;
     format!(
-        "calibration error {error}; of {of} joints with confidence above {SURE}, {count} are wrong ({})",
+        "calibration error {error}; of {} with confidence above {SURE}, {count} wrong ({})",
+        counted(of, "joint"),
         percent(share)
     )
 }
@@ -111,15 +117,19 @@ pub(super) fn confidences(calibration: &Calibration) -> String {
 fn worst_kind(summary: &Summary) -> String {
     match summary.kinds.first().filter(|_| summary.right.rest() > 0) {
         Some(kind) => {
-            format!("{}: {} of {} wrong objects", kind.kind.name(), kind.count, summary.right.rest())
+            format!("{}: {} of {}", kind.kind.name(), kind.count, counted(summary.right.rest(), "wrong object"))
         }
         None => NONE.into(),
     }
 }
 
-/// The group that loses most; none if no group loses at least half an object.
+/// The group that loses most; none if no group loses at least half an object. Objects without a feature are no feature.
 fn worst_group(groups: &[Group]) -> Option<String> {
-    groups.iter().filter(|group| group.lost >= 0.5).max_by(|a, b| a.lost.total_cmp(&b.lost)).map(described)
+    groups
+        .iter()
+        .filter(|group| group.lost >= 0.5 && group.name != FEATURELESS)
+        .max_by(|a, b| a.lost.total_cmp(&b.lost))
+        .map(described)
 }
 
 /// What a group loses, in words.
@@ -177,8 +187,9 @@ pub(super) fn numbers(summary: &Summary) -> Table {
 pub(super) fn kinds(summary: &Summary) -> Table {
     let wrong = summary.right.rest();
     let note = format!(
-        "{wrong} wrong decidable objects, each in the first kind that holds. Below them, objects that count as right with a joint that is \
-         not correct: axis to 5 degrees, position and motion to 5 % of the size of the part."
+        "{}, each in the first kind that holds. Below them, objects that count as right with a joint that is not correct: axis to 5 degrees, \
+         position to 5 % of the size of the part, motion to 5 % of the true motion or of the size of the part.",
+        counted(wrong, "wrong decidable object")
     );
     let head = ["error", "objects", "share of wrong", "most frequent categories", "seeds"];
     fill(table("What goes wrong", &note, &head), &summary.kinds, |KindCount { kind, count, categories, seeds }| {
@@ -201,7 +212,7 @@ pub(super) fn confusions(confusions: &[Confusion]) -> Table {
 
 /// Shares right by a property.
 pub(super) fn groups(title: &str, name: &str, note: &str, groups: &[Group]) -> Table {
-    let first = groups.first().filter(|group| group.without_first.is_some()).map(|group| group.name.as_str());
+    let first = first_feature(groups).filter(|group| group.without_first.is_some()).map(|group| group.name.as_str());
     let without = first.map(|first| format!("right without {first}"));
     let mut head =
         vec![name, "objects", "right", "share", "95 % interval", "to others", "lost", "joints correct", "wrong seeds"];
@@ -230,11 +241,11 @@ pub(super) fn groups(title: &str, name: &str, note: &str, groups: &[Group]) -> T
 /// Bins of confidence.
 pub(super) fn calibration(calibration: &Calibration) -> Table {
     let note = format!(
-        "{}. {} found joints of decidable objects; {} more have no confidence and are not counted. The calibration error is the mean \
+        "{}. {} of decidable objects; {} more without a confidence, not counted. The calibration error is the mean \
          difference between confidence and share of correct joints, over ten bins weighted by their joints. Red bars: the interval of the \
          share does not hold the mean confidence, in either direction.",
         confidences(calibration),
-        calibration.joints,
+        counted(calibration.joints, "found joint"),
         calibration.without_confidence
     );
     let note = note[..1].to_uppercase() + &note[1..];
@@ -266,8 +277,8 @@ pub(super) fn calibration(calibration: &Calibration) -> Table {
 pub(super) fn changes(changes: &Changes) -> Vec<Table> {
     let head = ["", "right before and now", "right to wrong", "wrong to right", "wrong before and now", "p-value"];
     let note = format!(
-        "Objects are compared by seed and sensor: {} are in both tables, {} only here, {} only in the earlier one. {} have another category or \
-         number of parts and are not compared; {} are undecidable in one of the tables, and only their times are. The p-value is that of the \
+        "Objects are compared by seed and sensor: {} in both tables, {} only here, {} only in the earlier one. Not compared, because of another \
+         category or number of parts: {}. Undecidable in one of the tables, so that only times are compared: {}. The p-value is that of the \
          exact test of McNemar, two-sided.",
         changes.both, changes.added, changes.removed, changes.other_object, changes.undecidable
     );
@@ -300,7 +311,7 @@ fn medians(changes: &Changes) -> Table {
         ("wall-clock time, s", pair(changes.seconds), changes.time_ratio.map_or(NONE.into(), short)),
         ("peak memory, MiB", pair(changes.peak_memory_mib), "-".into()),
     ];
-    let note = format!("Medians of the {} objects that are finished in both tables.", changes.done_in_both);
+    let note = format!("Medians; {} finished in both tables.", counted(changes.done_in_both, "object"));
     fill(
         table("Time and memory in both tables", &note, &["", "before", "now", "median of now divided by before"]),
         &rows,
@@ -312,7 +323,7 @@ fn medians(changes: &Changes) -> Table {
 
 /// Refusals and failures by cause.
 pub(super) fn causes(causes: &[Cause]) -> Table {
-    let note = "Of all objects, undecidable ones included. Reasons without paths, numbers and quoted texts, so that equal causes are one group.";
+    let note = "Of all objects, also undecidable ones and those that could not be made. Reasons without paths, numbers and quoted texts, so that equal causes are one group.";
     let head = ["objects", "cause", "seeds", "first reason"];
     fill(table("Refusals and failures by cause", note, &head), causes, |cause| {
         let more = if cause.count > cause.ids.len() { ", …" } else { "" };
@@ -330,7 +341,7 @@ fn named(seeds: &[u64]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{off, refused, right, wrong_type};
+    use super::super::testing::{not_made, off, refused, right, wrong_type};
     use super::*;
 
     #[test]
@@ -351,8 +362,34 @@ mod tests {
             "thin: 0 of 2 right (0.0 %, others 75.0 %), 1.0 wrong objects above average"
         );
         assert_eq!(cell("since the earlier table"), "1 from right to wrong, 0 from wrong to right (p = 1)");
-        let sure = "of 2 joints with confidence above 0.9, 2 are wrong (100.0 %)";
+        let sure = "of 2 joints with confidence above 0.9, 2 wrong (100.0 %)";
         assert!(cell("confidences").ends_with(sure), "{}", cell("confidences"));
+    }
+
+    #[test]
+    fn one_object_is_singular_and_what_was_not_made_is_apart() {
+        let hidden = super::super::super::Row { decidable: false, ..right(2) };
+        let summary = Summary::new(&[wrong_type(1), hidden, not_made(3)], None);
+        let (head, kinds) = (headline(&summary), kinds(&summary));
+        let has = |cells: [&str; 2]| head.rows.iter().any(|row| row.cells == cells);
+        assert!(has(["undecidable, counted apart", "1 object (0 refused, 0 failed), 1 right; no reasons"]), "{head:?}");
+        assert!(has(["could not be made, in no other number", "1 object"]), "{head:?}");
+        assert!(has(["most frequent error", "joint type wrong: 1 of 1 wrong object"]), "{head:?}");
+        assert!(head.notes[0].starts_with("3 objects, 1 of them decidable:"), "{head:?}");
+        assert!(kinds.notes[0].starts_with("1 wrong decidable object, each"), "{kinds:?}");
+        let motion =
+            "position to 5 % of the size of the part, motion to 5 % of the true motion or of the size of the part.";
+        assert!(kinds.notes[0].ends_with(motion), "{kinds:?}");
+    }
+
+    #[test]
+    fn the_feature_in_the_head_is_a_feature() {
+        let thin = super::super::super::Row { features: vec!["thin".into()], ..right(3) };
+        let of = |rows: &[super::super::super::Row]| groups("t", "feature", "", &Summary::new(rows, None).features);
+        let table = of(&[wrong_type(1), wrong_type(2), thin]);
+        assert_eq!((table.head[8].as_str(), table.rows[0].cells[0].as_str()), ("right without thin", FEATURELESS));
+        let table = of(&[wrong_type(1)]);
+        assert!(!table.head.iter().any(|name| name.starts_with("right without")), "{table:?}");
     }
 
     #[test]

@@ -60,6 +60,12 @@ pub(super) fn refused(seed: u64) -> Row {
     Row { status: Status::Refused, reason, right: false, joints_right: false, joints: Vec::new(), ..counts }
 }
 
+/// An object that could not be made, as earlier versions wrote it: decidable.
+pub(super) fn not_made(seed: u64) -> Row {
+    let reason = "the object could not be made: exit code 1".into();
+    Row { seed, sensor: "any".into(), status: Status::Failed, reason, decidable: true, ..Row::default() }
+}
+
 /// Objects of which about a fifth is wrong, thin ones more often. The same seed gives the same rows.
 pub(super) fn synthetic(count: u64, seed: u64) -> Vec<Row> {
     (1..=count).map(|object| synthetic_row(object, seed)).collect()

@@ -12,7 +12,7 @@ pub(super) const SHOWN: usize = 30;
 /// Decidable objects with something wrong: by the largest confidence of a joint that is not correct, then those without such a
 /// joint, then right ones with a joint off, then failed ones, refused ones last.
 pub(super) fn worst(rows: &[Row]) -> Vec<&Row> {
-    let mut wrong: Vec<&Row> = rows.iter().filter(|row| row.decidable && !row.joints_right).collect();
+    let mut wrong: Vec<&Row> = rows.iter().filter(|row| row.is_made() && row.decidable && !row.joints_right).collect();
     let place = |row: &Row| match row.status {
         Status::Done => 0,
         Status::Failed => 1,
@@ -46,14 +46,14 @@ pub(super) fn picture(row: &Row, base: &Path) -> Picture {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{off, refused, right, wrong_type};
+    use super::super::testing::{not_made, off, refused, right, wrong_type};
     use super::*;
 
     #[test]
     fn confident_errors_come_first() {
         let few = Row { right: false, joints_right: false, parts_found: 1, ..right(5) };
         let undecidable = Row { decidable: false, ..wrong_type(7) };
-        let rows = [refused(1), few, off(2), right(3), wrong_type(4), undecidable];
+        let rows = [refused(1), few, off(2), right(3), wrong_type(4), undecidable, not_made(8)];
         let seeds: Vec<u64> = worst(&rows).iter().map(|row| row.seed).collect();
         assert_eq!(seeds, [4, 5, 2, 1]);
     }
