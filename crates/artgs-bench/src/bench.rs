@@ -1,13 +1,15 @@
 //! Runs of a benchmark: plans missing runs, executes them and scores the results.
 
 use crate::batch::TableError;
+use crate::counted::counted;
 use crate::item::{Item, ItemError, Source, check_names};
 use crate::launch::{Ended, Tools};
+use crate::marker::{Kind, claim};
 use crate::population::{RESERVED, WriteError};
 use crate::record::{Facts, Outcome, Record, RunSettings};
 use crate::variant::{Variant, VariantError, check_variants};
 use artgs_io::folder_lock::LockError;
-use artgs_io::{FileError, FolderLock, write_atomic};
+use artgs_io::{FileError, write_atomic};
 use serde_json::json;
 use std::ffi::OsString;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -16,8 +18,6 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// File that marks a folder as the output of a benchmark.
-const MARKER: &str = "bench.json";
 const RECORD: &str = "run.json";
 
 /// Options of a benchmark.
@@ -58,12 +58,23 @@ pub enum BenchError {
     /// The output folder contains other files.
     #[error("{0} contains files that no benchmark wrote; give an empty folder to -o")]
     ForeignFolder(String),
+    /// The output folder is a file.
+    #[error("{0} is a file; give a folder to -o")]
+    IsFile(String),
+    /// The output folder is that of a benchmark of other things.
+    #[error("{folder} holds {holds}; give another folder to -o")]
+    OtherKind {
+        /// The folder.
+        folder: String,
+        /// What it holds.
+        holds: &'static str,
+    },
     /// Another process writes into the output folder.
     #[error(transparent)]
     Lock(#[from] LockError),
     /// Earlier runs have other settings.
     #[error(
-        "{folder} was made with another {fields} ({runs} such runs); give the same settings, another folder to -o, \
+        "{folder} was made with another {fields} ({runs}); give the same settings, another folder to -o, \
          or --force to repeat these runs"
     )]
     OtherSettings {
@@ -71,8 +82,21 @@ pub enum BenchError {
         folder: String,
         /// What differs.
         fields: String,
-        /// How many there are.
-        runs: usize,
+        /// How many there are, such as `2 such runs`.
+        runs: String,
+    },
+    /// Rows of a population that were not asked for have other settings.
+    #[error(
+        "{rows} outside of --seeds with another {fields}, such as {row}, would be mixed with new rows; give the same settings, \
+         another folder to -o, or --force with --seeds that include all rows of the folder"
+    )]
+    OtherSeeds {
+        /// File of the first such row.
+        row: String,
+        /// What differs.
+        fields: String,
+        /// How many there are, such as `2 rows`.
+        rows: String,
     },
     /// Seeds that nobody may use before a program is judged.
     #[error(
@@ -201,7 +225,7 @@ pub fn run(
 ) -> Result<Finished, BenchError> {
     check_names(items)?;
     check_variants(variants)?;
-    let _lock = claim(&options.out)?;
+    let _lock = claim(&options.out, Kind::Suites)?;
     let jobs = plan(items, variants, options)?;
     let mut kept = 0;
     let mut wanted: Vec<&Job<'_>> = Vec::new();
@@ -247,19 +271,6 @@ pub fn run(
     Ok(Finished { missing: total - records.len(), records })
 }
 
-/// Marks the folder as the output of a benchmark and locks it; refuses a folder with other files.
-pub(crate) fn claim(out: &Path) -> Result<FolderLock, BenchError> {
-    let marker = out.join(MARKER);
-    let empty = std::fs::read_dir(out).map(|mut entries| entries.next().is_none()).unwrap_or(!out.exists());
-    if !empty && !marker.is_file() {
-        return Err(BenchError::ForeignFolder(out.display().to_string()));
-    }
-    FolderLock::require_free(out)?;
-    let text = format!("{:#}\n", json!({ "program": "artgs bench", "version": env!("CARGO_PKG_VERSION") }));
-    write_atomic(&marker, text.as_bytes())?;
-    Ok(FolderLock::take(out, "artgs bench")?)
-}
-
 fn overlay_path(out: &Path, variant: &Variant) -> PathBuf {
     out.join("variants").join(format!("{}.toml", variant.name))
 }
@@ -289,7 +300,7 @@ fn plan<'a>(items: &'a [Item], variants: &'a [Variant], options: &Options) -> Re
         Some((folder, fields)) if !options.force => Err(BenchError::OtherSettings {
             folder: options.out.join(folder).display().to_string(),
             fields: fields.join(", "),
-            runs: others.len(),
+            runs: counted(others.len(), "such run"),
         }),
         _ => Ok(jobs),
     }

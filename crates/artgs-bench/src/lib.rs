@@ -12,6 +12,7 @@ mod html;
 mod item;
 mod launch;
 mod markdown;
+mod marker;
 mod measure;
 mod metric;
 pub mod paper;

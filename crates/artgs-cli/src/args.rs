@@ -479,7 +479,7 @@ pub(crate) struct Bench {
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
     /// Runs of every object and variant, with seeds 0, 1, ...; 1 if absent. Of a population: the seeds of its objects, B
-    /// excluded, or included in A..=B
+    /// excluded, or included in A..=B, or a list of seeds and ranges such as 3,5,8..=10
     #[arg(long, value_name = "N|A..B")]
     pub(crate) seeds: Option<Seeds>,
     /// Ways to run the method, separated by commas; `full` if neither this nor --variant-config is given
@@ -539,7 +539,8 @@ pub(crate) struct Bench {
     /// What training runs on, as `artgs reconstruct` reads it
     #[arg(long, value_name = "DEVICE", default_value_t = DeviceChoice::Auto)]
     pub(crate) device: DeviceChoice,
-    /// Make runs again that were made with other settings
+    /// Make runs again that were made with other settings; of a population those of --seeds, and rows of other seeds with
+    /// other settings remain an error
     #[arg(long)]
     pub(crate) force: bool,
     /// Make failed runs again

@@ -13,8 +13,8 @@ use anyhow::{Context, anyhow};
 use artgs::Config;
 use artgs::evaluate::Lpips;
 use artgs_bench::{
-    Circumstances, Collected, Event, Files, Finished, Item, Options, Outcome, RunName, Tools, Variant, items_of_folder,
-    measure, paper,
+    Circumstances, Collected, Event, Files, Finished, Item, Options, Outcome, RunName, Tools, Variant, counted,
+    items_of_folder, measure, paper,
 };
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -43,7 +43,7 @@ pub(crate) fn run(args: &Bench, style: Style) -> Result<(), Failure> {
     let files = artgs_bench::write_report(&args.out, &all, &circumstances(args)).map_err(anyhow::Error::from)?;
     conclude(&all, &files, style)?;
     if missing > 0 {
-        let more = format!("interrupted with {missing} runs left; the same command continues");
+        let more = format!("interrupted with {} left; the same command continues", counted(missing, "run"));
         return Err(Failure::Interrupted(anyhow!(more)));
     }
     if all.records.iter().all(|r| r.measured().is_none()) {
@@ -200,6 +200,7 @@ fn show(event: &Event<'_>, style: Style) {
 
 fn event_text(event: &Event<'_>) -> String {
     match event {
+        Event::Kept { runs: 1 } => "1 run is complete already".into(),
         Event::Kept { runs } => format!("{runs} runs are complete already"),
         Event::Rendering { object } => format!("rendering the capture of {object}"),
         Event::Started { run, number, of } => format!("run {number} of {of}: {run}"),

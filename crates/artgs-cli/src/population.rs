@@ -9,7 +9,9 @@ use crate::output::say;
 use crate::process;
 use crate::seeds::Seeds;
 use anyhow::{Context, anyhow};
-use artgs_bench::population::{self, Event, Finished, Options, RESERVED, Row, Status, verdict};
+use artgs_bench::counted;
+use artgs_bench::population::report::Summary;
+use artgs_bench::population::{self, Event, Finished, Options, RESERVED, Status, verdict};
 use clap::ValueEnum;
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -42,7 +44,7 @@ pub(crate) fn run(args: &Bench, style: Style) -> Result<(), Failure> {
         .map_err(|e| if e.is_bad_input() { Failure::BadInput(e.into()) } else { Failure::Failed(e.into()) })?;
     conclude(&finished, style)?;
     if finished.missing > 0 {
-        let more = format!("interrupted with {} objects left; the same command continues", finished.missing);
+        let more = format!("interrupted with {} left; the same command continues", counted(finished.missing, "object"));
         return Err(Failure::Interrupted(anyhow!(more)));
     }
     if finished.rows.iter().all(|row| row.status == Status::Failed) {
@@ -72,7 +74,10 @@ fn options(args: &Bench) -> Result<Options, Failure> {
     let seeds = match &args.seeds {
         Some(Seeds::Of(seeds)) => seeds.clone(),
         Some(Seeds::Count(count)) => {
-            return Err(Failure::bad(format!("--seeds of a population is a range: write --seeds 0..{count}")));
+            return Err(Failure::bad(format!(
+                "--seeds of a population is a range or a list: write --seeds 0..{count} for the seeds below {count}, or --seeds \
+                 {count}..={count} for seed {count} alone"
+            )));
         }
         None => return Err(Failure::bad("a population needs its objects: add --seeds A..B, such as --seeds 0..100")),
     };
@@ -113,7 +118,7 @@ fn show(event: &Event<'_>, style: Style) {
 /// One line per object.
 fn event_text(event: &Event<'_>) -> Option<String> {
     match event {
-        Event::Kept { objects } => Some(format!("{objects} objects are complete already")),
+        Event::Kept { objects, failed } => Some(kept(*objects, *failed)),
         Event::Started { .. } => None,
         Event::Finished { row } => {
             let category = if row.category.is_empty() { String::new() } else { format!(" {}", row.category) };
@@ -122,9 +127,18 @@ fn event_text(event: &Event<'_>) -> Option<String> {
     }
 }
 
+/// What earlier calls have done: at least one of the numbers is above 0.
+fn kept(objects: usize, failed: usize) -> String {
+    let verb = if objects == 1 { "is" } else { "are" };
+    let complete = (objects > 0).then(|| format!("{} {verb} complete already", counted(objects, "object")));
+    let them = if failed == 1 { "it" } else { "them" };
+    let again = (failed > 0).then(|| format!("{failed} failed earlier; --retry-failed runs {them} again"));
+    complete.into_iter().chain(again).collect::<Vec<_>>().join(", ")
+}
+
 fn event_json(event: &Event<'_>) -> Value {
     match event {
-        Event::Kept { objects } => json!({ "event": "kept", "objects": objects }),
+        Event::Kept { objects, failed } => json!({ "event": "kept", "objects": objects, "failed": failed }),
         Event::Started { seed, number, of } => {
             json!({ "event": "object_started", "seed": seed, "number": number, "of": of })
         }
@@ -133,23 +147,71 @@ fn event_json(event: &Event<'_>) -> Value {
 }
 
 fn conclude(finished: &Finished, style: Style) -> Result<(), Failure> {
-    let rows = &finished.rows;
-    let count = |which: &dyn Fn(&Row) -> bool| rows.iter().filter(|row| which(row)).count();
-    let right = count(&|row| row.right);
-    let joints_right = count(&|row| row.joints_right);
-    let refused = count(&|row| row.status == Status::Refused);
-    let failed = count(&|row| row.status == Status::Failed);
+    let summary = Summary::new(&finished.rows, None);
     if style.json {
+        let undecidable = &summary.undecidable;
         return say(json!({
-            "event": "result", "objects": rows.len(), "right": right, "joints_right": joints_right,
-            "refused": refused, "failed": failed, "tables": finished.tables,
+            "event": "result", "objects": summary.objects, "decidable": summary.right.of, "right": summary.right.count,
+            "joints_right": summary.joints_right.count, "refused": summary.refused, "failed": summary.failed,
+            "undecidable": undecidable.right.of, "undecidable_right": undecidable.right.count, "not_made": summary.not_made,
+            "tables": finished.tables,
         }));
     }
     let Some([table, _]) = finished.tables.as_ref().filter(|_| !style.quiet) else { return Ok(()) };
-    say(format!(
-        "{} objects: {right} right, {joints_right} of them with all joints correct; {refused} refused, {failed} failed; \
-         table in {}",
-        rows.len(),
-        table.display()
-    ))
+    say(format!("{}; table in {}", closing(&summary), table.display()))
+}
+
+/// The numbers of all rows in one line. Undecidable objects, and those that could not be made, are apart as in the report.
+fn closing(summary: &Summary) -> String {
+    let (right, undecidable) = (&summary.right, &summary.undecidable.right);
+    let mut text = format!(
+        "{}: {} of {} right, {} of them with all joints correct; {} refused, {} failed",
+        counted(summary.objects, "object"),
+        right.count,
+        counted(right.of, "decidable object"),
+        summary.joints_right.count,
+        summary.refused,
+        summary.failed
+    );
+    if undecidable.of > 0 {
+        text +=
+            &format!("; {} apart, {} of them right", counted(undecidable.of, "undecidable object"), undecidable.count);
+    }
+    if summary.not_made > 0 {
+        text += &format!("; {} could not be made", summary.not_made);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artgs_bench::population::Row;
+
+    #[test]
+    fn earlier_objects_are_counted_in_words() {
+        assert_eq!(kept(1, 0), "1 object is complete already");
+        assert_eq!(kept(3, 1), "3 objects are complete already, 1 failed earlier; --retry-failed runs it again");
+        assert_eq!(kept(0, 2), "2 failed earlier; --retry-failed runs them again");
+    }
+
+    #[test]
+    fn undecidable_objects_are_not_among_the_wrong_ones() {
+        let right =
+            Row { category: "chest".into(), decidable: true, right: true, joints_right: true, ..Row::default() };
+        let wrong = Row { right: false, joints_right: false, ..right.clone() };
+        let hidden = Row { decidable: false, ..wrong.clone() };
+        let failed = Row { status: Status::Failed, ..Row::default() };
+        let rows = [right.clone(), wrong, hidden, failed];
+        assert_eq!(
+            closing(&Summary::new(&rows, None)),
+            "4 objects: 1 of 2 decidable objects right, 1 of them with all joints correct; 0 refused, 0 failed; \
+             1 undecidable object apart, 0 of them right; 1 could not be made"
+        );
+        let alone = closing(&Summary::new(&[right], None));
+        assert_eq!(
+            alone,
+            "1 object: 1 of 1 decidable object right, 1 of them with all joints correct; 0 refused, 0 failed"
+        );
+    }
 }

@@ -101,7 +101,10 @@ fn wrong_usage_exits_2_and_says_what_is_wrong() {
         (&[b, "--sensor", "lidar"], "are for `artgs bench population`"),
         (&[b, "--keep"], "are for `artgs bench population`"),
         (&["population"], "add --seeds A..B"),
-        (&["population", "--seeds", "3"], "write --seeds 0..3"),
+        (
+            &["population", "--seeds", "3"],
+            "write --seeds 0..3 for the seeds below 3, or --seeds 3..=3 for seed 3 alone",
+        ),
         (&["population", "--seeds", "3..3"], "no seed is in 3..3"),
         (&["population", "--seeds", "x..3"], "A..=B"),
         (&["population", "--seeds", "9000..=10000"], "kept for judging"),
@@ -151,7 +154,7 @@ fn an_interrupted_bench_ends_its_run_and_says_how_to_continue() {
     assert!(sent.success());
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
-    assert!(text(&output.stderr).contains("1 runs left"), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("1 run left"), "{}", text(&output.stderr));
     assert!(!out.join("runs/full/cabinet/seed_0/run.json").exists());
     // The run itself is gone: it writes nothing any more.
     let size = || std::fs::metadata(out.join("runs/full/cabinet/seed_0.log")).unwrap().len();

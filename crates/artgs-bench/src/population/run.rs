@@ -3,9 +3,11 @@
 use super::object::measured;
 use super::read::{row_files, rows_of_folder, write_rows};
 use super::row::{Row, Status};
-use crate::bench::{BenchError, claim};
+use crate::bench::BenchError;
+use crate::counted::counted;
+use crate::marker::{Kind, claim};
 use artgs_io::digest::tree_digest;
-use artgs_io::run_folder::{load_json, remove_file, save_json};
+use artgs_io::run_folder::{load_json, remove_file, remove_folder, save_json};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -39,7 +41,7 @@ pub struct Options {
     pub device: Option<String>,
     /// Keep captures and runs.
     pub keep: bool,
-    /// Replace rows that were made with other settings instead of refusing them.
+    /// Replace rows of these seeds that were made with other settings instead of refusing them.
     pub force: bool,
     /// Repeat failed objects. Refused ones are results.
     pub retry_failed: bool,
@@ -55,8 +57,10 @@ impl Options {
 pub enum Event<'a> {
     /// Rows of an earlier bench are reused.
     Kept {
-        /// Number of objects.
+        /// Number of objects that are done or refused.
         objects: usize,
+        /// Number of objects that failed and are not repeated.
+        failed: usize,
     },
     /// An object starts.
     Started {
@@ -131,12 +135,15 @@ pub fn run(
     if options.seeds.last().is_some_and(|last| *last >= RESERVED) {
         return Err(BenchError::ReservedSeeds);
     }
-    let _lock = claim(&options.out)?;
+    let _lock = claim(&options.out, Kind::Population)?;
     let settings = Settings::new(options, version(program)?);
-    let wanted = plan(options, &settings)?;
-    let total = options.seeds.len();
-    if wanted.len() < total {
-        observe(Event::Kept { objects: total - wanted.len() });
+    let Plan { wanted, failed } = plan(options, &settings)?;
+    if !options.keep {
+        remove_unfinished(&options.out, &wanted)?;
+    }
+    let kept = options.seeds.len() - wanted.len();
+    if kept > 0 {
+        observe(Event::Kept { objects: kept - failed, failed });
     }
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let worker = || -> Result<(), BenchError> {
@@ -170,27 +177,73 @@ fn version(program: &Path) -> Result<String, BenchError> {
     Ok(format!("{} ({})", env!("CARGO_PKG_VERSION"), digest.get(..DIGITS).unwrap_or(&digest)))
 }
 
-/// Seeds without a usable row. Rows with other settings are refused, or removed if they are to be replaced.
-fn plan(options: &Options, settings: &Settings) -> Result<Vec<u64>, BenchError> {
-    let (mut kept, mut others) = (Vec::new(), Vec::new());
+/// What is to be done.
+struct Plan {
+    /// Seeds without a usable row.
+    wanted: Vec<u64>,
+    /// Number of the other seeds whose objects failed.
+    failed: usize,
+}
+
+/// A row that was made with other settings.
+struct Other {
+    seed: u64,
+    path: PathBuf,
+    /// Names of the settings that differ.
+    fields: Vec<&'static str>,
+}
+
+/// Compares the rows of the folder with the settings. Rows with other settings are refused, or removed if they are to be replaced.
+fn plan(options: &Options, settings: &Settings) -> Result<Plan, BenchError> {
+    let is_asked = |seed: u64| options.seeds.binary_search(&seed).is_ok();
+    let (mut kept, mut others, mut failed) = (Vec::new(), Vec::new(), 0);
     for (seed, path) in row_files(&options.out.join("rows"))? {
         // A row that cannot be read counts as unfinished.
         match load_json::<RowFile>(&path) {
             Ok(Some(file)) if file.settings == *settings => {
-                let again = file.row.status == Status::Failed && options.retry_failed;
-                kept.extend((!again).then_some(seed));
+                let has_failed = file.row.status == Status::Failed;
+                if !(has_failed && options.retry_failed) {
+                    kept.push(seed);
+                    failed += usize::from(has_failed && is_asked(seed));
+                }
             }
-            Ok(Some(file)) => others.push((path, file.settings.differences(settings))),
-            _ if options.seeds.binary_search(&seed).is_ok() => remove_file(&path)?,
+            Ok(Some(file)) => others.push(Other { seed, path, fields: file.settings.differences(settings) }),
+            _ if is_asked(seed) => remove_file(&path)?,
             _ => {}
         }
     }
-    if let (Some((path, fields)), false) = (others.first(), options.force) {
-        let (folder, fields) = (path.display().to_string(), fields.join(", "));
-        return Err(BenchError::OtherSettings { folder, fields, runs: others.len() });
+    replace(&others, options)?;
+    let wanted = options.seeds.iter().copied().filter(|seed| kept.binary_search(seed).is_err()).collect();
+    Ok(Plan { wanted, failed })
+}
+
+/// Removes rows with other settings if they are to be replaced, and refuses them if not, or if a seed was not asked for.
+fn replace(others: &[Other], options: &Options) -> Result<(), BenchError> {
+    let outside: Vec<&Other> =
+        others.iter().filter(|other| options.seeds.binary_search(&other.seed).is_err()).collect();
+    if let Some(first) = outside.first() {
+        let (row, fields) = (first.path.display().to_string(), first.fields.join(", "));
+        return Err(BenchError::OtherSeeds { row, fields, rows: counted(outside.len(), "row") });
     }
-    others.iter().try_for_each(|(path, _)| remove_file(path))?;
-    Ok(options.seeds.iter().copied().filter(|seed| kept.binary_search(seed).is_err()).collect())
+    if let (Some(first), false) = (others.first(), options.force) {
+        let (folder, fields) = (first.path.display().to_string(), first.fields.join(", "));
+        return Err(BenchError::OtherSettings { folder, fields, runs: counted(others.len(), "such run") });
+    }
+    Ok(others.iter().try_for_each(|other| remove_file(&other.path))?)
+}
+
+/// Removes captures and runs that an interrupted bench has left: those of seeds that have no row and are not wanted now.
+fn remove_unfinished(out: &Path, wanted: &[u64]) -> Result<(), BenchError> {
+    let folder = out.join("objects");
+    let Ok(entries) = std::fs::read_dir(&folder) else { return Ok(()) };
+    for entry in entries.filter_map(Result::ok) {
+        let seed = entry.file_name().to_str().and_then(|name| name.parse::<u64>().ok());
+        let is_left = |seed: &u64| wanted.binary_search(seed).is_err() && !row_path(out, *seed).exists();
+        if seed.as_ref().is_some_and(is_left) {
+            remove_folder(&entry.path())?;
+        }
+    }
+    Ok(())
 }
 
 #[cfg(all(test, unix))]

@@ -147,11 +147,14 @@ fn other_settings_are_refused_or_replaced() {
     let fake = Fake::new("");
     fake.run(&fake.options(0..2)).unwrap();
     fake.calls();
-    let lidar = Options { sensor: "lidar".into(), stop_after_discover: false, ..fake.options(1..2) };
+    let lidar = Options { sensor: "lidar".into(), stop_after_discover: false, ..fake.options(0..2) };
     let error = fake.run(&lidar).unwrap_err();
-    assert!(error.is_bad_input() && error.to_string().contains("another --sensor, --stop-after"), "{error}");
+    assert!(
+        error.is_bad_input() && error.to_string().contains("another --sensor, --stop-after (2 such runs)"),
+        "{error}"
+    );
     let finished = fake.run(&Options { force: true, ..lidar.clone() }).unwrap();
-    assert_eq!(finished.rows.iter().map(|row| row.seed).collect::<Vec<_>>(), [1], "rows of one kind remain");
+    assert_eq!(finished.rows.iter().map(|row| row.seed).collect::<Vec<_>>(), [0, 1]);
     let calls = fake.calls();
     assert!(calls[0].ends_with("--sensor lidar") && calls[1].ends_with("--json"), "{calls:?}");
 
@@ -160,6 +163,65 @@ fn other_settings_are_refused_or_replaced() {
     assert!(error.contains("another program"), "{error}");
     let reserved = fake.run(&fake.options(9_990..10_001)).unwrap_err();
     assert!(reserved.is_bad_input() && reserved.to_string().contains("seeds from 10000 on"), "{reserved}");
+}
+
+#[test]
+fn rows_of_other_seeds_are_never_removed() {
+    let fake = Fake::new("");
+    fake.run(&fake.options(0..3)).unwrap();
+    fake.calls();
+    let before = read_rows(&fake.options(0..1).out).unwrap();
+    for (seeds, words) in
+        [(2..4, "2 rows outside of --seeds"), (1..3, "1 row outside of --seeds"), (7..9, "3 rows outside")]
+    {
+        for force in [false, true] {
+            let other = Options { size: Some(64), force, ..fake.options(seeds.clone()) };
+            let error = fake.run(&other).unwrap_err();
+            let said = error.to_string();
+            assert!(error.is_bad_input() && said.contains(words) && said.contains("another --size"), "{said}");
+            assert!(said.contains("another folder to -o") && said.contains("rows/0.json"), "{said}");
+        }
+    }
+    assert_eq!(read_rows(&fake.options(0..1).out).unwrap(), before);
+    assert!(fake.calls().is_empty());
+    let all = fake.run(&Options { size: Some(64), force: true, ..fake.options(0..4) }).unwrap();
+    assert_eq!((all.rows.len(), fake.calls().len()), (4, 8));
+}
+
+#[test]
+fn what_interrupted_seeds_left_is_removed() {
+    let fake = Fake::new("");
+    let options = fake.options(0..1);
+    let objects = options.out.join("objects");
+    let left = |name: &str| std::fs::create_dir_all(objects.join(name).join("capture")).unwrap();
+    let names = || {
+        let entries = std::fs::read_dir(&objects).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
+        entries.collect::<std::collections::BTreeSet<_>>().into_iter().collect::<Vec<_>>()
+    };
+    fake.run(&options).unwrap();
+    // Kept by an earlier call, left by an interrupted one, and of someone else.
+    ["0", "5", "mine"].iter().for_each(|name| left(name));
+    fake.run(&Options { keep: true, ..options.clone() }).unwrap();
+    assert_eq!(names(), ["0", "5", "mine"]);
+    fake.run(&options).unwrap();
+    assert_eq!(names(), ["0", "mine"]);
+}
+
+#[test]
+fn earlier_failures_are_counted_apart() {
+    let fake = Fake::new("case \"$verb $*\" in reconstruct*objects/1/*) exit 1;; esac");
+    fake.run(&fake.options(0..3)).unwrap();
+    let seen = Mutex::new(Vec::new());
+    let note = |event: Event<'_>| {
+        if let Event::Kept { objects, failed } = event {
+            seen.lock().unwrap().push((objects, failed));
+        }
+    };
+    let stop = AtomicBool::new(false);
+    for options in [fake.options(1..4), fake.options(2..3), Options { retry_failed: true, ..fake.options(0..4) }] {
+        run(&options, &fake.program, &stop, &note).unwrap();
+    }
+    assert_eq!(*seen.lock().unwrap(), [(1, 1), (1, 0), (3, 0)]);
 }
 
 #[test]
@@ -179,6 +241,7 @@ fn refused_and_failed_objects_are_rows() {
     }
     assert_eq!((of(0).parts_true, of(0).missing, of(1).missing, of(0).category.as_str()), (2, 2, 2, "cupboard"));
     assert_eq!((of(2).parts_true, of(4).status), (0, Status::Done));
+    assert!(!of(2).is_made() && !of(2).decidable && of(1).is_made() && of(1).decidable, "{:?}", of(2));
     fake.calls();
     fake.run(&options).unwrap();
     assert!(fake.calls().is_empty(), "failures are not repeated");
