@@ -454,7 +454,8 @@ pub(crate) struct Batch {
 pub(crate) struct Report {
     /// Folder of a batch, its results.jsonl or rows, or the results.parquet of artgs.ray; or the same of artgs bench population
     pub(crate) table: PathBuf,
-    /// The page (.html), or a folder for report.html; beside the table if absent
+    /// The page (.html), or a folder for report.html; beside the table if absent. For a population also its tables as Markdown, beside
+    /// the page with the same name (page.html: page.md)
     #[arg(short, long, value_name = "FILE|DIR")]
     pub(crate) out: Option<PathBuf>,
     /// An earlier table of the same captures: the page lists what has changed

@@ -18,8 +18,13 @@ const PAGE: &str = "report.html";
 const SHOWN: usize = 5;
 
 pub(crate) fn run(args: &Report, style: Style) -> Result<(), Failure> {
+    std::iter::once(&args.table).chain(&args.before).try_for_each(|table| check_exists(table))?;
     if is_population(&args.table) {
         return report_population::run(args, style);
+    }
+    if let Some(before) = args.before.as_deref().filter(|before| is_population(before)) {
+        let kinds = "is a table of artgs bench population, and the other one is none; give two tables of one kind";
+        return Err(Failure::bad(format!("{}: {kinds}", before.display())));
     }
     let read = |table: &Path| batch::read_rows(table).map_err(Failure::bad_input);
     let (rows, base) = read(&args.table)?;
@@ -32,6 +37,10 @@ pub(crate) fn run(args: &Report, style: Style) -> Result<(), Failure> {
         return say(json!({ "event": "result", "html": file, "summary": summary }));
     }
     if style.quiet { Ok(()) } else { say(described(&summary, &file)) }
+}
+
+fn check_exists(table: &Path) -> Result<(), Failure> {
+    if table.exists() { Ok(()) } else { Err(Failure::bad(format!("{}: No such file or folder", table.display()))) }
 }
 
 /// The file of the page.

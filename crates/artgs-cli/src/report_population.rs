@@ -3,7 +3,7 @@
 use crate::args::Report;
 use crate::commands::Style;
 use crate::failure::Failure;
-use crate::output::say;
+use crate::output::{note, say};
 use crate::process;
 use crate::report::page_file;
 use artgs_bench::population::report::{self, Origin, Summary};
@@ -22,10 +22,14 @@ pub(crate) fn run(args: &Report, style: Style) -> Result<(), Failure> {
     let base = base(&args.table);
     let html = page_file(args.out.as_deref(), &base);
     let markdown = html.with_extension("md");
+    check_free(&markdown)?;
     let origin = Origin { command: process::line(), base };
     let page = report::page(&rows, &summary, &origin);
     write_atomic(&html, page.as_bytes()).map_err(Failure::failed)?;
     write_atomic(&markdown, report::markdown(&summary, &origin).as_bytes()).map_err(Failure::failed)?;
+    if summary.changes.as_ref().is_some_and(|changes| changes.both == 0) {
+        note("no object is in both tables: nothing can be compared with that of --before", style);
+    }
     if style.json {
         return say(json!({ "event": "result", "html": html, "markdown": markdown, "summary": summary }));
     }
@@ -33,9 +37,20 @@ pub(crate) fn run(args: &Report, style: Style) -> Result<(), Failure> {
     if style.quiet { Ok(()) } else { say(lines()) }
 }
 
+/// Refuses to replace a file that `artgs report` did not write: its name follows from that of the page.
+fn check_free(markdown: &Path) -> Result<(), Failure> {
+    match std::fs::read(markdown) {
+        Ok(text) if !report::is_markdown(&text) => Err(Failure::bad(format!(
+            "the tables of the page are written to {}, which artgs report did not write; give another page to -o",
+            markdown.display()
+        ))),
+        _ => Ok(()),
+    }
+}
+
 fn read(table: &Path) -> Result<Vec<Row>, Failure> {
     if !report::is_population(table) {
-        let reason = "is no table of artgs bench population: its first row has no seed and category";
+        let reason = "is no table of artgs bench population: no row in it has a seed and a category";
         return Err(Failure::bad(format!("{}: {reason}", table.display())));
     }
     read_rows(table).map_err(Failure::bad_input)

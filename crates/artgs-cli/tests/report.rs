@@ -64,7 +64,8 @@ fn wrong_input_is_one_clear_error() {
         (&["field.jsonl"], "line 1: `confidence` is 9.0, expected a number from 0 to 1; correct or remove it"),
         (&["good.jsonl", "--before", "cut.jsonl"], "cut.jsonl: line 4"),
         (&["absent.jsonl"], "absent.jsonl: No such file"),
-        (&["absent"], "absent: is no table of results"),
+        (&["absent"], "absent: No such file or folder"),
+        (&["good.jsonl", "--before", "absent"], "absent: No such file or folder"),
         (&["good.jsonl", "--cpu-price", "much"], "--cpu-price"),
         (&["good.jsonl", "--cpu-price=-1"], "--cpu-price"),
     ] {
@@ -73,6 +74,47 @@ fn wrong_input_is_one_clear_error() {
         assert_eq!(refused.status.code(), Some(2), "{said}");
         assert!(said.starts_with("error: ") && said.contains(words), "{said}");
         assert!(!folder.path().join("report.html").exists());
+    }
+}
+
+#[test]
+fn a_foreign_file_beside_the_page_is_not_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("t.jsonl", "{\"seed\": 1, \"category\": \"cabinet\", \"decidable\": true, \"right\": true}\n");
+    write("thesis.md", "# My thesis\n");
+    let refused = report(folder.path(), &["t.jsonl", "-o", "thesis.html"]);
+    let said = text(&refused.stderr);
+    assert!(refused.status.code() == Some(2) && said.contains("thesis.md, which artgs report did not write"), "{said}");
+    assert_eq!(std::fs::read_to_string(folder.path().join("thesis.md")).unwrap(), "# My thesis\n");
+    assert!(!folder.path().join("thesis.html").exists());
+    for _ in 0..2 {
+        let made = report(folder.path(), &["t.jsonl", "-o", "page.html"]);
+        assert_eq!(made.status.code(), Some(0), "its own file is replaced: {}", text(&made.stderr));
+    }
+    let shown = text(&report(folder.path(), &["--help"]).stdout);
+    assert!(shown.contains("page.html: page.md"), "{shown}");
+}
+
+#[test]
+fn damaged_rows_of_a_population_are_those_of_a_population() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    };
+    write("pop/rows/1.json", "{\"seed\"");
+    write("pop/rows/2.json", "{\"seed\": 2, \"category\": \"cabinet\"}");
+    write("pop/bench.json", "{\"program\": \"artgs bench\"}");
+    for (args, words) in [
+        (&["pop"][..], "run the same `artgs bench population` again"),
+        (&["pop/rows"], "run the same `artgs bench population` again"),
+        (&["pop/rows/2.json"], "the folder of `artgs batch` or `artgs bench population`"),
+    ] {
+        let refused = report(folder.path(), args);
+        let said = text(&refused.stderr);
+        assert!(refused.status.code() == Some(2) && said.contains(words) && !said.contains("capture"), "{said}");
     }
 }
 
@@ -99,8 +141,13 @@ fn a_table_of_a_population_has_a_page_of_its_own() {
     assert!(page.contains("Population benchmark") && folder.path().join("report.md").is_file());
     let found: Value = serde_json::from_slice(&report(folder.path(), &["new.jsonl", "--json"]).stdout).unwrap();
     assert_eq!((&found["summary"]["right"]["count"], &found["markdown"]), (&1.into(), &"report.md".into()));
+    write("elsewhere.jsonl", &row(7, true));
+    let apart = report(folder.path(), &["new.jsonl", "--before", "elsewhere.jsonl"]);
+    assert_eq!(apart.status.code(), Some(0));
+    assert!(text(&apart.stderr).contains("no object is in both tables"), "{}", text(&apart.stderr));
     for (args, words) in [
-        (&["new.jsonl", "--before", "batch.jsonl"][..], "batch.jsonl: is no table of artgs bench population"),
+        (&["batch.jsonl", "--before", "new.jsonl"][..], "new.jsonl: is a table of artgs bench population, and"),
+        (&["new.jsonl", "--before", "batch.jsonl"], "batch.jsonl: is no table of artgs bench population"),
         (&["new.jsonl", "--cpu-price", "1"], "--cpu-price is for tables of artgs batch"),
     ] {
         let refused = report(folder.path(), args);

@@ -9,8 +9,12 @@ use std::path::{Path, PathBuf};
 
 /// What to do about a wrong line of a table.
 const REMEDY: &str = "correct or remove it, or write the table again with `artgs batch MANIFEST -o OUT`";
-/// What to do about a wrong file of a folder of rows.
+/// What to do about a wrong file of a folder `rows`.
 const ROW_REMEDY: &str = "remove the file; `artgs batch` then runs its capture again";
+/// What to do about a wrong file beside rows in another folder, which may be anything.
+const OTHER_REMEDY: &str = "give a folder that holds nothing but rows";
+/// About a folder without any row.
+const NEITHER: &str = "is neither the folder of `artgs batch` nor that of `artgs bench population`";
 
 /// Why a table cannot be read: file, line and field, and what to do.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -45,7 +49,7 @@ pub fn read_rows(path: &Path) -> Result<(Vec<Row>, PathBuf), TableError> {
             of_lines(&bytes)
         }
         "parquet" => of_parquet(path),
-        _ => Err("is no table of results; give results.jsonl, results.parquet, or the folder of the batch".into()),
+        _ => Err("is no table of results; give results.jsonl, results.parquet, or the folder of `artgs batch` or `artgs bench population`".into()),
     };
     let rows = rows.map_err(fail)?;
     if rows.is_empty() { Err(fail("there is no row in it".into())) } else { Ok((rows, parent())) }
@@ -100,15 +104,30 @@ fn of_folder(folder: &Path) -> Result<Vec<Row>, TableError> {
             "is a folder of `artgs bench`, whose tables are in BENCHMARKS.md; give the folder of `artgs batch`";
         return Err(fail(folder, reason.into()));
     }
-    let read = |file: PathBuf| {
+    let (mut rows, mut wrong) = (Vec::new(), None);
+    for file in files {
         let bytes = std::fs::read(&file).map_err(|e| fail(&file, e.to_string()))?;
-        row_of(&bytes).map_err(|reason| fail(&file, format!("{reason}; {ROW_REMEDY}")))
-    };
-    let rows: Vec<Row> = files.into_iter().map(read).collect::<Result<_, _>>()?;
-    if rows.is_empty() {
-        return Err(fail(folder, "there is no row in it; give the folder that `artgs batch -o` wrote".into()));
+        match row_of(&bytes) {
+            Ok(row) => rows.push(row),
+            Err(reason) => wrong = wrong.or(Some((file, reason))),
+        }
     }
-    Ok(rows)
+    let is_rows = folder.file_name().is_some_and(|name| name == "rows");
+    match wrong {
+        None if !rows.is_empty() => Ok(rows),
+        None if is_rows => Err(fail(
+            folder,
+            "there is no row in it; give the folder of `artgs batch` or `artgs bench population`".into(),
+        )),
+        None => Err(fail(folder, format!("{NEITHER}: there is no row in it"))),
+        Some((file, reason)) if rows.is_empty() => {
+            let name = file.file_name().unwrap_or_default().display();
+            Err(fail(folder, format!("{NEITHER}: no file in it is a row; {name}: {reason}")))
+        }
+        Some((file, reason)) => {
+            Err(fail(&file, format!("{reason}; {}", if is_rows { ROW_REMEDY } else { OTHER_REMEDY })))
+        }
+    }
 }
 
 thread_local! {
@@ -231,6 +250,28 @@ mod tests {
         std::fs::write(rows.join("c.json"), "{\"id\": \"c\"}").unwrap();
         let error = read_rows(folder.path()).unwrap_err().to_string();
         assert!(error.contains("c.json: `status` is missing; remove the file"), "{error}");
+    }
+
+    #[test]
+    fn files_of_other_folders_are_not_to_be_removed() {
+        let root = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| {
+            artgs_io::write_atomic(&root.path().join(name), text.as_bytes()).unwrap();
+            read_rows(root.path().join(name).parent().unwrap()).unwrap_err().to_string()
+        };
+        let row = "{\"id\": \"a\", \"status\": \"done\"}";
+        for (name, text, words) in [
+            ("capture/transforms.json", "{\"frames\": []}", "capture: is neither the folder of `artgs batch` nor that"),
+            ("replica/replica.ply", "ply", "replica: is neither the folder of `artgs batch` nor that"),
+            ("other/rows/x.json", "{}", "rows: is neither the folder of `artgs batch` nor that"),
+            ("mixed/x.json", "{}", "x.json: `id` is missing"),
+        ] {
+            if name.starts_with("mixed") {
+                artgs_io::write_atomic(&root.path().join("mixed/a.json"), row.as_bytes()).unwrap();
+            }
+            let error = write(name, text);
+            assert!(error.contains(words) && !error.contains("remove"), "{error}");
+        }
     }
 
     #[test]

@@ -27,7 +27,7 @@ pub fn read_rows(path: &Path) -> Result<Vec<Row>, TableError> {
     } else {
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
         match extension.as_str() {
-            "jsonl" => rows_of_lines(path).map_err(fail)?,
+            "jsonl" | "ndjson" => rows_of_lines(path).map_err(fail)?,
             "parquet" => guarded(|| rows_of_parquet(path), REMEDY).map_err(fail)?,
             _ => {
                 let kinds =
@@ -46,10 +46,12 @@ pub fn read_rows(path: &Path) -> Result<Vec<Row>, TableError> {
 
 /// The rows of a folder of one file per object, in the order of their seeds.
 pub(super) fn rows_of_folder(folder: &Path) -> Result<Vec<Row>, TableError> {
+    // Files of another folder may be anything.
+    let remove = if folder.file_name().is_some_and(|name| name == "rows") { "remove the file, and " } else { "" };
     let read = |path: PathBuf| {
         let text = std::fs::read(&path).map_err(|e| e.to_string());
         let row = text.and_then(|text| serde_json::from_slice::<Row>(&text).map_err(|e| e.to_string()));
-        row.map_err(|reason| TableError { path, reason: format!("{reason}; remove the file, and {REMEDY}") })
+        row.map_err(|reason| TableError { path, reason: format!("{reason}; {remove}{REMEDY}") })
     };
     row_files(folder)?.into_iter().map(|(_, path)| read(path)).collect()
 }
@@ -71,7 +73,8 @@ pub(super) fn row_files(folder: &Path) -> Result<Vec<(u64, PathBuf)>, TableError
 }
 
 fn rows_of_lines(path: &Path) -> Result<Vec<Row>, String> {
-    let text = std::fs::read(path).map_err(|e| e.to_string())?;
+    let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
+    let text = artgs_io::without_mark(&bytes).map_err(|e| e.to_string())?;
     let filled = text.split(|b| *b == b'\n').zip(1_u64..).filter(|(line, _)| !line.trim_ascii().is_empty());
     let read = |(line, number): (&[u8], u64)| {
         serde_json::from_slice(line).map_err(|e| format!("line {number}: {e}; {REMEDY}"))
@@ -192,9 +195,20 @@ mod tests {
             let error = read_rows(&at(name)).unwrap_err().to_string();
             assert!(error.contains(words) && error.contains(name), "{error}");
         }
-        std::fs::write(at("e/5.json"), "{").unwrap();
-        let error = read_rows(&at("e")).unwrap_err().to_string();
-        assert!(error.contains("5.json") && error.contains("remove the file"), "{error}");
+        for (folder, removes) in [("e", false), ("rows", true)] {
+            std::fs::create_dir_all(at(folder)).unwrap();
+            std::fs::write(at(folder).join("5.json"), "{").unwrap();
+            let error = read_rows(&at(folder)).unwrap_err().to_string();
+            assert!(error.contains("5.json") && error.contains("remove the file") == removes, "{error}");
+        }
+    }
+
+    #[test]
+    fn lines_of_other_programs_are_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("t.ndjson");
+        std::fs::write(&path, "\u{feff}{\"seed\": 4}\n").unwrap();
+        assert_eq!(read_rows(&path).unwrap()[0].seed, 4);
     }
 
     #[test]

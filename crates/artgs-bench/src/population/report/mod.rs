@@ -22,6 +22,6 @@ pub use detect::is_population;
 pub use groups::Group;
 pub use kinds::{Confusion, Kind, KindCount};
 pub use overview::overview;
-pub use page::{Origin, markdown, page};
+pub use page::{Origin, is_markdown, markdown, page};
 pub use statistics::{Middle, Share, mcnemar, percentile};
 pub use summary::{Numbers, Summary, Undecidable};

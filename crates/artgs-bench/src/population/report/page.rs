@@ -46,6 +46,11 @@ pub fn page(rows: &[Row], summary: &Summary, origin: &Origin) -> String {
     page.finish()
 }
 
+/// True for text that [`markdown`] returned.
+pub fn is_markdown(text: &[u8]) -> bool {
+    text.split(|byte| *byte == b'\n').next() == Some(format!("# {TITLE}").as_bytes())
+}
+
 /// The main tables as Markdown.
 pub fn markdown(summary: &Summary, origin: &Origin) -> String {
     let mut all = vec![tables::headline(summary), tables::numbers(summary), tables::kinds(summary)];
@@ -146,6 +151,7 @@ mod tests {
         assert!(text.contains("From right to wrong") && !text.contains("From wrong to right<"));
         assert_eq!(text, page(&rows, &summary, &origin));
         let markdown = markdown(&summary, &origin);
+        assert!(is_markdown(markdown.as_bytes()) && !is_markdown(b"# My thesis\n") && !is_markdown(b""));
         assert!(markdown.contains("## By feature") && markdown.contains("\\<script\\>"), "{markdown}");
         assert!(
             !markdown.contains('\u{1}') && !markdown.lines().any(|line| line.starts_with('|') && line.contains("&|"))
