@@ -99,8 +99,8 @@ pub(super) struct Decided {
     pub(super) joint: JointEstimate,
     /// A motion that fits clearly better than the joint: that of a screw, or of a part that another one carries.
     pub(super) general: Option<JointEstimate>,
-    /// The joint fits as well as a motion that is free.
-    pub(super) exact: bool,
+    /// How much worse the joint fits than a motion that is free, nats.
+    pub(super) misfit: f64,
 }
 
 impl<'a> JointFit<'a> {
@@ -148,7 +148,7 @@ impl<'a> JointFit<'a> {
     /// gave it.
     pub(super) fn decide(&self, part: &JointEstimate, own: &PerState<Cloud>, known: Option<JointKind>) -> Decided {
         if self.too_few(own) {
-            return Decided { joint: self.unregistered(part, known), general: None, exact: false };
+            return Decided { joint: self.unregistered(part, known), general: None, misfit: f64::INFINITY };
         }
         let points = own.as_ref().map(|own| IndexedCloud::gridded(own, self.lengths.spacing));
         let options = self.options(&points, &part.motion);
@@ -157,7 +157,7 @@ impl<'a> JointFit<'a> {
         if let Some(shift) = may_slide.then(|| self.glide(&points, &part.motion, &free)).flatten() {
             let joint =
                 JointEstimate { rms: free.rms, ..JointEstimate::new(JointKind::Prismatic, Rigid::shift(shift)) };
-            return Decided { joint, general: None, exact: true };
+            return Decided { joint, general: None, misfit: 0.0 };
         }
         let (kind, fit) = match known {
             Some(kind) => (kind, on_joint(&points, &free, kind, &options)),
@@ -169,10 +169,10 @@ impl<'a> JointFit<'a> {
         let turn = may_turn.then(|| self.turn(&points, &free, is_general, kind, &options)).flatten();
         let turn = turn.map(|screw| general(&screw));
         if let (Some(screw), Some(JointKind::Screw)) = (turn, known) {
-            return Decided { joint: screw, general: None, exact: true };
+            return Decided { joint: screw, general: None, misfit: 0.0 };
         }
-        let exact = turn.is_none() && self.is_exact(&free, &fit);
-        Decided { joint, general: turn.or(is_general.then(|| general(&free))), exact }
+        let misfit = if turn.is_some() { f64::INFINITY } else { self.misfit(&free, &fit) };
+        Decided { joint, general: turn.or(is_general.then(|| general(&free))), misfit }
     }
 
     /// The slide of a part that slid so far (`before`), where its surfaces leave directions free.
@@ -270,11 +270,15 @@ impl<'a> JointFit<'a> {
         better || pairs > self.settings.more * as_joint
     }
 
-    /// True if a joint matches nearly all pairs of the free motion, nearly as closely.
-    fn is_exact(&self, free: &Registration, joint: &Registration) -> bool {
-        let rms = |r: &Registration| r.rms.unwrap_or(f64::INFINITY);
-        let close = (rms(free) / self.settings.much_better).max(0.5 * self.tolerance);
-        joint.pairs as f64 > self.settings.as_many * free.pairs as f64 && rms(joint) < close
+    /// Nats by which a joint fits worse than a free motion: residuals of normal distributions, and pairs that it does not match.
+    fn misfit(&self, free: &Registration, joint: &Registration) -> f64 {
+        /// Pairs of which the errors count as one.
+        const SHARED: f64 = 100.0;
+        /// Least root mean square distance, depth tolerances: below it, residuals are errors of the measurement.
+        const LEAST: f64 = 0.5;
+        let rms = |r: &Registration| r.rms.unwrap_or(f64::INFINITY).max(LEAST * self.tolerance);
+        let (all, matched) = (free.pairs.max(1) as f64, joint.pairs.max(1) as f64);
+        all / SHARED * ((rms(joint) / rms(free)).ln().max(0.0) + (all / matched).ln().max(0.0))
     }
 
     /// Too few points to fit anything to: the motion as proposed, on the likelier joint.

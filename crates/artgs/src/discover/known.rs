@@ -288,7 +288,7 @@ mod tests {
         let points = |first: u32| PerState::new((first..first + 500).collect(), (0..500).collect());
         let part = JointEstimate::new(JointKind::Screw, shift(0.1));
         let joint = |x: f64| JointEstimate::new(JointKind::Prismatic, shift(x));
-        let decided = |x: f64| Decided { joint: joint(x), general: None, exact: true };
+        let decided = |x: f64| Decided { joint: joint(x), general: None, misfit: 0.0 };
         let known = KnownFits::default();
         let decide = |members: &Members, x: f64| known.decided(&part, members, None, || decided(x)).joint;
         assert_eq!(decide(&points(0), 0.2), joint(0.2));

@@ -1,49 +1,33 @@
-//! Which part carries which. A part is first taken to hang on the static part. If no joint there explains its motion, or
-//! the joint would be in mid-air, the parts beside it are tried: a drawer in a door moves on a simple joint against the
-//! door.
+//! Which part carries which: the tree of joints with the least energy. A joint costs the numbers that describe it; a hinge must pass
+//! through both parts that it connects, and parts that are joined touch each other.
 
 use super::cloud::{Cloud, IndexedCloud};
 use super::joints::{Decided, JointFit};
 use artgs_core::{JointEstimate, JointKind, PerState, Rigid, State};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
-/// Settings of the search for parents. Lengths are fractions of the object's diagonal.
+/// Settings of the energy of a tree of joints. Lengths are fractions of the object's diagonal, energies are nats.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ParentSettings {
-    /// A hinge passes this close to both parts that it connects, at one place.
+    /// Standard deviation of the distance between the axis of a hinge and the surfaces that are seen of both parts.
     pub(crate) pivot: f64,
-    /// A part is beside another if points of it are this close.
-    pub(crate) contact: f64,
-    /// A part hangs free of the static part if in one of the states no points of it are this close.
-    pub(crate) detached: f64,
-    /// Fewer points are noise,
-    pub(crate) least_points: usize,
-    /// and so is a smaller share of the points of a part.
-    pub(crate) least_share: f64,
-    /// A part that has a possible joint to the static part must move less against its parent: its mean motion must be below
-    /// this share of its mean motion in the world.
-    pub(crate) smaller: f64,
+    /// Standard deviation of the gap that is seen between parts that are joined.
+    pub(crate) gap: f64,
+    /// Most that a pivot and a gap cost: surfaces there may not be seen. Raising it lets distances decide more.
+    pub(crate) most: f64,
+    /// Of a part that a moving part carries, and not the static one. Raising it makes chains rarer.
+    pub(crate) carried: f64,
+    /// Of a motion that is neither a slide nor a hinge, and the most that a joint may fit worse than a free motion. Raising it makes
+    /// chains more frequent.
+    pub(crate) general: f64,
     /// Parts that move less against another part move with it, depth tolerances.
     pub(crate) least_motion: f64,
-    /// A part that turns with another one turns by more than this, degrees,
-    pub(crate) least_shared_deg: f64,
-    /// and by less than this against it, degrees.
-    pub(crate) shared_deg: f64,
 }
 
 impl Default for ParentSettings {
     fn default() -> Self {
-        Self {
-            pivot: 0.05,
-            contact: 0.03,
-            detached: 0.03,
-            least_points: 8,
-            least_share: 0.005,
-            smaller: 0.7,
-            least_motion: 3.0,
-            least_shared_deg: 10.0,
-            shared_deg: 3.0,
-        }
+        Self { pivot: 0.012, gap: 0.02, most: 10.0, carried: 2.3, general: 15.0, least_motion: 3.0 }
     }
 }
 
@@ -55,6 +39,9 @@ pub(super) enum Numbering {
     /// Parts come after the part that carries them.
     ParentsFirst,
 }
+
+/// The points of a part in each state.
+type Shown<'a> = PerState<IndexedCloud<'a>>;
 
 /// Finds the joints of all parts and what carries them.
 pub(super) struct Carriers<'a> {
@@ -69,146 +56,177 @@ impl Carriers<'_> {
     /// The joints of all parts, of which those against the static part were `decided`. `kinds` are the types that the user
     /// gave.
     pub(super) fn joints(&self, decided: &[Decided], kinds: &[Option<JointKind>]) -> Vec<JointEstimate> {
-        let on_base = |(k, d): (usize, &Decided)| {
-            let rests = d.general.is_none() && !self.in_mid_air(k, &d.joint) && !self.turns_along(k, decided, kinds);
-            rests.then_some(d.joint)
+        let motions: Vec<Rigid> = decided.iter().map(|d| d.general.unwrap_or(d.joint).motion).collect();
+        let shown: Vec<Shown<'_>> = self.clouds.iter().map(|c| c.as_ref().map(IndexedCloud::new)).collect();
+        let on = |child: usize| {
+            let base = self.on_base(&shown, child, &decided[child], kinds[child]);
+            let on_part = |carrier: usize| {
+                let may = carrier != child && (self.numbering == Numbering::ParentsFirst || carrier < child);
+                if !may || self.least_carried(&shown, child, carrier, &motions) >= base {
+                    return f64::INFINITY;
+                }
+                let joint = self.carried(child, &motions[child], &motions[carrier], kinds[child]);
+                joint.map_or(f64::INFINITY, |(joint, misfit)| {
+                    self.settings.carried
+                        + misfit
+                        + self.joined(&joint, &motions[carrier], &shown[child + 1], &shown[carrier + 1])
+                })
+            };
+            std::iter::once(base).chain((0..decided.len()).map(on_part)).collect()
         };
-        let mut settled: Vec<Option<JointEstimate>> = decided.iter().enumerate().map(on_base).collect();
-        // A part that is carried may carry others.
-        while let Some((k, joint)) = self.next_carried(&settled, decided, kinds) {
-            settled[k] = Some(joint);
-        }
-        let otherwise = |(k, joint): (usize, Option<JointEstimate>)| {
-            let general = decided[k].general.filter(|_| kinds[k].is_none());
-            let screw = general.filter(|g| self.turns_about_itself(k, &g.motion));
-            joint.or(screw).unwrap_or(decided[k].joint)
-        };
-        settled.into_iter().enumerate().map(otherwise).collect()
+        let energies: Vec<Vec<f64>> = (0..decided.len()).into_par_iter().map(on).collect();
+        self.in_tree(&tree(&energies), decided, &motions, kinds)
     }
 
-    /// Of all unsettled parts and all settled ones that may carry them, those that move least against each other.
-    fn next_carried(
+    /// Joints of parts with these parents (0 is the static part).
+    fn in_tree(
         &self,
-        settled: &[Option<JointEstimate>],
+        parents: &[usize],
         decided: &[Decided],
+        motions: &[Rigid],
         kinds: &[Option<JointKind>],
-    ) -> Option<(usize, JointEstimate)> {
-        let mut best: Option<(f64, usize, JointEstimate)> = None;
-        for child in (0..settled.len()).filter(|&k| settled[k].is_none()) {
-            for (carrier, joint) in settled.iter().enumerate() {
-                let Some(joint) = joint.filter(|_| self.numbering == Numbering::ParentsFirst || carrier < child) else {
-                    continue;
-                };
-                let found = self.carried(child, &decided[child], carrier, &joint, kinds[child]);
-                if let Some((travel, joint)) = found.filter(|f| best.is_none_or(|b| f.0 < b.0)) {
-                    best = Some((travel, child, joint));
+    ) -> Vec<JointEstimate> {
+        let on_base = |k: usize| {
+            let general = decided[k].general.filter(|_| kinds[k].is_none());
+            general.filter(|g| self.turns_about_itself(k, &g.motion)).unwrap_or(decided[k].joint)
+        };
+        let mut joints: Vec<Option<JointEstimate>> =
+            (0..decided.len()).map(|k| (parents[k] == 0).then(|| on_base(k))).collect();
+        // Parents form a tree: each round settles those whose carrier is settled.
+        for _ in 0..decided.len() {
+            for k in 0..decided.len() {
+                let carrier = parents[k].checked_sub(1).and_then(|c| joints[c]);
+                if let (None, Some(carrier)) = (joints[k], carrier) {
+                    let on_carrier = |joint: JointEstimate| JointEstimate {
+                        motion: carrier.motion * joint.motion,
+                        parent: parents[k],
+                        ..joint
+                    };
+                    let found = self.carried(k, &motions[k], &carrier.motion, kinds[k]);
+                    joints[k] = Some(found.map_or_else(|| on_base(k), |(joint, _)| on_carrier(joint)));
                 }
             }
         }
-        best.map(|(_, child, joint)| (child, joint))
+        joints.into_iter().enumerate().map(|(k, joint)| joint.unwrap_or_else(|| on_base(k))).collect()
     }
 
-    /// The joint of part `child` (from 0) against part `carrier` with its mean motion there; none if there is no simple one.
+    /// Energy of part `k` (from 0) on the static part.
+    fn on_base(&self, shown: &[Shown<'_>], k: usize, decided: &Decided, known: Option<JointKind>) -> f64 {
+        let general = decided.general.filter(|_| known.is_none());
+        let price = if general.is_some() { self.settings.general } else { decided.misfit.min(self.settings.general) };
+        price + self.joined(&general.unwrap_or(decided.joint), &Rigid::IDENTITY, &shown[k + 1], &shown[0])
+    }
+
+    /// Energy of part `child` on part `carrier` at least, from their motions.
+    fn least_carried(&self, shown: &[Shown<'_>], child: usize, carrier: usize, motions: &[Rigid]) -> f64 {
+        /// A motion of parts against each other that turns by more is a hinge, degrees.
+        const TURNS: f64 = 3.0;
+        let relative = motions[carrier].inverse() * motions[child];
+        let kind = if relative.angle().to_degrees() > TURNS { JointKind::Revolute } else { JointKind::Prismatic };
+        let [own, other] = [child, carrier].map(|k| &shown[k + 1]);
+        self.settings.carried + self.numbers(kind) + self.gap(own, other)
+    }
+
+    /// The joint of part `child` (from 0) as seen from a part with this motion and how badly it fits, nats; none if there is no simple
+    /// joint between them.
     fn carried(
         &self,
         child: usize,
-        decided: &Decided,
-        carrier: usize,
-        carrier_joint: &JointEstimate,
+        in_world: &Rigid,
+        carrier: &Rigid,
         known: Option<JointKind>,
-    ) -> Option<(f64, JointEstimate)> {
-        let [own, other] = [child, carrier].map(|k| &self.clouds[k + 1]);
-        if !State::ALL.iter().all(|s| self.are_near(&own[*s], &other[*s], self.settings.contact)) {
-            return None;
-        }
+    ) -> Option<(JointEstimate, f64)> {
         // As seen from the carrier, which then does not move.
-        let from_carrier = carrier_joint.motion.inverse();
-        let seen = |clouds: &PerState<Cloud>| {
-            PerState::new(clouds[State::START].clone(), moved(&clouds[State::END], &from_carrier))
-        };
-        let (own, other) = (seen(own), seen(other));
-        let in_world = decided.general.unwrap_or(decided.joint).motion;
-        let guess = JointEstimate::new(JointKind::Screw, from_carrier * in_world);
+        let (from_carrier, clouds) = (carrier.inverse(), &self.clouds[child + 1]);
+        let own = PerState::new(clouds[State::START].clone(), moved(&clouds[State::END], &from_carrier));
+        let guess = JointEstimate::new(JointKind::Screw, from_carrier * *in_world);
         let found = self.fit.decide(&guess, &own, known);
-        if found.general.is_some() || !found.exact {
-            return None;
+        let travel = mean_motion(&own[State::START], &found.joint.motion);
+        let moves = travel >= self.settings.least_motion * self.fit.tolerance;
+        let fits = found.general.is_none() && found.misfit < self.settings.general;
+        (fits && moves).then_some((found.joint, found.misfit))
+    }
+
+    /// Energy of a joint between two parts, as seen from the second one, which moves by `carrier`.
+    fn joined(&self, joint: &JointEstimate, carrier: &Rigid, own: &Shown<'_>, other: &Shown<'_>) -> f64 {
+        self.numbers(joint.kind) + self.pivot(joint, carrier, own, other) + self.gap(own, other)
+    }
+
+    /// Nats of the numbers that describe a joint, each to the precision that the points of the object give.
+    fn numbers(&self, kind: JointKind) -> f64 {
+        let points = self.clouds.iter().flat_map(PerState::iter).map(Cloud::len).sum::<usize>().max(2) as f64;
+        let numbers = match kind {
+            JointKind::Prismatic => 3.0,
+            JointKind::Revolute => 5.0,
+            JointKind::Screw => 6.0,
+        };
+        0.5 * numbers * points.ln()
+    }
+
+    /// Nats of the distance between a hinge and the two parts that it connects, at the place along the axis where it is least.
+    fn pivot(&self, joint: &JointEstimate, carrier: &Rigid, own: &Shown<'_>, other: &Shown<'_>) -> f64 {
+        /// Places along the axis that are tried.
+        const PLACES: usize = 60;
+        if joint.kind == JointKind::Prismatic {
+            return 0.0;
         }
-        let points = &own[State::START];
-        let travel = mean_motion(points, &found.joint.motion);
-        let most = if decided.general.is_some() {
-            f64::INFINITY
-        } else {
-            self.settings.smaller * mean_motion(points, &in_world)
+        let screw = joint.motion.screw();
+        let reach = self.farthest(self.settings.pivot) as f32;
+        let distance = |state: State| {
+            let motion = if state == State::START { Rigid::IDENTITY } else { *carrier };
+            let (origin, axis) = (motion.apply(screw.origin), motion.turn(screw.axis));
+            let along = own[state].cloud.points.iter().map(|p| (p.as_dvec3() - origin).dot(axis));
+            let [lower, upper] = along.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
+            if lower > upper {
+                return reach;
+            }
+            let (first, step) = (lower - f64::from(reach), (upper - lower + 2.0 * f64::from(reach)) / PLACES as f64);
+            let at = |place: usize| {
+                let p = (origin + axis * (first + (place as f64 + 0.5) * step)).as_vec3();
+                f32::max(distance_to(&own[state], p, reach), distance_to(&other[state], p, reach))
+            };
+            (0..PLACES).map(at).fold(reach, f32::min)
         };
-        let least = self.settings.least_motion * self.fit.tolerance;
-        let hinge = found.joint.kind != JointKind::Prismatic;
-        if travel < least || travel > most || (hinge && !self.is_pivot(&found.joint.motion, &own, &other)) {
-            return None;
-        }
-        let motion = carrier_joint.motion * found.joint.motion;
-        Some((travel, JointEstimate { motion, parent: carrier + 1, ..found.joint }))
+        let nearest = State::ALL.map(distance).into_iter().fold(reach, f32::min);
+        self.of_distance(nearest, self.settings.pivot)
     }
 
-    /// True for a hinge (of part `k`, from 0) that connects its part with nothing static, if the part is away from all that
-    /// is static in one of the states.
-    fn in_mid_air(&self, k: usize, joint: &JointEstimate) -> bool {
-        let (own, base) = (&self.clouds[k + 1], &self.clouds[0]);
-        joint.kind == JointKind::Revolute
-            && own.iter().all(|c| c.len() >= self.settings.least_points)
-            && !self.is_pivot(&joint.motion, own, base)
-            && State::ALL.iter().any(|s| !self.are_near(&own[*s], &base[*s], self.settings.detached))
+    /// Nats of the gap between two parts, the larger one of the states in which both are seen.
+    fn gap(&self, own: &Shown<'_>, other: &Shown<'_>) -> f64 {
+        /// Points of a part that are asked, and the share of them that touch the other part if it is joined: a few points with a wrong
+        /// label are no surface.
+        const ASKED: usize = 500;
+        const TOUCHING: f32 = 0.01;
+        let reach = self.farthest(self.settings.gap) as f32;
+        let gap = |state: State| {
+            let (own, other) = (&own[state].cloud.points, &other[state]);
+            if own.is_empty() || other.cloud.points.is_empty() {
+                return 0.0;
+            }
+            let asked = own.iter().step_by(own.len().div_ceil(ASKED));
+            let distances = asked.map(|p| distance_to(other, *p, reach)).collect();
+            crate::trimmed::quantile(distances, TOUCHING).unwrap_or(reach)
+        };
+        let widest = State::ALL.map(gap).into_iter().fold(0.0, f32::max);
+        self.of_distance(widest, self.settings.gap)
     }
 
-    /// True for a hinge (of part `k`, from 0) of a part that slides on a larger one with a hinge: two hinges with equal angles, parallel axes
-    /// and parts that stay side by side would be a coincidence.
-    fn turns_along(&self, k: usize, decided: &[Decided], kinds: &[Option<JointKind>]) -> bool {
-        let is_hinge = |d: &Decided| {
-            let turn = d.joint.motion.angle().to_degrees();
-            d.general.is_none() && d.joint.kind == JointKind::Revolute && turn > self.settings.least_shared_deg
-        };
-        let size = |k: usize| self.clouds[k + 1].iter().map(Cloud::len).sum::<usize>();
-        let may_carry = |j: usize| {
-            let apart = decided[j].joint.motion.inverse() * decided[k].joint.motion;
-            (self.numbering == Numbering::ParentsFirst || j < k)
-                && is_hinge(&decided[j])
-                && size(j) > size(k)
-                && apart.angle().to_degrees() < self.settings.shared_deg
-        };
-        let slides_on =
-            |j: usize| self.carried(k, &decided[k], j, &decided[j].joint, Some(JointKind::Prismatic)).is_some();
-        kinds[k].is_none()
-            && is_hinge(&decided[k])
-            && (0..decided.len()).any(|j| j != k && may_carry(j) && slides_on(j))
+    /// Nats of a distance in scene units that is usually below `deviation`.
+    fn of_distance(&self, distance: f32, deviation: f64) -> f64 {
+        let share = f64::from(distance / self.fit.lengths.diagonal);
+        (0.5 * (share / deviation).powi(2)).min(self.settings.most)
     }
 
-    /// True if the axis of a motion passes near both parts at one place. The parts are seen from the second one.
-    fn is_pivot(&self, motion: &Rigid, own: &PerState<Cloud>, other: &PerState<Cloud>) -> bool {
-        let (screw, reach) = (motion.screw(), self.settings.pivot * f64::from(self.fit.lengths.diagonal));
-        let along = |clouds: &PerState<Cloud>| {
-            let points = clouds.iter().flat_map(|c| &c.points).map(|p| p.as_dvec3() - screw.origin);
-            let near = points.filter(|p| p.reject_from_normalized(screw.axis).length() < reach);
-            let mut places: Vec<f64> = near.map(|p| p.dot(screw.axis)).collect();
-            places.sort_by(f64::total_cmp);
-            places
-        };
-        let (own, other) = (along(own), along(other));
-        own.iter().any(|at| {
-            let next = other.partition_point(|o| o < at);
-            let beside = other[next.saturating_sub(1)..].iter().take(2);
-            beside.into_iter().any(|o| (o - at).abs() < 2.0 * reach)
-        })
-    }
-
-    /// True if enough points of two clouds are closer to each other than a share of the diagonal.
-    fn are_near(&self, own: &Cloud, other: &Cloud, share: f64) -> bool {
-        let reach = (share * f64::from(self.fit.lengths.diagonal)) as f32;
-        let least = self.settings.least_points.max((self.settings.least_share * own.len() as f64) as usize);
-        meet(own, other, reach, least)
+    /// Distance from which on nothing costs more, scene units.
+    fn farthest(&self, deviation: f64) -> f64 {
+        (2.0 * self.settings.most).sqrt() * deviation * f64::from(self.fit.lengths.diagonal)
     }
 
     /// True if the axis of a motion passes through its part or near it, as that of a screw does.
     fn turns_about_itself(&self, k: usize, motion: &Rigid) -> bool {
-        let (screw, reach) = (motion.screw(), self.settings.pivot * f64::from(self.fit.lengths.diagonal));
+        /// Near, a share of the diagonal.
+        const NEAR: f64 = 0.05;
+        let (screw, reach) = (motion.screw(), NEAR * f64::from(self.fit.lengths.diagonal));
         let from_axis = |p: DVec3| (p - screw.origin).reject_from_normalized(screw.axis).length();
         let own = &self.clouds[k + 1][State::START];
         let distances = || own.points.iter().map(|p| from_axis(p.as_dvec3()));
@@ -217,14 +235,56 @@ impl Carriers<'_> {
     }
 }
 
-/// True if at least so many points of each cloud are within reach of the other: a few points with a wrong label are near many
-/// points, and are not a surface.
-fn meet(a: &Cloud, b: &Cloud, reach: f32, least: usize) -> bool {
-    let near = |own: &Cloud, other: &Cloud| {
-        let other = IndexedCloud::new(other);
-        own.points.iter().filter(|p| other.nearest_within(**p, reach * reach).is_some()).take(least).count() >= least
+/// Distance of a point to a part, at most `reach`.
+fn distance_to(part: &IndexedCloud<'_>, point: Vec3, reach: f32) -> f32 {
+    part.nearest_within(point, reach * reach).map_or(reach, |found| found.1.sqrt())
+}
+
+/// Parents (0 is the static part) with the least sum of `energies[child][parent]`: the arborescence of Chu, Liu and Edmonds.
+fn tree(energies: &[Vec<f64>]) -> Vec<usize> {
+    let cheapest = |own: &Vec<f64>| (0..own.len()).min_by(|a, b| own[*a].total_cmp(&own[*b])).unwrap_or(0);
+    let free: Vec<usize> = energies.iter().map(cheapest).collect();
+    let Some(circle) = circle_of(&free) else { return free };
+    // The circle becomes one part, numbered as its first; what enters it replaces the joint that it has there.
+    let outside: Vec<usize> = (0..energies.len()).filter(|k| !circle.contains(k)).collect();
+    let saved = |k: usize, parent: usize| energies[k][parent] - energies[k][free[k]];
+    let entry = |parent: usize| {
+        circle.iter().copied().min_by(|a, b| saved(*a, parent).total_cmp(&saved(*b, parent))).unwrap_or(0)
     };
-    near(a, b) && near(b, a)
+    let exit = |child: usize| {
+        circle.iter().copied().min_by(|a, b| energies[child][a + 1].total_cmp(&energies[child][b + 1])).unwrap_or(0)
+    };
+    // Parents of the smaller problem: the static part, those outside, the circle.
+    let places: Vec<usize> = std::iter::once(0).chain(outside.iter().map(|k| k + 1)).collect();
+    let mut smaller: Vec<Vec<f64>> = outside
+        .iter()
+        .map(|k| places.iter().map(|p| energies[*k][*p]).chain([energies[*k][exit(*k) + 1]]).collect())
+        .collect();
+    smaller.push(places.iter().map(|p| saved(entry(*p), *p)).chain([f64::INFINITY]).collect());
+    let (mut parents, found) = (free.clone(), tree(&smaller));
+    for (child, parent) in outside.iter().zip(&found) {
+        parents[*child] = places.get(*parent).copied().unwrap_or_else(|| exit(*child) + 1);
+    }
+    let into = found.last().and_then(|p| places.get(*p)).copied().unwrap_or(0);
+    parents[entry(into)] = into;
+    parents
+}
+
+/// Parts (from 0) that carry each other in a circle, if there is one.
+fn circle_of(parents: &[usize]) -> Option<Vec<usize>> {
+    (0..parents.len()).find_map(|start| {
+        let mut path = vec![start];
+        loop {
+            let next = parents[*path.last()?].checked_sub(1)?;
+            if next == start {
+                return Some(path);
+            }
+            if path.contains(&next) {
+                return None;
+            }
+            path.push(next);
+        }
+    })
 }
 
 fn mean_motion(cloud: &Cloud, motion: &Rigid) -> f64 {
@@ -261,20 +321,36 @@ mod tests {
     use crate::discover::DiscoverConfig;
     use crate::discover::joints::JointSettings;
     use crate::discover::scene::Lengths;
+    use rand::{RngExt, SeedableRng};
+
+    /// Sum of the least tree by trying all.
+    fn least_of_all(energies: &[Vec<f64>]) -> f64 {
+        let n = energies.len();
+        let all =
+            (0..(n + 1).pow(n as u32)).map(|code| (0..n).map(|k| code / (n + 1).pow(k as u32) % (n + 1)).collect());
+        let sum = |p: &Vec<usize>| p.iter().zip(energies).map(|(p, e)| e[*p]).sum::<f64>();
+        all.filter(|p: &Vec<usize>| circle_of(p).is_none()).map(|p| sum(&p)).fold(f64::INFINITY, f64::min)
+    }
 
     #[test]
-    fn stray_points_near_a_part_are_not_a_surface_that_it_touches() {
-        let cloud = |points: Vec<glam::Vec3>| Cloud {
-            normals: vec![glam::Vec3::Z; points.len()],
-            colors: vec![glam::Vec3::ONE; points.len()],
-            points,
-            ..Cloud::default()
-        };
-        let sheet = |z: f32| (0..400).map(|i| glam::Vec3::new((i % 20) as f32, (i / 20) as f32, z) * 0.01).collect();
-        let (own, far) = (cloud(sheet(0.0)), sheet(30.0));
-        let strays = cloud([far, vec![glam::Vec3::splat(0.02); 4]].concat());
-        assert!(!meet(&own, &strays, 0.05, 8));
-        assert!(meet(&own, &cloud(sheet(1.0)), 0.05, 8));
+    fn the_tree_has_the_least_energy_and_no_circle() {
+        let inf = f64::INFINITY;
+        // Parts 1 and 2 would each rather hang on the other one.
+        assert_eq!(tree(&[vec![9.0, inf, 1.0], vec![5.0, 2.0, inf]]), [2, 0]);
+        assert_eq!(tree(&[vec![1.0, inf, 2.0], vec![5.0, 2.0, inf]]), [0, 1]);
+        assert!(tree(&[]).is_empty());
+        let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(5);
+        for n in (1..=4).cycle().take(400) {
+            let value = |k: usize, p: usize, rng: &mut rand_pcg::Pcg64Mcg| match rng.random_range(0..4) {
+                _ if p == k + 1 => inf,
+                0 if p > 0 => inf,
+                _ => f64::from(rng.random_range(0..1000)),
+            };
+            let energies: Vec<Vec<f64>> = (0..n).map(|k| (0..=n).map(|p| value(k, p, &mut rng)).collect()).collect();
+            let found = tree(&energies);
+            let sum: f64 = found.iter().zip(&energies).map(|(p, e)| e[*p]).sum();
+            assert!(circle_of(&found).is_none() && sum == least_of_all(&energies), "{energies:?} {found:?}");
+        }
     }
 
     #[test]
@@ -340,7 +416,7 @@ mod tests {
         let clouds =
             vec![PerState::new(base.clone(), base), plate([0.0, 0.6], &motions[0]), plate(second, &motions[1])];
         let hinge =
-            |m: &Rigid| Decided { joint: JointEstimate::new(JointKind::Revolute, *m), general: None, exact: true };
+            |m: &Rigid| Decided { joint: JointEstimate::new(JointKind::Revolute, *m), general: None, misfit: 0.0 };
         let settings = ParentSettings::default();
         let carriers = Carriers { fit: &fit, settings: &settings, clouds, numbering: Numbering::ParentsFirst };
         carriers.joints(&motions.map(|m| hinge(&m)), &[None, None])

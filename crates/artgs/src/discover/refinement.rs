@@ -321,7 +321,7 @@ pub(super) fn refine_parts(
         if last && config.decide_joints {
             let decide = |(k, part): (usize, &JointEstimate)| {
                 if k < fixed {
-                    return Decided { joint: *part, general: None, exact: true };
+                    return Decided { joint: *part, general: None, misfit: 0.0 };
                 }
                 evidence.fits.decided(part, &members[k + 1], kinds[k], || fit.decide(part, &own(k + 1), kinds[k]))
             };
