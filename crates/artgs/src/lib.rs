@@ -47,6 +47,7 @@ pub mod config;
 pub mod consistency;
 pub mod discover;
 pub mod evaluate;
+pub mod explain;
 pub mod fit;
 mod kernel_constants;
 #[doc(hidden)]

@@ -114,7 +114,7 @@ impl<'a> IndexedCloud<'a> {
     }
 
     /// The same for many searches within a few times `spacing`, the distance between neighbouring points in scene units.
-    pub(super) fn gridded(cloud: &'a Cloud, spacing: f32) -> Self {
+    pub(crate) fn gridded(cloud: &'a Cloud, spacing: f32) -> Self {
         /// Edge of a cell, spacings.
         const EDGE: f32 = 1.5;
         Self { grid: NearGrid::new(&cloud.points, EDGE * spacing), ..Self::new(cloud) }
@@ -133,7 +133,7 @@ impl<'a> IndexedCloud<'a> {
     }
 
     /// Calls `visit(index, squared distance)` for the `n` nearest points within a squared distance, nearest first.
-    pub(super) fn nearest_n(&self, point: Vec3, n: usize, limit: f32, visit: impl FnMut(usize, f32)) {
+    pub(crate) fn nearest_n(&self, point: Vec3, n: usize, limit: f32, visit: impl FnMut(usize, f32)) {
         match &self.grid {
             Some(grid) if grid.suits(n, limit) => {
                 grid.nearest_n(point, n, limit, visit);
@@ -193,7 +193,7 @@ pub(super) fn surface_points(view: &DepthLookup, rgba: &[[u8; 4]], stride: usize
 }
 
 /// Principal directions of a group of points, longest first.
-pub(super) fn principal_axes(cloud: &Cloud, group: &[usize]) -> [Vec3; 3] {
+pub(crate) fn principal_axes(cloud: &Cloud, group: &[usize]) -> [Vec3; 3] {
     let points: Vec<Vec3> = group.iter().map(|&i| cloud.points[i]).collect();
     let (short, _) = fit_plane(&points);
     let mean = points.iter().sum::<Vec3>() / points.len() as f32;
@@ -212,7 +212,7 @@ pub(super) fn principal_axes(cloud: &Cloud, group: &[usize]) -> [Vec3; 3] {
 
 /// Groups of points connected by steps of at most `reach` (scene units); largest first, groups under `least` points
 /// left out.
-pub(super) fn components(cloud: &Cloud, members: &[usize], reach: f32, least: usize) -> Vec<Vec<usize>> {
+pub(crate) fn components(cloud: &Cloud, members: &[usize], reach: f32, least: usize) -> Vec<Vec<usize>> {
     let cells = Cells::new(cloud, members, reach);
     let mut visited = vec![false; members.len()];
     let mut groups = Vec::new();

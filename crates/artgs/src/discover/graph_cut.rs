@@ -13,7 +13,7 @@ const ORPHAN: u32 = u32::MAX - 2;
 /// Lowers `sum data[i][label_i] + smooth * sum weight_ij [label_i != label_j]` from the given labels by at most `sweeps`
 /// rounds of expansion. `data` is `[n * parts]`; no expansion raises the energy, so the result is never worse. Of equally
 /// good expansions the one that changes least is taken.
-pub(super) fn expand(
+pub(crate) fn expand(
     data: &[f32],
     parts: usize,
     edges: &[(u32, u32, f32)],

@@ -24,6 +24,7 @@
 //! ```
 
 mod bodies;
+mod by_energy;
 mod candidates;
 pub(crate) mod cloud;
 mod confidence;
@@ -43,7 +44,7 @@ mod flatten;
 mod front;
 mod front_slides;
 mod glide;
-mod graph_cut;
+pub(crate) mod graph_cut;
 mod handles;
 mod instances;
 mod joints;
@@ -67,7 +68,7 @@ pub(crate) mod registration;
 mod relief;
 pub(crate) mod scene;
 mod screws;
-mod segmentation;
+pub(crate) mod segmentation;
 mod selection;
 mod space_grid;
 mod support;
@@ -80,6 +81,7 @@ pub(crate) mod visibility;
 
 use crate::observer::{Share, within};
 use artgs_core::{JointAlternative, JointEstimate, PerState, Rigid, State};
+use by_energy::with_parts_by_energy;
 use candidates::{Candidate, Search, SearchState};
 pub use cloud::Cloud;
 use cloud::{IndexedCloud, components};
@@ -262,6 +264,7 @@ fn best_parts(
     };
     let refined = work.refined(&motions(chosen));
     if let Some(sure) = sure_bodies(&refined, &work, &movable, &result, &bodies) {
+        let sure = with_parts_by_energy(sure, &work, &movable, &result);
         return explaining_enough(sure, &evidence, scene, config);
     }
     let mut found = work.completed(refined, &movable);
@@ -306,6 +309,7 @@ fn best_parts(
     } else {
         found
     };
+    let found = with_parts_by_energy(found, &work, &movable, &result);
     let found = explaining_enough(found, &evidence, scene, config)?;
     Ok(if scene.spreading { with_doubts_of_oblique(with_doubts_of_narrow(found)) } else { found })
 }

@@ -173,6 +173,25 @@ impl Refinement<'_> {
         }
     }
 
+    /// Parts with these motions and labels, bodies that move alike separated, with their joints and what carries them.
+    pub(super) fn of_labels(&self, motions: &[Rigid], mut labels: PerState<Vec<u16>>, most: usize) -> Parts {
+        let Self { scene, clouds, config, settings, front, .. } = *self;
+        let sources = settings.instances.split(scene, &mut labels, motions, front, most);
+        let all = motions.iter().chain(sources.iter().map(|k| &motions[*k]));
+        let parts: Vec<JointEstimate> = all.map(|m| JointEstimate::new(JointKind::Screw, *m)).collect();
+        let fit = JointFit::new(scene, front, &settings.joints, config, true);
+        let kinds = vec![None; parts.len()];
+        let own: Vec<PerState<Cloud>> =
+            (0..=parts.len()).map(|part| points_of_part(clouds, &labels, part as u16)).collect();
+        let decide = |(k, part): (usize, &JointEstimate)| fit.decide(part, &own[k + 1], None);
+        let decided: Vec<Decided> = parts.par_iter().enumerate().map(decide).collect();
+        let carriers =
+            Carriers { fit: &fit, settings: &settings.parents, clouds: own, numbering: Numbering::ParentsFirst };
+        let mut parts = carriers.joints(&decided, &kinds);
+        parents_first(&mut parts, &mut labels);
+        self.aligned(Parts { parts, labels })
+    }
+
     /// Two parts that move alike and are not apart, the larger one first, where depth noise spreads points: one body of which noise
     /// made two.
     fn same_body(&self, found: &Parts) -> Option<(usize, usize)> {

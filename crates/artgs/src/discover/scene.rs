@@ -152,7 +152,7 @@ fn prepare(pictures: &[DepthPicture<'_>], step: usize, radius: usize) -> (Vec<De
 /// All views of one state: depth maps and their thinned points.
 pub(crate) struct Observation {
     /// Depth maps.
-    pub(super) views: Vec<DepthLookup>,
+    pub(crate) views: Vec<DepthLookup>,
     /// Back-projected points, one per cube of the sampling distance.
     pub(crate) cloud: Cloud,
 }
@@ -328,6 +328,11 @@ impl Scene {
         Ok(Self { states, lengths, tolerance, noisy, spreading, lower, upper, cubes })
     }
 
+    /// Opposite corners of the box of the object.
+    pub(crate) fn bounds(&self) -> (Vec3, Vec3) {
+        (self.lower, self.upper)
+    }
+
     /// What the other state shows at the place of each point of a state.
     pub(crate) fn occupancy_elsewhere(&self, state: State) -> Vec<Occupancy> {
         let (own, other) = (&self.states[state].cloud, &self.states[state.other()].views);
@@ -367,7 +372,7 @@ impl Scene {
     }
 
     /// The points of every state with search trees.
-    pub(super) fn indexed_clouds(&self) -> PerState<IndexedCloud<'_>> {
+    pub(crate) fn indexed_clouds(&self) -> PerState<IndexedCloud<'_>> {
         self.states.as_ref().map(|state| IndexedCloud::gridded(&state.cloud, self.lengths.spacing))
     }
 

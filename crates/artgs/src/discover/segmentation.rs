@@ -121,16 +121,23 @@ impl Default for GraphSettings {
 
 /// How the points of a cloud are connected.
 #[derive(Default)]
-pub(super) struct Graph {
+pub(crate) struct Graph {
     /// Edges `(i, j, weight in (0, 1])` with i < j, sorted.
     edges: Vec<(u32, u32, f32)>,
     /// Ways along them.
     surface: SurfaceGraph,
 }
 
+impl Graph {
+    /// Its edges `(i, j, weight in (0, 1])` with i < j, sorted.
+    pub(crate) fn into_edges(self) -> Vec<(u32, u32, f32)> {
+        self.edges
+    }
+}
+
 impl GraphSettings {
     /// Symmetric nearest-neighbour graph of a cloud.
-    pub(super) fn graph(&self, cloud: &Cloud, spacing: f32) -> Graph {
+    pub(crate) fn graph(&self, cloud: &Cloud, spacing: f32) -> Graph {
         let Cloud { points, normals, colors, .. } = cloud;
         let coords: Vec<[f32; 3]> = points.iter().map(|p| p.to_array()).collect();
         let tree = PointTree::new(&coords);

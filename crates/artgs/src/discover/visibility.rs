@@ -11,9 +11,11 @@ pub(super) const STEEPEST: f32 = 5.7;
 /// One depth map with the lookups that visibility tests need.
 pub(crate) struct DepthLookup {
     /// Pose and intrinsics.
-    pub(super) camera: Camera,
+    pub(crate) camera: Camera,
     /// Planar depth, 0 where there is none.
-    pub(super) depth: DepthMap,
+    pub(crate) depth: DepthMap,
+    /// Pixels of the object, or of what may be it; nothing is known behind those without depth.
+    object: Vec<bool>,
     rotation: Mat3,
     translation: Vec3,
     /// One per pixel, and one for points outside the image.
@@ -59,11 +61,22 @@ impl DepthLookup {
         }
         neighbourhoods.push(Neighbourhood::OUTSIDE);
         let m = camera.world_to_camera;
-        Self { camera, depth, rotation: m.matrix().as_mat3(), translation: m.translation.as_vec3(), neighbourhoods }
+        let (rotation, translation) = (m.matrix().as_mat3(), m.translation.as_vec3());
+        Self { camera, depth, object: mask.to_vec(), rotation, translation, neighbourhoods }
+    }
+
+    /// Rotation and translation from the world to the camera.
+    pub(crate) fn pose(&self) -> (Mat3, Vec3) {
+        (self.rotation, self.translation)
+    }
+
+    /// True if a pixel of the object has no depth.
+    pub(crate) fn is_unknown(&self, pixel: usize) -> bool {
+        self.object[pixel] && self.depth.at(pixel) == 0.0
     }
 
     /// Pixel index and view depth of a world point, if it falls into the image.
-    pub(super) fn locate(&self, point: Vec3) -> Option<(usize, f32)> {
+    pub(crate) fn locate(&self, point: Vec3) -> Option<(usize, f32)> {
         let p = self.rotation * point + self.translation;
         if p.z <= 0.0 {
             return None;

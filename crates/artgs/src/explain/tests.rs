@@ -1,0 +1,149 @@
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use super::evidence::{Surfel, residual};
+use super::judge::{Judgement, truth};
+use super::motion::stretch;
+use super::*;
+use crate::discover::DiscoverConfig;
+use crate::discover::scene::{DepthPicture, Scene};
+use crate::evaluate::sample_surface;
+use artgs_core::{PerState, Rigid, State};
+use artgs_synth::{CaptureOptions, Object, object, render_capture};
+use glam::DVec3;
+use rand::SeedableRng;
+
+const SETTINGS: ExplainSettings = ExplainSettings { spacing: 1.0, ..ExplainSettings::DEFAULT };
+
+/// Parts of the cupboard, the static one included.
+const PARTS: usize = 3;
+
+/// A cupboard with two movable parts.
+fn cupboard() -> (Object, Scene) {
+    let object = object("storage2", 0).unwrap();
+    let options = CaptureOptions { views: 20, test_views: 0, size: 120, ..CaptureOptions::default() };
+    let capture = render_capture(&object, &options).unwrap();
+    let pictures = PerState::from_fn(|s| {
+        let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
+        capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
+    });
+    let config = DiscoverConfig { spacing: 0.012, ..DiscoverConfig::default() };
+    let scene = Scene::new(pictures.as_ref().map(Vec::as_slice), &config).unwrap();
+    (object, scene)
+}
+
+fn true_explanation(object: &Object, problem: &Problem<'_>) -> Explanation {
+    let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(1);
+    let surfaces = PerState::from_fn(|s| {
+        (0..PARTS).map(|k| sample_surface(&object.mesh(k, s), 5000, &mut rng)).collect::<Vec<_>>()
+    });
+    let motions: Vec<Rigid> = (1..PARTS).map(|k| object.start_to_end(k)).collect();
+    let numbers = vec![5; motions.len()];
+    truth(problem, motions, numbers, &surfaces)
+}
+
+fn without_parts(like: &Explanation) -> Explanation {
+    Explanation {
+        motions: Vec::new(),
+        numbers: Vec::new(),
+        labels: like.labels.as_ref().map(|labels| vec![0; labels.len()]),
+    }
+}
+
+#[test]
+fn a_residual_changes_with_the_shift_of_a_surfel_along_its_normal() {
+    let (_, scene) = cupboard();
+    let (settings, step) = (ExplainSettings::default(), 1e-3);
+    let state = &scene.states[State::START];
+    let mut compared = 0;
+    for i in (0..state.cloud.len()).step_by(97) {
+        let surfel = Surfel::of(&state.cloud, i);
+        let moved = |by: f32| Surfel { point: surfel.point + by * surfel.normal, ..surfel };
+        for view in &state.views {
+            let at = |by: f32| residual(view, &moved(by), settings.facing).filter(|(r, _)| r.abs() < 0.01);
+            let (Some((_, cosine)), Some((near, _)), Some((far, _))) = (at(0.0), at(step), at(-step)) else { continue };
+            if cosine < 0.5 {
+                continue;
+            }
+            let slope = (near - far) / (2.0 * step);
+            let expected = 1.0 / (cosine * stretch(view, surfel.point));
+            // Other pixels are compared where the surfel crosses a border between pixels.
+            compared += usize::from((slope - expected).abs() < 0.05 * expected);
+        }
+    }
+    assert!(compared > 200, "{compared}");
+}
+
+#[test]
+fn the_truth_has_a_lower_energy_than_wrong_explanations() {
+    let (object, scene) = cupboard();
+    let surfels = Surfels::new(&scene, &SETTINGS);
+    let mut problem = Problem::new(&scene, &surfels, SETTINGS);
+    let right = true_explanation(&object, &problem);
+    let least = problem.terms(&right).total();
+    let none = problem.terms(&without_parts(&right));
+    assert!(none.total() > 2.0 * least && none.border == 0.0 && none.length == 0.0, "{none:?} {least}");
+    let mut exchanged = right.clone();
+    exchanged.motions.swap(0, 1);
+    assert!(problem.terms(&exchanged).total() > 2.0 * least);
+    for factor in [0.9, 1.1] {
+        let mut farther = right.clone();
+        farther.motions[0] = farther.motions[0].power(factor);
+        assert!(problem.terms(&farther).total() > least + 20.0, "{factor}");
+    }
+}
+
+#[test]
+fn labels_follow_from_the_motions_and_never_raise_the_energy() {
+    let (object, scene) = cupboard();
+    let surfels = Surfels::new(&scene, &SETTINGS);
+    let mut problem = Problem::new(&scene, &surfels, SETTINGS);
+    let right = true_explanation(&object, &problem);
+    let blank = Explanation { labels: without_parts(&right).labels, ..right.clone() };
+    let cut = problem.relabelled(&blank);
+    assert!(problem.terms(&cut).total() < problem.terms(&blank).total());
+    let same = |s: State| right.labels[s].iter().zip(&cut.labels[s]).filter(|(a, b)| a == b).count() as f64;
+    for s in State::ALL {
+        assert!(same(s) > 0.93 * right.labels[s].len() as f64, "{s:?}: {} of {}", same(s), right.labels[s].len());
+    }
+    let before = problem.terms(&right).total();
+    let again = problem.relabelled(&right);
+    assert!(problem.terms(&again).total() <= before);
+}
+
+#[test]
+fn a_motion_is_registered_from_both_states() {
+    let (object, scene) = cupboard();
+    let surfels = Surfels::new(&scene, &SETTINGS);
+    let problem = Problem::new(&scene, &surfels, SETTINGS);
+    let mut explanation = true_explanation(&object, &problem);
+    for part in 1..=2 {
+        let right = explanation.motions[part - 1];
+        let off = Rigid::shift(DVec3::new(0.002, -0.003, 0.002)) * Rigid::about(DVec3::Y, DVec3::ZERO, 0.004) * right;
+        explanation.motions[part - 1] = off;
+        let found = problem.registered(&explanation, part);
+        let error = found.motion * right.inverse();
+        let degrees = error.angle().to_degrees();
+        assert!(degrees < 0.1 && error.translation.length() < 2e-3, "{part}: {degrees} {}", error.translation);
+        assert!(found.information.cholesky().is_some());
+        explanation.motions[part - 1] = right;
+    }
+}
+
+#[test]
+fn the_adversary_finds_a_motion_that_the_supposed_truth_lacks() {
+    let (object, scene) = cupboard();
+    let surfels = Surfels::new(&scene, &SETTINGS);
+    let mut problem = Problem::new(&scene, &surfels, SETTINGS);
+    let right = true_explanation(&object, &problem);
+    let mut poor = right.clone();
+    let removed = poor.motions.pop().unwrap();
+    poor.numbers.pop();
+    poor.labels.iter_mut().flatten().for_each(|l| *l = (*l).min(1));
+    assert_ne!(removed, poor.motions[0]);
+    // The found explanation is a source of the adversary's motions.
+    let Judgement { truth, found, adversary, added, .. } = problem.judged(&poor, &right, 12, 1);
+    assert!(found.total() < truth.total(), "{found:?} {truth:?}");
+    assert!(adversary.total() < truth.total() && added[0].0.starts_with("found 2"), "{added:?}");
+    let honest = problem.judged(&right, &poor, 12, 1);
+    assert!(honest.found.total() > honest.truth.total() && honest.added.is_empty(), "{:?}", honest.added);
+}
