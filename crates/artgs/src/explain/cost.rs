@@ -145,9 +145,11 @@ mod tests {
     #[test]
     fn hits_are_free_and_contradictions_are_capped() {
         assert!(of(&seen(5, 0, [NOBODY; 4]), Some(1), 1.0) < 1e-6);
-        let half = of(&seen(1, 1, [NOBODY; 4]), Some(1), 1.0);
+        let half = of(&seen(2, 2, [NOBODY; 4]), Some(1), 1.0);
         let all = of(&seen(0, 5, [NOBODY; 4]), Some(1), 1.0);
-        assert!(half > 2.0 && half < all && all < ExplainSettings::DEFAULT.most, "{half} {all}");
+        let one = of(&seen(0, 1, [NOBODY; 4]), Some(1), 1.0);
+        assert!(half > 1.5 && half < all && all < ExplainSettings::DEFAULT.most, "{half} {all}");
+        assert!(one > 0.5 && 1.5 * one < all, "a view alone counts less: {one} {all}");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Truth against what was found, and against an adversary that looks for an explanation below the truth.
 
 use super::energy::{Explanation, Problem, Terms};
+use super::search::SearchSettings;
 use crate::discover::Cloud;
 use crate::neighbours::PointTree;
 use artgs_core::{PerState, Rigid, State};
@@ -58,61 +59,38 @@ impl Problem<'_> {
         }
     }
 
-    /// Adds the distracting motion that lowers the energy most, as long as one does; after each, parts that no longer pay go.
+    /// Adds the distracting motion that lowers the total most, as long as one does; after each, parts that no longer pay go.
     fn attacked(&mut self, truth: &Explanation, pool: &[(String, Rigid)]) -> (Explanation, Vec<(String, f64)>) {
         /// Motions of each round whose labels are cut.
         const TRIED: usize = 6;
         const ROUNDS: usize = 4;
-        let (mut best, mut least) = (truth.clone(), self.terms(truth).total());
+        let search = SearchSettings::default();
+        let (mut best, mut least) = (truth.clone(), self.total(truth, &search));
         let mut added = Vec::new();
         for _ in 0..ROUNDS {
             let costs = self.costs(&best);
             let all = costs.as_ref().map(|costs| (0..costs.len()).collect::<Vec<usize>>());
             let contexts = self.contexts(&best);
-            let mut bounds: Vec<(f64, usize)> = pool
-                .par_iter()
-                .enumerate()
-                .map(|(m, (_, motion))| (self.gain(&costs, &all, &contexts, motion), m))
-                .collect();
+            let gain = |(m, (_, motion)): (usize, &(String, Rigid))| (self.gain(&costs, &all, &contexts, motion), m);
+            let mut bounds: Vec<(f64, usize)> = pool.par_iter().enumerate().map(gain).collect();
             bounds.sort_by(|a, b| b.0.total_cmp(&a.0));
             let mut next: Option<(f64, Explanation, usize)> = None;
             for (_, m) in bounds.into_iter().take(TRIED) {
-                let mut with = best.clone();
-                with.motions.push(pool[m].1);
-                with.numbers.push(5);
-                let cut = self.relabelled(&with);
-                let registered = self.fitted(&cut, cut.motions.len());
-                let fewer = self.without_surplus(&registered);
-                let total = self.terms(&fewer).total();
+                let with = self.with_part(&best, pool[m].1);
+                let fitted = self.fitted(&with, with.motions.len());
+                let fewer = self.without_surplus_parts(&fitted, &search);
+                let total = self.total(&fewer, &search);
                 if next.as_ref().is_none_or(|n| total < n.0) {
                     next = Some((total, fewer, m));
                 }
             }
             let Some((total, explanation, m)) = next.filter(|n| n.0 < least - 1.0) else { break };
-            let sizes: Vec<usize> = State::ALL
-                .map(|s| explanation.labels[s].iter().filter(|l| usize::from(**l) == explanation.motions.len()).count())
-                .to_vec();
-            added.push((format!("{} {sizes:?}", pool[m].0), least - total));
+            let last = explanation.motions.len();
+            let size = |s: State| explanation.labels[s].iter().filter(|l| usize::from(**l) == last).count();
+            added.push((format!("{} {:?}", pool[m].0, State::ALL.map(size)), least - total));
             (best, least) = (explanation, total);
         }
         (best, added)
-    }
-
-    /// Without parts whose removal lowers the energy.
-    pub fn without_surplus(&mut self, explanation: &Explanation) -> Explanation {
-        let mut best = explanation.clone();
-        let mut least = self.terms(&best).total();
-        let mut k = best.motions.len();
-        while k > 0 {
-            let fewer = best.without(k);
-            let fewer = self.relabelled(&fewer);
-            let total = self.terms(&fewer).total();
-            if total < least {
-                (best, least) = (fewer, total);
-            }
-            k -= 1;
-        }
-        best
     }
 }
 

@@ -99,7 +99,8 @@ impl Problem<'_> {
         next.filter(|n| n.1 < least).map(|n| n.0)
     }
 
-    fn with_part(&mut self, now: &Explanation, motion: Rigid) -> Explanation {
+    /// With one more part that moves so, and the labels that it takes.
+    pub(super) fn with_part(&mut self, now: &Explanation, motion: Rigid) -> Explanation {
         let mut with = now.clone();
         with.motions.push(motion);
         // A slide needs three numbers, a hinge five; what no turn shows is a slide.
@@ -109,7 +110,11 @@ impl Problem<'_> {
     }
 
     /// Without parts that do not save their price, the one that saves least first.
-    fn without_surplus_parts(&mut self, explanation: &Explanation, settings: &SearchSettings) -> Explanation {
+    pub(super) fn without_surplus_parts(
+        &mut self,
+        explanation: &Explanation,
+        settings: &SearchSettings,
+    ) -> Explanation {
         let mut best = explanation.clone();
         loop {
             let least = self.total(&best, settings);
