@@ -264,8 +264,10 @@ fn best_parts(
     };
     let refined = work.refined(&motions(chosen));
     if let Some(sure) = sure_bodies(&refined, &work, &movable, &result, &bodies) {
-        let sure = with_parts_by_energy(sure, &work, &movable, &result);
-        return explaining_enough(sure, &evidence, scene, config);
+        let better = with_parts_by_energy(sure.clone(), &work, &movable, &result);
+        // An explanation that would be refused, such as one in which nothing rests, is no better one.
+        return explaining_enough(better, &evidence, scene, config)
+            .or_else(|_| explaining_enough(sure, &evidence, scene, config));
     }
     let mut found = work.completed(refined, &movable);
     if let Some(other) = other {
@@ -309,8 +311,9 @@ fn best_parts(
     } else {
         found
     };
-    let found = with_parts_by_energy(found, &work, &movable, &result);
-    let found = explaining_enough(found, &evidence, scene, config)?;
+    let better = with_parts_by_energy(found.clone(), &work, &movable, &result);
+    let found = explaining_enough(better, &evidence, scene, config)
+        .or_else(|_| explaining_enough(found, &evidence, scene, config))?;
     Ok(if scene.spreading { with_doubts_of_oblique(with_doubts_of_narrow(found)) } else { found })
 }
 
