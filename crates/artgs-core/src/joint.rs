@@ -25,6 +25,15 @@ impl JointKind {
             Self::Screw => "screw",
         }
     }
+
+    /// Numbers that describe a joint of this kind and one motion on it: a direction and a length; an axis, its place and an angle; both.
+    pub const fn numbers(self) -> u8 {
+        match self {
+            Self::Prismatic => 3,
+            Self::Revolute => 5,
+            Self::Screw => 6,
+        }
+    }
 }
 
 /// A joint with the values it has in the two observed states.

@@ -6,7 +6,7 @@
 
 use artgs::discover::{DepthPicture, DiscoverConfig, Scene, discover};
 use artgs::explain::judge::truth;
-use artgs::explain::{ExplainSettings, Explanation, Problem, SearchSettings, Surfels, Terms, numbers};
+use artgs::explain::{ExplainSettings, Explanation, Problem, SearchSettings, Surfels, Terms};
 use artgs_core::{PerState, State};
 use artgs_io::GroundTruth;
 use rand::SeedableRng;
@@ -48,14 +48,9 @@ fn judged(folder: &Path, tries: usize) {
     let surfels = Surfels::new(&scene, &settings);
     let mut problem = Problem::new(&scene, &surfels, settings);
     let found = match &found {
-        Ok(found) => Explanation {
-            motions: found.parts.iter().map(|p| p.motion).collect(),
-            numbers: found.parts.iter().map(|p| numbers(p.kind)).collect(),
-            labels: problem.labels_like(&found.clouds, &found.labels),
-        },
+        Ok(found) => problem.explained(found, &search),
         Err(_) => Explanation::without_parts(problem.surfels()),
     };
-    let found = problem.settled(&found, &search);
     let right = true_explanation(&problem, &gt);
     let right = problem.settled(&right, &search);
     let judgement = problem.judged(&right, &found, tries, 1);
@@ -84,7 +79,7 @@ fn true_explanation(problem: &Problem<'_>, gt: &GroundTruth) -> Explanation {
         meshes.map(|m| artgs::evaluate::sample_surface(m, SAMPLES, &mut rng)).collect::<Vec<_>>()
     });
     let motions = (0..gt.joints.len()).map(|k| gt.start_to_end(k)).collect();
-    truth(problem, motions, gt.joints.iter().map(|j| numbers(j.kind)).collect(), &surfaces)
+    truth(problem, motions, gt.joints.iter().map(|j| j.kind.numbers()).collect(), &surfaces)
 }
 
 fn stated(terms: &Terms) -> String {
@@ -99,7 +94,6 @@ fn stated(terms: &Terms) -> String {
 fn by_part(problem: &mut Problem<'_>, explanation: &Explanation, terms: &Terms) {
     for (k, (surfels, visible, hidden)) in problem.by_part(explanation).into_iter().enumerate() {
         let unexplained = problem.unexplained(explanation, k as u16, UNEXPLAINED);
-        let unexplained: usize = unexplained.iter().map(Vec::len).sum();
         let mut line = format!(
             "    part {k}: {surfels} surfels, seen {visible:.0}, hidden {hidden:.0}, {unexplained} unexplained"
         );

@@ -2,23 +2,23 @@
 
 use super::Discovery;
 use super::refinement::{Parts, Refinement};
-use crate::explain::{ExplainSettings, Explanation, Problem, SearchSettings, Surfels, numbers};
+use crate::explain::{ExplainSettings, Explanation, Problem, SearchSettings, Surfels};
 use std::ops::RangeInclusive;
 
-/// What was found, or parts with other motions whose energy is lower.
+/// Parts with other motions than those found and a lower energy; none if there are none.
 pub(super) fn with_parts_by_energy(
-    found: Discovery,
+    found: &Discovery,
     work: &Refinement<'_>,
     movable: &RangeInclusive<usize>,
     result: &dyn Fn(Parts) -> Discovery,
-) -> Discovery {
+) -> Option<Discovery> {
     let (settings, search) = (ExplainSettings::DEFAULT, SearchSettings::default());
     let surfels = Surfels::new(work.scene, &settings);
     let mut problem = Problem::new(work.scene, &surfels, settings);
-    let start = explained(&mut problem, &found, &search);
-    let best = problem.searched(&start, &[], &search);
+    let start = problem.explained(found, &search);
+    let best = problem.searched(&start, &search);
     if best.motions == start.motions || best.motions.is_empty() {
-        return found;
+        return None;
     }
     // Bodies that move alike are parts, too.
     let total = |problem: &mut Problem<'_>, explanation: &Explanation, parts: usize| {
@@ -34,23 +34,13 @@ pub(super) fn with_parts_by_energy(
         let cut = problem.relabelled(&Explanation { labels, ..best.clone() });
         result(work.of_labels(&cut.motions, cut.labels, *movable.end()))
     };
-    let tries: [&dyn Fn() -> Discovery; 2] = [&by_rules, &by_labels];
-    for next in tries {
-        let next = next();
-        let explanation = explained(&mut problem, &next, &search);
-        if movable.contains(&next.parts.len()) && total(&mut problem, &explanation, next.parts.len()) < least {
-            return next;
-        }
-    }
-    found
-}
-
-/// The explanation of what was found.
-fn explained(problem: &mut Problem<'_>, found: &Discovery, settings: &SearchSettings) -> Explanation {
-    let explanation = Explanation {
-        motions: found.parts.iter().map(|p| p.motion).collect(),
-        numbers: found.parts.iter().map(|p| numbers(p.kind)).collect(),
-        labels: problem.labels_like(&found.clouds, &found.labels),
+    let mut is_better = |next: &Discovery| {
+        let explanation = problem.explained(next, &search);
+        movable.contains(&next.parts.len()) && total(&mut problem, &explanation, next.parts.len()) < least
     };
-    problem.settled(&explanation, settings)
+    let next = by_rules();
+    if is_better(&next) {
+        return Some(next);
+    }
+    Some(by_labels()).filter(is_better)
 }

@@ -262,12 +262,15 @@ fn best_parts(
         };
         of_bodies.get_or_init(find).as_ref()
     };
+    let by_energy = |found: Discovery| {
+        // An explanation that would be refused, such as one in which nothing rests, is no better one.
+        with_parts_by_energy(&found, &work, &movable, &result)
+            .and_then(|better| explaining_enough(better, &evidence, scene, config).ok())
+            .map_or_else(|| explaining_enough(found, &evidence, scene, config), Ok)
+    };
     let refined = work.refined(&motions(chosen));
     if let Some(sure) = sure_bodies(&refined, &work, &movable, &result, &bodies) {
-        let better = with_parts_by_energy(sure.clone(), &work, &movable, &result);
-        // An explanation that would be refused, such as one in which nothing rests, is no better one.
-        return explaining_enough(better, &evidence, scene, config)
-            .or_else(|_| explaining_enough(sure, &evidence, scene, config));
+        return by_energy(sure);
     }
     let mut found = work.completed(refined, &movable);
     if let Some(other) = other {
@@ -311,9 +314,7 @@ fn best_parts(
     } else {
         found
     };
-    let better = with_parts_by_energy(found.clone(), &work, &movable, &result);
-    let found = explaining_enough(better, &evidence, scene, config)
-        .or_else(|_| explaining_enough(found, &evidence, scene, config))?;
+    let found = by_energy(found)?;
     Ok(if scene.spreading { with_doubts_of_oblique(with_doubts_of_narrow(found)) } else { found })
 }
 

@@ -62,14 +62,19 @@ impl Carriers<'_> {
             let base = self.on_base(&shown, child, &decided[child], kinds[child]);
             let on_part = |carrier: usize| {
                 let may = carrier != child && (self.numbering == Numbering::ParentsFirst || carrier < child);
-                if !may || self.least_carried(&shown, child, carrier, &motions) >= base {
+                if !may {
+                    return f64::INFINITY;
+                }
+                let gap = self.gap(&shown[child + 1], &shown[carrier + 1]);
+                if self.least_carried(&(motions[carrier].inverse() * motions[child])) + gap >= base {
                     return f64::INFINITY;
                 }
                 let joint = self.carried(child, &motions[child], &motions[carrier], kinds[child]);
                 joint.map_or(f64::INFINITY, |(joint, misfit)| {
                     self.settings.carried
                         + misfit
-                        + self.joined(&joint, &motions[carrier], &shown[child + 1], &shown[carrier + 1])
+                        + gap
+                        + self.joint(&joint, &motions[carrier], &shown[child + 1], &shown[carrier + 1])
                 })
             };
             std::iter::once(base).chain((0..decided.len()).map(on_part)).collect()
@@ -114,17 +119,16 @@ impl Carriers<'_> {
     fn on_base(&self, shown: &[Shown<'_>], k: usize, decided: &Decided, known: Option<JointKind>) -> f64 {
         let general = decided.general.filter(|_| known.is_none());
         let price = if general.is_some() { self.settings.general } else { decided.misfit.min(self.settings.general) };
-        price + self.joined(&general.unwrap_or(decided.joint), &Rigid::IDENTITY, &shown[k + 1], &shown[0])
+        let (own, base) = (&shown[k + 1], &shown[0]);
+        price + self.joint(&general.unwrap_or(decided.joint), &Rigid::IDENTITY, own, base) + self.gap(own, base)
     }
 
-    /// Energy of part `child` on part `carrier` at least, from their motions.
-    fn least_carried(&self, shown: &[Shown<'_>], child: usize, carrier: usize, motions: &[Rigid]) -> f64 {
+    /// Energy of a part that moves by `relative` against the part that carries it at least, without their gap.
+    fn least_carried(&self, relative: &Rigid) -> f64 {
         /// A motion of parts against each other that turns by more is a hinge, degrees.
         const TURNS: f64 = 3.0;
-        let relative = motions[carrier].inverse() * motions[child];
         let kind = if relative.angle().to_degrees() > TURNS { JointKind::Revolute } else { JointKind::Prismatic };
-        let [own, other] = [child, carrier].map(|k| &shown[k + 1]);
-        self.settings.carried + self.numbers(kind) + self.gap(own, other)
+        self.settings.carried + self.numbers(kind)
     }
 
     /// The joint of part `child` (from 0) as seen from a part with this motion and how badly it fits, nats; none if there is no simple
@@ -147,20 +151,15 @@ impl Carriers<'_> {
         (fits && moves).then_some((found.joint, found.misfit))
     }
 
-    /// Energy of a joint between two parts, as seen from the second one, which moves by `carrier`.
-    fn joined(&self, joint: &JointEstimate, carrier: &Rigid, own: &Shown<'_>, other: &Shown<'_>) -> f64 {
-        self.numbers(joint.kind) + self.pivot(joint, carrier, own, other) + self.gap(own, other)
+    /// Energy of a joint between two parts, as seen from the second one, which moves by `carrier`, without their gap.
+    fn joint(&self, joint: &JointEstimate, carrier: &Rigid, own: &Shown<'_>, other: &Shown<'_>) -> f64 {
+        self.numbers(joint.kind) + self.pivot(joint, carrier, own, other)
     }
 
     /// Nats of the numbers that describe a joint, each to the precision that the points of the object give.
     fn numbers(&self, kind: JointKind) -> f64 {
         let points = self.clouds.iter().flat_map(PerState::iter).map(Cloud::len).sum::<usize>().max(2) as f64;
-        let numbers = match kind {
-            JointKind::Prismatic => 3.0,
-            JointKind::Revolute => 5.0,
-            JointKind::Screw => 6.0,
-        };
-        0.5 * numbers * points.ln()
+        0.5 * f64::from(kind.numbers()) * points.ln()
     }
 
     /// Nats of the distance between a hinge and the two parts that it connects, at the place along the axis where it is least.

@@ -8,11 +8,11 @@ use artgs_core::{PerState, State};
 
 /// Prices of what contradicts the prediction that a surfel is seen, nats against a usual hit.
 #[derive(Clone, Copy, Debug)]
-pub struct Prices {
+pub(super) struct Prices {
     /// A view looks through the place of the surfel.
-    pub through: f32,
+    pub(super) through: f32,
     /// No view shows the place of the surfel.
-    pub hidden: f32,
+    pub(super) hidden: f32,
 }
 
 impl Prices {
@@ -98,7 +98,7 @@ pub(super) fn cost(
     let doubt = 1.0 - context.believed(part);
     let shown = f32::from(seen.hit + seen.through);
     if shown > 0.0 {
-        let nats = (seen.misfit + prices.through * f32::from(seen.through)) / shown;
+        let nats = mean_nats(seen, prices);
         let sure = shown / (shown + settings.views);
         return Cost::Visible(
             capped(nats, settings.most) * sure * (1.0 - doubt) + capped(prices.hidden, settings.most) * doubt,
@@ -112,6 +112,12 @@ pub(super) fn cost(
     } else {
         full
     })
+}
+
+/// Nats of the views that show the place of a surfel, in the mean; 0 if none does.
+pub(super) fn mean_nats(seen: &Seen, prices: &Prices) -> f32 {
+    let shown = f32::from((seen.hit + seen.through).max(1));
+    (seen.misfit + prices.through * f32::from(seen.through)) / shown
 }
 
 /// Nats of a surfel that is wrong itself with a probability of `exp(-most)`.

@@ -1,6 +1,6 @@
 //! The energy of an explanation, and the labels that lower it.
 
-use super::cost::{Context, Cost, Prices, cost};
+use super::cost::{Context, Cost, Prices, cost, mean_nats};
 use super::evidence::{Look, Seen};
 use super::motion::{Registered, registered};
 use super::noise::Noise;
@@ -10,7 +10,7 @@ use crate::discover::cloud::IndexedCloud;
 use crate::discover::graph_cut::expand;
 use crate::discover::scene::Scene;
 use crate::discover::segmentation::GraphSettings;
-use artgs_core::{JointKind, PerState, Rigid, State};
+use artgs_core::{PerState, Rigid, State};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -19,19 +19,10 @@ use std::sync::Arc;
 pub struct Explanation {
     /// Motion of parts 1.. from start to end, world frame.
     pub motions: Vec<Rigid>,
-    /// Numbers that each motion needs: 3 for a slide, 5 for a hinge, 6 for any other.
+    /// Numbers that each motion needs, as [`artgs_core::JointKind::numbers`]; fewer where other parts give its direction.
     pub numbers: Vec<u8>,
     /// Part of every surfel of each state; 0 is static.
     pub labels: PerState<Vec<u16>>,
-}
-
-/// Numbers that describe a joint and how far it moved.
-pub fn numbers(kind: JointKind) -> u8 {
-    match kind {
-        JointKind::Prismatic => 3,
-        JointKind::Revolute => 5,
-        JointKind::Screw => 6,
-    }
 }
 
 impl Explanation {
@@ -103,9 +94,9 @@ pub struct Problem<'a> {
     pub(super) clouds: PerState<IndexedCloud<'a>>,
     edges: PerState<Vec<(u32, u32, f32)>>,
     /// Measured in each state.
-    pub noise: PerState<Noise>,
+    pub(super) noise: PerState<Noise>,
     /// Of surfels that are not where they are predicted.
-    pub prices: Prices,
+    pub(super) prices: Prices,
     /// Neighbouring surfels that count as one.
     pub shared: f32,
     /// How far each surfel is to be believed, 0 to 1: less where views of its own state contradict it.
@@ -137,13 +128,11 @@ impl<'a> Problem<'a> {
     /// Weights of the surfels of a state from what its own views say about them.
     fn weights_of(&self, state: State) -> Vec<f32> {
         let own = self.look(state, state).all(&Rigid::IDENTITY);
-        let cost =
-            |s: &Seen| (s.misfit + self.prices.through * f32::from(s.through)) / f32::from((s.hit + s.through).max(1));
-        own.iter().map(|s| (-cost(s).max(0.0)).exp()).collect()
+        own.iter().map(|seen| (-mean_nats(seen, &self.prices)).exp()).collect()
     }
 
     /// Diagonal of the object, scene units.
-    pub fn diagonal(&self) -> f32 {
+    pub(super) fn diagonal(&self) -> f32 {
         self.scene.lengths.diagonal
     }
 

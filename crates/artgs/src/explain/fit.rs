@@ -1,7 +1,7 @@
 //! The motion of one part: as it is, free, or of fewer numbers, whichever the energy prefers.
 
 use super::energy::{Explanation, Problem};
-use artgs_core::{Rigid, State};
+use artgs_core::{JointKind, Rigid, State};
 use glam::DVec3;
 
 impl Problem<'_> {
@@ -9,12 +9,12 @@ impl Problem<'_> {
     /// the lowest energy with these labels; then labels cut.
     pub fn fitted(&mut self, explanation: &Explanation, part: usize) -> Explanation {
         let free = self.registered(explanation, part).motion;
-        let mut options = vec![(free, 5)];
+        let mut options = vec![(free, JointKind::Revolute.numbers())];
         let middles = self.middles(explanation);
         let shift = |m: &Rigid| m.apply(middles[part]) - middles[part];
         let slides = [explanation.motions[part - 1], free].map(|m| shift(&m));
         for slide in slides {
-            options.push((Rigid::shift(slide), 3));
+            options.push((Rigid::shift(slide), JointKind::Prismatic.numbers()));
             for direction in self.directions(explanation, part) {
                 options.push((Rigid::shift(direction * slide.dot(direction)), 1));
             }

@@ -2,10 +2,8 @@
 
 use super::energy::{Explanation, Problem, Terms};
 use super::search::SearchSettings;
-use crate::discover::Cloud;
-use crate::neighbours::PointTree;
 use artgs_core::{PerState, Rigid, State};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
@@ -15,8 +13,6 @@ use rayon::prelude::*;
 pub struct Judgement {
     /// The truth, labels cut.
     pub truth: Terms,
-    /// The same without cutting: the true labels.
-    pub labelled: Terms,
     /// What was found, labels cut.
     pub found: Terms,
     /// The lowest that the adversary found.
@@ -27,36 +23,15 @@ pub struct Judgement {
     pub explanations: [Explanation; 3],
 }
 
-/// A surfel that an explanation does not explain.
-#[derive(Clone, Copy, Debug)]
-pub struct Unexplained {
-    /// What it costs.
-    pub nats: f32,
-    /// World frame of its state.
-    pub point: Vec3,
-    /// Unit normal, world frame of its state.
-    pub normal: Vec3,
-    /// Views of the other state that hit it, look through its place, and are hidden from it.
-    pub views: [u16; 3],
-}
-
 impl Problem<'_> {
     /// Compares explanations, and lets the adversary try `count` distracting motions.
     pub fn judged(&mut self, truth: &Explanation, found: &Explanation, count: usize, seed: u64) -> Judgement {
-        let labelled = self.terms(truth);
         let best = self.relabelled(truth);
         let found = self.relabelled(found);
         let pool = distractions(&best, &found, &self.middles(&best), self.scene.lengths.diagonal.into(), count, seed);
         let (lowest, added) = self.attacked(&best, &pool);
         let (truth, seen) = (self.terms(&best), self.terms(&found));
-        Judgement {
-            truth,
-            labelled,
-            found: seen,
-            adversary: self.terms(&lowest),
-            added,
-            explanations: [best, found, lowest],
-        }
+        Judgement { truth, found: seen, adversary: self.terms(&lowest), added, explanations: [best, found, lowest] }
     }
 
     /// Adds the distracting motion that lowers the total most, as long as one does; after each, parts that no longer pay go.
@@ -141,18 +116,6 @@ fn distractions(
     out
 }
 
-/// True labels of points from the distance to points of the true surfaces, `[part][point]`, static first.
-fn nearest_part(points: &[Vec3], surfaces: &[Vec<[f64; 3]>]) -> Vec<u16> {
-    let tree = |s: &Vec<[f64; 3]>| PointTree::new(&s.iter().map(|p| p.map(|x| x as f32)).collect::<Vec<_>>());
-    let trees: Vec<PointTree> = surfaces.iter().map(tree).collect();
-    let label = |p: &Vec3| {
-        let of = |tree: &PointTree| tree.nearest_within(&p.to_array(), f32::INFINITY).map_or(f32::INFINITY, |n| n.1);
-        let nearest = trees.iter().map(of).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
-        nearest.map_or(0, |n| n.0 as u16)
-    };
-    points.iter().map(label).collect()
-}
-
 /// The true explanation from the true motions and points of the true surfaces in each state, static first.
 pub fn truth(
     problem: &Problem<'_>,
@@ -160,39 +123,21 @@ pub fn truth(
     numbers: Vec<u8>,
     surfaces: &PerState<Vec<Vec<[f64; 3]>>>,
 ) -> Explanation {
-    let labels = PerState::from_fn(|s| nearest_part(&problem.clouds[s].cloud.points, &surfaces[s]));
+    let labels = PerState::from_fn(|s| {
+        let parts = surfaces[s].iter().enumerate();
+        let known: (Vec<[f32; 3]>, Vec<u16>) =
+            parts.flat_map(|(part, points)| points.iter().map(move |p| (p.map(|x| x as f32), part as u16))).unzip();
+        problem.nearest_labels(s, &known.0, &known.1)
+    });
     Explanation { motions, numbers, labels }
 }
 
 impl Problem<'_> {
-    /// Labels of the surfels from the nearest of some labelled points.
-    pub fn labels_like(&self, clouds: &PerState<Cloud>, labels: &PerState<Vec<u16>>) -> PerState<Vec<u16>> {
-        PerState::from_fn(|s| {
-            let points: Vec<[f32; 3]> = clouds[s].points.iter().map(|p| p.to_array()).collect();
-            let tree = PointTree::new(&points);
-            let nearest = |p: &Vec3| tree.nearest_within(&p.to_array(), f32::INFINITY);
-            self.clouds[s].cloud.points.iter().map(|p| nearest(p).map_or(0, |n| labels[s][n.0])).collect()
-        })
-    }
-
-    /// Positions and normals of the surfels of a part (0 is the static one) that cost more than `nats`, with the views that hit them,
-    /// look through them and are hidden from them: what an explanation does not explain.
-    pub fn unexplained(&mut self, explanation: &Explanation, part: u16, nats: f32) -> PerState<Vec<Unexplained>> {
+    /// Number of surfels of a part (0 is the static one) that cost more than `nats`: what an explanation does not explain.
+    pub fn unexplained(&mut self, explanation: &Explanation, part: u16, nats: f32) -> usize {
         let costs = self.costs(explanation);
-        let motion = usize::from(part).checked_sub(1).map_or(Rigid::IDENTITY, |k| explanation.motions[k]);
-        let evidence = self.evidence(&motion);
-        PerState::from_fn(|s| {
-            let own = (0..costs[s].len()).filter(|i| explanation.labels[s][*i] == part && costs[s][*i] > nats);
-            let of = |i: usize| {
-                let (cloud, seen) = (self.clouds[s].cloud, &evidence[s][i]);
-                Unexplained {
-                    nats: costs[s][i],
-                    point: cloud.points[i],
-                    normal: cloud.normals[i],
-                    views: [seen.hit, seen.through, seen.hidden],
-                }
-            };
-            own.map(of).collect()
-        })
+        let of =
+            |s: State| costs[s].iter().zip(&explanation.labels[s]).filter(|(c, l)| **l == part && **c > nats).count();
+        State::ALL.map(of).into_iter().sum()
     }
 }

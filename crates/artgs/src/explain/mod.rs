@@ -9,6 +9,7 @@ mod cost;
 mod energy;
 mod evidence;
 mod fit;
+mod found;
 pub mod judge;
 mod motion;
 mod noise;
@@ -18,7 +19,6 @@ mod settings;
 #[cfg(test)]
 mod tests;
 
-pub use cost::Prices;
-pub use energy::{Explanation, Problem, Surfels, Terms, numbers};
+pub use energy::{Explanation, Problem, Surfels, Terms};
 pub use search::SearchSettings;
 pub use settings::ExplainSettings;

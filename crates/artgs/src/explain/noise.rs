@@ -13,13 +13,13 @@ const EDGES: [f32; 3] = [0.35, 0.6, 0.85];
 
 /// What was measured in one state.
 #[derive(Clone, Copy, Debug)]
-pub struct Noise {
+pub(super) struct Noise {
     /// Standard deviation of depth by cosine of incidence, scene units, most oblique first.
-    pub deviation: [f32; 4],
+    pub(super) deviation: [f32; 4],
     /// Shares of the predictions for front-facing surfels that were hit, hidden and seen through.
-    pub rates: [f32; 3],
+    pub(super) rates: [f32; 3],
     /// Number of neighbouring surfels whose errors count as one.
-    pub shared: f32,
+    pub(super) shared: f32,
 }
 
 impl Noise {

@@ -1,7 +1,7 @@
 //! The search for the explanation with the lowest energy: motions are proposed, and only the energy decides.
 
 use super::energy::{Explanation, Problem};
-use artgs_core::{Rigid, State};
+use artgs_core::{JointKind, Rigid, State};
 use rayon::prelude::*;
 
 /// Settings of the search.
@@ -30,13 +30,12 @@ impl Default for SearchSettings {
 }
 
 impl Problem<'_> {
-    /// From `start`, adds parts with the motions of `pool` and those that unexplained surfels propose, and removes parts, as long as that
-    /// lowers the total. Parts have distinct motions: bodies that move alike are one part.
-    pub fn searched(&mut self, start: &Explanation, pool: &[Rigid], settings: &SearchSettings) -> Explanation {
+    /// From `start`, adds parts with the motions that unexplained surfels propose, and removes parts, as long as that lowers the total. Parts have distinct motions: bodies that move alike are one part.
+    pub fn searched(&mut self, start: &Explanation, settings: &SearchSettings) -> Explanation {
         let mut best = self.settled(start, settings);
         for _ in 0..settings.rounds {
             let least = self.total(&best, settings);
-            if let Some(next) = self.with_another(&best, least, pool, settings) {
+            if let Some(next) = self.with_another(&best, least, settings) {
                 best = next;
             } else {
                 // Parts are removed last: an addition may be what a wrong part stands for.
@@ -63,17 +62,10 @@ impl Problem<'_> {
     }
 
     /// The explanation with one more part, that of the tried motions with the lowest energy; none if it does not pay.
-    fn with_another(
-        &mut self,
-        now: &Explanation,
-        least: f64,
-        pool: &[Rigid],
-        settings: &SearchSettings,
-    ) -> Option<Explanation> {
+    fn with_another(&mut self, now: &Explanation, least: f64, settings: &SearchSettings) -> Option<Explanation> {
         let costs = self.costs(now);
         let unhappy = costs.as_ref().map(|costs| (0..costs.len()).filter(|&i| costs[i] > settings.unhappy).collect());
         let mut proposals = self.proposed(&costs, &unhappy, settings);
-        proposals.extend(pool);
         let contexts = self.contexts(now);
         proposals.extend(self.slides(now, &contexts, &costs, &unhappy, settings));
         let gains: Vec<f64> = proposals.par_iter().map(|m| self.gain(&costs, &unhappy, &contexts, m)).collect();
@@ -103,8 +95,9 @@ impl Problem<'_> {
     pub(super) fn with_part(&mut self, now: &Explanation, motion: Rigid) -> Explanation {
         let mut with = now.clone();
         with.motions.push(motion);
-        // A slide needs three numbers, a hinge five; what no turn shows is a slide.
-        with.numbers.push(if motion.angle() < 0.01 { 3 } else { 5 });
+        // What hardly turns is a slide.
+        let kind = if motion.angle() < 0.01 { JointKind::Prismatic } else { JointKind::Revolute };
+        with.numbers.push(kind.numbers());
         let fresh = with.motions.len() as u16;
         self.relabelled_with(&with, Some(fresh))
     }
