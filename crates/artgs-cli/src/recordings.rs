@@ -140,6 +140,13 @@ pub(crate) fn aligned(
     shown.event(Event::finished("align", begun.elapsed().as_secs_f64(), false));
     shown.event(Event::note(described(&report)));
     capture.warnings.extend(report.bystanders.iter().map(|b| format!("{b}; --box with a larger box includes it")));
+    capture.warnings.extend(report.left_out.map(|left| {
+        format!(
+            "what stands on the object and did not move was left out (in {}); --box {} keeps it",
+            left.rounded(),
+            report.object.joined(&left).rounded()
+        )
+    }));
     Ok((capture, report))
 }
 

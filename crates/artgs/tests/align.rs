@@ -1,10 +1,10 @@
 //! Recordings of a simulated room become a capture of the object.
 
-use artgs::align::{AlignConfig, AlignError, align};
+use artgs::align::{AlignConfig, AlignError, ColorConfig, align, color_registration};
 use artgs_core::capture::OBJECT_ALPHA;
 use artgs_core::{PerState, Recording, State, View};
 use artgs_synth::recording::{BYSTANDER_LABEL, RecordingCaptureOptions, RecordingTruth, render_recording};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 fn options(seed: u64) -> RecordingCaptureOptions {
     RecordingCaptureOptions { views: 30, width: 240, seed, ..RecordingCaptureOptions::default() }
@@ -97,4 +97,46 @@ fn recordings_without_depth_or_of_different_places_are_refused() {
     });
     let error = align(&other, &AlignConfig::default(), 0).expect_err("nothing in common");
     assert!(matches!(error, AlignError::NothingInCommon { .. } | AlignError::Ambiguous { .. }), "{error}");
+}
+
+/// Colours moved against the depth: the colour of a depth pixel is found at `scale` and `shift`.
+fn with_moved_colors(recording: &Recording, scale: f64, shift: DVec2) -> Recording {
+    let mut out = recording.clone();
+    for frame in &mut out.frames {
+        let (width, height) = frame.view.size();
+        let center = 0.5 * DVec2::new(width as f64, height as f64);
+        let source = frame.view.rgba.clone();
+        for (i, pixel) in frame.view.rgba.iter_mut().enumerate() {
+            let at = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+            let from = (at - shift - center) / scale + center;
+            let inside = from.clamp(DVec2::ZERO, DVec2::new(width as f64 - 1.0, height as f64 - 1.0));
+            *pixel = source[inside.y as usize * width + inside.x as usize];
+        }
+    }
+    out
+}
+
+#[test]
+fn colors_that_are_not_registered_to_depth_are_found_and_registered_ones_are_kept() {
+    let (recordings, _) = recorded(0);
+    let config = ColorConfig::default();
+    for recording in recordings.iter() {
+        assert_eq!(color_registration(recording, &config), None);
+        let moved = with_moved_colors(recording, 0.92, DVec2::new(-4.0, 3.0));
+        let found = color_registration(&moved, &config).expect("the edges are 4 pixels apart");
+        assert!((found.scale - 0.92).abs() < 0.012, "{found:?}");
+        assert!((found.shift[0] + 4.0).abs() < 1.5 && (found.shift[1] - 3.0).abs() < 1.5, "{found:?}");
+    }
+}
+
+#[test]
+fn recordings_with_moved_colors_are_aligned_with_a_warning() {
+    let (recordings, truth) = recorded(0);
+    let moved = recordings.map(|r| with_moved_colors(&r, 0.92, DVec2::new(-4.0, 3.0)));
+    let (capture, _) = align(&moved, &AlignConfig::default(), 0).expect("the room has enough structure");
+    let warned = capture.warnings.iter().filter(|w| w.contains("colour was not registered to depth"));
+    assert_eq!(warned.count(), 2, "{:?}", capture.warnings);
+    let frames = capture.frames.expect("recordings have worlds of their own");
+    let error = truth.end_to_start.inverse() * frames[State::END];
+    assert!(error.angle().to_degrees() < 0.6, "{} degrees", error.angle().to_degrees());
 }

@@ -52,6 +52,11 @@ impl ObjectBox {
         }
     }
 
+    /// Smallest box that holds both.
+    pub fn joined(&self, other: &Self) -> Self {
+        Self { lower: self.lower.min(other.lower), upper: self.upper.max(other.upper) }
+    }
+
     /// Smallest box of points, none if they have no extent along an axis.
     pub(crate) fn around(points: impl IntoIterator<Item = DVec3>) -> Option<Self> {
         let ends = points.into_iter().fold((DVec3::MAX, DVec3::MIN), |(l, u), p| (l.min(p), u.max(p)));

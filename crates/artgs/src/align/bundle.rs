@@ -281,7 +281,7 @@ fn small_motion(turn: DVec3, shift: DVec3, center: DVec3) -> Rigid {
 }
 
 /// Pairs of frames, ordered both ways, in which the first shows points that the second sees.
-fn overlapping_pairs(frames: &[DepthFrame], least: f64) -> Vec<(usize, usize)> {
+pub(super) fn overlapping_pairs(frames: &[DepthFrame], least: f64) -> Vec<(usize, usize)> {
     /// Every so many samples are tested.
     const STRIDE: usize = 7;
     /// Depth difference below which a point counts as seen, relative to its depth: far above drift, below furniture.

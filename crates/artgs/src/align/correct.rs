@@ -6,6 +6,7 @@
 use super::bundle::{BundleConfig, median_depth, register_frames, register_states};
 use super::exposure::{self, Exposure};
 use super::frames::DepthFrame;
+use super::refine::refine_poses;
 use super::{AlignConfig, LEAST_FRAMES, mean_motion};
 use artgs_core::{Capture, PerState, Rigid, State, View};
 use glam::DVec3;
@@ -169,7 +170,7 @@ fn refined_poses(frames: &mut [DepthFrame], unit: f64, config: &AlignConfig) -> 
         return (None, stated);
     }
     let poses: Vec<Rigid> = frames.iter().map(DepthFrame::pose).collect();
-    let report = register_frames(frames, &order, &refine);
+    let report = refine_poses(frames, &order, &refine);
     if report.after > config.correct.refined * report.before {
         frames.iter_mut().zip(&poses).for_each(|(frame, pose)| frame.set_pose(*pose));
         return (None, stated);

@@ -10,6 +10,7 @@ mod box_tests;
 mod bundle;
 mod bystander;
 mod cloud;
+mod color;
 mod components;
 mod consistent;
 mod correct;
@@ -20,10 +21,12 @@ pub(crate) mod frames;
 pub(crate) mod global;
 mod object;
 mod planes;
+mod refine;
 
 pub use bounds::{BoxError, ObjectBox};
 pub use bundle::BundleConfig;
 pub use bystander::{Bystander, Seen};
+pub use color::{ColorConfig, ColorRegistration, color_registration};
 pub use consistent::ConsistentConfig;
 pub use correct::{CorrectConfig, Correction, EndCorrection, correct};
 pub use exposure::{Exposure, ExposureConfig};
@@ -35,13 +38,15 @@ pub use planes::{Plane, PlaneConfig};
 
 use crate::observer::Share;
 use artgs_core::{Capture, PerState, Recording, Rigid, State, StateViews};
-use bundle::{BundleReport, register_frames};
+use bundle::BundleReport;
 use extract::StateFrames;
 use frames::DepthFrame;
 use glam::{DVec3, Vec3};
 use global::{Hypothesis, Scenes, seen_through};
 use object::Selection;
+use refine::refine_poses;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// Settings of the stage `align`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,6 +62,8 @@ pub struct AlignConfig {
     pub consistent: ConsistentConfig,
     /// Correction of captures whose states share a frame.
     pub correct: CorrectConfig,
+    /// Registration of colour to depth.
+    pub color: ColorConfig,
     /// Equalisation of exposure and white balance.
     pub exposure: ExposureConfig,
     /// Selection of the object.
@@ -77,6 +84,7 @@ impl Default for AlignConfig {
             global: GlobalConfig::default(),
             consistent: ConsistentConfig::default(),
             correct: CorrectConfig::default(),
+            color: ColorConfig::default(),
             exposure: ExposureConfig::default(),
             object: ObjectConfig::default(),
             extract: ExtractConfig::default(),
@@ -191,6 +199,8 @@ pub struct AlignReport {
     pub exposure: Option<Exposure>,
     /// Box of the surfaces of the object in both states, world of the start recording, scene units.
     pub object: ObjectBox,
+    /// Box of what stands on the object, did not move and was left out; none if nothing was.
+    pub left_out: Option<ObjectBox>,
     /// The box that was given; none if the object was selected by what the cameras look at.
     pub given: Option<ObjectBox>,
     /// Things that are not of the object and moved between the recordings, the largest first.
@@ -230,9 +240,26 @@ pub fn align_with_progress(
             return Err(AlignError::FewFrames { state: state.name(), count });
         }
     }
-    let aligned = poses(recordings, config, seed, done)?;
+    let registered = with_registered_colors(recordings, &config.color);
+    let aligned = poses(&registered, config, seed, done)?;
     done(POSES);
-    cut_out(recordings, aligned, config, given, seed)
+    cut_out(&registered, aligned, config, given, seed)
+}
+
+/// The recordings with colours where the depth is; a warning says what was done.
+fn with_registered_colors<'a>(
+    recordings: &'a PerState<Recording>,
+    config: &ColorConfig,
+) -> Cow<'a, PerState<Recording>> {
+    let mut out = Cow::Borrowed(recordings);
+    for (state, recording) in recordings.enumerate().filter(|_| config.enabled) {
+        if let Some(registration) = color_registration(recording, config) {
+            let own = &mut out.to_mut()[state];
+            color::apply(own, &registration);
+            own.warnings.push(format!("{} recording: {}", state.name(), registration.sentence()));
+        }
+    }
+    out
 }
 
 /// Frames of both recordings with refined poses in the world of the start recording.
@@ -258,7 +285,7 @@ pub(crate) fn poses(
     let unit = bundle::median_depth(frames.iter().flatten());
     let alone = PerState::from_fn(|state| {
         let order: Vec<(usize, usize)> = (0..frames[state].len()).map(|i| (0, i)).collect();
-        let report = register_frames(&mut frames[state], &order, &config.bundle);
+        let report = refine_poses(&mut frames[state], &order, &config.bundle);
         done((state.index() + 1) as f64 * REGISTERED);
         report
     });
@@ -312,6 +339,7 @@ pub(crate) fn cut_out(
         runner_up,
         exposure,
         object,
+        left_out: selection.left_out(),
         given: given.copied(),
         bystanders: bystander::find(&frames, &selection, unit, config),
         attention: selection.attention,
@@ -412,7 +440,7 @@ fn register_jointly(
             order.push((state.index(), i));
         }
     }
-    let report = register_frames(&mut joint, &order, &config.bundle);
+    let report = refine_poses(&mut joint, &order, &config.bundle);
     let end = joint.split_off(counts[State::START]);
     (PerState::new(joint, end), report)
 }

@@ -248,6 +248,11 @@ impl Selection {
         cloud.select(&own)
     }
 
+    /// Box of what stands on the object and is left out.
+    pub(crate) fn left_out(&self) -> Option<ObjectBox> {
+        self.load.as_ref().map(|load| load.bounds)
+    }
+
     /// True for surface points of the object.
     pub(crate) fn contains(&self, point: DVec3) -> bool {
         self.cubes.contains(&cube(point.as_vec3(), self.edge as f32))
@@ -265,8 +270,14 @@ struct Load {
     /// Height of the face that they stand on, with its noise.
     height: f32,
     /// Columns of cubes that they fill.
-    columns: HashSet<(i32, i32)>,
+    columns: HashSet<Column>,
+    /// Box of their points.
+    bounds: ObjectBox,
 }
+
+/// Share of the columns around the foot of a load in which the face must be seen: a load stands on the face, and a back or a side that
+/// rises at its border is part of the object.
+const SURROUNDED: f64 = 0.7;
 
 impl Load {
     /// What stands on the largest level face of the object, connected to the rest only through it, and did not move. What begins higher,
@@ -279,7 +290,7 @@ impl Load {
         edge: f32,
         config: &ObjectConfig,
     ) -> Option<Self> {
-        let height = carrying_height(cloud, members, up, edge, config.carrying_share)?;
+        let (height, face) = carrying_face(cloud, members, up, edge, config.carrying_share)?;
         // Depth is blurred where a load meets the face: loads are separated one and a half cubes above it.
         let above: Vec<usize> =
             members.iter().copied().filter(|&i| cloud.points[i].dot(up) > height + 1.5 * edge).collect();
@@ -287,21 +298,31 @@ impl Load {
         let loads = Components::new(&points, edge, config.gap);
         let mut counts = vec![(0, 0); loads.count];
         let mut lowest = vec![f32::INFINITY; loads.count];
+        let mut feet = vec![HashSet::new(); loads.count];
+        let reach = height + (config.gap + 2) as f32 * edge;
         for &i in &above {
             if let Some(n) = loads.of(cloud.points[i]) {
+                let z = cloud.points[i].dot(up);
                 counts[n].1 += 1;
                 counts[n].0 += usize::from(moved[i]);
-                lowest[n] = lowest[n].min(cloud.points[i].dot(up));
+                lowest[n] = lowest[n].min(z);
+                if z < reach {
+                    feet[n].insert(column(cloud.points[i], up, edge));
+                }
             }
         }
-        let reach = height + (config.gap + 2) as f32 * edge;
-        let is_load = |n: usize| 5 * counts[n].0 < counts[n].1 && lowest[n] < reach;
+        let covered: HashSet<Column> = feet.iter().flatten().copied().collect();
+        let is_load = |n: usize| {
+            5 * counts[n].0 < counts[n].1 && lowest[n] < reach && surrounded(&feet[n], &face, &covered) >= SURROUNDED
+        };
         let mut columns = HashSet::new();
+        let mut extent = Vec::new();
         for p in points.iter().filter(|p| loads.of(**p).is_some_and(is_load)) {
-            let (x, y) = column(*p, up, edge);
-            columns.extend((0..9).map(|i| (x + i % 3 - 1, y + i / 3 - 1)));
+            columns.extend(square(column(*p, up, edge), 1));
+            extent.extend([-0.5, 0.5].map(|half| (*p + Vec3::splat(half * edge)).as_dvec3()));
         }
-        (!columns.is_empty()).then_some(Self { up, edge, height, columns })
+        let bounds = ObjectBox::around(extent)?;
+        Some(Self { up, edge, height, columns, bounds })
     }
 
     fn contains(&self, point: Vec3) -> bool {
@@ -309,17 +330,44 @@ impl Load {
     }
 }
 
+/// Column of cubes along `up`.
+type Column = (i32, i32);
+
+/// Columns at most `reach` from another.
+fn square((x, y): Column, reach: i32) -> impl Iterator<Item = Column> {
+    (-reach..=reach).flat_map(move |i| (-reach..=reach).map(move |j| (x + i, y + j)))
+}
+
+/// Share of the columns around a foot that show the face; those that are `covered` by other feet say nothing. 0 without any.
+fn surrounded(foot: &HashSet<Column>, face: &HashSet<Column>, covered: &HashSet<Column>) -> f64 {
+    /// Distances of the columns from the foot, about which depth is blurred.
+    const BLURRED: i32 = 2;
+    const REACH: i32 = 4;
+    let within = |reach: i32| foot.iter().flat_map(move |c| square(*c, reach)).collect::<HashSet<Column>>();
+    let near = within(BLURRED);
+    let ring: Vec<Column> = within(REACH).into_iter().filter(|c| !near.contains(c) && !covered.contains(c)).collect();
+    let shown = ring.iter().filter(|c| face.contains(c)).count();
+    shown as f64 / ring.len().max(1) as f64
+}
+
 /// Column of cubes along `up` that a point is in.
-fn column(point: Vec3, up: Vec3, edge: f32) -> (i32, i32) {
+fn column(point: Vec3, up: Vec3, edge: f32) -> Column {
     let (a, b) = up.any_orthonormal_pair();
     ((point.dot(a) / edge).floor() as i32, (point.dot(b) / edge).floor() as i32)
 }
 
-/// Height of the highest level face that has at least `share` of the object's footprint, with a margin for its noise.
-fn carrying_height(cloud: &FusedCloud, members: &[usize], up: Vec3, edge: f32, share: f64) -> Option<f32> {
-    let footprint: HashSet<(i32, i32)> = members.iter().map(|&i| column(cloud.points[i], up, edge)).collect();
+/// Height of the highest level face that has at least `share` of the object's footprint, with a margin for its noise, and the columns of
+/// the face.
+fn carrying_face(
+    cloud: &FusedCloud,
+    members: &[usize],
+    up: Vec3,
+    edge: f32,
+    share: f64,
+) -> Option<(f32, HashSet<Column>)> {
+    let footprint: HashSet<Column> = members.iter().map(|&i| column(cloud.points[i], up, edge)).collect();
     let level: Vec<usize> = members.iter().copied().filter(|&i| cloud.normals[i].dot(up) > 0.9).collect();
-    let mut layers: HashMap<i32, HashSet<(i32, i32)>> = HashMap::new();
+    let mut layers: HashMap<i32, HashSet<Column>> = HashMap::new();
     for &i in &level {
         let layer = (cloud.points[i].dot(up) / edge).floor() as i32;
         // A face may lie on the border of two layers.
@@ -332,7 +380,8 @@ fn carrying_height(cloud: &FusedCloud, members: &[usize], up: Vec3, edge: f32, s
     let inside = |h: f32| (layer as f32 * edge..(layer + 2) as f32 * edge).contains(&h);
     let heights = level.iter().map(|&i| cloud.points[i].dot(up)).filter(|h| inside(*h));
     // The face itself stays, with a quarter of a cube of noise above it.
-    Some(quantile(heights.collect(), 0.9)? + 0.25 * edge)
+    let height = quantile(heights.collect(), 0.9)? + 0.25 * edge;
+    layers.remove(&layer).map(|face| (height, face))
 }
 
 /// How much the frames look at each of `count` groups of points: the sum over cells of a Gaussian weight about the image
@@ -409,10 +458,14 @@ mod tests {
         add(Vec3::new(0.0, 0.0, 0.45), wide, Vec3::Z);
         add(Vec3::new(0.1, 0.1, 0.47), [Vec3::X * 0.1, Vec3::Z * 0.1], Vec3::NEG_Y);
         add(Vec3::new(0.0, 0.3, 0.7), [Vec3::X * 0.4, Vec3::Z * 0.2], Vec3::NEG_Y);
+        // An arm that rises from the border of the seat.
+        add(Vec3::new(0.39, 0.0, 0.45), [Vec3::Y * 0.4, Vec3::Z * 0.2], Vec3::NEG_X);
         let members: Vec<usize> = (0..cloud.len()).collect();
         let load = Load::find(&cloud, &members, &vec![false; cloud.len()], Vec3::Z, edge, &ObjectConfig::default());
         let load = load.expect("a box stands on the seat");
         assert!(load.contains(Vec3::new(0.15, 0.1, 0.55)), "the box");
         assert!(!load.contains(Vec3::new(0.2, 0.3, 0.8)) && !load.contains(Vec3::new(0.2, 0.2, 0.45)), "back and seat");
+        assert!(!load.contains(Vec3::new(0.39, 0.2, 0.55)), "the arm");
+        assert!(load.bounds.lower().x > 0.09 && load.bounds.upper().x < 0.21, "{}", load.bounds);
     }
 }

@@ -23,6 +23,7 @@ const SECTIONS: &[(&str, &[Entry])] = &[
     ("align.global", recordings::GLOBAL),
     ("align.consistent", recordings::CONSISTENT),
     ("align.correct", recordings::CORRECT),
+    ("align.color", recordings::COLOR),
     ("align.exposure", recordings::EXPOSURE),
     ("align.object", recordings::OBJECT),
     ("align.object.planes", recordings::PLANES),

@@ -79,6 +79,16 @@ pub(super) const CORRECT: &[Entry] = &[
         "A stated alignment is right if this share of the surfaces that agree roughly agrees within the noise, 0 to 1"),
 ];
 
+/// Entries of `ColorConfig`.
+#[rustfmt::skip]
+pub(super) const COLOR: &[Entry] = &[
+    switch("enabled", "Whether colours that are not registered to depth are moved; otherwise they are used as they were recorded"),
+    number("largest_shift", 0.0, 0.5, "fraction of the image width", "Largest shift, as a share of the image width"),
+    number("largest_scale", 0.0, 0.5, "share", "Largest difference of the scale from 1"),
+    number("least_gain", 0.0, 1.0, "share",
+        "Least gain of the alignment of edges: colours with a smaller one stay as they are"),
+];
+
 /// Entries of `ExposureConfig`.
 #[rustfmt::skip]
 pub(super) const EXPOSURE: &[Entry] = &[
