@@ -220,10 +220,23 @@ impl<'a> Scenes<'a> {
         let tolerance = config.tolerance * self.unit;
         let ends = seen(&self.clouds[State::END], self.frames[State::START], &motion, tolerance);
         let starts = seen(&self.clouds[State::START], self.frames[State::END], &motion.inverse(), tolerance);
-        let total = (ends.2 + starts.2).max(1) as f64;
-        let (matched, through) = ((ends.0 + starts.0) as f64, (ends.1 + starts.1) as f64);
-        Hypothesis { motion, score: (matched - through) / total, matched: matched / total }
+        let [score, matched] = shares([ends, starts]);
+        Hypothesis { motion, score, matched }
     }
+
+    /// Score of the recordings against their own frames: what the right alignment of recordings in which nothing moved can reach.
+    pub(crate) fn own_score(&self, config: &GlobalConfig) -> f64 {
+        let tolerance = config.tolerance * self.unit;
+        shares(State::ALL.map(|s| seen(&self.clouds[s], self.frames[s], &Rigid::IDENTITY, tolerance)))[0]
+    }
+}
+
+/// Share of all points that are seen as surface less the share that is seen through, and the former.
+fn shares(seen: [(usize, usize, usize); 2]) -> [f64; 2] {
+    let [a, b] = seen;
+    let total = (a.2 + b.2).max(1) as f64;
+    let (matched, through) = ((a.0 + b.0) as f64, (a.1 + b.1) as f64);
+    [(matched - through) / total, matched / total]
 }
 
 /// Of some points of a cloud, moved: seen as surface, seen through, tested.

@@ -21,7 +21,7 @@ pub(crate) mod frames;
 pub(crate) mod global;
 mod object;
 mod planes;
-mod refine;
+pub(crate) mod refine;
 
 pub use bounds::{BoxError, ObjectBox};
 pub use bundle::BundleConfig;
@@ -70,9 +70,9 @@ pub struct AlignConfig {
     pub object: ObjectConfig,
     /// Views of the object.
     pub extract: ExtractConfig,
-    /// Least score of an alignment, -1 to 1: below it the recordings have nothing in common.
+    /// Least score of an alignment as a share of the score of the recordings against their own frames: below it they have nothing in common.
     pub least_score: f64,
-    /// An alignment whose score is this much below the best is still possible, 0 to 1.
+    /// An alignment whose score is this share of the same below the best is still possible, 0 to 1.
     pub ambiguous: f64,
 }
 
@@ -406,11 +406,13 @@ fn best_alignment(
     let up = recordings.as_ref().map(|r| r.up);
     let scenes = Scenes::new(frames.as_ref().map(Vec::as_slice), up, unit, &config.global);
     let found = scenes.search(&config.global, seed);
-    let Some(best) = found.first().copied().filter(|h| h.score >= config.least_score) else {
+    // Frames of a poor recording contradict each other: its limits are shares of what it can reach.
+    let own = scenes.own_score(&config.global).clamp(0.0, 1.0);
+    let Some(best) = found.first().copied().filter(|h| h.score >= config.least_score * own) else {
         let percent = 100.0 * found.first().map_or(0.0, |h| h.score.max(0.0));
         return Err(AlignError::NothingInCommon { percent });
     };
-    if let Some(second) = found.get(1).filter(|h| h.score > best.score - config.ambiguous) {
+    if let Some(second) = found.get(1).filter(|h| h.score > best.score - config.ambiguous * own) {
         let center = scenes.center(State::END);
         return Err(AlignError::Ambiguous {
             first: best.score,

@@ -5,6 +5,7 @@ mod agreement;
 mod causes;
 mod jumps;
 mod odd;
+mod refined;
 mod samples;
 mod twins;
 
@@ -168,7 +169,7 @@ fn between(views: &PerState<Vec<CoarseView>>, end: Reading) -> Agreement {
 fn check_state<'v>(views: &[CoarseView], all: impl Iterator<Item = &'v View> + Clone) -> StateConsistency {
     let one_pose = one_pose(all.clone());
     let stated = agreement(views, views, [Reading::STATED; 2]);
-    let odd = if one_pose || views.len() < 2 { OddViews::default() } else { OddViews::find(all, views) };
+    let odd = if one_pose || views.len() < 2 { OddViews::default() } else { OddViews::find(all.clone(), views) };
     if views.len() < 2 || stated.all() < LEAST_SHOWN {
         return StateConsistency { one_pose, odd, ..StateConsistency::default() };
     }
@@ -176,6 +177,7 @@ fn check_state<'v>(views: &[CoarseView], all: impl Iterator<Item = &'v View> + C
     let cause = if share < GOOD && !one_pose { likely_cause(views, stated, GAIN) } else { None };
     let search = (GOOD..PERFECT).contains(&share) && !one_pose;
     let suspected = if search { likely_cause(views, stated, (1.0 - LEFT) * (1.0 - share)) } else { None };
+    let suspected = suspected.filter(|explained| refined::is_needed(all, explained.cause));
     StateConsistency { agreement: Some(share), cause, suspected, one_pose, odd, apart: None }
 }
 

@@ -5,9 +5,10 @@ use super::entry::{Entry, above, number, switch, whole};
 /// Entries of `AlignConfig`.
 #[rustfmt::skip]
 pub(super) const ALIGN: &[Entry] = &[
-    number("least_score", -1.0, 1.0, "score",
-        "Least score of an alignment: below it the recordings have nothing in common"),
-    number("ambiguous", 0.0, 2.0, "score", "An alignment whose score is this much below the best is still possible"),
+    number("least_score", -1.0, 1.0, "share",
+        "Least score of an alignment, as a share of the score of the recordings against their own frames: below it they have nothing in common"),
+    number("ambiguous", 0.0, 2.0, "share",
+        "An alignment whose score is this share of the same below the best is still possible"),
 ];
 
 /// Entries of `GridConfig`.
