@@ -21,7 +21,7 @@ pub(crate) mod frames;
 pub(crate) mod global;
 mod object;
 mod planes;
-pub(crate) mod refine;
+mod refine;
 
 pub use bounds::{BoxError, ObjectBox};
 pub use bundle::BundleConfig;

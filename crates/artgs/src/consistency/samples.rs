@@ -51,15 +51,11 @@ pub(super) struct Point {
 }
 
 /// Some of the views with depth, spread over all of them.
-pub(super) fn chosen<'v>(views: impl Iterator<Item = &'v View>) -> Vec<&'v View> {
+pub(super) fn coarse_views<'v>(views: impl Iterator<Item = &'v View>) -> Vec<CoarseView> {
     let with_depth: Vec<&View> = views.filter(|v| v.depth.is_some()).collect();
     let count = with_depth.len().min(VIEWS);
-    (0..count).map(|i| with_depth[i * with_depth.len() / count]).collect()
-}
-
-/// The same, prepared.
-pub(super) fn coarse_views<'v>(views: impl Iterator<Item = &'v View>) -> Vec<CoarseView> {
-    chosen(views).into_par_iter().map(CoarseView::new).collect()
+    let chosen: Vec<&View> = (0..count).map(|i| with_depth[i * with_depth.len() / count]).collect();
+    chosen.into_par_iter().map(CoarseView::new).collect()
 }
 
 impl CoarseView {
