@@ -64,23 +64,26 @@ fn contradicted(found: &Discovery, scene: &Scene) -> f64 {
     State::ALL.map(share).into_iter().fold(0.0, f64::max)
 }
 
-/// Of the surface that half of the views of a state see, the share at places that the other half shows empty, among those that it
-/// shows; of both states the larger share.
+/// Of the surface that single views of a state see, the share at places that its other views show empty, among those that they show; of
+/// both states the larger share.
 fn contradicted_within(scene: &Scene) -> f64 {
-    /// Points that are compared, about.
-    const POINTS: usize = 20_000;
+    /// Views whose surface is compared, and points of each, about.
+    const VIEWS: usize = 12;
+    const POINTS: usize = 2_000;
     let share = |state: State| {
         let views = &scene.states[state].views;
-        let pixels: usize = views.iter().step_by(2).map(|view| view.depth.len()).sum();
-        let stride = ((pixels as f64 / POINTS as f64).sqrt() as usize).max(1);
-        let seen = views
-            .par_iter()
-            .step_by(2)
-            .map(|view| surface_points(view, &vec![[0; 4]; view.depth.len()], stride).points);
-        let points: Vec<Vec3> = seen.collect::<Vec<_>>().concat();
-        let mut votes = vec![ViewVotes::default(); points.len()];
-        ViewVotes::of_each(views.iter().skip(1).step_by(2), &points, scene.tolerance, &mut votes);
-        empty_share(&votes)
+        let votes_of = |i: usize| {
+            let pixels = views[i].depth.len();
+            let stride = ((pixels as f64 / POINTS as f64).sqrt() as usize).max(1);
+            let points = surface_points(&views[i], &vec![[0; 4]; pixels], stride).points;
+            let mut votes = vec![ViewVotes::default(); points.len()];
+            let others = views.iter().enumerate().filter(|other| other.0 != i).map(|other| other.1);
+            ViewVotes::of_each(others, &points, scene.tolerance, &mut votes);
+            votes
+        };
+        let step = views.len().div_ceil(VIEWS).max(1);
+        let votes: Vec<Vec<ViewVotes>> = (0..views.len()).into_par_iter().step_by(step).map(votes_of).collect();
+        empty_share(&votes.concat())
     };
     State::ALL.map(share).into_iter().fold(0.0, f64::max)
 }
