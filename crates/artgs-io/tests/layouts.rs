@@ -6,7 +6,6 @@ use artgs_io::image_io::{write_depth, write_rgb};
 use artgs_io::recording::{RecordingFormat, RecordingOptions, load_recording};
 use glam::{DMat3, DQuat, DVec3};
 use std::fmt::Write;
-use std::path::Path;
 
 const K: Intrinsics = Intrinsics { fx: 70.0, fy: 72.0, cx: 31.5, cy: 24.5, width: 64, height: 48 };
 const COUNT: usize = 4;
