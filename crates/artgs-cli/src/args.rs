@@ -178,6 +178,16 @@ pub(crate) struct RecordingArgs {
     /// Camera poses for formats without, as TUM files; one for both recordings, or one for each
     #[arg(long, value_name = "FILE", num_args = 1..=2)]
     pub(crate) poses: Vec<PathBuf>,
+    /// Length of one stored number of the depth images, such as mm, 0.2mm or m; that of the files or of the format if absent
+    #[arg(long, value_name = "LENGTH")]
+    pub(crate) depth_unit: Option<String>,
+    /// Axes of the camera frame that poses belong to: opencv, opengl, robot (x forward, z up), or where x, y and z point,
+    /// such as RDF for right, down, forward; those of the format if absent
+    #[arg(long, value_name = "AXES")]
+    pub(crate) camera_axes: Option<String>,
+    /// Poses lead from the world to the camera, where those of the format lead back
+    #[arg(long)]
+    pub(crate) invert_poses: bool,
     /// Use every N-th frame only
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(crate) every: usize,

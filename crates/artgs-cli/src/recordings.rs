@@ -9,7 +9,9 @@ use artgs::observer::{Event, Observer, Tee, percent};
 use artgs_core::{Capture, PerState, Recording, State};
 use artgs_io::RunFolder;
 use artgs_io::capture::{is_capture, write_capture};
-use artgs_io::recording::{RecordingFormat, RecordingOptions, load_recording, parse_intrinsics};
+use artgs_io::recording::{
+    AxisOrder, RecordingFormat, RecordingOptions, load_recording, parse_depth_unit, parse_intrinsics,
+};
 use artgs_io::run_folder::{remove_folder, save_json};
 use serde::Serialize;
 use std::fmt;
@@ -50,6 +52,9 @@ pub(crate) fn given_option(args: &RecordingArgs) -> Option<&'static str> {
         ("--frames", args.frames.is_some()),
         ("--intrinsics", args.intrinsics.is_some()),
         ("--poses", !args.poses.is_empty()),
+        ("--depth-unit", args.depth_unit.is_some()),
+        ("--camera-axes", args.camera_axes.is_some()),
+        ("--invert-poses", args.invert_poses),
         ("--every", args.every != 1),
         ("--offset", !args.offset.is_empty()),
     ];
@@ -109,11 +114,16 @@ fn options(state: State, args: &RecordingArgs) -> Result<RecordingOptions, Failu
         })?),
     };
     let intrinsics = args.intrinsics.as_deref().map(parse_intrinsics).transpose();
+    let depth_unit = args.depth_unit.as_deref().map(parse_depth_unit).transpose();
+    let axes = args.camera_axes.as_deref().map(AxisOrder::parse).transpose();
     Ok(RecordingOptions {
         format,
         frames: most_frames(args),
         intrinsics: intrinsics.map_err(|reason| Failure::bad(format!("--intrinsics: {reason}")))?,
         poses: args.poses.get(state.index()).or(args.poses.first()).cloned(),
+        depth_unit: depth_unit.map_err(|reason| Failure::bad(format!("--depth-unit: {reason}")))?,
+        axes: axes.map_err(|reason| Failure::bad(format!("--camera-axes: {reason}")))?,
+        inverted_poses: args.invert_poses,
         every: args.every,
         offset: args.offset.get(state.index()).copied().unwrap_or(0),
         ..default

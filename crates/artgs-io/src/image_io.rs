@@ -81,17 +81,22 @@ pub(crate) fn rgba_of_png(path: &Path, bytes: &[u8]) -> Result<RgbaImage, FileEr
 
 /// Reads a 16-bit one-channel PNG. Any other kind of PNG is an error.
 pub fn read_depth(path: &Path) -> Result<DepthImage, FileError> {
-    let bytes = read_bytes(path)?;
-    let decoder = open(path, &bytes)?;
+    depth_of_png(path, &read_bytes(path)?)
+}
+
+/// Decodes a 16-bit one-channel PNG; `path` names it in messages.
+pub(crate) fn depth_of_png(path: &Path, bytes: &[u8]) -> Result<DepthImage, FileError> {
+    let decoder = open(path, bytes)?;
     let color = decoder.color_type();
     if color != ColorType::L16 {
-        return Err(FileError::malformed(
-            path,
-            format!(
-                "depth must be a 16-bit one-channel PNG, this one is {color:?}; \
-                 write round(depth * depth_scale) as 16-bit greyscale"
-            ),
-        ));
+        let cause = if color.bytes_per_pixel() == color.channel_count() {
+            "a picture with 256 levels, from which distances cannot be recovered; export the depth images themselves as 16-bit \
+             distances, or remove them"
+        } else {
+            "which has several channels; write the distances to one channel"
+        };
+        let reason = format!("depth must be a 16-bit one-channel PNG, this one is {color:?}, {cause}");
+        return Err(FileError::malformed(path, reason));
     }
     let (width, height) = decoder.dimensions();
     let mut counts = vec![0_u16; width as usize * height as usize];

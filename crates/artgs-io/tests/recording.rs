@@ -177,8 +177,8 @@ fn tum() {
         fewer.warnings
     );
     std::fs::write(path("rgb.txt"), rgb.replace("100.500000", "x")).unwrap();
-    let text = message(dir.path());
-    assert!(text.contains("rgb.txt") && text.contains("line 4"), "{text}");
+    let fewer = read(dir.path());
+    assert!(fewer.frames.len() == 5 && fewer.warnings[0].contains("rgb.txt") && fewer.warnings[0].contains("line 4"));
     std::fs::write(path("rgb.txt"), &rgb).unwrap();
 
     std::fs::remove_file(path("intrinsics.txt")).unwrap();
@@ -209,6 +209,16 @@ fn tum_with_indices() {
         assert_eq!((a.view.camera, a.time), (b.view.camera, b.time));
     }
     let poses = std::fs::read_to_string(path("truth_cam_poses.txt")).unwrap();
+    // A lost pose does not shift the others.
+    let lost: Vec<String> = poses
+        .lines()
+        .enumerate()
+        .map(|(i, l)| if i == 2 { "1 nan nan nan 0 0 0 1".into() } else { l.into() })
+        .collect();
+    std::fs::write(path("truth_cam_poses.txt"), lost.join("\n")).unwrap();
+    let some = read(dir.path());
+    assert_eq!(some.frames.len(), 3);
+    assert_eq!(some.frames[2].view.camera, expected.frames[3].view.camera);
     let fewer: Vec<&str> = poses.lines().take(3).collect();
     std::fs::write(path("truth_cam_poses.txt"), fewer.join("\n")).unwrap();
     let text = message(dir.path());
@@ -399,8 +409,9 @@ fn stray() {
     assert!(message(dir.path()).contains("no column `qx`"));
     let short: Vec<&str> = table.lines().enumerate().map(|(i, l)| if i == 3 { &l[..20] } else { l }).collect();
     std::fs::write(path("odometry.csv"), short.join("\n")).unwrap();
-    let text = message(dir.path());
-    assert!(text.contains("odometry.csv") && text.contains("line 4"), "{text}");
+    let fewer = read(dir.path());
+    assert_eq!(fewer.frames.len(), 5);
+    assert!(fewer.warnings[0].contains("odometry.csv") && fewer.warnings[0].contains("line 4"), "{:?}", fewer.warnings);
     // Columns of intrinsics may be absent or empty.
     let without: Vec<String> = table.lines().map(|l| l.split(", ").take(9).collect::<Vec<_>>().join(", ")).collect();
     std::fs::write(path("odometry.csv"), without.join("\n")).unwrap();
@@ -422,8 +433,13 @@ fn seven_scenes() {
     assert!(back.frames[1].view.depth.as_ref().unwrap().iter().all(|d| d == 0.0));
     assert!(back.warnings[0].contains("frame-000001"), "{:?}", back.warnings);
     std::fs::write(path("frame-000002.pose.txt"), "1 0 0 0\n0 1 0\n0 0 1 0\n0 0 0 1\n").unwrap();
-    let text = message(dir.path());
-    assert!(text.contains("frame-000002.pose.txt") && text.contains("line 2"), "{text}");
+    let fewer = read(dir.path());
+    assert_eq!(fewer.frames.len(), 5);
+    assert!(fewer.warnings.iter().any(|w| w.contains("frame-000002.pose.txt") && w.contains("15 numbers")));
+    std::fs::write(path("frame-000003.pose.txt"), "-inf -inf -inf -inf\n".repeat(4)).unwrap();
+    let fewer = read(dir.path());
+    assert_eq!(fewer.frames.len(), 4);
+    assert!(fewer.warnings.iter().any(|w| w.contains("1 poses are lost") && w.contains("frame-000003.pose.txt")));
 }
 
 #[test]

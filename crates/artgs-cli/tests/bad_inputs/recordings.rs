@@ -45,7 +45,7 @@ fn nerfstudio() {
         bad("a single frame", "nerfstudio", INSPECT, &["1 of 1 frames", "at least 2"], |f| {
             nerf(f, |r| r["frames"].as_array_mut().unwrap().truncate(1))
         }),
-        bad("a pose of NaN", "nerfstudio", INSPECT, &[FILE, "transform_matrix"], |f| {
+        odd("a pose of NaN", "nerfstudio", INSPECT, &[FILE, "1 poses are lost", "4 of 4"], |f| {
             nerf(f, |r| r["frames"][0]["transform_matrix"][0][3] = json!(null))
         }),
         bad("a pose of 3 rows", "nerfstudio", INSPECT, &[FILE, "transform_matrix"], |f| {
@@ -79,10 +79,45 @@ fn nerfstudio() {
         odd("an image is missing", "nerfstudio", INSPECT, &["warning", "000001.png"], |f| {
             f.remove("start/images/000001.png")
         }),
-        bad("all images are missing", "nerfstudio", INSPECT, &["start", "0 of 0 frames"], |f| f.remove("start/images")),
-        odd("a depth image is missing", "nerfstudio", INSPECT, &["warning", "000001.png"], |f| {
-            f.remove("start/depth/000001.png")
+        bad(
+            "all images are missing",
+            "nerfstudio",
+            INSPECT,
+            &["0 of 5 frames", "5 images do not exist: images/000001.png"],
+            |f| f.remove("start/images"),
+        ),
+        odd(
+            "a depth image is missing",
+            "nerfstudio",
+            INSPECT,
+            &["1 frames name a depth image that does not exist", "depth/000001.png"],
+            |f| f.remove("start/depth/000001.png"),
+        ),
+        odd(
+            "all depth images are missing",
+            "nerfstudio",
+            INSPECT,
+            &["5 frames name a depth image that does not exist"],
+            |f| f.remove("start/depth"),
+        ),
+        bad("colour and depth have changed places", "nerfstudio", INSPECT, &["colour and depth mixed up"], |f| {
+            nerf(f, |r| {
+                for frame in r["frames"].as_array_mut().unwrap() {
+                    let color = frame["file_path"].take();
+                    frame["file_path"] = frame["depth_file_path"].take();
+                    frame["depth_file_path"] = color;
+                }
+            })
         }),
+        odd("another unit of depth", "nerfstudio", "inspect IN/start --depth-unit 1mm", &["5 of 5"], |_| {}),
+        bad(
+            "a unit that is none",
+            "nerfstudio",
+            "inspect IN/start --depth-unit inch",
+            &["--depth-unit", "no length"],
+            |_| {},
+        ),
+        bad("axes that are none", "nerfstudio", "inspect IN/start --camera-axes up", &["--camera-axes", "RDF"], |_| {}),
         bad("an image is empty", "nerfstudio", INSPECT, &["000001.png"], |f| f.write("start/images/000001.png", "")),
         bad("an image is cut", "nerfstudio", INSPECT, &["000002.png", "not a complete"], |f| {
             f.cut("start/images/000002.png", 0.5)
@@ -152,26 +187,28 @@ fn tum() {
     check(&[
         odd("as it is", "tum", INSPECT, &["5 of 5 recorded"], |_| {}),
         bad("an empty list of images", "tum", INSPECT, &["0 of 0"], |f| f.write("start/rgb.txt", "")),
-        bad("a list without names", "tum", INSPECT, &["rgb.txt", "line 2", "file name"], |f| {
+        odd("a list without a name", "tum", INSPECT, &["rgb.txt", "1 of 5 lines", "line 2", "file name"], |f| {
             word(f, "start/rgb.txt", 1, 1, "")
         }),
-        bad("a time of text", "tum", INSPECT, &["rgb.txt", "line 2"], |f| word(f, "start/rgb.txt", 1, 0, "soon")),
-        bad("a time of NaN", "tum", INSPECT, &["rgb.txt", "line 2"], |f| word(f, "start/rgb.txt", 1, 0, "nan")),
+        odd("a time of text", "tum", INSPECT, &["rgb.txt", "line 2"], |f| word(f, "start/rgb.txt", 1, 0, "soon")),
+        odd("a time of NaN", "tum", INSPECT, &["rgb.txt", "line 2"], |f| word(f, "start/rgb.txt", 1, 0, "nan")),
         bad("a list that is not text", "tum", INSPECT, &["rgb.txt"], |f| {
             f.write("start/rgb.txt", [0xff, 0xfe, 0, 0x80])
         }),
         bad("empty poses", "tum", INSPECT, &["groundtruth.txt", "contains no pose"], |f| f.write(POSES, "")),
-        bad("a pose of 7 numbers", "tum", INSPECT, &["groundtruth.txt", "line 2", "7 values"], |f| {
+        odd("a pose of 7 numbers", "tum", INSPECT, &["groundtruth.txt", "line 2", "7 values"], |f| {
             word(f, POSES, 1, 7, "")
         }),
-        bad("a pose of NaN", "tum", INSPECT, &["groundtruth.txt", "line 2", "nan"], |f| word(f, POSES, 1, 1, "nan")),
-        bad("a pose of infinity", "tum", INSPECT, &["groundtruth.txt", "line 2", "1e999"], |f| {
+        odd("a pose of NaN", "tum", INSPECT, &["groundtruth.txt", "line 2", "1 of 5 poses are lost"], |f| {
+            word(f, POSES, 1, 1, "nan")
+        }),
+        odd("a pose of infinity", "tum", INSPECT, &["groundtruth.txt", "line 2", "1 of 5 poses are lost"], |f| {
             word(f, POSES, 1, 1, "1e999")
         }),
-        bad("a quaternion of length 0", "tum", INSPECT, &["groundtruth.txt", "line 2", "quaternion"], |f| {
+        odd("a quaternion of length 0", "tum", INSPECT, &["groundtruth.txt", "line 2", "are lost"], |f| {
             (4..8).for_each(|at| word(f, POSES, 1, at, "0"));
         }),
-        bad("a quaternion of length 2", "tum", INSPECT, &["groundtruth.txt", "line 2", "quaternion"], |f| {
+        odd("a quaternion of length 2", "tum", INSPECT, &["groundtruth.txt", "line 2", "quaternion"], |f| {
             word(f, POSES, 1, 4, "2")
         }),
         bad("poses of another day", "tum", INSPECT, &["frames with a pose"], |f| {
@@ -179,6 +216,17 @@ fn tum() {
             f.write(POSES, text.replace("\n1", "\n900001"));
         }),
         bad("no poses", "tum", INSPECT, &["no groundtruth.txt"], |f| f.remove(POSES)),
+        odd("a ninth column and a head without #", "tum", INSPECT, &["5 of 5"], |f| {
+            let text = String::from_utf8(f.read(POSES)).unwrap();
+            let rows = text.lines().skip(1).enumerate().map(|(i, row)| format!("{row} {i}\n"));
+            f.write(POSES, "timestamp tx ty tz qx qy qz qw id\n".to_string() + &rows.collect::<String>());
+        }),
+        bad("all images are missing", "tum", INSPECT, &["0 of 5 frames", "5 images of rgb.txt do not exist"], |f| {
+            f.remove("start/rgb")
+        }),
+        bad("depth in JPEG", "tum", INSPECT, &["000001.png", "is a JPEG", "no depth"], |f| {
+            f.write("start/depth/000001.png", jpeg(&RgbImage::new(64, 48).into()))
+        }),
         bad("no intrinsics", "tum", INSPECT, &["no camera intrinsics", "fx,fy,cx,cy"], |f| {
             f.remove("start/intrinsics.txt")
         }),
@@ -231,10 +279,10 @@ fn scanner_app() {
         bad("a pose of 12 numbers", "scanner-app", INSPECT, &["frame_00001.json", "cameraPoseARFrame"], |f| {
             f.json(FRAME, |r| r["cameraPoseARFrame"].as_array_mut().unwrap().truncate(12))
         }),
-        bad("a pose of zero", "scanner-app", INSPECT, &["frame_00001.json", "cameraPoseARFrame"], |f| {
+        odd("a pose of zero", "scanner-app", INSPECT, &["frame_00001.jpg", "1 poses are lost"], |f| {
             f.json(FRAME, |r| r["cameraPoseARFrame"] = json!([0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]))
         }),
-        bad("a pose with null", "scanner-app", INSPECT, &["frame_00001.json", "cameraPoseARFrame"], |f| {
+        odd("a pose with null", "scanner-app", INSPECT, &["frame_00001.jpg", "1 poses are lost"], |f| {
             f.json(FRAME, |r| r["cameraPoseARFrame"][3] = json!(null))
         }),
         bad("no intrinsics", "scanner-app", INSPECT, &["frame_00001.json", "intrinsics"], |f| {
@@ -314,13 +362,36 @@ fn record3d() {
         bad("a pose of 6 numbers", "record3d", INSPECT, &["metadata.json", "pose 2", "7 finite numbers"], |f| {
             f.json(FILE, |r| r["poses"][2].as_array_mut().unwrap().truncate(6))
         }),
-        bad("a quaternion of zero", "record3d", INSPECT, &["metadata.json", "pose 2", "quaternion"], |f| {
+        odd("a quaternion of zero", "record3d", INSPECT, &["1 poses are lost", "rgb/2.jpg"], |f| {
             f.json(FILE, |r| r["poses"][2] = json!([0, 0, 0, 0, 1, 1, 1]))
         }),
         odd("fewer poses than images", "record3d", INSPECT, &["images have no pose"], |f| {
             f.json(FILE, |r| r["poses"].as_array_mut().unwrap().truncate(3))
         }),
-        bad("no poses", "record3d", INSPECT, &["at least 2"], |f| f.json(FILE, |r| r["poses"] = json!([]))),
+        bad(
+            "poses of the front camera",
+            "record3d",
+            INSPECT,
+            &["all 5 camera poses are the same", "front camera"],
+            |f| {
+                f.json(FILE, |r| {
+                    r["poses"].as_array_mut().unwrap().iter_mut().for_each(|pose| *pose = json!([0, 0, 0, 1, 0, 0, 0]))
+                })
+            },
+        ),
+        bad("poses of zeros", "record3d", INSPECT, &["0 of 5 frames", "5 poses are lost", "front camera"], |f| {
+            f.json(FILE, |r| {
+                r["poses"].as_array_mut().unwrap().iter_mut().for_each(|pose| *pose = json!([0, 0, 0, 0, 0, 0, 0]))
+            })
+        }),
+        bad("the video export", "record3d", INSPECT, &["video", "EXR + JPG"], |f| {
+            f.remove("start/rgb");
+            f.remove("start/depth");
+            f.write("start/scan.mp4", "a video");
+        }),
+        bad("no poses", "record3d", INSPECT, &["at least 2", "5 images have no pose"], |f| {
+            f.json(FILE, |r| r["poses"] = json!([]))
+        }),
         bad("a size of 0", "record3d", INSPECT, &["metadata.json", "`w`"], |f| f.json(FILE, |r| r["w"] = json!(0))),
         bad("a size of text", "record3d", INSPECT, &["metadata.json", "`h`"], |f| {
             f.json(FILE, |r| r["h"] = json!("48"))
@@ -352,7 +423,7 @@ fn polycam() {
         bad("a cell of text", "polycam", INSPECT, &["1000001.json", "t_12"], |f| {
             f.json(CAMERA, |r| r["t_12"] = json!("0"))
         }),
-        bad("a rotation of zero", "polycam", INSPECT, &["1000001.json", "t_00"], |f| {
+        odd("a rotation of zero", "polycam", INSPECT, &["1000001", "1 poses are lost"], |f| {
             f.json(CAMERA, |r| {
                 for i in 0..9 {
                     r[format!("t_{}{}", i / 3, i % 3)] = json!(0);
@@ -371,6 +442,27 @@ fn polycam() {
             f.remove("start/keyframes/images/1000001.jpg")
         }),
         bad("no images", "polycam", INSPECT, &["start"], |f| f.remove("start/keyframes/images")),
+        odd("images in another folder", "polycam", INSPECT, &["5 of 5", "raw_images, not in images"], |f| {
+            std::fs::rename(f.path("start/keyframes/images"), f.path("start/keyframes/raw_images")).unwrap()
+        }),
+        odd(
+            "corrected cameras without corrected images",
+            "polycam",
+            INSPECT,
+            &["5 of 5", "corrected_cameras", "in images"],
+            |f| {
+                std::fs::rename(f.path("start/keyframes/cameras"), f.path("start/keyframes/corrected_cameras")).unwrap()
+            },
+        ),
+        bad(
+            "a folder above",
+            "polycam",
+            "inspect IN",
+            &["not a capture", "contains the recording", "start (polycam)"],
+            |f| {
+                std::fs::remove_dir_all(f.path("end")).unwrap();
+            },
+        ),
         bad("no cameras", "polycam", INSPECT, &["start", "no keyframes"], |f| f.remove("start/keyframes/cameras")),
         bad("depth is cut", "polycam", INSPECT, &["1000001.png", "not a complete"], |f| {
             f.cut("start/keyframes/depth/1000001.png", 0.5)
@@ -413,6 +505,39 @@ fn colmap() {
         }),
         bad("a line of images that is short", "colmap", INSPECT, &["images.txt", "expected IMAGE_ID"], |f| {
             f.write(IMAGES, "1 2 3\n\n")
+        }),
+        bad(
+            "a model without its images file",
+            "colmap",
+            INSPECT,
+            &["sparse/0", "lacks images.txt or images.bin"],
+            |f| f.remove(IMAGES),
+        ),
+        odd(
+            "two models",
+            "colmap",
+            INSPECT,
+            &["5 of 5", "sparse/0 with 5 images is used", "sparse/1 (0 images)"],
+            |f| {
+                f.write("start/sparse/1/cameras.txt", f.read(CAMERAS));
+                f.write("start/sparse/1/images.txt", "");
+            },
+        ),
+        odd("the second model is larger", "colmap", INSPECT, &["5 of 5", "sparse/1 with 5 images is used"], |f| {
+            f.write("start/sparse/1/cameras.txt", f.read(CAMERAS));
+            f.write("start/sparse/1/images.txt", f.read(IMAGES));
+            f.write(IMAGES, "");
+        }),
+        odd("a model in dense/0", "colmap", INSPECT, &["5 of 5"], |f| {
+            for name in ["cameras.txt", "images.txt"] {
+                f.write(&format!("start/dense/0/sparse/{name}"), f.read(&format!("start/sparse/0/{name}")));
+            }
+            f.remove("start/sparse");
+            std::fs::rename(f.path("start/images"), f.path("start/dense/0/images")).unwrap();
+            std::fs::rename(f.path("start/depth"), f.path("start/dense/0/depth")).unwrap();
+        }),
+        bad("all images are missing", "colmap", INSPECT, &["0 of 5 frames", "5 images do not exist"], |f| {
+            f.remove("start/images")
         }),
         odd("an image is missing", "colmap", INSPECT, &["warning", "000001.png"], |f| {
             f.remove("start/images/000001.png")
@@ -474,6 +599,12 @@ fn other_formats() {
                 f.write(&format!("start/frame-00000{i}.pose.txt"), "a b c d\n");
                 f.write(&format!("start/frame-00000{i}.color.png"), png(&DynamicImage::new_rgb8(64, 48)));
             }
+        }),
+        bad("a ROS 2 bag in SQLite", "", "inspect IN", &["ROS 2 bag in SQLite", "ros2 bag convert"], |f| {
+            f.write("scan_0.db3", "SQLite format 3");
+        }),
+        bad("a video alone", "", "inspect IN/scan.mp4", &["scan.mp4: is a file", "a video"], |f| {
+            f.write("scan.mp4", "video")
         }),
         bad("7-Scenes without images", "", "inspect IN/start --intrinsics 40,40,32,24", &["at least 2"], |f| {
             f.write("start/frame-000000.pose.txt", "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");

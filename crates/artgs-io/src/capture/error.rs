@@ -16,10 +16,12 @@ pub enum CaptureError {
         dir: PathBuf,
     },
     /// It is a file.
-    #[error("{}: is a file; give the folder of the capture", path.display())]
+    #[error("{}: is a file{found}", path.display())]
     NotADirectory {
         /// The given path.
         path: PathBuf,
+        /// What it is after a comma, if that is known, and a remedy.
+        found: String,
     },
     /// Images alone.
     #[error("{}: {}", dir.display(), super::NO_POSES)]
@@ -29,12 +31,17 @@ pub enum CaptureError {
     },
     /// The folder contains none of the known camera files.
     #[error(
-        "{}: not a capture, it contains none of {looked_for}; give the folder of an ArtGS or PARIS capture",
+        "{}: not a capture and not a recording{found}. A capture of both states (ArtGS, PARIS) contains one of {looked_for}; \
+         recordings of one state are {recordings}",
         dir.display()
     )]
     NoLayout {
         /// The folder.
         dir: PathBuf,
+        /// What it is, with a remedy, after a colon; empty if nothing is known.
+        found: String,
+        /// Every format of recordings with the files that it is recognised by.
+        recordings: String,
         /// Camera files of every known layout.
         looked_for: String,
     },

@@ -1,6 +1,7 @@
-//! Reads a capture folder: posed images of one object in its observed states, in one of two layouts.
+//! Reads a capture folder: posed images of one object in its observed states, in one of three layouts.
 //!
 //! * ArtGS: `transforms_{train,test}_{start,end}.json`, each frame naming its image.
+//! * ArtGS as its authors publish captures: `transforms_{train,test}.json` with both states, split by the `time` of frames, 0 or 1.
 //! * PARIS: `{start,end}/camera_{train,test}.json`, `K` and one pose per image id.
 //!
 //! If both are complete, the first is read. The reader writes no files and never reads `gt/`.
@@ -12,6 +13,7 @@ mod images;
 pub(crate) mod json;
 mod paris_layout;
 pub(crate) mod pose;
+mod timed;
 mod views;
 mod write;
 
@@ -21,6 +23,7 @@ pub use pose::opengl_pose;
 pub use write::write_capture;
 
 use crate::image_io::LARGEST;
+use crate::recording::{RecordingFormat, survey};
 use artgs_core::{Capture, PerState, State, StateViews, View};
 use std::path::{Path, PathBuf};
 use views::Entry;
@@ -44,7 +47,9 @@ impl Split {
 
 /// True for a folder with the camera files of both states, in either layout.
 pub fn is_capture(folder: &Path) -> bool {
-    ["transforms_train_start.json", "start/camera_train.json"].iter().any(|file| folder.join(file).is_file())
+    let split =
+        ["transforms_train_start.json", "start/camera_train.json"].iter().any(|file| folder.join(file).is_file());
+    split || timed::is_capture(folder)
 }
 
 /// Loads a capture folder. Problems that do not prevent its use are in [`Capture::warnings`]; others are errors that name the
@@ -99,7 +104,8 @@ pub fn image_sizes(dir: &Path) -> Result<ImageSizes, CaptureError> {
 /// Loads a capture folder with images of a limited size; see [`load_capture`].
 pub fn load_capture_with(dir: &Path, options: &CaptureOptions) -> Result<Capture, CaptureError> {
     if dir.exists() && !dir.is_dir() {
-        return Err(CaptureError::NotADirectory { path: dir.into() });
+        let found = survey::identify(dir).map_or("; give the folder of the capture".into(), |what| format!(", {what}"));
+        return Err(CaptureError::NotADirectory { path: dir.into(), found });
     }
     if !dir.is_dir() {
         return Err(CaptureError::DirectoryMissing { dir: dir.into() });
@@ -124,6 +130,8 @@ pub fn load_capture_with(dir: &Path, options: &CaptureOptions) -> Result<Capture
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Layout {
     ArtGs,
+    /// ArtGS with both states in one file.
+    Timed,
     Paris,
 }
 
@@ -133,6 +141,7 @@ impl Layout {
         let (state, split) = (state.name(), split.name());
         match self {
             Self::ArtGs => format!("transforms_{split}_{state}.json").into(),
+            Self::Timed => format!("transforms_{split}.json").into(),
             Self::Paris => Path::new(state).join(format!("camera_{split}.json")),
         }
     }
@@ -150,10 +159,18 @@ impl Layout {
             }
             looked_for.extend(files.map(|f| f.display().to_string()));
         }
+        if timed::is_capture(dir) {
+            return Ok(Self::Timed);
+        }
         Err(match half {
             Some((found, missing)) => CaptureError::OneState { dir: dir.into(), found, missing },
             None if has_only_images(dir) => CaptureError::NoPoses { dir: dir.into() },
-            None => CaptureError::NoLayout { dir: dir.into(), looked_for: looked_for.join(", ") },
+            None => CaptureError::NoLayout {
+                dir: dir.into(),
+                found: survey::identify(dir).map(|what| format!(": {what}")).unwrap_or_default(),
+                recordings: RecordingFormat::known(),
+                looked_for: looked_for.join(", "),
+            },
         })
     }
 }
@@ -203,9 +220,12 @@ fn entries_of(
     if split == Split::Test && !dir.join(&file).is_file() {
         return Ok(Vec::new());
     }
-    let root = json::read_object(&dir.join(&file), &file)?;
+    let mut root = json::read_object(&dir.join(&file), &file)?;
+    if layout == Layout::Timed {
+        timed::keep(&mut root, state);
+    }
     let mut entries = match layout {
-        Layout::ArtGs => artgs_layout::entries(dir, &file, &root, state, warnings)?,
+        Layout::ArtGs | Layout::Timed => artgs_layout::entries(dir, &file, &root, state, warnings)?,
         Layout::Paris => paris_layout::entries(dir, &file, &root, state, split.name())?,
     };
     entries.sort_by(|a, b| a.sort_key.cmp(&b.sort_key));

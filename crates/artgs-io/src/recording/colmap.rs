@@ -1,62 +1,69 @@
 //! COLMAP: `cameras`, `images`, `points3D`, as `.txt` or `.bin`. World-to-camera quaternion (w x y z) and translation, OpenCV axes;
 //! the scale is arbitrary. Depth and masks beside the images are read: `depth/` or `depths/` (PNG, mm), `masks/`.
 
-use super::RecordingError;
 use super::colmap_model::{Model, Shot};
-use super::colmap_scale;
 use super::depth::Measured;
+use super::depth_file::{self, Scale};
 use super::files::{first_file, natural};
-use super::index::{Entry, Index, Load};
+use super::index::{Entry, Gaps, Index, Load};
 use super::pixels::read_color;
 use super::write::{write_depth_png, write_png};
+use super::{RecordingError, RecordingOptions, colmap_models, colmap_scale};
 use crate::write_atomic;
 use artgs_core::Recording;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Folders of a model below the folder of a recording.
-const MODELS: [&str; 7] = ["", "sparse/0", "sparse", "reconstruction", "model", "colmap/sparse/0", "dense/sparse"];
+/// Folders of images beside a model; reduced images are used if there are no others.
+const IMAGES: [&str; 9] =
+    ["images", "", "rgb", "image", "images_undistorted", "input", "images_2", "images_4", "images_8"];
 
 pub(super) fn matches(path: &Path) -> bool {
-    model_folder(path).is_some()
+    colmap_models::any(path)
 }
 
-/// The folder of the model.
-fn model_folder(path: &Path) -> Option<PathBuf> {
-    let complete = |dir: &PathBuf| ["txt", "bin"].iter().any(|s| Model::files(dir, s).iter().all(|f| f.is_file()));
-    MODELS.iter().map(|m| path.join(m)).find(complete)
+/// True for a model of which files are missing.
+pub(super) fn is_incomplete(path: &Path) -> bool {
+    colmap_models::incomplete(path).is_some()
 }
 
-pub(super) fn index(path: &Path) -> Result<Index, RecordingError> {
-    let Some(folder) = model_folder(path) else {
-        let reason = "contains no COLMAP model; give the folder that contains the images and `sparse`";
-        return Err(RecordingError::incomplete(path, reason));
-    };
-    let mut model = Model::read(&folder)?;
-    model.shots.sort_by_cached_key(|s| natural(&s.name));
-    // Images and depth are beside the model or above it.
-    let roots: Vec<PathBuf> =
-        [path, &folder].into_iter().flat_map(Path::ancestors).take(4).map(PathBuf::from).collect();
+/// Folders beside a model and above it, in which images and depth are.
+fn roots(path: &Path, folder: &Path) -> Vec<PathBuf> {
+    // Images of a model in `dense/0/sparse` are in `dense/0/images`.
+    let own = folder.ancestors().take_while(|dir| dir.starts_with(path));
+    own.chain(path.ancestors().take(4)).map(PathBuf::from).collect()
+}
+
+fn image(roots: &[PathBuf], shot: &Shot) -> Option<PathBuf> {
+    beside(roots, &IMAGES, std::slice::from_ref(&shot.name))
+}
+
+pub(super) fn index(path: &Path, options: &RecordingOptions) -> Result<Index, RecordingError> {
     let mut index = Index::default();
-    let (mut no_image, mut no_depth) = (Vec::new(), Vec::new());
-    let mut shots = Vec::new();
+    let usable = |folder: &Path, model: &Model| {
+        let roots = roots(path, folder);
+        model.shots.iter().filter(|shot| image(&roots, shot).is_some()).count()
+    };
+    let (folder, mut model) = colmap_models::best(path, usable, &mut index.warnings)?;
+    model.shots.sort_by_cached_key(|s| natural(&s.name));
+    let roots = roots(path, &folder);
+    let (mut no_image, mut gaps, mut shots) = (Vec::new(), Gaps::default(), Vec::new());
     for shot in std::mem::take(&mut model.shots) {
-        let Some(image) =
-            beside(&roots, &["images", "", "rgb", "image", "images_undistorted"], std::slice::from_ref(&shot.name))
-        else {
+        let Some(image) = image(&roots, &shot) else {
             no_image.push(shot.name);
             continue;
         };
         let entry = entry(&shot, &model, image, &roots)?;
         if entry.depth.is_none() {
-            no_depth.push(shot.name.clone());
+            gaps.unnamed.push(shot.name.clone());
         }
         index.entries.push(entry);
         shots.push(shot);
     }
-    index.warn(&folder, "images do not exist, their frames are ignored", &no_image);
-    if no_depth.len() < index.entries.len() {
-        index.warn(&folder, "frames have no depth image", &no_depth);
+    index.skip(&folder, "images do not exist", &no_image);
+    index.warn_gaps(&folder, &gaps);
+    if gaps.unnamed.len() < index.entries.len() {
+        index.state_depth_unit(options.depth_unit);
         colmap_scale::apply(&mut index, &shots, &model, &folder)?;
     }
     Ok(index)
@@ -64,7 +71,9 @@ pub(super) fn index(path: &Path) -> Result<Index, RecordingError> {
 
 fn entry(shot: &Shot, model: &Model, image: PathBuf, roots: &[PathBuf]) -> Result<Entry, RecordingError> {
     let stem = shot.name.rsplit_once('.').map_or(shot.name.as_str(), |s| s.0);
-    let depth = beside(roots, &["depth", "depths"], &[format!("{stem}.png"), format!("{}.png", shot.name)]);
+    let folders = ["depth", "depths"];
+    let depth =
+        roots.iter().find_map(|root| folders.iter().find_map(|f| depth_file::find(&root.join(f), &[stem, &shot.name])));
     let mask = beside(roots, &["masks", "mask"], &[format!("{}.png", shot.name), format!("{stem}.png")]);
     let Some(lens) = model.cameras.get(&shot.camera) else {
         let reason = format!("image {}: there is no camera {}; export the model again", shot.name, shot.camera);
@@ -76,7 +85,7 @@ fn entry(shot: &Shot, model: &Model, image: PathBuf, roots: &[PathBuf]) -> Resul
         world_to_camera: shot.world_to_camera,
         lens: *lens,
         color: Box::new(move || read_color(&image)),
-        depth: depth.map(|d| -> Load<Measured> { Box::new(move || Measured::read_png(&d, 1000.0, false)) }),
+        depth: depth.map(|d| -> Load<Measured> { Box::new(move || depth_file::read(&d, Scale::MILLIMETRES, false)) }),
         mask: mask.map(|m| -> Load<_> { Box::new(move || read_color(&m)) }),
     })
 }

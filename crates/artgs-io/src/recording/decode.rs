@@ -14,6 +14,7 @@ use std::path::Path;
 pub(super) fn frame(entry: &Entry, longest_side: u32) -> Result<RecordedFrame, RecordingError> {
     let fail = |reason: String| RecordingError::malformed(Path::new(&entry.name), reason);
     let color = upright(&entry.lens, (entry.color)()?);
+    let measured = entry.depth.as_ref().map(|load| load().map_err(|e| mixed_up(e, entry, &color))).transpose()?;
     let recorded = entry.lens.intrinsics(color.width, color.height).map_err(fail)?;
     let (width, height) = reduced_size(color.width, color.height, longest_side);
     let mut k = recorded.resized(width, height);
@@ -22,7 +23,7 @@ pub(super) fn frame(entry: &Entry, longest_side: u32) -> Result<RecordedFrame, R
     if let Some(mask) = &entry.mask {
         apply_mask(&mut image, upright(&entry.lens, mask()?), &entry.name)?;
     }
-    let mut depth = entry.depth.as_ref().map(|load| load()?.onto(&k)).transpose()?;
+    let mut depth = measured.map(|measured| measured.onto(&k)).transpose()?;
     if entry.lens.distortion != Distortion::None {
         let undistortion = Undistortion::new(&k, &entry.lens.distortion).map_err(fail)?;
         image = undistortion.color(&image);
@@ -36,6 +37,19 @@ pub(super) fn frame(entry: &Entry, longest_side: u32) -> Result<RecordedFrame, R
     let camera = Camera { intrinsics: k, world_to_camera: entry.world_to_camera };
     let view = View { name: entry.name.clone(), camera, rgba: image.rgba, depth };
     Ok(RecordedFrame { view, time: entry.time, depth_step })
+}
+
+/// The error of a depth image that cannot be read; if the colour image is grey, the two may have changed places.
+fn mixed_up(error: RecordingError, entry: &Entry, color: &Color) -> RecordingError {
+    match error {
+        RecordingError::File(crate::FileError::Malformed { path, reason })
+            if color.rgba.iter().all(|p| p[0] == p[1] && p[1] == p[2]) =>
+        {
+            let question = "is grey as depth is: are colour and depth mixed up? Exchange their files";
+            RecordingError::malformed(&path, format!("{reason}; its colour image {} {question}", entry.name))
+        }
+        other => other,
+    }
 }
 
 /// The pixels that the intrinsics belong to: turned as EXIF states only if the stated size has the turned shape.

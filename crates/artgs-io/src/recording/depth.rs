@@ -1,10 +1,10 @@
 //! Measured depth: confidence, and resampling to the pixels of the colour image.
 
 use super::RecordingError;
+use super::depth_file::{self, Scale};
 use super::lens::same_shape;
-use super::npy::read_npy;
 use super::warp::DepthCamera;
-use crate::image_io::{DepthImage, read_depth, read_rgba};
+use crate::image_io::read_rgba;
 use artgs_core::{DepthMap, Intrinsics};
 use std::path::Path;
 
@@ -19,6 +19,8 @@ pub(super) struct Measured {
     pub(super) map: DepthMap,
     /// The camera that measured it; none: that of the colour image.
     pub(super) camera: Option<DepthCamera>,
+    /// Stored numbers per scene unit, as the file was read.
+    pub(super) stored_per_unit: f32,
 }
 
 /// Depth of every pixel of a colour image.
@@ -29,27 +31,21 @@ pub(super) struct Registered {
 }
 
 impl Measured {
-    /// A 16-bit PNG with `per_unit` counts per scene unit; 65535 counts are a hole if `full_is_hole`.
-    pub(super) fn read_png(path: &Path, per_unit: f32, full_is_hole: bool) -> Result<Self, RecordingError> {
-        let DepthImage { width, height, mut counts } = read_depth(path)?;
-        if full_is_hole {
-            counts.iter_mut().filter(|c| **c == u16::MAX).for_each(|c| *c = 0);
-        }
-        Ok(Self {
-            place: path.display().to_string(),
-            width,
-            height,
-            map: DepthMap::new(counts, per_unit),
-            camera: None,
-        })
+    /// The depths of a file with `stored_per_unit` numbers per scene unit.
+    pub(super) fn new(path: &Path, width: u32, height: u32, map: DepthMap, stored_per_unit: f32) -> Self {
+        Self { place: path.display().to_string(), width, height, map, camera: None, stored_per_unit }
     }
 
-    /// A PNG or NumPy array in millimetres, without the depth that a second PNG gives the lowest confidence.
+    /// The same numbers read in another unit, scene units per stored number.
+    pub(super) fn in_unit(self, unit: f64) -> Self {
+        let factor = unit as f32 * self.stored_per_unit;
+        let map = DepthMap::new(self.map.counts().to_vec(), self.map.per_unit() / factor);
+        Self { map, stored_per_unit: (1.0 / unit) as f32, ..self }
+    }
+
+    /// An image in millimetres, without the depth that a PNG gives the lowest confidence.
     pub(super) fn read_phone(depth: &Path, confidence: Option<&Path>) -> Result<Self, RecordingError> {
-        let measured = match depth.extension() {
-            Some(e) if e == "npy" => read_npy(depth, 1000.0)?,
-            _ => Self::read_png(depth, 1000.0, false)?,
-        };
+        let measured = depth_file::read(depth, Scale::MILLIMETRES, false)?;
         let Some(path) = confidence else { return Ok(measured) };
         let levels = read_rgba(path)?;
         let place = path.display().to_string();
@@ -175,7 +171,7 @@ mod tests {
         let (w, h) = (width as usize, height as usize);
         let counts = (0..h).flat_map(|y| (0..w).map(move |x| (x, y)));
         let counts = counts.map(|(x, y)| (1000.0 * depth(x, y)).round() as u16).collect();
-        Measured { place: "d.png".into(), width, height, map: DepthMap::new(counts, 1000.0), camera: None }
+        Measured::new(Path::new("d.png"), width, height, DepthMap::new(counts, 1000.0), 1000.0)
     }
 
     const K: Intrinsics = Intrinsics { fx: 64.0, fy: 64.0, cx: 32.0, cy: 24.0, width: 64, height: 48 };
@@ -209,6 +205,13 @@ mod tests {
         let large = measured(128, 96, |x, _| if x < 64 { 1.0 } else { 2.0 });
         let small = large.onto(&K).unwrap();
         assert_eq!((small.map.at(31), small.map.at(32), small.step), (1.0, 2.0, 1.0));
+    }
+
+    #[test]
+    fn another_unit_can_be_stated() {
+        let tenth = measured(2, 1, |_, _| 3.0).in_unit(1e-4);
+        assert!((tenth.map.at(0) - 0.3).abs() < 1e-6);
+        assert!((tenth.in_unit(1e-4).map.at(0) - 0.3).abs() < 1e-6);
     }
 
     #[test]

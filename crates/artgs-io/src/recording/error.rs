@@ -14,10 +14,12 @@ pub enum RecordingError {
         path: PathBuf,
     },
     /// No known format.
-    #[error("{}: not a recording of a known format; known are {known}; state the format if it is one of them", path.display())]
+    #[error("{}: not a recording of a known format{found}; known are {known}; state the format if it is one of them", path.display())]
     Unknown {
         /// The given path.
         path: PathBuf,
+        /// What it is, with a remedy, after a colon; empty if nothing is known.
+        found: String,
         /// Every format with the files that it is recognised by.
         known: String,
     },

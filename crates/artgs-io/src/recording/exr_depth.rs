@@ -38,13 +38,7 @@ pub(super) fn decode(path: &Path, bytes: &[u8]) -> std::result::Result<Measured,
     if depths.len() != size.area() || depths.is_empty() {
         return Err(broken(&"the channel has another size than the image"));
     }
-    Ok(Measured {
-        place: path.display().to_string(),
-        width: size.x() as u32,
-        height: size.y() as u32,
-        map: DepthMap::nearest(&depths),
-        camera: None,
-    })
+    Ok(Measured::new(path, size.x() as u32, size.y() as u32, DepthMap::nearest(&depths), 1.0))
 }
 
 /// True for compressions for pictures, which lose digits of half floats. Their decoder also fails on damaged data.

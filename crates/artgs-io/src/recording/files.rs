@@ -17,6 +17,13 @@ impl Row {
         self.text.split_whitespace()
     }
 
+    /// True for the names of columns, as some programs write them without `#`.
+    pub(super) fn is_header(&self) -> bool {
+        const NAMES: [&str; 6] = ["time", "stamp", "frame", "index", "tx", "id"];
+        let first = self.words().next().unwrap_or("").trim_end_matches([',', ';']).to_ascii_lowercase();
+        first.starts_with(|c: char| c.is_ascii_alphabetic()) && NAMES.iter().any(|name| first.contains(name))
+    }
+
     /// The words as exactly N finite numbers. The error says what is wrong.
     pub(super) fn numbers<const N: usize>(&self) -> Result<[f64; N], String> {
         finite(self.words(), self.line)
@@ -39,6 +46,68 @@ pub(super) fn finite<'a, const N: usize>(
             .ok_or_else(|| format!("line {line}: `{word}` is not a finite number; correct or remove the line"))?;
     }
     Ok(numbers)
+}
+
+/// Why a row of a table is left out.
+pub(super) enum Odd {
+    /// The device did not know its pose: numbers that are not finite, or zeros.
+    Lost,
+    /// The row does not conform to the format.
+    Wrong(String),
+}
+
+/// The usable rows of a table.
+pub(super) struct Table<T> {
+    pub(super) rows: Vec<T>,
+    /// One sentence for each kind of rows that are left out, with their number.
+    pub(super) notes: Vec<String>,
+}
+
+/// Parses the rows of a table and leaves out those that are odd. An error if most of them do not conform to the format.
+pub(super) fn table<T>(path: &Path, parse: impl Fn(&Row) -> Result<T, Odd>) -> Result<Table<T>, RecordingError> {
+    let all = rows(path)?;
+    sift(path, &all[usize::from(all.first().is_some_and(Row::is_header))..], parse)
+}
+
+/// The same for rows that were read already.
+pub(super) fn sift<T>(
+    path: &Path,
+    all: &[Row],
+    parse: impl Fn(&Row) -> Result<T, Odd>,
+) -> Result<Table<T>, RecordingError> {
+    let mut table = Table { rows: Vec::with_capacity(all.len()), notes: Vec::new() };
+    let (mut lost, mut wrong) = (Vec::new(), Vec::new());
+    for row in all {
+        match parse(row) {
+            Ok(value) => table.rows.push(value),
+            Err(Odd::Lost) => lost.push(row.line),
+            Err(Odd::Wrong(reason)) => wrong.push(reason),
+        }
+    }
+    if let Some(first) = wrong.first() {
+        if 2 * wrong.len() > all.len() {
+            return Err(RecordingError::malformed(path, first.as_str()));
+        }
+        table.notes.push(format!(
+            "{} of {} lines cannot be read and are left out, first {first}",
+            wrong.len(),
+            all.len()
+        ));
+    }
+    if let Some(first) = lost.first() {
+        table.notes.push(format!(
+            "{} of {} poses are lost (not finite, or all zero) and left out, first in line {first}",
+            lost.len(),
+            all.len()
+        ));
+    }
+    Ok(table)
+}
+
+/// Numbers in text that commas, semicolons or spaces separate; `nan` and `inf` are numbers here.
+pub(super) fn loose_numbers(text: &str) -> Option<Vec<f64>> {
+    let words = text.split(|c: char| c == ',' || c == ';' || c.is_whitespace()).filter(|w| !w.is_empty());
+    words.map(|w| w.parse().ok()).collect()
 }
 
 /// Lines of a text file that are neither empty nor comments (`#`).

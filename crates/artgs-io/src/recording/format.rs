@@ -1,6 +1,9 @@
 //! The formats, their names, and recognition by content.
 
-use super::{colmap, files, mcap, nerfstudio, polycam, record3d, rosbag, scanner_app, seven_scenes, stray, tum};
+use super::pose::Axes;
+use super::{
+    colmap, files, folders, mcap, nerfstudio, polycam, record3d, rosbag, scanner_app, seven_scenes, stray, tum,
+};
 use crate::capture::is_capture;
 use artgs_core::PerState;
 use std::path::{Path, PathBuf};
@@ -29,11 +32,13 @@ pub enum RecordingFormat {
     RealsenseBag,
     /// MCAP with ROS messages.
     Mcap,
+    /// Folders of colour and depth images with poses in text files: ScanNet, Replica, RTAB-Map, Open3D, ARKitScenes.
+    Folders,
 }
 
 impl RecordingFormat {
     /// All formats, in the order in which they are looked for.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::ScannerApp,
         Self::Tum,
         Self::Record3d,
@@ -44,6 +49,7 @@ impl RecordingFormat {
         Self::Colmap,
         Self::RealsenseBag,
         Self::Mcap,
+        Self::Folders,
     ];
 
     /// Name, for example on a command line.
@@ -59,6 +65,7 @@ impl RecordingFormat {
             Self::SevenScenes => "7-scenes",
             Self::RealsenseBag => "realsense-bag",
             Self::Mcap => "mcap",
+            Self::Folders => "folders",
         }
     }
 
@@ -81,6 +88,7 @@ impl RecordingFormat {
             Some("mcap") if path.is_file() => Some(Self::Mcap),
             _ if has("transforms.json") => Some(Self::Nerfstudio),
             _ if has("rgb.txt") => Some(Self::Tum),
+            _ if colmap::is_incomplete(path) => Some(Self::Colmap),
             _ if has("odometry.csv") => Some(Self::Stray),
             _ if has("keyframes") => Some(Self::Polycam),
             _ if has("metadata.json") && has("rgb") => Some(Self::Record3d),
@@ -119,6 +127,49 @@ impl RecordingFormat {
             Self::SevenScenes => seven_scenes::matches(path),
             Self::RealsenseBag => rosbag::matches(path),
             Self::Mcap => mcap::matches(path),
+            Self::Folders => folders::matches(path),
+        }
+    }
+
+    /// Axes of the camera frame that its poses belong to.
+    pub(super) fn axes(self) -> Axes {
+        match self {
+            Self::ScannerApp | Self::Record3d | Self::Polycam | Self::Nerfstudio => Axes::OpenGl,
+            _ => Axes::OpenCv,
+        }
+    }
+
+    /// Why its poses may be unknown or all the same, with the remedy.
+    pub(super) fn pose_hint(self) -> &'static str {
+        match self {
+            Self::Record3d => {
+                "the front camera of Record3D (TrueDepth, selfies) records no poses; record with the LiDAR camera at the back"
+            }
+            Self::ScannerApp | Self::Polycam | Self::Stray => {
+                "the phone did not track its motion; record again in light, slowly, without covering a camera"
+            }
+            Self::Nerfstudio => "write the pose of every image to `transform_matrix` (camera-to-world)",
+            Self::Colmap => "compute the model again, from photos of different places",
+            _ => {
+                "the program that computed them did not track the camera; write the pose of every image (camera-to-world), or \
+                 give other poses by --poses"
+            }
+        }
+    }
+
+    /// Where its depth images are, for messages.
+    pub(super) fn depth_names(self) -> &'static str {
+        match self {
+            Self::ScannerApp => "depth_00000.png",
+            Self::Tum => "a list depth.txt with `timestamp file`",
+            Self::Record3d => "depth/0.exr or 0.depth",
+            Self::Polycam => "keyframes/depth/TIME.png",
+            Self::Stray => "depth/000000.png or .npy",
+            Self::Colmap => "depth/NAME.png, or .npy, with the name of the image",
+            Self::SevenScenes => "frame-000000.depth.png or .pgm",
+            Self::Nerfstudio => "the key `depth_file_path` in every frame",
+            Self::RealsenseBag | Self::Mcap => "a topic of depth",
+            Self::Folders => "a folder `depth` with the numbers of the images",
         }
     }
 
@@ -135,11 +186,12 @@ impl RecordingFormat {
             Self::SevenScenes => "frame-000000.pose.txt",
             Self::RealsenseBag => "a .bag file",
             Self::Mcap => "a .mcap file",
+            Self::Folders => "folders color and depth, and poses: ScanNet, Replica, RTAB-Map, Open3D, ARKitScenes",
         }
     }
 
     /// Every format with its mark, for messages.
-    pub(super) fn known() -> String {
+    pub(crate) fn known() -> String {
         Self::ALL.map(|f| format!("{} ({})", f.name(), f.mark())).join(", ")
     }
 }

@@ -4,19 +4,26 @@
 //! those are decoded (`decode`), in parallel. The result has pinhole cameras with OpenCV axes, images without lens
 //! distortion, and depth for their pixels.
 
+mod axes;
 mod binary;
 mod colmap;
 mod colmap_model;
+mod colmap_models;
 mod colmap_scale;
 mod container;
 mod decode;
 mod depth;
+mod depth_file;
 mod error;
 mod exr_depth;
 mod files;
+mod folder_poses;
+mod folders;
 mod format;
 mod index;
+mod intrinsics;
 mod lens;
+mod matrices;
 mod mcap;
 mod nerfstudio;
 mod npy;
@@ -26,12 +33,15 @@ mod polycam;
 mod pose;
 mod record3d;
 mod ros;
+mod ros_depth;
+mod ros_topics;
 mod rosbag;
 mod scanner_app;
 mod select;
 mod seven_scenes;
 mod store;
 mod stray;
+pub(crate) mod survey;
 mod trajectory;
 mod tum;
 mod values;
@@ -39,9 +49,10 @@ mod video;
 mod warp;
 mod write;
 
+pub use axes::AxisOrder;
 pub use error::RecordingError;
 pub use format::RecordingFormat;
-pub use options::{RecordingOptions, parse_intrinsics};
+pub use options::{RecordingOptions, parse_depth_unit, parse_intrinsics};
 
 use artgs_core::{RecordedFrame, Recording};
 use index::Index;
@@ -60,21 +71,28 @@ pub fn load_recording(path: &Path, options: &RecordingOptions) -> Result<Recordi
     let unknown = || match (folder, crate::capture::has_only_images(path)) {
         (Some(folder), _) => RecordingError::OneFile { path: path.into(), folder: folder.into() },
         (None, true) => RecordingError::NoPoses { path: path.into() },
-        (None, false) => RecordingError::Unknown { path: path.into(), known: RecordingFormat::known() },
+        (None, false) => RecordingError::Unknown {
+            path: path.into(),
+            found: survey::identify(path).map(|what| format!(": {what}")).unwrap_or_default(),
+            known: RecordingFormat::known(),
+        },
     };
     let format = format.ok_or_else(unknown)?;
-    let index = match format {
+    let mut index = match format {
         RecordingFormat::ScannerApp => scanner_app::index(path)?,
         RecordingFormat::Tum => tum::index(path, options)?,
         RecordingFormat::Nerfstudio => nerfstudio::index(path)?,
         RecordingFormat::Record3d => record3d::index(path)?,
         RecordingFormat::Polycam => polycam::index(path)?,
         RecordingFormat::Stray => stray::index(path, options)?,
-        RecordingFormat::Colmap => colmap::index(path)?,
+        RecordingFormat::Colmap => colmap::index(path, options)?,
         RecordingFormat::SevenScenes => seven_scenes::index(path, options)?,
         RecordingFormat::RealsenseBag => rosbag::index(path, options)?,
         RecordingFormat::Mcap => mcap::index(path, options)?,
+        RecordingFormat::Folders => folders::index(path, options)?,
     };
+    axes::restate(&mut index, format, options.axes, options.inverted_poses);
+    index.state_depth_unit(options.depth_unit);
     load(path, format, index, options)
 }
 
@@ -90,7 +108,7 @@ pub fn write_recording(dir: &Path, recording: &Recording, format: RecordingForma
         RecordingFormat::Stray => stray::write(dir, recording),
         RecordingFormat::Colmap => colmap::write(dir, recording),
         RecordingFormat::SevenScenes => seven_scenes::write(dir, recording),
-        RecordingFormat::RealsenseBag | RecordingFormat::Mcap => {
+        RecordingFormat::RealsenseBag | RecordingFormat::Mcap | RecordingFormat::Folders => {
             let reason = format!("{} recordings cannot be written; choose another format", format.name());
             Err(RecordingError::incomplete(dir, reason))
         }
@@ -104,19 +122,31 @@ fn load(
     index: Index,
     options: &RecordingOptions,
 ) -> Result<Recording, RecordingError> {
-    let Index { up, metric, entries, mut warnings } = index;
+    let Index { up, metric, entries, mut warnings, skipped, reasons } = index;
     let recorded = entries.len();
+    require_moving(path, format, &entries)?;
+    if !entries.is_empty() && entries.iter().all(|entry| entry.depth.is_none()) {
+        warnings.extend(unused_depth(path, format));
+    }
     let entries: Vec<_> = entries.into_iter().skip(options.offset).step_by(options.every).collect();
     let with_depth = entries.iter().filter(|e| e.depth.is_some()).count();
     // A few frames without depth would hide that the others have it.
     let only_depth = with_depth > 0 && 2 * with_depth >= entries.len();
     let entries: Vec<_> = entries.into_iter().filter(|e| !only_depth || e.depth.is_some()).collect();
     if entries.len() < 2 {
-        let reason = format!(
-            "{} of {recorded} frames with a pose and an image can be used, at least 2 are needed; record more frames or \
-             use more of them",
-            entries.len()
+        let mut reason = format!(
+            "{} of {} frames with a pose and an image can be used, at least 2 are needed",
+            entries.len(),
+            recorded + skipped
         );
+        if reasons.is_empty() {
+            reason += "; record more frames or use more of them";
+        } else {
+            reason += &format!(": {}", reasons.join("; "));
+        }
+        if reasons.iter().any(|reason| reason.contains(index::LOST)) {
+            reason += &format!("; {}", format.pose_hint());
+        }
         return Err(RecordingError::incomplete(path, reason));
     }
     let kept = select::keyframes(&entries, options.frames)?;
@@ -132,4 +162,31 @@ fn load(
         warnings.push(format!("{}: {count} depth images are empty, first of {}", path.display(), first.view.name));
     }
     Ok(Recording { format: format.name(), up, metric, frames, recorded, warnings })
+}
+
+/// Refuses poses that are all the same, by the cause that the format implies.
+fn require_moving(path: &Path, format: RecordingFormat, entries: &[index::Entry]) -> Result<(), RecordingError> {
+    let Some(first) = entries.first().map(|entry| entry.world_to_camera) else { return Ok(()) };
+    let same = |entry: &index::Entry| {
+        let off = entry.world_to_camera * first.inverse();
+        off.translation.length() < 1e-9 && off.angle() < 1e-9
+    };
+    if entries.len() < 2 || !entries.iter().all(same) {
+        return Ok(());
+    }
+    let reason = format!("all {} camera poses are the same: {}", entries.len(), format.pose_hint());
+    Err(RecordingError::incomplete(path, reason))
+}
+
+/// The warning that files look like depth images where no frame has depth.
+fn unused_depth(path: &Path, format: RecordingFormat) -> Option<String> {
+    let files = depth_file::lookalikes(path);
+    let first = files.first()?;
+    Some(format!(
+        "{}: no frame has depth although {} files look like depth images, first {first}; {} has {}",
+        path.display(),
+        files.len(),
+        format.name(),
+        format.depth_names()
+    ))
 }

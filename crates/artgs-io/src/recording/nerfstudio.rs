@@ -3,13 +3,13 @@
 
 use super::RecordingError;
 use super::depth::Measured;
+use super::depth_file::{self, Scale};
 use super::files::natural;
-use super::index::{Entry, Index, Load};
+use super::index::{Entry, Gaps, Index, LOST, Load};
 use super::lens::{Distortion, Lens};
-use super::npy::read_npy;
 use super::pixels::{dimensions, read_color};
 use super::pose::Axes;
-use super::values::size;
+use super::values::{is_lost_pose, size};
 use super::write::{self, write_depth_png, write_json, write_png};
 use crate::capture::json::{Object, key_error, number, positive, read_object, text};
 use crate::capture::pose::world_to_camera;
@@ -45,7 +45,7 @@ pub(super) fn index(path: &Path) -> Result<Index, RecordingError> {
         return Err(key_error(&shown, "frames", "expected a list of frames; add it").into());
     };
     let mut index = Index::default();
-    let (mut no_image, mut no_depth) = (Vec::new(), Vec::new());
+    let (mut no_image, mut lost, mut gaps) = (Vec::new(), Vec::new(), Gaps::default());
     for (i, frame) in frames.iter().enumerate() {
         let place = format!("{shown}, frame {i}");
         let Value::Object(frame) = frame else {
@@ -54,15 +54,26 @@ pub(super) fn index(path: &Path) -> Result<Index, RecordingError> {
         let missing = |key: &str| key_error(&place, key, "is missing; add it or remove the frame");
         let listed = text(frame, &place, "file_path")?.ok_or_else(|| missing("file_path"))?;
         let pose = frame.get("transform_matrix").ok_or_else(|| missing("transform_matrix"))?;
+        if is_lost_pose(pose) {
+            lost.push(listed.to_string());
+            continue;
+        }
         let world_to_camera = world_to_camera(pose, &place, "transform_matrix")?;
         let Some(image) = image_file(&dir, listed) else {
             no_image.push(listed.to_string());
             continue;
         };
-        let depth = depth(&dir, &root, frame, &place)?;
-        if depth.is_none() {
-            no_depth.push(listed.to_string());
-        }
+        let depth = match depth(&dir, &root, frame, &place)? {
+            Depth::File(load) => Some(load),
+            Depth::Unnamed => {
+                gaps.unnamed.push(listed.to_string());
+                None
+            }
+            Depth::Missing(named) => {
+                gaps.missing.push(named);
+                None
+            }
+        };
         let mask = text(frame, &place, "mask_path")?.map(|m| dir.join(m));
         index.entries.push(Entry {
             name: listed.trim_start_matches("./").into(),
@@ -75,11 +86,10 @@ pub(super) fn index(path: &Path) -> Result<Index, RecordingError> {
         });
     }
     index.entries.sort_by_cached_key(|e| natural(&e.name));
-    index.metric = no_depth.len() < index.entries.len();
-    index.warn(&file, "images do not exist, their frames are ignored", &no_image);
-    if index.metric {
-        index.warn(&file, "frames have no depth image", &no_depth);
-    }
+    index.metric = index.entries.iter().any(|entry| entry.depth.is_some());
+    index.skip(&file, "images do not exist", &no_image);
+    index.skip(&file, LOST, &lost);
+    index.warn_gaps(&file, &gaps);
     Ok(index)
 }
 
@@ -148,21 +158,30 @@ fn distortion(root: &Object, frame: &Object, place: &str) -> Result<Distortion, 
     }
 }
 
+/// The depth image of a frame.
+enum Depth {
+    File(Load<Measured>),
+    /// The frame names none.
+    Unnamed,
+    /// It does not exist.
+    Missing(String),
+}
+
 /// Counts per scene unit: `depth_scale`, or the inverse of instant-ngp's `integer_depth_scale`, or 1000 (millimetres).
-fn depth(dir: &Path, root: &Object, frame: &Object, place: &str) -> Result<Option<Load<Measured>>, RecordingError> {
-    let listed = match text(frame, place, "depth_file_path")? {
-        Some(listed) => Some(listed),
-        None => text(frame, place, "depth_path")?,
-    };
-    let Some(path) = listed.map(|l| dir.join(l)).filter(|p| p.is_file()) else { return Ok(None) };
+fn depth(dir: &Path, root: &Object, frame: &Object, place: &str) -> Result<Depth, RecordingError> {
+    let mut listed = None;
+    for key in ["depth_file_path", "depth_path"] {
+        listed = listed.or(text(frame, place, key)?);
+    }
+    let Some(listed) = listed else { return Ok(Depth::Unnamed) };
+    let path = Some(dir.join(listed)).filter(|p| p.is_file()).or_else(|| depth_file::find(dir, &[listed]));
+    let Some(path) = path else { return Ok(Depth::Missing(listed.into())) };
     let stated = match positive(root, place, "integer_depth_scale")? {
         Some(scale) => Some(1.0 / scale),
         None => positive(root, place, "depth_scale")?,
     };
-    if path.extension().is_some_and(|e| e == "npy") {
-        return Ok(Some(Box::new(move || read_npy(&path, stated.unwrap_or(1.0) as f32))));
-    }
-    Ok(Some(Box::new(move || Measured::read_png(&path, stated.unwrap_or(1000.0) as f32, false))))
+    let scale = stated.map_or(Scale { integer: 1000.0, float: 1.0 }, |per_unit| Scale::same(per_unit as f32));
+    Ok(Depth::File(Box::new(move || depth_file::read(&path, scale, false))))
 }
 
 pub(super) fn write(dir: &Path, recording: &Recording) -> Result<(), RecordingError> {

@@ -2,18 +2,19 @@
 
 use super::RecordingError;
 use super::depth::Measured;
-use crate::error::read_bytes;
+use super::depth_file::Scale;
 use artgs_core::DepthMap;
 use std::path::Path;
 
-/// A two-dimensional array of unsigned 16-bit counts or floats, `per_unit` of them per scene unit.
-pub(super) fn read_npy(path: &Path, per_unit: f32) -> Result<Measured, RecordingError> {
-    decode(&read_bytes(path)?, per_unit)
-        .map(|(width, height, map)| Measured { place: path.display().to_string(), width, height, map, camera: None })
-        .map_err(|reason| RecordingError::malformed(path, reason))
+/// A two-dimensional array of unsigned 16-bit counts or floats.
+pub(super) fn decode_npy(path: &Path, bytes: &[u8], scale: Scale) -> Result<Measured, RecordingError> {
+    let decoded = decode(bytes, scale).map_err(|reason| RecordingError::malformed(path, reason))?;
+    let (width, height, map, per_unit) = decoded;
+    Ok(Measured::new(path, width, height, map, per_unit))
 }
 
-fn decode(bytes: &[u8], per_unit: f32) -> Result<(u32, u32, DepthMap), String> {
+/// Width, height, depths, and stored numbers per scene unit.
+fn decode(bytes: &[u8], scale: Scale) -> Result<(u32, u32, DepthMap, f32), String> {
     let broken = || "not a complete NumPy array; write it again".to_string();
     let head = bytes.strip_prefix(b"\x93NUMPY").ok_or_else(broken)?;
     let (length, rest) = match head {
@@ -36,6 +37,7 @@ fn decode(bytes: &[u8], per_unit: f32) -> Result<(u32, u32, DepthMap), String> {
     let pixels = u64::from(width) * u64::from(height);
     let complete = |size: u64| if data.len() as u64 == pixels * size { Ok(()) } else { Err(broken()) };
     let scaled = |depths: Vec<f32>| DepthMap::nearest(&depths);
+    let per_unit = if header.contains("'<u2'") { scale.integer } else { scale.float };
     let map = if header.contains("'<u2'") {
         complete(2)?;
         DepthMap::new(data.as_chunks::<2>().0.iter().map(|b| u16::from_le_bytes(*b)).collect(), per_unit)
@@ -48,7 +50,7 @@ fn decode(bytes: &[u8], per_unit: f32) -> Result<(u32, u32, DepthMap), String> {
     } else {
         return Err("has an unknown type; write 16-bit unsigned counts or 32-bit floats".into());
     };
-    Ok((width, height, map))
+    Ok((width, height, map, per_unit))
 }
 
 #[cfg(test)]
@@ -66,18 +68,18 @@ mod tests {
 
     #[test]
     fn counts_and_floats() {
-        let (w, h, map) = decode(&array("<u2", "(1, 2)", &[232, 3, 0, 0]), 1000.0).unwrap();
+        let (w, h, map, _) = decode(&array("<u2", "(1, 2)", &[232, 3, 0, 0]), Scale::MILLIMETRES).unwrap();
         assert_eq!((w, h, map.at(0), map.at(1)), (2, 1, 1.0, 0.0));
-        let (_, _, map) = decode(&array("<f4", "(1, 1, 1)", &2.5_f32.to_le_bytes()), 1.0).unwrap();
+        let (_, _, map, _) = decode(&array("<f4", "(1, 1, 1)", &2.5_f32.to_le_bytes()), Scale::same(1.0)).unwrap();
         assert!((map.at(0) - 2.5).abs() < 1e-4);
     }
 
     #[test]
     fn damaged_arrays_are_refused() {
         for bytes in [array("<f4", "(2, 2)", &[0; 12]), b"\x93NUMPY\x01\x00\xff\xff".to_vec(), b"PNG".to_vec()] {
-            assert!(decode(&bytes, 1.0).unwrap_err().contains("not a complete NumPy array"));
+            assert!(decode(&bytes, Scale::same(1.0)).unwrap_err().contains("not a complete NumPy array"));
         }
-        assert!(decode(&array("|S1", "(1, 1)", &[0]), 1.0).unwrap_err().contains("unknown type"));
-        assert!(decode(&array("<u2", "(4,)", &[0; 8]), 1.0).unwrap_err().contains("shape"));
+        assert!(decode(&array("|S1", "(1, 1)", &[0]), Scale::same(1.0)).unwrap_err().contains("unknown type"));
+        assert!(decode(&array("<u2", "(4,)", &[0; 8]), Scale::same(1.0)).unwrap_err().contains("shape"));
     }
 }

@@ -1,6 +1,6 @@
 //! What a caller states about a recording.
 
-use super::{RecordingError, RecordingFormat};
+use super::{AxisOrder, RecordingError, RecordingFormat};
 use artgs_core::Intrinsics;
 use std::path::{Path, PathBuf};
 
@@ -18,6 +18,12 @@ pub struct RecordingOptions {
     pub intrinsics: Option<Intrinsics>,
     /// Poses for formats without (bags): `timestamp tx ty tz qx qy qz qw` per line, camera-to-world, OpenCV axes.
     pub poses: Option<PathBuf>,
+    /// Metres (scene units) per stored number of depth; none: as the files state it, or as the format has it.
+    pub depth_unit: Option<f64>,
+    /// Axes of the camera frame that poses belong to; none: those of the format.
+    pub axes: Option<AxisOrder>,
+    /// Poses lead in the other direction than those of the format: from the world to the camera.
+    pub inverted_poses: bool,
     /// Use every n-th recorded frame only, at least 1.
     pub every: usize,
     /// Of every `every` frames the one with this number, from 0.
@@ -26,7 +32,18 @@ pub struct RecordingOptions {
 
 impl Default for RecordingOptions {
     fn default() -> Self {
-        Self { format: None, frames: 90, longest_side: 720, intrinsics: None, poses: None, every: 1, offset: 0 }
+        Self {
+            format: None,
+            frames: 90,
+            longest_side: 720,
+            intrinsics: None,
+            poses: None,
+            depth_unit: None,
+            axes: None,
+            inverted_poses: false,
+            every: 1,
+            offset: 0,
+        }
     }
 }
 
@@ -49,6 +66,20 @@ impl RecordingOptions {
     }
 }
 
+/// Metres per stored number of depth from text: a number with `m`, `cm`, `mm` or `um`, or one of these alone. The error says what is
+/// wrong.
+pub fn parse_depth_unit(text: &str) -> Result<f64, String> {
+    let text = text.trim().to_ascii_lowercase();
+    let units = [("mm", 1e-3), ("cm", 1e-2), ("um", 1e-6), ("m", 1.0)];
+    let split = units.iter().find_map(|(name, metres)| Some((text.strip_suffix(name)?.trim(), metres)));
+    let (number, metres) = split.unwrap_or((&text, &1.0));
+    let count = if number.is_empty() && split.is_some() { Some(1.0) } else { number.parse::<f64>().ok() };
+    let unit = count.map(|count| count * metres).filter(|unit| (1e-9..=1e6).contains(unit));
+    unit.ok_or_else(|| {
+        format!("`{text}` is no length; write for example mm, 0.2mm, cm, m: the length of one stored number")
+    })
+}
+
 /// Intrinsics from text `fx fy cx cy [width height]`, separated by spaces or commas, as calibration tools publish them: the
 /// centre of the top left pixel is (0, 0) there. Width and height are 0 if absent. The error says what is wrong.
 pub fn parse_intrinsics(text: &str) -> Result<Intrinsics, String> {
@@ -65,4 +96,27 @@ pub fn parse_intrinsics(text: &str) -> Result<Intrinsics, String> {
         return Err("focal lengths must be above 0, width and height whole numbers".into());
     }
     Ok(Intrinsics { fx: k[0], fy: k[1], cx: k[2] + 0.5, cy: k[3] + 0.5, width: size[0] as u32, height: size[1] as u32 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_of_depth() {
+        for (text, metres) in [
+            ("mm", 1e-3),
+            ("0.2mm", 2e-4),
+            ("0.1 mm", 1e-4),
+            ("cm", 0.01),
+            ("M", 1.0),
+            ("0.001", 1e-3),
+            ("250um", 2.5e-4),
+        ] {
+            assert!((parse_depth_unit(text).unwrap() / metres - 1.0).abs() < 1e-9, "{text}");
+        }
+        for text in ["", "inch", "0mm", "-1mm", "nan", "1e99m"] {
+            assert!(parse_depth_unit(text).is_err(), "{text}");
+        }
+    }
 }

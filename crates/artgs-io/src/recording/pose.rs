@@ -61,6 +61,12 @@ impl Axes {
     }
 }
 
+/// True for the pose of a frame in which the device did not know it: numbers that are not finite, or a rotation of zeros.
+pub(super) fn is_lost(position: &[f64], rotation: &[f64]) -> bool {
+    let unknown = |v: &f64| !v.is_finite();
+    position.iter().any(unknown) || rotation.iter().any(unknown) || rotation.iter().all(|v| *v == 0.0)
+}
+
 /// A quaternion (x, y, z, w) that is of unit length within 1%, normalised.
 pub(super) fn unit(q: [f64; 4]) -> Result<DQuat, String> {
     let q = DQuat::from_array(q);

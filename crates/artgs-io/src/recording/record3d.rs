@@ -7,10 +7,10 @@ use super::depth::Measured;
 use super::exr_depth;
 use super::files::natural;
 use super::format::begins_with;
-use super::index::{Entry, Index, Load};
+use super::index::{Entry, Gaps, Index, LOST, Load};
 use super::lens::{Distortion, Lens};
 use super::pixels::decode_color;
-use super::pose::{Axes, upright};
+use super::pose::{Axes, is_lost, upright};
 use super::store::Store;
 use super::values::{list, numbers, size};
 use super::write::{self, SensorDepth, write_jpeg, write_json};
@@ -96,15 +96,26 @@ pub(super) fn index(path: &Path) -> Result<Index, RecordingError> {
     };
     let mut index = Index { up: Some(DVec3::Y), metric: true, ..Index::default() };
     let images = numbered(&names, &["jpg", "jpeg", "png"]);
-    let (mut no_pose, mut no_depth) = (Vec::new(), Vec::new());
+    if let Some(video) = names.iter().find(|n| images.is_empty() && is_video(n)) {
+        let reason = format!(
+            "holds the video {video} but no images: this is the video export of Record3D, whose depth is a picture of colours; export \
+             as EXR + JPG sequence or share the .r3d file in Record3D"
+        );
+        return Err(RecordingError::incomplete(path, reason));
+    }
+    let (mut no_pose, mut lost, mut gaps) = (Vec::new(), Vec::new(), Gaps::default());
     for &(number, name) in &images {
         let Some(pose) = poses.get(number) else {
             no_pose.push(name.to_string());
             continue;
         };
+        if !is_known(pose) {
+            lost.push(name.to_string());
+            continue;
+        }
         let depth = file_of(&depths, number).map(|d| depth_of(&store, d, file_of(&levels, number), depth_size));
         if depth.is_none() {
-            no_depth.push(name.to_string());
+            gaps.unnamed.push(name.to_string());
         }
         let (image, inside) = (store.clone(), name.to_string());
         index.entries.push(Entry {
@@ -120,11 +131,23 @@ pub(super) fn index(path: &Path) -> Result<Index, RecordingError> {
     let has_image = |number: &usize| images.binary_search_by_key(number, |(n, _)| *n).is_ok();
     let no_image: Vec<String> = depths.iter().filter(|(n, _)| !has_image(n)).map(|(_, d)| d.to_string()).collect();
     index.warn(path, "depth images have no colour image and are ignored", &no_image);
-    index.warn(path, "images have no pose and are ignored", &no_pose);
-    if no_depth.len() < index.entries.len() {
-        index.warn(path, "frames have no depth image", &no_depth);
-    }
+    index.skip(path, "images have no pose", &no_pose);
+    index.skip(path, LOST, &lost);
+    index.warn_gaps(path, &gaps);
     Ok(index)
+}
+
+fn is_video(name: &str) -> bool {
+    let suffix = name.rsplit_once('.').map_or("", |(_, s)| s);
+    suffix.eq_ignore_ascii_case("mp4") || suffix.eq_ignore_ascii_case("mov")
+}
+
+/// False for a pose with `null` or with a quaternion of zeros.
+fn is_known(pose: &Value) -> bool {
+    let Some(cells) = pose.as_array() else { return true };
+    let numbers: Vec<f64> =
+        cells.iter().map(|c| if c.is_null() { f64::NAN } else { c.as_f64().unwrap_or(1.0) }).collect();
+    numbers.len() != 7 || !is_lost(&numbers[4..], &numbers[..4])
 }
 
 fn pose_of(value: &Value, place: &str) -> Result<artgs_core::Rigid, RecordingError> {
@@ -165,13 +188,7 @@ fn depth_of(store: &Store, name: String, levels: Option<String>, size: Option<(u
             let (width, height) = sized(&shown, size)?;
             let raw = unpack(&shown, &bytes, width as usize * height as usize * 4)?;
             let depths: Vec<f32> = raw.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-            Measured {
-                place: shown.display().to_string(),
-                width,
-                height,
-                map: DepthMap::nearest(&depths),
-                camera: None,
-            }
+            Measured::new(&shown, width, height, DepthMap::nearest(&depths), 1.0)
         } else {
             exr_depth::decode(&shown, &bytes)?
         };

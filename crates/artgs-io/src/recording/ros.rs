@@ -6,11 +6,13 @@ use super::depth::Measured;
 use super::index::{Entry, Index, Load};
 use super::lens::{Distortion, Lens};
 use super::pixels::{Color, decode_color};
+use super::ros_depth;
+use super::ros_topics::{color_score, depth_score, refusal};
 use super::trajectory::{Pose, Trajectory};
 use super::tum::NEAR;
 use super::warp::DepthCamera;
 use super::{RecordingError, RecordingOptions};
-use artgs_core::{DepthMap, Intrinsics, Rigid};
+use artgs_core::{Intrinsics, Rigid};
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -61,12 +63,12 @@ fn header(topic: &Topic, bytes: &mut Bytes) -> Result<f64, Ends> {
 }
 
 /// Image without pixels: stamp, width, height, encoding, big-endian, bytes per row.
-struct ImageHead {
+pub(super) struct ImageHead {
     stamp: f64,
-    width: u32,
-    height: u32,
-    encoding: String,
-    big_endian: bool,
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) encoding: String,
+    pub(super) big_endian: bool,
     step: usize,
 }
 
@@ -86,7 +88,7 @@ impl Contents {
             }
             "sensor_msgs/CompressedImage" => {
                 let stamp = header(topic, &mut bytes)?;
-                self.add(topic, Sighting { stamp, recorded, encoding: "compressed".into(), location });
+                self.add(topic, Sighting { stamp, recorded, encoding: bytes.text()?, location });
             }
             "sensor_msgs/CameraInfo" if !self.cameras.contains_key(&topic.name) => {
                 header(topic, &mut bytes)?;
@@ -110,12 +112,19 @@ impl Contents {
     }
 
     /// The best topic by `score` (0: unsuitable); of equal ones the one with more images.
-    fn choose(&self, score: impl Fn(&str, &str) -> usize) -> Option<&(Topic, Vec<Sighting>)> {
+    fn choose(&self, score: impl Fn(&Topic, &str) -> usize) -> Option<&(Topic, Vec<Sighting>)> {
         let rank = |(topic, list): &&(Topic, Vec<Sighting>)| {
             let encoding = list.first().map_or("", |s| s.encoding.as_str());
-            (score(&topic.name.to_ascii_lowercase(), encoding), list.len())
+            (score(topic, encoding), list.len())
         };
         self.images.values().max_by_key(rank).filter(|c| rank(c).0 > 0)
+    }
+
+    /// Why no topic holds depth that can be read, if some seem to.
+    fn unread_depth(&self) -> Option<String> {
+        let reason = |(topic, list): &(Topic, Vec<Sighting>)| refusal(topic, &list.first()?.encoding);
+        let reasons: Vec<String> = self.images.values().filter_map(reason).collect();
+        (!reasons.is_empty()).then(|| reasons.join("; "))
     }
 
     /// The entry whose name shares the longest beginning with a topic.
@@ -142,25 +151,6 @@ fn camera_info(bytes: &mut Bytes) -> Result<CameraInfo, Ends> {
     Ok(CameraInfo { lens: Lens { distortion, ..Lens::pinhole(&k) } })
 }
 
-fn color_score(name: &str, encoding: &str) -> usize {
-    let usable = ["rgb8", "bgr8", "rgba8", "bgra8", "compressed"].contains(&encoding) && !name.contains("depth");
-    match usable {
-        false => 0,
-        true if name.contains("color") || name.contains("rgb") => 2,
-        true => 1,
-    }
-}
-
-fn depth_score(name: &str, encoding: &str) -> usize {
-    let usable = ["mono16", "16UC1", "32FC1"].contains(&encoding) && !name.contains("infra");
-    match usable {
-        false => 0,
-        true if name.contains("aligned") => 3,
-        true if name.contains("depth") => 2,
-        true => 1,
-    }
-}
-
 /// Lists frames: colour images with the nearest depth image, and poses of a separate file.
 pub(super) fn index(container: Arc<dyn Container>, options: &RecordingOptions) -> Result<Index, RecordingError> {
     let path = container.path().to_path_buf();
@@ -176,12 +166,24 @@ pub(super) fn index(container: Arc<dyn Container>, options: &RecordingOptions) -
         return Err(RecordingError::incomplete(&path, reason));
     };
     let depth = contents.choose(depth_score);
+    if let Some(reasons) = depth.is_none().then(|| contents.unread_depth()).flatten() {
+        return Err(RecordingError::incomplete(&path, format!("depth cannot be read: {reasons}")));
+    }
     let lens = match (&options.intrinsics, Contents::nearest(&contents.cameras, &topic.name)) {
         (Some(k), _) => Lens::pinhole(k),
         (None, Some(info)) => info.lens,
         (None, None) => return Err(RecordingError::Intrinsics { path, hint: "" }),
     };
     let mut index = Index { metric: true, ..Index::default() };
+    index.note(poses, trajectory.notes.clone());
+    if depth.is_none() {
+        let topics: Vec<String> = contents.images.values().map(described).collect();
+        index.warnings.push(format!(
+            "{}: no topic holds depth; topics of images are {}",
+            path.display(),
+            topics.join(", ")
+        ));
+    }
     let camera = depth.map(|(depth, _)| depth_camera(&contents, topic, depth, &lens, &path, &mut index.warnings));
     let camera = camera.transpose()?.flatten();
     let clock = Clock::matching(&trajectory, images);
@@ -214,9 +216,14 @@ pub(super) fn index(container: Arc<dyn Container>, options: &RecordingOptions) -
         );
         return Err(RecordingError::malformed(poses, reason));
     }
-    index.warn(&path, "images have no pose within 20 ms and are ignored", &no_pose);
+    index.skip(&path, "images have no pose within 20 ms", &no_pose);
     index.warn_no_depth(&path, depth.map_or(0, |(_, list)| list.len()), &no_depth);
     Ok(index)
+}
+
+/// Name and encoding of a topic.
+fn described((topic, list): &(Topic, Vec<Sighting>)) -> String {
+    format!("{} ({})", topic.name, list.first().map_or("", |s| s.encoding.trim()))
 }
 
 fn scan(container: &dyn Container) -> Result<Contents, RecordingError> {
@@ -324,12 +331,16 @@ fn color(container: &Arc<dyn Container>, topic: &Topic, image: &Sighting, name: 
     })
 }
 
-fn short(place: &Path) -> RecordingError {
+pub(super) fn short(place: &Path) -> RecordingError {
     RecordingError::malformed(place, "the message is incomplete; copy or record it again")
 }
 
 /// The rows of an image of `size` bytes per pixel, without padding; none if the data is too short.
-fn rows<'a>(pixels: &'a [u8], head: &ImageHead, size: usize) -> Option<impl Iterator<Item = &'a [u8]> + use<'a>> {
+pub(super) fn rows<'a>(
+    pixels: &'a [u8],
+    head: &ImageHead,
+    size: usize,
+) -> Option<impl Iterator<Item = &'a [u8]> + use<'a>> {
     let (row, step, height) = (head.width as usize * size, head.step, head.height as usize);
     let enough =
         row > 0 && height > 0 && step >= row && step.checked_mul(height - 1)?.checked_add(row)? <= pixels.len();
@@ -348,19 +359,17 @@ fn depth_image(
     Box::new(move || {
         let data = container.fetch(&image.location)?;
         let mut bytes = values(&topic, &data);
-        let head = image_head(&topic, &mut bytes).map_err(|_| short(&place))?;
-        let pixels = bytes.block().map_err(|_| short(&place))?;
-        let map = if head.encoding == "32FC1" {
-            let rows = rows(pixels, &head, 4).ok_or_else(|| short(&place))?;
-            let value = |b: &[u8; 4]| if head.big_endian { f32::from_be_bytes(*b) } else { f32::from_le_bytes(*b) };
-            DepthMap::nearest(&rows.flat_map(|r| r.as_chunks::<4>().0.iter().map(value)).collect::<Vec<_>>())
+        let per_unit = 1.0 / unit.filter(|u| *u > 0.0).unwrap_or(1e-3);
+        let mut measured = if topic.kind.ends_with("CompressedImage") {
+            let parts = header(&topic, &mut bytes).and_then(|_| Ok((bytes.text()?, bytes.block()?)));
+            let (format, data) = parts.map_err(|_| short(&place))?;
+            ros_depth::compressed(&place, &format, data, per_unit)?
         } else {
-            let rows = rows(pixels, &head, 2).ok_or_else(|| short(&place))?;
-            let value = |b: &[u8; 2]| if head.big_endian { u16::from_be_bytes(*b) } else { u16::from_le_bytes(*b) };
-            let per_unit = 1.0 / unit.filter(|u| *u > 0.0).unwrap_or(1e-3);
-            DepthMap::new(rows.flat_map(|r| r.as_chunks::<2>().0.iter().map(value)).collect(), per_unit)
+            let head = image_head(&topic, &mut bytes).map_err(|_| short(&place))?;
+            let pixels = bytes.block().map_err(|_| short(&place))?;
+            ros_depth::raw(&place, &head, pixels, per_unit)?
         };
-        let (width, height) = (head.width, head.height);
-        Ok(Measured { place: place.display().to_string(), width, height, map, camera })
+        measured.camera = camera;
+        Ok(measured)
     })
 }

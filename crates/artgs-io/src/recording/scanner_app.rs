@@ -4,11 +4,11 @@
 use super::RecordingError;
 use super::depth::Measured;
 use super::files::{between, names};
-use super::index::{Entry, Index, Load};
+use super::index::{Entry, Gaps, Index, LOST, Load};
 use super::lens::{Distortion, Lens};
 use super::pixels::read_color;
 use super::pose::{Axes, upright};
-use super::values::numbers;
+use super::values::{is_lost_pose, numbers};
 use super::write::{SensorDepth, write_jpeg, write_json};
 use crate::capture::json::{Object, key_error, number, read_object};
 use artgs_core::{RecordedFrame, Recording};
@@ -30,7 +30,7 @@ pub(super) fn index(dir: &Path) -> Result<Index, RecordingError> {
     let has = |name: &String| files.binary_search(name).is_ok();
     let numbers: Vec<&str> = files.iter().filter_map(|n| between(n, "frame_", ".json")).collect();
     let mut index = Index { up: Some(DVec3::Y), metric: true, ..Index::default() };
-    let (mut pictured, mut no_depth) = (Vec::new(), Vec::new());
+    let (mut pictured, mut lost, mut without) = (Vec::new(), Vec::new(), Gaps::default());
     for (place, number) in numbers.iter().enumerate() {
         let [image, depth, confidence] =
             [format!("frame_{number}.jpg"), format!("depth_{number}.png"), format!("conf_{number}.png")];
@@ -39,19 +39,23 @@ pub(super) fn index(dir: &Path) -> Result<Index, RecordingError> {
         }
         pictured.push(place);
         let file = dir.join(format!("frame_{number}.json"));
-        let mut entry = entry(dir, &file, image)?;
+        let root = read_object(&file, &file)?;
+        if root.get("cameraPoseARFrame").is_some_and(is_lost_pose) {
+            lost.push(image);
+            continue;
+        }
+        let mut entry = entry(dir, &file, &root, image)?;
         if has(&depth) {
             entry.depth = Some(depth_of(dir, &depth, has(&confidence).then_some(confidence)));
         } else {
-            no_depth.push(entry.name.clone());
+            without.unnamed.push(entry.name.clone());
         }
         index.entries.push(entry);
     }
     let no_image = gaps(&pictured).into_iter().map(|i| format!("frame_{}.jpg", numbers[i])).collect::<Vec<_>>();
-    index.warn(dir, "images are missing, their frames are ignored", &no_image);
-    if no_depth.len() < index.entries.len() {
-        index.warn(dir, "frames have no depth image", &no_depth);
-    }
+    index.skip(dir, "images do not exist", &no_image);
+    index.skip(dir, LOST, &lost);
+    index.warn_gaps(dir, &without);
     Ok(index)
 }
 
@@ -62,18 +66,17 @@ fn gaps(pictured: &[usize]) -> Vec<usize> {
     between.collect()
 }
 
-fn entry(dir: &Path, file: &Path, image: String) -> Result<Entry, RecordingError> {
+fn entry(dir: &Path, file: &Path, root: &Object, image: String) -> Result<Entry, RecordingError> {
     let place = file.display().to_string();
-    let root = read_object(file, file)?;
-    let pose = numbers::<16>(&root, &place, "cameraPoseARFrame")?;
+    let pose = numbers::<16>(root, &place, "cameraPoseARFrame")?;
     let world_to_camera =
         Axes::OpenGl.world_to_camera_of_rows(&pose).map_err(|e| key_error(&place, "cameraPoseARFrame", e))?;
     let path = dir.join(&image);
     Ok(Entry {
         name: image,
-        time: number(&root, &place, "time")?,
+        time: number(root, &place, "time")?,
         world_to_camera,
-        lens: lens(&root, &place)?,
+        lens: lens(root, &place)?,
         color: Box::new(move || read_color(&path)),
         depth: None,
         mask: None,

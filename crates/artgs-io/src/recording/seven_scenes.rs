@@ -1,11 +1,12 @@
 //! 7-Scenes: `frame-N.color.png`, `frame-N.depth.png` (mm; 0 or 65535 is a hole), `frame-N.pose.txt` (4x4, camera-to-world, OpenCV
 //! axes, metres).
 
-use super::depth::Measured;
-use super::files::{between, first_file, names, rows, text};
-use super::index::{Entry, Index, Load};
+use super::depth_file::{self, Scale};
+use super::files::{between, names};
+use super::index::{Entry, Gaps, Index, Load, Poseless};
+use super::intrinsics::{self, Cameras};
 use super::lens::Lens;
-use super::options::parse_intrinsics;
+use super::matrices::matrix_file;
 use super::pixels::read_color;
 use super::pose::Axes;
 use super::write::{write_depth_png, write_png};
@@ -21,8 +22,9 @@ pub(super) fn matches(dir: &Path) -> bool {
 
 pub(super) fn index(dir: &Path, options: &RecordingOptions) -> Result<Index, RecordingError> {
     let mut index = Index { metric: true, ..Index::default() };
-    let lens = lens(dir, options, &mut index.warnings)?;
-    let (mut no_image, mut no_depth) = (Vec::new(), Vec::new());
+    let cameras = cameras(dir, options, &mut index.warnings)?;
+    let scale = Scale::same(cameras.per_metre.unwrap_or(1000.0));
+    let (mut no_image, mut gaps, mut poseless, mut count) = (Vec::new(), Gaps::default(), Poseless::default(), 0);
     for name in names(dir) {
         let Some(number) = between(&name, "frame-", ".pose.txt") else { continue };
         let path = |suffix: &str| dir.join(format!("frame-{number}.{suffix}"));
@@ -30,59 +32,46 @@ pub(super) fn index(dir: &Path, options: &RecordingOptions) -> Result<Index, Rec
             no_image.push(number.to_string());
             continue;
         };
-        let depth = Some(path("depth.png")).filter(|p| p.is_file());
+        count += 1;
+        let file = dir.join(&name);
+        let pose = matrix_file(&file, Axes::OpenCv);
+        let Some(world_to_camera) = poseless.keep(&name, pose, |reason| RecordingError::malformed(&file, reason))
+        else {
+            continue;
+        };
+        let depth = depth_file::find(dir, &[&format!("frame-{number}.depth")]);
         if depth.is_none() {
-            no_depth.push(number.to_string());
+            gaps.unnamed.push(number.to_string());
         }
         index.entries.push(Entry {
             name: format!("frame-{number}"),
             time: None,
-            world_to_camera: pose(&dir.join(&name))?,
-            lens,
+            world_to_camera,
+            lens: cameras.lens,
             color: Box::new(move || read_color(&image)),
-            depth: depth.map(|d| -> Load<Measured> { Box::new(move || Measured::read_png(&d, 1000.0, true)) }),
+            depth: depth
+                .map(|d| -> Load<_> { Box::new(move || Ok(cameras.place(depth_file::read(&d, scale, true)?))) }),
             mask: None,
         });
     }
-    index.warn(dir, "images are missing, their frames are ignored", &no_image);
-    if no_depth.len() < index.entries.len() {
-        index.warn(dir, "frames have no depth image", &no_depth);
-    }
+    index.skip(dir, "images do not exist", &no_image);
+    poseless.report(&mut index, dir, count)?;
+    index.warn_gaps(dir, &gaps);
     Ok(index)
 }
 
-fn pose(path: &Path) -> Result<artgs_core::Rigid, RecordingError> {
-    let fail = |reason: String| RecordingError::malformed(path, reason);
-    let rows = rows(path)?;
-    if rows.len() < 3 {
-        return Err(fail(format!("{} rows, expected 4 rows of 4 numbers; remove the frame", rows.len())));
-    }
-    let mut m = [0.0; 12];
-    for (row, values) in rows.iter().zip(m.as_chunks_mut::<4>().0) {
-        *values = row.numbers().map_err(fail)?;
-    }
-    Axes::OpenCv.world_to_camera_of_rows(&m).map_err(fail)
-}
-
-/// Intrinsics from the options, a file with `fx fy cx cy` or a 3x3 matrix, or those of the data set's depth camera.
-fn lens(dir: &Path, options: &RecordingOptions, warnings: &mut Vec<String>) -> Result<Lens, RecordingError> {
-    if let Some(k) = &options.intrinsics {
-        return Ok(Lens::pinhole(k));
-    }
-    let file = first_file(dir, &["intrinsics.txt", "calibration.txt", "camera-intrinsics.txt"]);
-    if let Some(path) = file {
-        let text = text(&path)?;
-        let words: Vec<&str> = text.split_whitespace().collect();
-        let line = if words.len() == 9 { [words[0], words[4], words[2], words[5]].join(" ") } else { text };
-        let k = parse_intrinsics(&line).map_err(|e| RecordingError::malformed(&path, e))?;
-        return Ok(Lens::pinhole(&k));
+/// Intrinsics from the options, a file, or those of the data set's depth camera.
+fn cameras(dir: &Path, options: &RecordingOptions, warnings: &mut Vec<String>) -> Result<Cameras, RecordingError> {
+    if let Some(cameras) = intrinsics::find(dir, options, warnings)? {
+        return Ok(cameras);
     }
     warnings.push(format!(
         "{}: no intrinsics are stated; 585,585,320,240 are used, those of the depth camera of 7-Scenes, whose colour images \
          are not registered to depth",
         dir.display()
     ));
-    Ok(Lens::pinhole(&Intrinsics { fx: 585.0, fy: 585.0, cx: 320.5, cy: 240.5, width: 640, height: 480 }))
+    let k = Intrinsics { fx: 585.0, fy: 585.0, cx: 320.5, cy: 240.5, width: 640, height: 480 };
+    Ok(Cameras::of_lens(Lens::pinhole(&k)))
 }
 
 pub(super) fn write(dir: &Path, recording: &Recording) -> Result<(), RecordingError> {

@@ -2,11 +2,12 @@
 //! `depth/N.png` (mm) or `.npy`, `confidence/N.png` (0 to 2). Without the video, frames may be images `rgb/N.jpg`.
 
 use super::depth::Measured;
-use super::files::{first_file, rows, text};
-use super::index::{Entry, Index, Load};
+use super::depth_file;
+use super::files::{Odd, Table, first_file, rows, sift, text};
+use super::index::{Entry, Gaps, Index, Load};
 use super::lens::{Distortion, Lens};
 use super::pixels::{Color, read_color};
-use super::pose::{Axes, upright};
+use super::pose::{Axes, is_lost, upright};
 use super::video::VideoFrames;
 use super::write::{SensorDepth, write_jpeg};
 use super::{RecordingError, RecordingOptions};
@@ -36,12 +37,13 @@ struct Odometry {
 
 pub(super) fn index(dir: &Path, options: &RecordingOptions) -> Result<Index, RecordingError> {
     let path = dir.join("odometry.csv");
-    let odometry = odometry(&path)?;
+    let Table { rows: odometry, notes } = odometry(&path)?;
     let matrix = camera_matrix(dir)?;
     let video = first_file(dir, &["rgb.mp4"]).filter(|_| !dir.join("rgb").is_dir());
     let video = video.map(|v| VideoFrames::decode(&v, options.longest_side)).transpose()?;
     let mut index = Index { up: Some(DVec3::Y), metric: true, ..Index::default() };
-    let (mut no_image, mut no_depth) = (Vec::new(), Vec::new());
+    index.note(&path, notes);
+    let (mut no_image, mut gaps) = (Vec::new(), Gaps::default());
     for Odometry { time, frame, world_to_camera, camera } in odometry {
         let Some([fx, fy, cx, cy]) = camera.or(matrix) else {
             return Err(RecordingError::incomplete(
@@ -53,10 +55,10 @@ pub(super) fn index(dir: &Path, options: &RecordingOptions) -> Result<Index, Rec
             no_image.push(frame);
             continue;
         };
-        let depth = first_file(&dir.join("depth"), &[&format!("{frame}.png"), &format!("{frame}.npy")]);
+        let depth = depth_file::find(&dir.join("depth"), &[&frame]);
         let confidence = first_file(&dir.join("confidence"), &[&format!("{frame}.png")]);
         if depth.is_none() {
-            no_depth.push(frame.clone());
+            gaps.unnamed.push(frame.clone());
         }
         // Intrinsics of files that other programs wrote belong to their images.
         let size = (cx > 0.4 * f64::from(SIZE.0)).then_some(SIZE);
@@ -76,10 +78,8 @@ pub(super) fn index(dir: &Path, options: &RecordingOptions) -> Result<Index, Rec
             mask: None,
         });
     }
-    index.warn(dir, "images are missing, their frames are ignored", &no_image);
-    if no_depth.len() < index.entries.len() {
-        index.warn(dir, "frames have no depth image", &no_depth);
-    }
+    index.skip(dir, "images do not exist", &no_image);
+    index.warn_gaps(dir, &gaps);
     Ok(index)
 }
 
@@ -93,7 +93,7 @@ fn color(dir: &Path, frame: &str, video: Option<&Arc<VideoFrames>>) -> Option<Lo
     Some(Box::new(move || read_color(&image)))
 }
 
-fn odometry(path: &Path) -> Result<Vec<Odometry>, RecordingError> {
+fn odometry(path: &Path) -> Result<Table<Odometry>, RecordingError> {
     let fail = |reason: String| RecordingError::malformed(path, reason);
     let rows = rows(path)?;
     let Some((head, rows)) = rows.split_first() else {
@@ -105,32 +105,36 @@ fn odometry(path: &Path) -> Result<Vec<Odometry>, RecordingError> {
     if let Some(missing) = needed.iter().find(|n| column(n).is_none()) {
         return Err(fail(format!("no column `{missing}`; record with a newer version of the app")));
     }
-    let parse = |row: &super::files::Row| -> Result<Odometry, String> {
+    let parse = |row: &super::files::Row| -> Result<Odometry, Odd> {
         let words: Vec<&str> = row.text.split(',').map(str::trim).collect();
         let value = |name: &str| {
             let word = column(name).and_then(|c| words.get(c)).copied().unwrap_or("");
-            let number = word.parse::<f64>().ok().filter(|v| v.is_finite());
-            number.ok_or_else(|| {
-                format!("line {}: column `{name}` is `{word}`, must be a number; remove the line", row.line)
+            word.parse::<f64>().map_err(|_| {
+                let line = row.line;
+                Odd::Wrong(format!("line {line}: column `{name}` is `{word}`, must be a number; remove the line"))
             })
         };
         let position = DVec3::new(value("x")?, value("y")?, value("z")?);
         let q = [value("qx")?, value("qy")?, value("qz")?, value("qw")?];
+        if is_lost(&position.to_array(), &q) {
+            return Err(Odd::Lost);
+        }
         let pose = Axes::OpenCv.world_to_camera_of_quaternion(q, position);
         let camera = ["fx", "fy", "cx", "cy"].map(value);
         let camera = if let [Ok(fx), Ok(fy), Ok(cx), Ok(cy)] = camera { Some([fx, fy, cx, cy]) } else { None };
         let frame = column("frame").and_then(|c| words.get(c)).copied().unwrap_or("");
         if frame.is_empty() || !frame.bytes().all(|b| b.is_ascii_digit()) {
-            return Err(format!("line {}: column `frame` is `{frame}`, must be a number; remove the line", row.line));
+            let reason = format!("line {}: column `frame` is `{frame}`, must be a number; remove the line", row.line);
+            return Err(Odd::Wrong(reason));
         }
         Ok(Odometry {
             time: value("timestamp")?,
             frame: frame.into(),
-            world_to_camera: pose.map_err(|e| format!("line {}: {e}", row.line))?,
-            camera,
+            world_to_camera: pose.map_err(|e| Odd::Wrong(format!("line {}: {e}", row.line)))?,
+            camera: camera.filter(|k| k.iter().all(|v| v.is_finite())),
         })
     };
-    rows.iter().map(parse).collect::<Result<_, _>>().map_err(fail)
+    sift(path, rows, parse)
 }
 
 /// fx, fy, cx, cy of `camera_matrix.csv`.

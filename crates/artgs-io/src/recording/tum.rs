@@ -2,11 +2,11 @@
 //! OpenCV axes, metres), depth in counts of 0.2 mm. Images may have indices as time stamps; then the poses, for example in
 //! `truth_cam_poses.txt`, belong to them by row.
 
-use super::depth::Measured;
-use super::files::{Row, finite, first_file, names, rows, text};
-use super::index::{Entry, Index, Load};
+use super::depth_file::{self, Scale};
+use super::files::{Odd, Row, Table, first_file, names, table, text};
+use super::index::{Entry, Gaps, Index};
+use super::intrinsics::{self, Cameras};
 use super::lens::{Distortion, Lens};
-use super::options::parse_intrinsics;
 use super::pixels::read_color;
 use super::pose::Axes;
 use super::trajectory::{Pose, Trajectory};
@@ -50,36 +50,44 @@ struct Listed {
     file: String,
 }
 
-fn listed(path: &Path) -> Result<Vec<Listed>, RecordingError> {
-    let parse = |row: Row| {
-        let (time, file) = row.text.split_once(char::is_whitespace).unwrap_or((&row.text, ""));
-        let [time] = finite(std::iter::once(time), row.line)?;
+fn listed(path: &Path) -> Result<Table<Listed>, RecordingError> {
+    let parse = |row: &Row| {
+        let wrong = |reason: String| Odd::Wrong(format!("line {}: {reason}", row.line));
+        let (time, file) = row.text.split_once([' ', '\t', ',']).unwrap_or((&row.text, ""));
+        let time =
+            time.parse::<f64>().ok().filter(|t| t.is_finite()).ok_or_else(|| {
+                wrong(format!("the time `{time}` is not a finite number; correct or remove the line"))
+            })?;
         let file = file.trim().to_string();
         if file.is_empty() {
-            Err(format!("line {}: no file name; write `timestamp file`", row.line))
+            Err(wrong("no file name; write `timestamp file`".into()))
         } else {
             Ok(Listed { time, file })
         }
     };
-    let list: Result<Vec<_>, String> = rows(path)?.into_iter().map(parse).collect();
-    list.map_err(|e| RecordingError::malformed(path, e))
+    table(path, parse)
 }
 
 pub(super) fn index(dir: &Path, options: &RecordingOptions) -> Result<Index, RecordingError> {
-    let images = listed(&dir.join("rgb.txt"))?;
-    let depths = if dir.join("depth.txt").is_file() { listed(&dir.join("depth.txt"))? } else { Vec::new() };
+    let (rgb, list) = (dir.join("rgb.txt"), dir.join("depth.txt"));
+    let Table { rows: images, notes } = listed(&rgb)?;
+    let depths = if list.is_file() { listed(&list)? } else { Table { rows: Vec::new(), notes: Vec::new() } };
     let Some(poses) = options.poses.clone().or_else(|| pose_file(dir)) else {
         return Err(RecordingError::incomplete(dir, "no groundtruth.txt; add the poses of the camera"));
     };
     let trajectory = Trajectory::read(&poses)?;
     let by_row = are_indices(&images) && images.iter().all(|image| trajectory.nearest(image.time, NEAR).is_none());
-    let pose_rows = by_row.then(|| rows_of(&images, trajectory.poses.len())).transpose();
+    let pose_rows = by_row.then(|| rows_of(&images, trajectory.by_row.len())).transpose();
     let pose_rows = pose_rows.map_err(|e| RecordingError::malformed(&poses, e))?;
     let mut index = Index { metric: true, ..Index::default() };
-    let lens = lens(dir, options, &mut index.warnings)?;
-    let (mut no_pose, mut no_image, mut no_depth) = (Vec::new(), Vec::new(), Vec::new());
+    index.note(&rgb, notes);
+    index.note(&list, depths.notes);
+    index.note(&poses, trajectory.notes.clone());
+    let cameras = cameras(dir, options, &mut index.warnings)?;
+    let scale = Scale::same(cameras.per_metre.unwrap_or(PER_METRE));
+    let (mut no_pose, mut no_image, mut gaps) = (Vec::new(), Vec::new(), Gaps::default());
     for (i, Listed { time, file }) in images.iter().enumerate() {
-        let pose = pose_rows.as_ref().map_or_else(|| trajectory.at(*time), |rows| Some(trajectory.poses[rows[i]]));
+        let pose = pose_rows.as_ref().map_or_else(|| trajectory.at(*time), |rows| trajectory.by_row[rows[i]]);
         let path = dir.join(file);
         let Some(Pose { time: pose_time, world_to_camera }) = pose else {
             no_pose.push(file.clone());
@@ -89,23 +97,29 @@ pub(super) fn index(dir: &Path, options: &RecordingOptions) -> Result<Index, Rec
             no_image.push(file.clone());
             continue;
         }
-        let depth = nearest(&depths, *time).map(|d| dir.join(&d.file)).filter(|p| p.is_file());
-        if depth.is_none() {
-            no_depth.push(file.clone());
-        }
-        index.entries.push(Entry {
+        let mut entry = Entry {
             name: file.clone(),
             time: Some(if by_row { pose_time } else { *time }),
             world_to_camera,
-            lens,
+            lens: cameras.lens,
             color: Box::new(move || read_color(&path)),
-            depth: depth.map(|d| -> Load<Measured> { Box::new(move || Measured::read_png(&d, PER_METRE, false)) }),
+            depth: None,
             mask: None,
-        });
+        };
+        match nearest(&depths.rows, *time) {
+            None => gaps.unnamed.push(file.clone()),
+            Some(listed) if !dir.join(&listed.file).is_file() => gaps.missing.push(listed.file.clone()),
+            Some(listed) => {
+                let path = dir.join(&listed.file);
+                entry.depth = Some(Box::new(move || Ok(cameras.place(depth_file::read(&path, scale, false)?))));
+            }
+        }
+        index.entries.push(entry);
     }
-    index.warn(dir, "images have no pose within 20 ms and are ignored", &no_pose);
-    index.warn(dir, "images are missing, their frames are ignored", &no_image);
-    index.warn_no_depth(dir, depths.len(), &no_depth);
+    index.skip(dir, "images have no pose within 20 ms", &no_pose);
+    index.skip(dir, "images of rgb.txt do not exist", &no_image);
+    index.warn(dir, "frames name a depth image that does not exist", &gaps.missing);
+    index.warn_no_depth(dir, depths.rows.len(), &gaps.unnamed);
     Ok(index)
 }
 
@@ -134,14 +148,9 @@ fn nearest(depths: &[Listed], time: f64) -> Option<&Listed> {
 }
 
 /// Intrinsics from the options, a file, or the name of the sequence in the head of `rgb.txt`.
-fn lens(dir: &Path, options: &RecordingOptions, warnings: &mut Vec<String>) -> Result<Lens, RecordingError> {
-    if let Some(k) = &options.intrinsics {
-        return Ok(Lens::pinhole(k));
-    }
-    if let Some(path) = first_file(dir, &["intrinsics.txt", "calibration.txt"]) {
-        let row = rows(&path)?.into_iter().next().map_or(String::new(), |r| r.text);
-        let k = parse_intrinsics(&row).map_err(|e| RecordingError::malformed(&path, e))?;
-        return Ok(Lens::pinhole(&k));
+fn cameras(dir: &Path, options: &RecordingOptions, warnings: &mut Vec<String>) -> Result<Cameras, RecordingError> {
+    if let Some(cameras) = intrinsics::find(dir, options, warnings)? {
+        return Ok(cameras);
     }
     let head = text(&dir.join("rgb.txt"))?;
     let head: String = head.lines().take_while(|l| l.starts_with('#')).collect();
@@ -153,7 +162,8 @@ fn lens(dir: &Path, options: &RecordingOptions, warnings: &mut Vec<String>) -> R
         dir.display()
     ));
     let k = Intrinsics { fx, fy, cx: cx + 0.5, cy: cy + 0.5, width: 640, height: 480 };
-    Ok(Lens { distortion: Distortion::radial([k1, k2, k3, 0.0, 0.0, 0.0], [p1, p2]), ..Lens::pinhole(&k) })
+    let distortion = Distortion::radial([k1, k2, k3, 0.0, 0.0, 0.0], [p1, p2]);
+    Ok(Cameras::of_lens(Lens { distortion, ..Lens::pinhole(&k) }))
 }
 
 pub(super) fn write(dir: &Path, recording: &Recording) -> Result<(), RecordingError> {

@@ -36,3 +36,19 @@ pub(super) fn size(root: &Object, place: &str, keys: [&str; 2]) -> Result<Option
     }
     Ok(Some((size[0], size[1])))
 }
+
+/// True for the pose of a frame in which the device did not know it: a matrix or list with `null` in it, or with nothing but zeros in its
+/// first three numbers, which are a row of the rotation.
+pub(super) fn is_lost_pose(value: &Value) -> bool {
+    let mut cells = Vec::new();
+    collect(value, &mut cells);
+    let zeros = |from: usize| cells.get(from..from + 3).is_some_and(|row| row.iter().all(|c| c.as_f64() == Some(0.0)));
+    cells.iter().any(|cell| cell.is_null()) || cells.len() >= 12 && zeros(0) && zeros(4)
+}
+
+fn collect<'a>(value: &'a Value, cells: &mut Vec<&'a Value>) {
+    match value {
+        Value::Array(list) => list.iter().for_each(|inner| collect(inner, cells)),
+        cell => cells.push(cell),
+    }
+}

@@ -114,6 +114,7 @@ mod tests {
             height: 60,
             map: DepthMap::new(counts, 1000.0),
             camera: Some(camera),
+            stored_per_unit: 1000.0,
         };
         let registered = measured.onto(&k).unwrap();
         let at = |x: f64, y: f64, z: f64| {

@@ -38,6 +38,9 @@ def reconstruct(
     every: int | None = None,
     intrinsics: tuple[float, float, float, float] | None = None,
     poses: Sequence[PathLike] = (),
+    depth_unit: str | None = None,
+    camera_axes: str | None = None,
+    invert_poses: bool = False,
     memory: str | None = None,
     force_input: bool = False,
 ) -> Replica:
@@ -47,7 +50,7 @@ def reconstruct(
     static part: a number, or the least and the largest; if it is None the number is found. `config` is a TOML file or a mapping of
     settings, ``{"surface": {"resolution": 220.0}}``. `device` is ``auto``, ``cpu``, ``gpu`` or ``gpu:N``. `progress` is True for a bar, or a
     function that gets every `Event`. `resume` continues an earlier run in `out`, `force` discards it. `box`, `format`, `frames`, `every`,
-    `intrinsics` and `poses` are for recordings. `memory` is a limit such as ``"4GiB"``.
+    `intrinsics`, `poses`, `depth_unit` (``"mm"``), `camera_axes` (``"robot"``) and `invert_poses` are for recordings. `memory` is a limit such as ``"4GiB"``.
 
     Other threads of Python run meanwhile. Ctrl-C ends the run; it can be resumed.
 
@@ -66,11 +69,13 @@ def reconstruct(
             "frames": frames,
             "every": every,
             "intrinsics": None if intrinsics is None else ",".join(map(str, intrinsics)),
+            "depth-unit": depth_unit,
+            "camera-axes": camera_axes,
             "memory": memory,
             "box": _box(box),
         }
         words = [f"--poses={os.fspath(file)}" for file in poses]
-        flags = {"--resume": resume, "--force": force, "--force-input": force_input}
+        flags = {"--resume": resume, "--force": force, "--force-input": force_input, "--invert-poses": invert_poses}
         words += [flag for flag, given in flags.items() if given]
         _execute(start, end, options, words, progress, threads)
     return Replica(out)

@@ -1,10 +1,10 @@
 //! Usual mistakes in captures, found by reading the same numbers differently.
 
 use super::agreement::{Agreement, agreement};
-use super::samples::{CoarseView, PoseReading, Posed, Reading};
+use super::samples::{AxisTurn, CoarseView, PoseReading, Posed, Reading};
 use super::{Explained, between};
 use artgs_core::{PerState, State};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use serde::Serialize;
 
 /// Agreement that a corrected capture must reach.
@@ -22,6 +22,10 @@ pub enum Cause {
     WorldToCamera,
     /// Poses lead from the world to the camera, and y and z point the other way.
     WorldToCameraAndAxes,
+    /// Poses of a robot's base: x forward, y left, z up.
+    RobotAxes,
+    /// The camera frame of the poses is turned against the images by right angles.
+    TurnedAxes(AxisTurn),
     /// Depth must be multiplied by this.
     DepthScale(f64),
     /// Focal lengths must be multiplied by this.
@@ -53,6 +57,11 @@ impl Cause {
             Self::Axes => "with y and z of the cameras flipped".into(),
             Self::WorldToCamera => "with inverted poses".into(),
             Self::WorldToCameraAndAxes => "with inverted poses and y and z of the cameras flipped".into(),
+            Self::RobotAxes => "with x of the cameras read as forward and z as up".into(),
+            Self::TurnedAxes(turn) => match roll(*turn) {
+                Some(angle) => format!("with the cameras turned by {angle} degrees about their viewing axis"),
+                None => "with the axes of the cameras in another order".into(),
+            },
             Self::DepthScale(s) => format!("with depth multiplied by {}", number(*s)),
             Self::FocalLength(s) => format!("with focal lengths multiplied by {}", number(*s)),
             Self::SwappedIntrinsics => "with fx and fy, cx and cy exchanged".into(),
@@ -61,21 +70,35 @@ impl Cause {
         }
     }
 
-    /// The question to the user, with the remedy.
-    pub(super) fn question(&self) -> String {
+    /// The question to the user, with the remedy; options are for recordings. `stored` is the number of stored depths per unit.
+    pub(super) fn question(&self, is_recording: bool, stored: Option<f64>) -> String {
+        let option = |name: String| if is_recording { format!(", or use {name}") } else { String::new() };
         match self {
             Self::Axes => "are these OpenCV poses (y down, looks along +z) in a format that expects OpenGL poses (y up, looks \
                            along -z), or the reverse? Flip the second and third column of every rotation"
-                .into(),
+                .to_string()
+                + &option("--camera-axes opencv or opengl".into()),
             Self::WorldToCamera => "are these world-to-camera poses in a format that expects camera-to-world, or the \
                                     reverse? Invert every matrix"
-                .into(),
+                .to_string()
+                + &option("--invert-poses".into()),
             Self::WorldToCameraAndAxes => "are these world-to-camera poses with OpenCV axes in a format that expects \
                                            camera-to-world with OpenGL axes? Invert every matrix, then flip the second and \
                                            third column of its rotation"
-                .into(),
+                .to_string()
+                + &option("--invert-poses with --camera-axes".into()),
+            Self::RobotAxes => "are these poses of the robot base (x forward, y left, z up) where those of the camera are expected? \
+                                Give poses of the camera's optical frame"
+                .to_string()
+                + &option("--camera-axes robot".into()),
+            Self::TurnedAxes(turn) => turned_question(*turn, is_recording),
+            Self::DepthScale(s) if is_recording => {
+                let unit = stored.and_then(|stored| unit_name(s / stored));
+                let unit = unit.unwrap_or_else(|| format!("LENGTH, the length of one stored number, {} times the present one", number(*s)));
+                format!("is the unit of depth wrong? State it: --depth-unit {unit}")
+            }
             Self::DepthScale(s) => format!(
-                "is the unit of depth wrong? Multiply `depth_scale` (stored numbers per scene unit) by {}, or, in a format \
+                "is the unit of depth wrong? Multiply `depth_scale` (stored numbers per scene unit) by {}, or, in a layout \
                  without it, all stored depths by {}",
                 number(1.0 / s),
                 number(*s)
@@ -88,6 +111,57 @@ impl Cause {
             Self::EndScale(_) => "do the two states have different units?".into(),
         }
     }
+}
+
+/// The name of a usual unit of depth, metres.
+fn unit_name(metres: f64) -> Option<String> {
+    const UNITS: [(f64, &str); 9] = [
+        (1.0, "m"),
+        (0.1, "0.1m"),
+        (0.01, "cm"),
+        (1e-3, "mm"),
+        (2e-3, "2mm"),
+        (5e-4, "0.5mm"),
+        (2.5e-4, "0.25mm"),
+        (2e-4, "0.2mm"),
+        (1e-4, "0.1mm"),
+    ];
+    UNITS.iter().find(|(unit, _)| (metres / unit - 1.0).abs() < 0.015).map(|(_, name)| name.to_string())
+}
+
+/// The angle in degrees of a turn about the viewing axis.
+fn roll(turn: AxisTurn) -> Option<i32> {
+    let m = turn.matrix();
+    (m.z_axis == DVec3::Z).then(|| m.x_axis.y.atan2(m.x_axis.x).to_degrees().round() as i32)
+}
+
+/// Where x, y and z of the stated camera frame point, if the format's frame is `format_axes` in that of OpenCV.
+fn letters(turn: AxisTurn, format_axes: DMat3) -> String {
+    let stated = turn.matrix() * format_axes;
+    let letter = |axis: DVec3| match axis.to_array().map(|v| v.round() as i32) {
+        [1, _, _] => 'R',
+        [-1, _, _] => 'L',
+        [_, 1, _] => 'D',
+        [_, -1, _] => 'U',
+        [_, _, 1] => 'F',
+        _ => 'B',
+    };
+    [stated.x_axis, stated.y_axis, stated.z_axis].into_iter().map(letter).collect()
+}
+
+fn turned_question(turn: AxisTurn, is_recording: bool) -> String {
+    let what = match roll(turn) {
+        Some(_) => {
+            "are the images turned against their poses, as those of a phone that is held upright? Turn the images back"
+        }
+        None => "are these poses of another camera frame? Convert every rotation to the axes of the format",
+    };
+    if !is_recording {
+        return what.into();
+    }
+    let flip = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
+    let (cv, gl) = (letters(turn, DMat3::IDENTITY), letters(turn, flip));
+    format!("{what}, or use --camera-axes {cv} ({gl} in nerfstudio, polycam, record3d and scanner-app)")
 }
 
 /// Three significant digits.
@@ -132,7 +206,7 @@ fn score((cause, found): &(Cause, Agreement)) -> f64 {
 /// Readings of every usual mistake.
 fn readings() -> impl Iterator<Item = (Cause, Reading)> {
     let stated = Reading::STATED;
-    let pose = |pose: PoseReading| Reading { pose, ..stated };
+    let pose = move |pose: PoseReading| Reading { pose, ..stated };
     let single = [
         (Cause::Axes, pose(PoseReading::OpenCv)),
         (Cause::WorldToCamera, pose(PoseReading::WorldToCamera)),
@@ -141,10 +215,19 @@ fn readings() -> impl Iterator<Item = (Cause, Reading)> {
         (Cause::SwappedIntrinsics, Reading { swapped: true, ..stated }),
         (Cause::DepthAlongRay, Reading { along_ray: true, ..stated }),
     ];
+    let flip = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
+    let known = move |turn: &AxisTurn| turn.matrix() == DMat3::IDENTITY || turn.matrix() == flip;
+    let turned = AxisTurn::all().filter(move |turn| !known(turn)).map(move |turn| {
+        // The poses of a robot, read with OpenCV or with OpenGL axes.
+        let robot = AxisTurn::ROBOT.matrix();
+        let is_robot = turn.matrix() == robot || turn.matrix() == robot * flip;
+        let cause = if is_robot { Cause::RobotAxes } else { Cause::TurnedAxes(turn) };
+        (cause, pose(PoseReading::Turned(turn)))
+    });
     let depth =
         round_factors().chain(factors(5.0)).map(move |s| (Cause::DepthScale(s), Reading { depth: s, ..stated }));
     let focal = factors(2.5).map(move |s| (Cause::FocalLength(s), Reading { focal: s, ..stated }));
-    single.into_iter().chain(depth).chain(focal)
+    single.into_iter().chain(turned).chain(depth).chain(focal)
 }
 
 /// Factors between usual units, metres, millimetres, centimetres, inches and feet, and of usual depth encodings.

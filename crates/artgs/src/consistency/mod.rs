@@ -60,6 +60,9 @@ pub struct StateConsistency {
     pub odd: OddViews,
     /// Frames of a recording that a jump of the poses separates from the others.
     pub apart: Option<Apart>,
+    /// Of a recording the stored depths per unit: remedies then name options. None for a state of a capture.
+    #[serde(skip)]
+    pub recorded: Option<f64>,
 }
 
 /// A mistake with the agreement after its correction.
@@ -102,9 +105,10 @@ pub enum Finding {
 pub fn check_recording<'v>(frames: impl Iterator<Item = &'v View> + Clone) -> StateConsistency {
     let apart = Apart::find(frames.clone());
     let is_apart = |view: &View| apart.as_ref().is_some_and(|a| a.names.contains(&view.name));
+    let recorded = frames.clone().find_map(|view| view.depth.as_ref()).map_or(1.0, |depth| f64::from(depth.per_unit()));
     let connected = frames.filter(|view| !is_apart(view));
     let found = check_state(&coarse_views(connected.clone()), connected);
-    StateConsistency { apart, ..found }
+    StateConsistency { apart, recorded: Some(recorded), ..found }
 }
 
 /// Checks both states and whether they show one object in one frame.
@@ -177,7 +181,7 @@ fn check_state<'v>(views: &[CoarseView], all: impl Iterator<Item = &'v View> + C
     let cause = if share < GOOD && !one_pose { likely_cause(views, stated, GAIN) } else { None };
     let search = (GOOD..PERFECT).contains(&share) && !one_pose;
     let suspected = if search { likely_cause(views, stated, (1.0 - LEFT) * (1.0 - share)) } else { None };
-    StateConsistency { agreement: Some(share), cause, suspected, one_pose, odd, apart: None }
+    StateConsistency { agreement: Some(share), cause, suspected, one_pose, odd, apart: None, recorded: None }
 }
 
 /// True if several views have the same pose, which a moving camera never has.
@@ -214,9 +218,11 @@ impl StateConsistency {
         }
         let Some(share) = self.agreement else { return Vec::new() };
         let stated = format!("{whose}: {} of the depth points agree between views", percent(share));
-        let suspected = self.suspected.map(|explained| Finding::Warning(format!("{stated}; {}", explained.sentence())));
+        let suspected = self
+            .suspected
+            .map(|explained| Finding::Warning(format!("{stated}; {}", explained.sentence(self.recorded))));
         let mut out = match self.cause {
-            Some(explained) => vec![Finding::Refused(format!("{stated}; {}", explained.sentence()))],
+            Some(explained) => vec![Finding::Refused(format!("{stated}; {}", explained.sentence(self.recorded)))],
             None if share < REFUSED || self.odd.are_too_many() => vec![Finding::Refused(format!(
                 "{stated}, and no usual mistake explains it: check that poses, depth and images belong together"
             ))],
@@ -256,8 +262,10 @@ impl StateConsistency {
 }
 
 impl Explained {
-    fn sentence(&self) -> String {
-        format!("{} it would be {}: {}", self.cause.changed(), percent(self.agreement), self.cause.question())
+    /// `recorded`: the stored depths per unit of a recording.
+    fn sentence(&self, recorded: Option<f64>) -> String {
+        let question = self.cause.question(recorded.is_some(), recorded);
+        format!("{} it would be {}: {question}", self.cause.changed(), percent(self.agreement))
     }
 }
 
@@ -284,7 +292,7 @@ impl Consistency {
         let Some(across) = self.across else { return out };
         let stated = format!("{} of the surfaces agree between the two states", percent(across));
         if let Some(explained) = self.end_scale {
-            out.push(Finding::Refused(format!("{stated}; {}", explained.sentence())));
+            out.push(Finding::Refused(format!("{stated}; {}", explained.sentence(None))));
         } else if self.across_shown.is_some_and(|share| share < NOWHERE) {
             out.push(Finding::Refused(format!(
                 "{stated}, also where both are seen: they show different objects, or their poses are in different frames; recordings in \

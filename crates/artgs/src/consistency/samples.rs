@@ -2,8 +2,9 @@
 
 use artgs_core::capture::may_hold_object;
 use artgs_core::{Camera, Rigid, View};
-use glam::{DVec2, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
+use serde::Serialize;
 
 /// Views of a state that are compared at most.
 const VIEWS: usize = 24;
@@ -138,6 +139,39 @@ pub(super) enum PoseReading {
     WorldToCameraOpenCv,
     /// The poses lead from the world to the camera where those of the format lead back, with the axes of the format.
     Inverted,
+    /// The camera frame as it was read is this turn of the right one.
+    Turned(AxisTurn),
+}
+
+/// A turn that takes axes to axes: for each axis of the result the axis that becomes it, and its sign.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct AxisTurn([(u8, bool); 3]);
+
+impl AxisTurn {
+    /// The turn that takes the camera frame of a robot (x forward, y left, z up) to that of OpenCV.
+    pub(super) const ROBOT: Self = Self([(1, true), (2, true), (0, false)]);
+
+    /// All 24 turns.
+    pub(super) fn all() -> impl Iterator<Item = Self> {
+        const ORDERS: [[u8; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+        let turns = ORDERS
+            .into_iter()
+            .flat_map(|order| (0..8_u8).map(move |signs| Self([0, 1, 2].map(|i| (order[i], signs >> i & 1 == 1)))));
+        turns.filter(|turn| turn.matrix().determinant() > 0.0)
+    }
+
+    pub(super) fn matrix(self) -> DMat3 {
+        let axis = |(axis, negative): (u8, bool)| {
+            let unit = [DVec3::X, DVec3::Y, DVec3::Z][usize::from(axis)];
+            if negative { -unit } else { unit }
+        };
+        DMat3::from_cols(axis(self.0[0]), axis(self.0[1]), axis(self.0[2])).transpose()
+    }
+
+    /// The motion that applies it.
+    fn motion(self) -> Rigid {
+        Rigid::from_matrix(self.matrix(), DVec3::ZERO)
+    }
 }
 
 impl Reading {
@@ -156,6 +190,7 @@ impl Reading {
             PoseReading::WorldToCamera => flip * stated.inverse() * flip,
             PoseReading::WorldToCameraOpenCv => stated.inverse() * flip,
             PoseReading::Inverted => stated.inverse(),
+            PoseReading::Turned(turn) => turn.motion() * stated,
         };
         Rigid { translation: pose.translation * self.scale, ..pose }
     }

@@ -59,6 +59,46 @@ fn wrong_poses_are_named() {
     refusal(&with_matrix(&State::ALL, |_| Rigid::IDENTITY), &["both states", "all camera poses are the same"]);
 }
 
+/// Poses of other camera frames: the world-to-camera motion is read with axes that are turned by `turn`.
+#[test]
+fn turned_axes_are_named_with_the_option_that_reads_them() {
+    let axes = |x: DVec3, y: DVec3, z: DVec3| Rigid::from_matrix(glam::DMat3::from_cols(x, y, z), DVec3::ZERO);
+    // As OpenCV axes: x forward, y left, z up; and images that are turned by a quarter of a turn.
+    let robot = axes(DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y);
+    let roll = axes(DVec3::Y, DVec3::NEG_X, DVec3::Z);
+    let flip = Rigid::about(DVec3::X, DVec3::ZERO, PI);
+    for (turn, words) in [
+        (robot, &["robot base", "x forward", "z up", "--camera-axes robot"][..]),
+        // The same, read with OpenGL axes.
+        (robot * flip, &["robot base", "--camera-axes robot"]),
+        (roll, &["turned by", "viewing axis", "--camera-axes DLF (DRB in"]),
+    ] {
+        let read = changed(&State::ALL, |view| {
+            let right = view.camera.world_to_camera.inverse();
+            view.camera.world_to_camera = (right * turn).inverse();
+        });
+        let findings = check_recording(read.states[State::START].train.iter()).findings("it");
+        let [Finding::Refused(text)] = &findings[..] else { panic!("{findings:?}") };
+        words.iter().for_each(|word| assert!(text.contains(word), "{word}: {text}"));
+    }
+}
+
+#[test]
+fn the_unit_of_depth_of_a_recording_is_an_option() {
+    let read = changed(&[State::START], |view| {
+        let depth = view.depth.take().unwrap();
+        // Millimetres that are read as fifths of one.
+        let counts = depth.iter().map(|z| (z * 1000.0).round() as u16).collect();
+        view.depth = Some(artgs_core::DepthMap::new(counts, 5000.0));
+    });
+    let findings = check_recording(read.states[State::START].train.iter()).findings("it");
+    let [Finding::Refused(text)] = &findings[..] else { panic!("{findings:?}") };
+    assert!(
+        text.contains("multiplied by 5") && text.contains("--depth-unit mm") && !text.contains("depth_scale"),
+        "{text}"
+    );
+}
+
 #[test]
 fn wrong_depth_and_intrinsics_are_named() {
     for (factor, name) in [(1000.0, "by 1000"), (1e-3, "by 0.001"), (0.2, "by 0.2"), (5.0, "by 5")] {
