@@ -136,7 +136,7 @@ fn all_formats(asset: &Asset) -> TempDir {
     usd::export_usd(&exports.join("usd"), asset).unwrap();
     usd::export_usdz(&exports.join("usdz"), asset).unwrap();
     glb::export_glb(&exports.join("glb"), asset).unwrap();
-    splats::export_splats(&exports.join("splats"), asset).unwrap();
+    splats::export_splats(&exports.join("splats"), asset, artgs_io::asset::SpzVersion::default()).unwrap();
     dir
 }
 

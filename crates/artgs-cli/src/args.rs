@@ -4,8 +4,8 @@ use crate::device::DeviceChoice;
 #[cfg(feature = "bench")]
 use crate::seeds::Seeds;
 use artgs::{PartCount, PartCountError};
-use artgs_io::asset::Actuators;
-use artgs_io::asset::Format;
+use artgs_io::asset::{Actuators, Format, Frames, SpzVersion};
+use artgs_physical::Up;
 use artgs_physical::export::{ExportOptions, FrontAxis};
 use artgs_synth::recording::Drift;
 use bytesize::ByteSize;
@@ -270,9 +270,10 @@ pub(crate) struct Export {
     /// Metres per unit of the capture
     #[arg(long, value_name = "M", default_value_t = 1.0, value_parser = metres_per_unit)]
     pub(crate) scale: f64,
-    /// Upward axis of the capture; if absent, that of the recordings, else z
-    #[arg(long, value_enum)]
-    pub(crate) up: Option<UpAxis>,
+    /// Which way is up in the capture: x, -x, y, -y, z, -z, or a direction such as 0.1,0,0.99; if absent, as the recordings state or
+    /// their floor and walls say; z for captures
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
+    pub(crate) up: Option<Up>,
     /// Front of the object in the capture's frame, which is along -Y in exports: `auto` (where drawers come out and doors open
     /// to), x, -x, y, -y, z, -z, or `capture` to keep the frame of the capture
     #[arg(long, value_name = "AXIS", default_value = "auto", allow_hyphen_values = true)]
@@ -289,6 +290,12 @@ pub(crate) struct Export {
     /// URDF: mesh paths begin with package://NAME/, the folder `urdf` being the package
     #[arg(long, value_name = "NAME", value_parser = package)]
     pub(crate) package: Option<String>,
+    /// Frames without a body: `all`, or `none` to leave out grasp frames and the root link of the URDF, at which some importers stop
+    #[arg(long, value_name = "all|none", value_parser = frames, default_value = "all")]
+    pub(crate) frames: Frames,
+    /// Version of the SPZ files: 2 and 3 are gzip streams, 4 has zstd streams
+    #[arg(long, value_name = "2|3|4", default_value_t)]
+    pub(crate) spz: SpzVersion,
     /// Kilograms per cubic metre, of all parts or of one; may be repeated; 650 if absent
     #[arg(long, value_name = "KG|PART=KG", value_parser = density)]
     pub(crate) density: Vec<(Option<String>, f64)>,
@@ -376,14 +383,6 @@ impl ValueEnum for FormatArg {
         let hidden = !self.0.is_available();
         Some(PossibleValue::new(self.0.name()).help(self.0.description()).hide(hidden))
     }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum UpAxis {
-    /// +Z
-    Z,
-    /// +Y
-    Y,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -615,6 +614,10 @@ fn price(text: &str) -> Result<f64, String> {
 
 fn actuators(text: &str) -> Result<Actuators, String> {
     Actuators::ALL.into_iter().find(|kind| kind.name() == text).ok_or_else(|| "motor or position".into())
+}
+
+fn frames(text: &str) -> Result<Frames, String> {
+    Frames::ALL.into_iter().find(|kind| kind.name() == text).ok_or_else(|| "all or none".into())
 }
 
 /// Names of ROS packages.

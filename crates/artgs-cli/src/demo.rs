@@ -26,7 +26,8 @@ pub(crate) fn run(args: &Demo, style: Style) -> Result<(), Failure> {
     let config = configure(&args.method, Some(PARTS))?;
     let (capture, run) = (args.out.join("capture"), RunFolder::new(args.out.join("replica")));
     let seed = args.method.seed.unwrap_or_default();
-    let options = CabinetOptions { views: args.views, size: args.size, seed, ..CabinetOptions::default() };
+    // Upright, so that its drawer stays where it is put in a simulator.
+    let options = CabinetOptions { views: args.views, size: args.size, seed, lean: 0.0, ..CabinetOptions::default() };
     options.check().map_err(Failure::bad)?;
     let device = device::choose(args.method.device, &config)?;
     check_folder(&args.out)?;

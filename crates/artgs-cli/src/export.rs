@@ -1,18 +1,17 @@
 //! `artgs export`: a replica as files of simulators, browsers and renderers.
 
-use crate::args::{CollisionKind, Export, UpAxis};
+use crate::args::{CollisionKind, Export};
 use crate::commands::{Style, use_threads};
 use crate::failure::Failure;
 use crate::folder::{load_capture, lock, photos_of, require_replica};
 use crate::output::{Report, note};
 use crate::progress;
 use artgs::observer::{Event, Observer};
-use artgs_core::Capture;
+use artgs_core::{Capture, UpSource, Upward};
 use artgs_io::RunFolder;
 use artgs_io::asset::WriteOptions;
-use artgs_io::run_folder::load_json;
 use artgs_physical::Up;
-use artgs_physical::export::{CollisionSource, ExportError, ExportEvent, ExportOptions, ExportStep};
+use artgs_physical::export::{CollisionSource, ExportError, ExportEvent, ExportOptions, ExportStep, upward};
 use std::path::Path;
 use std::time::Instant;
 
@@ -29,10 +28,14 @@ pub(crate) fn run(args: &Export, style: Style) -> Result<(), Failure> {
 /// Exports, and reports what was decided; `remark` gets what is unexpected.
 pub(crate) fn report(args: &Export, style: Style, remark: &mut dyn FnMut(&str)) -> Result<Report, Failure> {
     let run = RunFolder::new(&args.out);
-    let up = args.up.or_else(|| up_of_recordings(&run)).unwrap_or(UpAxis::Z);
-    let options = options(args, up);
-    options.config().map_err(failure)?;
+    options(args, None).config().map_err(failure)?;
     require_replica(&run)?;
+    let up = upward(&run, args.up).map_err(failure)?;
+    let options = options(args, Some(up));
+    options.config().map_err(failure)?;
+    if up.source == UpSource::Assumed {
+        remark(&format!("up is assumed to be {} of the capture; --up gives another direction", options.up));
+    }
     let lock = lock(&run, "artgs export", style)?;
     let report = export_with(&run, &options, remark, observer(style).as_mut());
     drop(lock);
@@ -45,24 +48,16 @@ fn observer(style: Style) -> Box<dyn Observer> {
     progress::renderer(quiet)
 }
 
-/// Upward axis of the recordings that a run aligned; none if it aligned none, they state none, or it is no axis.
-fn up_of_recordings(run: &RunFolder) -> Option<UpAxis> {
-    /// Least cosine between the stated direction and an axis.
-    const ALONG: f64 = 0.9;
-    let report: serde_json::Value = load_json(&run.aligned().join("report.json")).ok()??;
-    let [_, y, z]: [f64; 3] = serde_json::from_value(report.get("up")?.clone()).ok()?;
-    if y > ALONG { Some(UpAxis::Y) } else { (z > ALONG).then_some(UpAxis::Z) }
-}
-
 /// What the flags ask for.
-fn options(args: &Export, up: UpAxis) -> ExportOptions {
+fn options(args: &Export, up: Option<Upward>) -> ExportOptions {
     let defaults = ExportOptions::default();
     ExportOptions {
         formats: if args.to.is_empty() { defaults.formats } else { args.to.iter().map(|format| format.0).collect() },
         name: args.name.clone(),
         capture: args.capture.clone(),
         scale: args.scale,
-        up: if up == UpAxis::Z { Up::Z } else { Up::Y },
+        up: up.and_then(|up| Up::towards(up.direction)).or(args.up).unwrap_or_default(),
+        up_known: up,
         density: args.density.iter().filter(|(part, _)| part.is_none()).map(|(_, density)| *density).next_back(),
         densities: args.density.iter().filter_map(|(part, density)| Some((part.clone()?, *density))).collect(),
         mass: args.mass,
@@ -77,7 +72,13 @@ fn options(args: &Export, up: UpAxis) -> ExportOptions {
         texel: args.texel,
         front: args.front,
         part_names: args.part_names,
-        write: WriteOptions { actuators: args.actuators, free_base: args.free_base, package: args.package.clone() },
+        write: WriteOptions {
+            actuators: args.actuators,
+            free_base: args.free_base,
+            package: args.package.clone(),
+            frames: args.frames,
+            spz: args.spz,
+        },
     }
 }
 

@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::progress;
 use artgs::align::{AlignConfig, AlignReport, ObjectBox, align_with_progress};
 use artgs::observer::{Event, Observer, Tee, percent};
-use artgs_core::{Capture, PerState, Recording, State};
+use artgs_core::{Capture, PerState, Recording, State, Upward};
 use artgs_io::RunFolder;
 use artgs_io::capture::{is_capture, write_capture};
 use artgs_io::recording::{
@@ -149,6 +149,11 @@ pub(crate) fn aligned(
     };
     shown.event(Event::finished("align", begun.elapsed().as_secs_f64(), false));
     shown.event(Event::note(described(&report)));
+    shown.event(Event::note(upward(&report)));
+    if !report.upward.is_certain() {
+        let what = "which way is up is not known: the recordings do not state it, and no floor or walls say it";
+        capture.warnings.push(format!("{what}; an export needs --up"));
+    }
     capture.warnings.extend(report.bystanders.iter().map(|b| format!("{b}; --box with a larger box includes it")));
     capture.warnings.extend(report.left_out.map(|left| {
         format!(
@@ -190,6 +195,16 @@ fn described(report: &AlignReport) -> String {
         views[State::START],
         views[State::END],
         report.object.rounded()
+    )
+}
+
+/// Which way is up, one sentence.
+fn upward(report: &AlignReport) -> String {
+    let Upward { direction, source, confidence } = report.upward;
+    let [x, y, z] = direction.to_array().map(|v| v + 0.0);
+    format!(
+        "up is ({x:.3}, {y:.3}, {z:.3}) in the world of the start recording, {}, certainty {confidence:.2}",
+        source.words()
     )
 }
 

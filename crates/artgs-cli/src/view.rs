@@ -258,7 +258,7 @@ pub(crate) fn camera_views<'a>(
 fn placement(run: &RunFolder) -> Result<Placement, Failure> {
     let report = ExportReport::load(run).map_err(Failure::bad_input)?.unwrap_or_default();
     let scale = Some(report.scale).filter(|s| s.is_finite() && *s > 0.0).unwrap_or(1.0);
-    let up = if report.up == "y" { Up::Y } else { Up::Z };
+    let up: Up = report.up.parse().unwrap_or_default();
     // Exports of earlier versions only turned the upward axis.
     let frame = report.frame.unwrap_or(Rigid { rotation: up.upright(), translation: DVec3::ZERO });
     Ok(Placement { scale, rotation: frame.rotation, translation: frame.translation })

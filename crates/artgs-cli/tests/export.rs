@@ -71,6 +71,61 @@ fn the_upward_axis_is_that_of_the_recordings_unless_one_is_given() {
     fs::write(out.join("stages/aligned/report.json"), r#"{"up": [0.0, 1.0, 0.0]}"#).unwrap();
     assert_eq!(up(&[]), "y");
     assert_eq!(up(&["--up", "z"]), "z");
+    assert_eq!(up(&["--up", "-x"]), "-x");
+    assert_eq!(up(&["--up=0,0,-2"]), "-z");
+    let known = |source: &str, confidence: f64| {
+        let path = out.join("replica.json");
+        let mut replica: serde_json::Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+        replica["up"] = serde_json::json!({ "direction": [1, 0, 0], "source": source, "confidence": confidence });
+        fs::write(&path, replica.to_string()).unwrap();
+    };
+    known("floor", 0.9);
+    assert_eq!(up(&[]), "x");
+    known("assumed", 0.2);
+    let done = artgs(&["export", out.to_str().unwrap(), "--to", "urdf"]);
+    let said = text(&done.stderr);
+    assert_eq!(done.status.code(), Some(2), "{said}");
+    assert!(said.contains("--up with an axis") && said.contains("-x"), "{said}");
+    assert_eq!(up(&["--up", "y"]), "y");
+    let done = artgs(&["export", out.to_str().unwrap(), "--up", "upwards"]);
+    assert!(text(&done.stderr).contains("0.1,0,0.99"), "{}", text(&done.stderr));
+}
+
+#[test]
+fn formats_of_an_earlier_export_with_other_options_are_written_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = &dir.path().join("replica");
+    write(out);
+    let export = |options: &[&str]| {
+        let done = artgs(&[&["export", out.to_str().unwrap()], options].concat());
+        assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+        text(&done.stderr).to_owned()
+    };
+    let masses = |file: &str| -> Vec<String> {
+        let written = fs::read_to_string(out.join("exports").join(file)).unwrap();
+        written.lines().filter(|line| line.contains("mass")).map(str::to_owned).collect()
+    };
+    export(&["--to", "urdf,mjcf"]);
+    let before = masses("urdf/replica.urdf");
+    assert!(!export(&["--to", "mjcf"]).contains("written again"));
+    assert_eq!(masses("urdf/replica.urdf"), before);
+    let said = export(&["--to", "mjcf", "--mass", "50"]);
+    assert!(said.contains("with other options, so written again: urdf"), "{said}");
+    assert_ne!(masses("urdf/replica.urdf"), before);
+}
+
+#[test]
+fn without_frames_the_urdf_begins_with_a_body() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = &dir.path().join("replica");
+    write(out);
+    let done = artgs(&["export", out.to_str().unwrap(), "--to", "urdf,sdf,mjcf", "--frames", "none"]);
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    let urdf = fs::read_to_string(out.join("exports/urdf/replica.urdf")).unwrap();
+    assert!(!urdf.contains("<link name=\"world\"") && !urdf.contains("mass value=\"0\""), "{urdf}");
+    assert!(!urdf.contains("type=\"fixed\""), "{urdf}");
+    let checked = artgs(&["check", out.to_str().unwrap()]);
+    assert_eq!(checked.status.code(), Some(0), "{}{}", text(&checked.stdout), text(&checked.stderr));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! A capture: posed RGBA images, with or without depth, of one object in its observed states.
 
-use crate::{Camera, DepthMap, PerState, Rigid};
+use crate::{Camera, DepthMap, FrameError, PerState, Rigid, Upward};
 use glam::{DVec2, DVec3};
 
 /// Least alpha of a pixel that shows the object.
@@ -61,6 +61,10 @@ pub struct Capture {
     /// Motion from the world of each state's recording into the world of the capture, where the states were recorded in
     /// worlds of their own.
     pub frames: Option<PerState<Rigid>>,
+    /// What these motions leave, because poses were refined one by one; none where that is unknown.
+    pub frame_errors: Option<PerState<FrameError>>,
+    /// Which way is up; none where nothing was found out about it.
+    pub up: Option<Upward>,
     /// Warnings, one sentence each.
     pub warnings: Vec<String>,
 }

@@ -16,6 +16,7 @@ mod rigid;
 mod semantics;
 mod splats;
 pub mod state;
+mod world;
 
 pub use asset::{Asset, AssetJoint, AssetLink, ContactMaterial, Inertial, Texture, TexturedMesh, odd_size};
 pub use camera::{Camera, Intrinsics};
@@ -30,3 +31,4 @@ pub use rigid::Rigid;
 pub use semantics::{Handle, HingeSide, PartClass, PartSemantics};
 pub use splats::Splats;
 pub use state::{PerState, State};
+pub use world::{FrameError, UpSource, Upward};

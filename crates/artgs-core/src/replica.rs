@@ -1,6 +1,6 @@
 //! The result of a reconstruction: parts, joints and paths of meshes. Serialises to `replica.json`, version 1.
 
-use crate::{Joint, JointAlternative, JointKind, PerState, Rigid, State};
+use crate::{FrameError, Joint, JointAlternative, JointKind, PerState, Rigid, State, Upward};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -19,6 +19,9 @@ pub enum ReplicaError {
     /// Written by another version.
     #[error("field `version` is {0}, this program reads version {REPLICA_VERSION}")]
     Version(u32),
+    /// An upward direction of another length than 1.
+    #[error("field `up.direction` is no unit vector")]
+    Up,
     /// Inconsistent parts.
     #[error("part {part}: {reason}")]
     Part {
@@ -142,6 +145,12 @@ pub struct Replica {
     /// worlds of their own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<PerState<Rigid>>,
+    /// What these motions leave, because poses were refined one by one; none where that is unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame_errors: Option<PerState<FrameError>>,
+    /// Which way is up; none where nothing was found out about it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub up: Option<Upward>,
     /// Parts, the static one first.
     pub parts: Vec<Part>,
 }
@@ -166,6 +175,8 @@ impl Replica {
             states: State::ALL.map(|state| state.name().into()),
             whole: file("whole"),
             frames: None,
+            frame_errors: None,
+            up: None,
             parts: (0..=joints.len()).map(part).collect(),
         }
     }
@@ -213,6 +224,9 @@ impl Replica {
         }
         if self.version != REPLICA_VERSION {
             return Err(ReplicaError::Version(self.version));
+        }
+        if self.up.is_some_and(|up| !((up.direction.length() - 1.0).abs() < 1e-6)) {
+            return Err(ReplicaError::Up);
         }
         for (index, part) in self.parts.iter().enumerate() {
             let fail = |reason: &str| Err(ReplicaError::Part { part: index, reason: reason.into() });

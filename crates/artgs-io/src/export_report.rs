@@ -4,7 +4,7 @@ use crate::asset::Format;
 use crate::run_folder::{RunFolder, load_json, save_json};
 use crate::shared_files::store_once;
 use crate::{FileDigest, FileError};
-use artgs_core::{Handle, HingeSide, JointKind, PartClass, Rigid};
+use artgs_core::{Handle, HingeSide, JointKind, PartClass, Rigid, UpSource, Upward};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -47,6 +47,12 @@ pub struct RequestedOptions {
     pub actuators: Option<String>,
     /// ROS package that the mesh paths of the URDF begin with.
     pub package: Option<String>,
+    /// Frames without a body: `none` if they are left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frames: Option<String>,
+    /// Version of the SPZ files.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spz: Option<u32>,
 }
 
 /// What an export decided.
@@ -59,8 +65,14 @@ pub struct ExportReport {
     pub scale: f64,
     /// Kilograms per cubic metre of links without a density of their own.
     pub density: f64,
-    /// Upward axis of the capture, `z` or `y`.
+    /// Which way is up in the frame of the capture: an axis such as `z` or `-x`, or three numbers separated by commas.
     pub up: String,
+    /// How that is known; none in reports of versions that did not say it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub up_source: Option<UpSource>,
+    /// Certainty of that direction, 0 to 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub up_confidence: Option<f64>,
     /// Motion from the scaled frame of the capture to the object's frame of the export; none in reports of versions that
     /// only turned the upward axis.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -197,6 +209,21 @@ impl ExportReport {
         Some(found.part.as_deref().unwrap_or(&found.name))
     }
 
+    /// Which way was up, and how that was known; none if the report does not say how.
+    pub fn upward(&self) -> Option<Upward> {
+        let numbers = || self.up.split(',').map(|word| word.parse().ok()).collect::<Option<Vec<f64>>>();
+        let direction = match self.up.as_str() {
+            "x" => DVec3::X,
+            "-x" => DVec3::NEG_X,
+            "y" => DVec3::Y,
+            "-y" => DVec3::NEG_Y,
+            "z" => DVec3::Z,
+            "-z" => DVec3::NEG_Z,
+            _ => DVec3::from_array(numbers()?.try_into().ok()?).try_normalize()?,
+        };
+        Some(Upward { direction, source: self.up_source?, confidence: self.up_confidence.unwrap_or(1.0) })
+    }
+
     /// Writes it into a run's folder.
     pub fn save(&self, folder: &RunFolder) -> Result<(), FileError> {
         let path = folder.export_report();
@@ -309,6 +336,9 @@ impl fmt::Display for ExportReport {
             let HandleReport { name, width, length, depth, .. } = handle;
             let [width, length, depth] = [width, length, depth].map(|x| 1000.0 * x);
             writeln!(f, "{name}: {width:.0} mm between the fingers, {length:.0} mm long, {depth:.0} mm deep")?;
+        }
+        if let (Some(source), Some(confidence)) = (self.up_source, self.up_confidence) {
+            writeln!(f, "up: {} of the capture, {}, certainty {confidence:.2}", self.up, source.words())?;
         }
         let [before, after] = self.penetration.map(|p| 1000.0 * p);
         writeln!(

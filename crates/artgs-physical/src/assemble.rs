@@ -315,19 +315,22 @@ fn weigh(links: &mut [AssetLink], config: &PhysicalConfig) {
     }
 }
 
-/// Effort, speed, damping and friction of a joint whose part reaches `arm` from the axis.
+/// Effort, speed, damping and friction of a joint whose part reaches `arm` from the axis. Friction holds the part of an upright
+/// hinge or a level slide where it is put although the upright direction, and with it the axis, has an error.
 fn dynamics(joint: AssetJoint, inertial: &Inertial, arm: f64, config: &PhysicalConfig) -> AssetJoint {
     const GRAVITY: f64 = 9.81;
     /// Speed of a hand, m/s.
     const HAND_SPEED: f64 = 0.5;
     let mass = inertial.mass;
     let hand = config.hand;
+    // The frame of the link lies on the axis.
+    let lever = inertial.center.reject_from_normalized(joint.axis).length();
     match joint.kind {
         JointKind::Prismatic => AssetJoint {
             effort: config.force.max(3.0 * mass * GRAVITY),
             velocity: config.speed,
             damping: (mass / config.settle).min(hand / HAND_SPEED),
-            friction: (config.friction * mass * GRAVITY).min(hand),
+            friction: (config.friction.max(config.holds.sin()) * mass * GRAVITY).min(hand),
             ..joint
         },
         JointKind::Revolute | JointKind::Screw => AssetJoint {
@@ -335,7 +338,7 @@ fn dynamics(joint: AssetJoint, inertial: &Inertial, arm: f64, config: &PhysicalC
             velocity: config.turn_rate,
             // At the speed of a hand at the far end, damping needs no more than the force of the hand there.
             damping: (mass * arm * arm / 3.0 / config.settle).min(hand * arm * arm / HAND_SPEED),
-            friction: (config.friction * mass * GRAVITY * 0.1 * arm).min(hand * arm),
+            friction: (mass * GRAVITY * (config.friction * 0.1 * arm).max(lever * config.holds.sin())).min(hand * arm),
             ..joint
         },
     }

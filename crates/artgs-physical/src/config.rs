@@ -2,24 +2,79 @@
 
 use artgs_core::{ContactMaterial, PartClass};
 use glam::{DQuat, DVec3};
+use std::fmt;
+use std::str::FromStr;
 
-/// Which axis of the capture points up.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Up {
+/// Which way is up in the frame of the capture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Up(DVec3);
+
+impl Default for Up {
     /// +Z, the upward axis of exports.
-    #[default]
-    Z,
-    /// +Y; the replica is rotated to +Z up.
-    Y,
+    fn default() -> Self {
+        Self::Z
+    }
 }
 
 impl Up {
-    /// From the capture's frame to one with +Z up.
+    /// +Z, the upward axis of exports.
+    pub const Z: Self = Self(DVec3::Z);
+    /// +Y.
+    pub const Y: Self = Self(DVec3::Y);
+
+    /// Up in this direction, which needs no length of 1; none if it has no direction.
+    pub fn towards(direction: DVec3) -> Option<Self> {
+        direction.try_normalize().map(Self)
+    }
+
+    /// Unit vector.
+    pub fn direction(self) -> DVec3 {
+        self.0
+    }
+
+    /// The smallest turn from the capture's frame to one with +Z up.
     pub fn upright(self) -> DQuat {
-        match self {
-            Self::Z => DQuat::IDENTITY,
-            Self::Y => DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2),
+        match self.0 {
+            DVec3::Z => DQuat::IDENTITY,
+            DVec3::Y => DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2),
+            DVec3::NEG_Z => DQuat::from_rotation_x(std::f64::consts::PI),
+            direction => DQuat::from_rotation_arc(direction, DVec3::Z),
         }
+    }
+}
+
+/// Names of the axes, in the order of [`axes`].
+const AXES: [&str; 6] = ["x", "-x", "y", "-y", "z", "-z"];
+
+fn axes() -> [DVec3; 6] {
+    [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z]
+}
+
+impl fmt::Display for Up {
+    /// An axis such as `-x`, or three numbers.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match axes().iter().position(|axis| *axis == self.0) {
+            Some(axis) => f.write_str(AXES[axis]),
+            None => write!(f, "{},{},{}", self.0.x, self.0.y, self.0.z),
+        }
+    }
+}
+
+impl FromStr for Up {
+    type Err = String;
+
+    /// An axis with or without a sign, or three numbers separated by commas.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let bare = text.strip_prefix('+').unwrap_or(text);
+        if let Some(axis) = AXES.iter().position(|name| *name == bare) {
+            return Ok(Self(axes()[axis]));
+        }
+        let numbers: Option<Vec<f64>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
+        let vector = numbers.and_then(|v| <[f64; 3]>::try_from(v).ok()).map(DVec3::from_array);
+        let usable = vector.filter(|v| v.is_finite()).and_then(Self::towards);
+        usable.ok_or_else(|| {
+            format!("`{text}` is no direction; give x, -x, y, -y, z, -z or three numbers such as 0.1,0,0.99")
+        })
     }
 }
 
@@ -60,7 +115,7 @@ pub enum Collision {
 pub struct PhysicalConfig {
     /// Metres per unit of the capture.
     pub scale: f64,
-    /// Upward axis of the capture.
+    /// Which way is up in the frame of the capture.
     pub up: Up,
     /// Front of the object.
     pub front: Front,
@@ -137,6 +192,8 @@ pub struct PhysicalConfig {
     pub settle: f64,
     /// Dry friction as a share of the part's weight (slides), or of its weight at a tenth of its width (hinges).
     pub friction: f64,
+    /// Error of the upright direction, radians, at which friction still holds a door or a drawer where it is put.
+    pub holds: f64,
     /// Largest force at the far end of a part, N, that overcomes its friction, and that overcomes its damping at half a metre
     /// per second: a hand moves every part.
     pub hand: f64,
@@ -192,12 +249,35 @@ impl Default for PhysicalConfig {
             turn_rate: 3.0,
             settle: 0.5,
             friction: 0.02,
+            holds: 3.0 * std::f64::consts::PI / 180.0,
             hand: 5.0,
             contact: ContactMaterial::default(),
             triangles: 20_000,
             texel: None,
             texels: 900.0,
             texture_side: 4096,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn up_is_any_axis_or_direction() {
+        for (text, axis) in AXES.into_iter().zip(axes()) {
+            let up: Up = text.parse().unwrap();
+            assert_eq!((up.direction(), up.to_string().as_str()), (axis, text));
+            assert!((up.upright() * axis).distance(DVec3::Z) < 1e-12, "{text}");
+            assert!((up.upright().length() - 1.0).abs() < 1e-12);
+        }
+        assert_eq!("+x".parse(), Ok(Up(DVec3::X)));
+        let leaning: Up = "0, 3,4".parse().unwrap();
+        assert!((leaning.upright() * DVec3::new(0.0, 0.6, 0.8)).distance(DVec3::Z) < 1e-12);
+        assert_eq!(leaning.to_string().parse::<Up>().unwrap().direction(), leaning.direction());
+        for text in ["", "w", "--x", "0,0,0", "1,2", "1,2,nan", "inf,0,0"] {
+            assert!(text.parse::<Up>().unwrap_err().contains("-x"), "{text}");
         }
     }
 }

@@ -4,11 +4,11 @@ use crate::build::{BuiltAsset, Parts, build};
 use crate::coacd;
 use crate::stance::{Range, Stop};
 use crate::{Collision, Front, GivenClass, PhysicalConfig, Up};
-use artgs_core::{Capture, JointKind, Mesh, Replica, State, odd_size};
-use artgs_io::asset::{Actuators, Format, WriteOptions, check_asset};
+use artgs_core::{Capture, JointKind, Mesh, Replica, State, UpSource, Upward, odd_size};
+use artgs_io::asset::{Actuators, Format, Frames, SpzVersion, WriteOptions, check_asset};
 use artgs_io::export_report::{ExportReport, HandleReport, LinkReport, RequestedOptions};
 use artgs_io::replica::ReplicaFileError;
-use artgs_io::run_folder::load_text;
+use artgs_io::run_folder::{load_json, load_text};
 use artgs_io::{Corrections, FileError, RunFolder, read_corrections};
 use glam::DVec3;
 use std::path::PathBuf;
@@ -121,8 +121,10 @@ pub struct ExportOptions {
     pub capture: Option<PathBuf>,
     /// Metres per unit of the capture.
     pub scale: f64,
-    /// Upward axis of the capture.
+    /// Which way is up in the frame of the capture.
     pub up: Up,
+    /// How that is known; none if it is not known how.
+    pub up_known: Option<Upward>,
     /// Kilograms per cubic metre; none for the default of [`PhysicalConfig`].
     pub density: Option<f64>,
     /// The same for single links, by their names.
@@ -156,6 +158,7 @@ impl Default for ExportOptions {
             capture: None,
             scale: 1.0,
             up: Up::Z,
+            up_known: None,
             density: None,
             densities: Vec::new(),
             mass: None,
@@ -181,13 +184,25 @@ impl ExportOptions {
     /// The options of the last export into a folder, with the formats that are there and those that the viewer shows;
     /// default ones if nothing was exported.
     pub fn of_last_export(folder: &RunFolder) -> Result<Self, FileError> {
-        let report = ExportReport::load(folder)?.unwrap_or_default();
+        let last = ExportReport::load(folder)?;
+        let up = match &last {
+            Some(report) => report.upward(),
+            None => upward(folder, None).ok(),
+        };
+        let report = last.unwrap_or_default();
         let asked = report.options;
         let malformed = |reason: String| FileError::malformed(&folder.export_report(), reason);
         let front = asked.front.as_deref().map(FrontAxis::from_str).transpose().map_err(malformed)?;
         let RequestedOptions { name, capture, density, densities, mass, collision, hulls, .. } = asked;
         let actuators = Actuators::ALL.into_iter().find(|kind| asked.actuators.as_deref() == Some(kind.name()));
-        let write = WriteOptions { actuators, free_base: asked.free_base, package: asked.package };
+        let frames = Frames::ALL.into_iter().find(|kind| asked.frames.as_deref() == Some(kind.name()));
+        let write = WriteOptions {
+            actuators,
+            free_base: asked.free_base,
+            package: asked.package,
+            frames: frames.unwrap_or_default(),
+            spz: asked.spz.and_then(SpzVersion::of).unwrap_or_default(),
+        };
         let defaults = Self::default();
         let wanted = |format: &Format| Self::SHOWN.contains(format) || folder.has_export(*format);
         let collision =
@@ -197,7 +212,8 @@ impl ExportOptions {
             name: name.unwrap_or(defaults.name),
             capture: capture.filter(|folder| folder.is_dir()),
             scale: if report.scale > 0.0 { report.scale } else { defaults.scale },
-            up: if report.up == "y" { Up::Y } else { Up::Z },
+            up: up.and_then(|up| Up::towards(up.direction)).or_else(|| report.up.parse().ok()).unwrap_or_default(),
+            up_known: up,
             density,
             densities: densities.into_iter().collect(),
             mass,
@@ -259,6 +275,8 @@ impl ExportOptions {
             free_base: self.write.free_base,
             actuators: self.write.actuators.map(|kind| kind.name().into()),
             package: self.write.package.clone(),
+            frames: (self.write.frames != Frames::All).then(|| self.write.frames.name().into()),
+            spz: (self.write.spz != SpzVersion::default()).then(|| self.write.spz.number()),
         }
     }
 }
@@ -278,6 +296,12 @@ pub enum ExportError {
     /// A front that is the upward or downward axis.
     #[error("the front {} is the upward axis of the capture or opposite to it; give a horizontal direction", .0.name())]
     Front(FrontAxis),
+    /// Nothing says which way is up.
+    #[error(
+        "which way is up is not known: the recording does not state it, and no floor or walls say it; give --up with an axis of \
+         the capture (x, -x, y, -y, z or -z) or a direction such as 0.1,0,0.99"
+    )]
+    UnknownUp,
     /// A format whose writer is not built in.
     #[error("format {0} is not built into this program")]
     NotBuiltIn(Format),
@@ -346,6 +370,34 @@ impl ExportStep {
     }
 }
 
+/// Which way is up in the world of a run's replica: as given, or as its reconstruction found out. An error where neither is
+/// certain.
+pub fn upward(folder: &RunFolder, given: Option<Up>) -> Result<Upward, ExportError> {
+    if let Some(up) = given {
+        return Ok(Upward { direction: up.direction(), source: UpSource::Option, confidence: 1.0 });
+    }
+    let replica = artgs_io::read_replica(folder.root())?;
+    match replica.up {
+        Some(up) if up.is_certain() => Ok(up),
+        Some(_) => Err(ExportError::UnknownUp),
+        None => Ok(stated_by_alignment(folder).unwrap_or(Upward {
+            direction: DVec3::Z,
+            source: UpSource::Assumed,
+            confidence: Upward::CERTAIN,
+        })),
+    }
+}
+
+/// The upward direction in the report of an alignment by a version whose replicas do not have it.
+fn stated_by_alignment(folder: &RunFolder) -> Option<Upward> {
+    /// Least cosine between the direction and an axis.
+    const ALONG: f64 = 0.9;
+    let report: serde_json::Value = load_json(&folder.aligned().join("report.json")).ok()??;
+    let up = DVec3::from_array(serde_json::from_value(report.get("up")?.clone()).ok()?);
+    let direction = [DVec3::Y, DVec3::Z].into_iter().find(|axis| up.dot(*axis) > ALONG)?;
+    Some(Upward { direction, source: UpSource::Format, confidence: Upward::CERTAIN })
+}
+
 /// Exports the replica in a folder into its folder `exports`. Textures are baked from the training views of `capture`,
 /// without it they hold the colours of the meshes. `watch` gets what happens meanwhile.
 pub fn export(
@@ -373,6 +425,12 @@ pub fn export(
         watch(ExportEvent::Warning(warning));
     }
     check_asset(&built.asset).map_err(|reason| ExportError::Asset { path: folder.replica(), reason })?;
+    let again = formats_of_other_options(folder, options);
+    if !again.is_empty() {
+        let names = again.iter().map(|format| format.name()).collect::<Vec<_>>().join(", ");
+        watch(ExportEvent::Warning(&format!("exported earlier with other options, so written again: {names}")));
+    }
+    let options = &ExportOptions { formats: [options.formats.clone(), again].concat(), ..options.clone() };
     watch(ExportEvent::Begins(ExportStep::Write));
     let mut files = Vec::new();
     for (i, format) in options.formats.iter().enumerate() {
@@ -380,11 +438,20 @@ pub fn export(
             .extend(format.replace_with(&folder.exports(), &built.asset, &options.write).map_err(ExportError::Output)?);
         watch(ExportEvent::Written(i + 1, options.formats.len()));
     }
-    let decided = report(&built, &replica, config.up, &options.formats);
+    let decided = report(&built, &replica, options);
     let mut report = ExportReport { options: options.requested(), files, density: config.density, ..decided };
     report.record_digests(folder, &options.formats).map_err(ExportError::Output)?;
     report.save(folder).map_err(ExportError::Output)?;
     Ok(report)
+}
+
+/// Formats in the folder that are not written now and were exported with other options: exports of one folder agree.
+fn formats_of_other_options(folder: &RunFolder, options: &ExportOptions) -> Vec<Format> {
+    // A report that cannot be read says nothing about options.
+    let Some(last) = ExportReport::load(folder).ok().flatten() else { return Vec::new() };
+    let same = last.options == options.requested() && last.scale == options.scale && last.up == options.up.to_string();
+    let left = |format: &Format| !same && !options.formats.contains(format) && folder.has_export(*format);
+    Format::ALL.into_iter().filter(|format| format.is_available() && left(format)).collect()
 }
 
 /// Classes in `corrections.json`, by the parts of the replica. The file counts parts as they were found.
@@ -409,15 +476,17 @@ fn given_classes(folder: &RunFolder, parts: usize) -> Result<Vec<GivenClass>, Ex
 }
 
 /// What was decided about an asset.
-fn report(built: &BuiltAsset, replica: &Replica, up: Up, formats: &[Format]) -> ExportReport {
+fn report(built: &BuiltAsset, replica: &Replica, asked: &ExportOptions) -> ExportReport {
     let BuiltAsset { asset, decisions, .. } = built;
     let [before, after] = decisions.clearance.volume;
     ExportReport {
         options: RequestedOptions::default(),
         scale: decisions.scale,
-        up: if up == Up::Z { "z" } else { "y" }.into(),
+        up: asked.up.to_string(),
+        up_source: asked.up_known.map(|up| up.source),
+        up_confidence: asked.up_known.map(|up| up.confidence),
         frame: Some(decisions.object),
-        links: (0..asset.links.len()).map(|i| link_report(built, &replica.parts[i].name, i, formats)).collect(),
+        links: (0..asset.links.len()).map(|i| link_report(built, &replica.parts[i].name, i, &asked.formats)).collect(),
         penetration: [decisions.clearance.deepest, decisions.penetration],
         lost_pieces: decisions.clearance.lost,
         cut_share: if before > 0.0 { 1.0 - after / before } else { 0.0 },

@@ -17,9 +17,7 @@ fn read(live: &Live, since: u64) -> Value {
 }
 
 fn unpacked(bytes: &[u8]) -> Splats {
-    let dir = tempfile::tempdir().unwrap();
-    std::fs::write(dir.path().join("a.spz"), bytes).unwrap();
-    artgs_io::asset::spz::read_spz(&dir.path().join("a.spz")).unwrap()
+    artgs_io::asset::spz::read_spz_bytes(bytes).unwrap()
 }
 
 #[test]

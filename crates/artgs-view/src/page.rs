@@ -7,6 +7,7 @@ use crate::urdf::{self, Link};
 use crate::{Cloud, ViewError};
 use artgs_core::{Alternative, Joint, JointKind};
 use artgs_io::asset::Format;
+use artgs_io::asset::spz::{read_spz, spz_bytes};
 use artgs_io::export_report::ExportReport;
 use artgs_io::run_folder::load_json;
 use artgs_io::{Corrections, FileError, RunFolder};
@@ -214,11 +215,7 @@ impl Page {
         for (k, file) in link.collision.iter().enumerate() {
             collision.push(self.add_mesh(&folder.join(file), &format!("hull/{}_{k}.obj", link.name))?);
         }
-        let splats = ["spz", "ply"]
-            .iter()
-            .map(|e| (e, run.export(Format::Splats).join(format!("{}.{e}", link.name))))
-            .find(|(_, path)| path.is_file());
-        let splats = splats.map(|(e, path)| self.add(&path, &format!("splats/{}.{e}", link.name))).transpose()?;
+        let splats = self.add_splats(&run.export(Format::Splats), &link.name)?;
         let joint = link.joint.map(|j| SceneJoint {
             kind: j.kind,
             axis: j.axis.to_array(),
@@ -241,6 +238,21 @@ impl Page {
         }
         self.files.insert(name.into(), Source::Path(path.into()));
         Ok(name.into())
+    }
+
+    /// The Gaussians of a link. The page adds them to the node of the link, so the SPZ that it gets is one in the link frame and of
+    /// the version that it reads.
+    fn add_splats(&mut self, folder: &Path, link: &str) -> Result<Option<String>, ViewError> {
+        let [packed, plain] = ["spz", "ply"].map(|extension| folder.join(format!("{link}.{extension}")));
+        if packed.is_file() {
+            let bytes = read_spz(&packed)
+                .and_then(|splats| spz_bytes(&splats).map_err(|reason| FileError::malformed(&packed, reason)))?;
+            let name = format!("splats/{link}.spz");
+            self.files.insert(name.clone(), Source::Bytes(bytes));
+            return Ok(Some(name));
+        }
+        let there = plain.is_file();
+        there.then(|| self.add(&plain, &format!("splats/{link}.ply"))).transpose()
     }
 
     fn add_mesh(&mut self, path: &Path, name: &str) -> Result<String, ViewError> {

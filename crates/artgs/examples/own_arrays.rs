@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let views = images.into_iter().enumerate().map(|(i, image)| view(&format!("image {i}"), image));
         StateViews { train: views.collect(), test: Vec::new() }
     });
-    let capture = Capture { states, frames: None, warnings: Vec::new() };
+    let capture = Capture { states, ..Capture::default() };
     let found = Reconstruction::new(&capture).find_parts(&mut NullObserver)?;
     println!("{} movable parts", found.parts.len());
     Ok(())

@@ -47,7 +47,34 @@ fn two_walks_through_a_room_are_aligned_and_the_object_is_cut_out() {
     let (recordings, truth) = recorded(0);
     let (capture, report) = align(&recordings, &AlignConfig::default(), 0).expect("the room has enough structure");
     let frames = capture.frames.expect("recordings have worlds of their own");
-    assert_eq!(frames[State::START], artgs_core::Rigid::IDENTITY);
+    let errors = capture.frame_errors.expect("recordings have worlds of their own");
+    for (state, views) in capture.states.enumerate() {
+        // Each view is a frame of the recording: the motion takes what its stated camera sees to where it is now.
+        let ahead = DVec3::new(0.0, 0.0, 2.5);
+        let mut off: Vec<[f64; 2]> = Vec::new();
+        for view in &views.train {
+            let now = view.camera.world_to_camera.inverse().apply(ahead);
+            let stated =
+                recordings[state].frames.iter().filter(|f| view.name == format!("{}/{}", state.name(), f.view.name));
+            for frame in stated.take(1) {
+                let before = frame.view.camera.world_to_camera.inverse().apply(ahead);
+                off.push([before.distance(now), frames[state].apply(before).distance(now)]);
+            }
+        }
+        let mean = |k: usize| off.iter().map(|o| o[k]).sum::<f64>() / off.len() as f64;
+        println!(
+            "{}: {} views, as stated {:.4}, moved {:.4}, {:?}",
+            state.name(),
+            off.len(),
+            mean(0),
+            mean(1),
+            errors[state]
+        );
+        assert!(off.len() >= 10 && mean(1) < 3.0 * errors[state].shift + 0.005);
+        assert!(errors[state].shift < 0.05 && errors[state].turn.to_degrees() < 1.0, "{errors:?}");
+    }
+    let up = capture.up.expect("found out");
+    assert!(up.direction.dot(recordings[State::START].up.unwrap_or(DVec3::Z)) > 0.999, "{up:?}");
     let error = truth.end_to_start.inverse() * frames[State::END];
     // The stated poses drift by 0.4 degrees and 1 cm; their mean differs from the true world by a part of that.
     assert!(error.angle().to_degrees() < 0.6, "{} degrees", error.angle().to_degrees());

@@ -1,6 +1,7 @@
 //! Valid folders that targets mutate: tiny captures and recordings of the generator, and what the writers of the workspace make.
 
 use artgs_core::{DepthMap, Joint, JointKind, Mesh, Replica, Rigid, Splats, State};
+use artgs_io::asset::spz::{SpzVersion, write_spz};
 use artgs_io::recording::{RecordingFormat, RecordingOptions, load_recording, write_recording};
 use artgs_io::{image_io, write_mesh_ply, write_replica, write_splat_ply};
 use glam::DVec3;
@@ -121,7 +122,8 @@ fn documents(folder: &Path) {
         splats.sh.extend([0.1; 12]);
     }
     write_splat_ply(&folder.join("splats.ply"), &splats, None, "world").unwrap();
-    artgs_io::asset::spz::write_spz(&folder.join("splats.spz"), &splats).unwrap();
+    write_spz(&folder.join("splats.spz"), &splats, SpzVersion::V3).unwrap();
+    write_spz(&folder.join("splats_4.spz"), &splats, SpzVersion::V4).unwrap();
     let rgba: Vec<[u8; 4]> = (0..16 * 12).map(|i| [i as u8, 90, 3, 255]).collect();
     image_io::write_rgba(&folder.join("colour.png"), 16, 12, &rgba).unwrap();
     let counts = DepthMap::new((0..16 * 12).collect(), 1000.0);

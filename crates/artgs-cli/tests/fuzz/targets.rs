@@ -145,9 +145,10 @@ pub(crate) const ALL: [Target; 27] = [
     Target {
         name: "spz",
         seed: "documents",
-        files: |_| vec!["splats.spz".into()],
+        files: |_| vec!["splats.spz".into(), "splats_4.spz".into()],
         read: |dir| {
             let _ = read_spz(&dir.join("splats.spz"));
+            let _ = read_spz(&dir.join("splats_4.spz"));
         },
     },
     Target { name: "stray", seed: "stray", files: of_start, read: |dir| recording(dir, RecordingFormat::Stray) },

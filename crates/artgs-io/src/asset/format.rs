@@ -1,5 +1,6 @@
 //! The formats that assets are exported to. A new format is a variant of [`Format`] and a module beside this one.
 
+use super::spz::SpzVersion;
 use crate::run_folder::remove_folder;
 use crate::{FileError, asset};
 use artgs_core::Asset;
@@ -61,6 +62,33 @@ pub struct WriteOptions {
     pub free_base: bool,
     /// URDF: mesh paths begin with `package://` and this name; none for paths relative to the URDF.
     pub package: Option<String>,
+    /// Frames without a body.
+    pub frames: Frames,
+    /// Version of the SPZ files.
+    pub spz: SpzVersion,
+}
+
+/// Which frames without a body are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Frames {
+    /// Grasp frames of handles and, in URDF, a root link `world` that the base is fixed to.
+    #[default]
+    All,
+    /// None: some importers stop at a link without mass.
+    None,
+}
+
+impl Frames {
+    /// Every value.
+    pub const ALL: [Self; 2] = [Self::All, Self::None];
+
+    /// Name on the command line and in `export.json`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::All => "all",
+            Self::None => "none",
+        }
+    }
 }
 
 impl Format {
@@ -113,6 +141,13 @@ impl Format {
 
     /// Writes the files of the format into `dir` and returns their paths.
     pub fn write(self, dir: &Path, asset: &Asset, options: &WriteOptions) -> Result<Vec<PathBuf>, FileError> {
+        let bodies;
+        let asset = if options.frames == Frames::None && asset.links.iter().any(|link| !link.handles.is_empty()) {
+            bodies = without_handles(asset);
+            &bodies
+        } else {
+            asset
+        };
         match self {
             Self::Urdf => asset::urdf::export_urdf_with(dir, asset, options),
             Self::Mjcf => asset::mjcf::export_mjcf_with(dir, asset, options),
@@ -127,7 +162,7 @@ impl Format {
             Self::Glb => asset::glb::export_glb(dir, asset),
             Self::Sdf => asset::export_sdf(dir, asset),
             Self::Partnet => asset::export_partnet(dir, asset),
-            Self::Splats => asset::splats::export_splats(dir, asset),
+            Self::Splats => asset::splats::export_splats(dir, asset, options.spz),
         }
     }
 
@@ -170,6 +205,12 @@ impl Format {
         let moved = |file: PathBuf| file.strip_prefix(&new).map(|rest| folder.join(rest)).unwrap_or(file.clone());
         Ok(files.into_iter().map(moved).collect())
     }
+}
+
+fn without_handles(asset: &Asset) -> Asset {
+    let mut out = asset.clone();
+    out.links.iter_mut().for_each(|link| link.handles.clear());
+    out
 }
 
 impl fmt::Display for Format {

@@ -20,8 +20,9 @@ mod xml;
 pub(crate) mod testing;
 
 pub use check::check_asset;
-pub use format::{Actuators, Format, UnknownFormat, WriteOptions};
+pub use format::{Actuators, Format, Frames, UnknownFormat, WriteOptions};
 pub use mjcf::export_mjcf;
 pub use partnet::export_partnet;
 pub use sdf::export_sdf;
+pub use spz::SpzVersion;
 pub use urdf::export_urdf;

@@ -38,7 +38,7 @@ pub fn export_partnet(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileErr
         ("result.json", pretty(&result(asset, &files))),
         ("bounding_box.json", pretty(&bounding_box(&lying))),
         ("meta.json", pretty(&meta(asset))),
-        ("mobility.urdf", urdf::document(&lying, FOLDER, &files, &root)),
+        ("mobility.urdf", urdf::document(&lying, FOLDER, &files, Some(&root))),
     ];
     for (name, text) in &texts {
         write_atomic(&dir.join(name), text.as_bytes())?;

@@ -2,21 +2,24 @@
 //!
 //! Limitations: the files do not contain the kinematic tree (URDF and others do). Viewers of a single file assume y up or
 //! down, but link frames have z up. SPZ is lossy, see [`super::spz`].
+//!
+//! The PLY has the numbers of the link frame. The SPZ has them half a turn about x away, as every converter of the two formats
+//! expects.
 
-use super::spz::write_spz;
+use super::spz::{SpzVersion, write_spz};
 use crate::{FileError, write_splat_ply};
 use artgs_core::Asset;
 use std::path::{Path, PathBuf};
 
 /// Writes `LINK.ply` (3DGS) and `LINK.spz` into `dir` for every link that has Gaussians, in its link frame, metres.
 /// Returns the files in the order of the links.
-pub fn export_splats(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> {
+pub fn export_splats(dir: &Path, asset: &Asset, spz_version: SpzVersion) -> Result<Vec<PathBuf>, FileError> {
     let mut files = Vec::new();
     for link in &asset.links {
         let Some(splats) = link.splats.as_ref().filter(|s| !s.is_empty()) else { continue };
         let [ply, spz] = ["ply", "spz"].map(|extension| dir.join(format!("{}.{extension}", link.name)));
         write_splat_ply(&ply, splats, None, &format!("link {} of {}, z up, metres", link.name, asset.name))?;
-        write_spz(&spz, splats)?;
+        write_spz(&spz, splats, spz_version)?;
         files.extend([ply, spz]);
     }
     Ok(files)
@@ -34,7 +37,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let mut asset = cabinet();
         asset.links[2].splats = None;
-        let files = export_splats(dir.path(), &asset).unwrap();
+        let files = export_splats(dir.path(), &asset, SpzVersion::V4).unwrap();
         let names: Vec<_> = files.iter().map(|f| f.file_name().unwrap().to_str().unwrap()).collect();
         assert_eq!(names, ["base.ply", "base.spz", "part_1.ply", "part_1.spz"]);
         let splats = asset.links[1].splats.clone().unwrap();

@@ -2,7 +2,8 @@
 //!
 //! The root link `world` carries the base on a fixed joint, so the object does not fall. Link frames are joint frames. A
 //! handle is a link without mass and shapes, on a fixed joint to the link that has it. `semantics.txt` has a line per link
-//! as in PartNet-Mobility: its name, its joint (`heavy`, `hinge` or `slider`) and its class.
+//! as in PartNet-Mobility: its name, its joint (`heavy`, `hinge` or `slider`) and its class. Without frames
+//! ([`Frames::None`]) the base is the root, unless its origin is not that of the object; then readers have to fix it.
 //!
 //! Limitations: a screw is a revolute joint with its pitch in a comment; the observed states are in a comment, too. Splats
 //! are not written. A link without texture has its colours in the OBJ, which many loaders ignore; it has no `<material>`,
@@ -12,7 +13,7 @@
 //! equal to the mesh here.
 
 use super::check::{check_asset, sound_inertia};
-use super::format::WriteOptions;
+use super::format::{Frames, WriteOptions};
 use super::meshes::{LinkFiles, write_link_meshes};
 use super::xml::{observed_note, roll_pitch_yaw, row, screw_note, triple};
 use crate::{FileError, write_atomic};
@@ -44,8 +45,9 @@ pub fn export_urdf_with(dir: &Path, asset: &Asset, options: &WriteOptions) -> Re
     let (files, mut written) = write_link_meshes(&dir.join("meshes"), asset)?;
     // PyBullet treats a link of this name as the ground; it warns of any other link without mass.
     let root = Root { name: "world", xyz: asset.links[0].origin, rpy: [0.0; 3] };
+    let root = (options.frames == Frames::All || root.xyz != DVec3::ZERO).then_some(root);
     let folder = options.package.as_ref().map_or("meshes".into(), |package| format!("package://{package}/meshes"));
-    write_atomic(&path, document(asset, &folder, &files, &root).as_bytes())?;
+    write_atomic(&path, document(asset, &folder, &files, root.as_ref()).as_bytes())?;
     let semantics = dir.join("semantics.txt");
     write_atomic(&semantics, semantics_of(asset).as_bytes())?;
     written.insert(0, path);
@@ -53,12 +55,14 @@ pub fn export_urdf_with(dir: &Path, asset: &Asset, options: &WriteOptions) -> Re
     Ok(written)
 }
 
-/// The text, for an asset that passed [`check_asset`].
-pub(super) fn document(asset: &Asset, folder: &str, files: &[LinkFiles], root: &Root) -> String {
+/// The text, for an asset that passed [`check_asset`]. Without `root` the base is the root link.
+pub(super) fn document(asset: &Asset, folder: &str, files: &[LinkFiles], root: Option<&Root>) -> String {
     let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", asset.name);
     // Without this MuJoCo searches the meshes beside the URDF; other readers ignore the element.
     out += "  <mujoco><compiler strippath=\"false\"/></mujoco>\n";
-    let _ = writeln!(out, "  <link name=\"{}\"/>", root.name);
+    if let Some(root) = root {
+        let _ = writeln!(out, "  <link name=\"{}\"/>", root.name);
+    }
     for (link, files) in asset.links.iter().zip(files) {
         write_link(&mut out, link, folder, files);
         link.handles.iter().for_each(|handle| write_handle_link(&mut out, handle));
@@ -69,10 +73,15 @@ pub(super) fn document(asset: &Asset, folder: &str, files: &[LinkFiles], root: &
                 let parent = &asset.links[parent];
                 open_joint(&mut out, kind(joint), &link.name, &parent.name, link.origin - parent.origin, [0.0; 3]);
                 write_motion(&mut out, joint);
+                out += "  </joint>\n";
             }
-            _ => open_joint(&mut out, "fixed", &link.name, root.name, root.xyz, root.rpy),
+            _ => {
+                if let Some(root) = root {
+                    open_joint(&mut out, "fixed", &link.name, root.name, root.xyz, root.rpy);
+                    out += "  </joint>\n";
+                }
+            }
         }
-        out += "  </joint>\n";
         for Handle { name, frame, .. } in &link.handles {
             open_joint(&mut out, "fixed", name, &link.name, frame.translation, roll_pitch_yaw(frame.rotation));
             out += "  </joint>\n";
@@ -180,6 +189,27 @@ mod tests {
         let written = export_urdf(dir.path(), asset).unwrap();
         let text = std::fs::read_to_string(&written[0]).unwrap();
         (dir, written.clone(), urdf_rs::read_file(&written[0]).unwrap(), text)
+    }
+
+    #[test]
+    fn without_frames_every_link_has_a_mass_and_the_base_is_the_root() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut asset = cabinet();
+        let options = WriteOptions { frames: Frames::None, ..WriteOptions::default() };
+        let links = |asset: &Asset| {
+            let files = crate::asset::Format::Urdf.write(dir.path(), asset, &options).unwrap();
+            urdf_rs::read_file(&files[0]).unwrap()
+        };
+        let shift = asset.links[0].origin;
+        asset.links.iter_mut().for_each(|link| link.origin -= shift);
+        let robot = links(&asset);
+        let names: Vec<&str> = robot.links.iter().map(|l| l.name.as_str()).collect();
+        assert_eq!(names, ["base", "part_1", "part_2"]);
+        assert!(robot.links.iter().all(|l| l.inertial.mass.value > 0.0));
+        assert_eq!((robot.joints.len(), robot.joints[0].parent.link.as_str()), (2, "base"));
+        // A base elsewhere keeps the link that says where.
+        asset.links[0].origin = DVec3::X;
+        assert_eq!(links(&asset).links[0].name, "world");
     }
 
     #[test]

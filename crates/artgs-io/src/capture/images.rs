@@ -61,7 +61,7 @@ pub fn capture_of_images(states: PerState<Vec<PosedImage>>, axes: CameraAxes) ->
     let states = PerState::from_fn(|_| views.next().unwrap_or_default());
     check::depth_is_everywhere(&states, &mut warnings);
     check::states_overlap(&states)?;
-    Ok(Capture { states, frames: None, warnings })
+    Ok(Capture { states, warnings, ..Capture::default() })
 }
 
 fn view(image: &PosedImage, axes: CameraAxes, place: &str) -> Result<View, CaptureError> {

@@ -122,8 +122,9 @@ pub fn load_capture_with(dir: &Path, options: &CaptureOptions) -> Result<Capture
     if !options.apart {
         check::states_overlap(&states)?;
     }
-    let frames = write::read_frames(dir)?;
-    Ok(Capture { states, frames, warnings })
+    let mut capture = Capture { states, warnings, ..Capture::default() };
+    write::read_frames(dir, &mut capture)?;
+    Ok(capture)
 }
 
 /// Layout of the folder.

@@ -3,7 +3,7 @@
 use super::pose::opengl_pose;
 use crate::image_io::{write_depth, write_rgba};
 use crate::{FileError, write_atomic};
-use artgs_core::{Capture, DepthMap, PerState, Rigid, State, View};
+use artgs_core::{Capture, DepthMap, FrameError, PerState, Rigid, State, Upward, View};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -17,6 +17,12 @@ const FRAMES_FILE: &str = "frames.json";
 struct Frames {
     /// Motion from the world of each state's recording into the world of the capture.
     frames: PerState<Rigid>,
+    /// What these motions leave.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    frame_errors: Option<PerState<FrameError>>,
+    /// Which way is up.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    up: Option<Upward>,
 }
 
 /// Writes the training and held-out views of a capture into `dir`. [`load_capture`](super::load_capture) reads the same
@@ -45,20 +51,26 @@ pub fn write_capture(dir: &Path, capture: &Capture) -> Result<(), FileError> {
         }
     }
     match capture.frames {
-        Some(frames) => write_json(&dir.join(FRAMES_FILE), &json!(Frames { frames })),
+        Some(frames) => {
+            let Capture { frame_errors, up, .. } = *capture;
+            write_json(&dir.join(FRAMES_FILE), &json!(Frames { frames, frame_errors, up }))
+        }
         None => Ok(()),
     }
 }
 
-/// Motions from the worlds of recordings into the world of the capture; none if the folder does not state them.
-pub(super) fn read_frames(dir: &Path) -> Result<Option<PerState<Rigid>>, FileError> {
+/// Reads the motions from the worlds of recordings into the world of the capture, and what is known of that, into a capture;
+/// nothing if the folder does not state them.
+pub(super) fn read_frames(dir: &Path, capture: &mut Capture) -> Result<(), FileError> {
     let path = dir.join(FRAMES_FILE);
     if !path.is_file() {
-        return Ok(None);
+        return Ok(());
     }
     let bytes = std::fs::read(&path).map_err(|source| FileError::Read { path: path.clone(), source })?;
     let read = serde_json::from_slice::<Frames>(&bytes);
-    Ok(Some(read.map_err(|e| FileError::malformed(&path, e.to_string()))?.frames))
+    let Frames { frames, frame_errors, up } = read.map_err(|e| FileError::malformed(&path, e.to_string()))?;
+    (capture.frames, capture.frame_errors, capture.up) = (Some(frames), frame_errors, up);
+    Ok(())
 }
 
 fn write_json(path: &Path, value: &Value) -> Result<(), FileError> {
@@ -117,10 +129,18 @@ mod tests {
         let views = || StateViews { train: (0..3).map(view).collect(), test: Vec::new() };
         let turn = Rigid::about(DVec3::Y, DVec3::X, 0.4);
         let frames = Some(PerState::new(Rigid::IDENTITY, turn));
-        let capture = Capture { states: PerState::new(views(), views()), frames, warnings: Vec::new() };
+        let error = |shift| FrameError { shift, turn: 0.002 };
+        let up = Upward { direction: DVec3::X, source: artgs_core::UpSource::Floor, confidence: 0.9 };
+        let capture = Capture {
+            states: PerState::new(views(), views()),
+            frames,
+            frame_errors: Some(PerState::new(error(0.01), error(0.02))),
+            up: Some(up),
+            warnings: Vec::new(),
+        };
         write_capture(dir.path(), &capture).unwrap();
         let read = load_capture(dir.path()).unwrap();
-        assert_eq!(read.frames, capture.frames);
+        assert_eq!((read.frames, read.frame_errors, read.up), (capture.frames, capture.frame_errors, capture.up));
         for (a, b) in capture.states.iter().zip(read.states.iter()) {
             assert_eq!(b.train.len(), 3);
             for (a, b) in a.train.iter().zip(&b.train) {

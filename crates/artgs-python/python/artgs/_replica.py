@@ -185,7 +185,7 @@ class Replica:
         name: str | None = None,
         capture: PathLike | None = None,
         scale: float | None = None,
-        up: Literal["z", "y"] | None = None,
+        up: str | None = None,
         front: str | None = None,
         mass: float | None = None,
         density: float | Mapping[str, float] | None = None,

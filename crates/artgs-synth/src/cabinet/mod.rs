@@ -37,11 +37,16 @@ pub struct CabinetOptions {
     pub depth_noise: f64,
     /// Principal point minus image centre, pixels.
     pub principal_offset: [f64; 2],
+    /// Angle by which the cabinet leans back, radians, within a quarter of a turn; 0: it stands upright, +Z up.
+    pub lean: f64,
 }
+
+/// Lean of the cabinet by default: no axis of a joint is an axis of the frame.
+const LEAN: f64 = 4.0 * std::f64::consts::PI / 180.0;
 
 impl Default for CabinetOptions {
     fn default() -> Self {
-        Self { views: 40, test_views: 8, size: 200, seed: 0, depth_noise: 0.0, principal_offset: [0.0; 2] }
+        Self { views: 40, test_views: 8, size: 200, seed: 0, depth_noise: 0.0, principal_offset: [0.0; 2], lean: LEAN }
     }
 }
 
@@ -55,6 +60,9 @@ impl CabinetOptions {
             () if !(16..=4096).contains(&self.size) => Err(SynthError::Options("`size` must be 16 to 4096 pixels")),
             () if !(0.0..1.0).contains(&self.depth_noise) => {
                 Err(SynthError::Options("`depth_noise` must be in [0, 1)"))
+            }
+            () if !(self.lean.abs() <= std::f64::consts::FRAC_PI_2) => {
+                Err(SynthError::Options("`lean` must be within a quarter of a turn"))
             }
             () if !offsets => {
                 Err(SynthError::Options("`principal_offset` must leave the principal point in the image"))
@@ -79,7 +87,7 @@ const DISTANCE: f64 = 2.5;
 /// Renders the capture of the cabinet. Depth is rounded as in the files, so that the capture equals the one read from them.
 pub fn cabinet_capture(options: &CabinetOptions) -> Result<(Capture, Cabinet), SynthError> {
     options.check()?;
-    let cabinet = Cabinet::new(options.seed);
+    let cabinet = Cabinet::leaning(options.seed, options.lean);
     let mut capture = Capture::default();
     for state in State::ALL {
         let views = |split: usize, count: usize| render_views(&cabinet, options, state, split, count);

@@ -83,8 +83,13 @@ const LID: f64 = FRONT - 0.002;
 impl Cabinet {
     /// The cabinet; `seed` varies its textures only.
     pub fn new(seed: u64) -> Self {
+        Self::leaning(seed, super::LEAN)
+    }
+
+    /// The same, leaning back by this angle, radians.
+    pub fn leaning(seed: u64, angle: f64) -> Self {
         let turn = Rigid::about(DVec3::Z, DVec3::ZERO, 25_f64.to_radians());
-        let lean = Rigid::about(DVec3::X, DVec3::ZERO, 4_f64.to_radians());
+        let lean = Rigid::about(DVec3::X, DVec3::ZERO, angle);
         let placement = Rigid::shift(DVec3::new(0.35, -0.2, 0.6)) * turn * lean;
         let hinge = Joint {
             kind: JointKind::Revolute,

@@ -4,7 +4,7 @@ use artgs_core::{
     Alternative, Asset, AssetJoint, AssetLink, Camera, Inertial, Intrinsics, Joint, JointAlternative, JointKind, Mesh,
     PerState, Replica, Rigid, Splats, State, Texture, TexturedMesh,
 };
-use artgs_io::asset::{export_urdf, splats::export_splats};
+use artgs_io::asset::{SpzVersion, export_urdf, splats::export_splats};
 use artgs_view::{CameraView, Cloud, FoundJoint, Page, Placement, SceneBox};
 use glam::DVec3;
 use std::path::Path;
@@ -136,7 +136,7 @@ pub(crate) fn write_replica_folder(out: &Path) {
     }
     artgs_io::write_replica(out, &replica).unwrap();
     export_urdf(&out.join("exports/urdf"), &asset).unwrap();
-    export_splats(&out.join("exports/splats"), &asset).unwrap();
+    export_splats(&out.join("exports/splats"), &asset, SpzVersion::default()).unwrap();
     let notes = br#"{"links": [{"name": "door", "watertight": true}, {"name": "drawer", "watertight": false}]}"#;
     artgs_io::write_atomic(&out.join("exports/export.json"), notes).unwrap();
     let metrics = r#"{"parts": 4, "gaussians": 3000,

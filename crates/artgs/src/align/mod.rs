@@ -22,6 +22,8 @@ pub(crate) mod global;
 mod object;
 mod planes;
 mod refine;
+mod upward;
+mod world;
 
 pub use bounds::{BoxError, ObjectBox};
 pub use bundle::BundleConfig;
@@ -37,7 +39,7 @@ pub use object::ObjectConfig;
 pub use planes::{Plane, PlaneConfig};
 
 use crate::observer::Share;
-use artgs_core::{Capture, PerState, Recording, Rigid, State, StateViews};
+use artgs_core::{Capture, FrameError, PerState, Recording, Rigid, State, StateViews, Upward};
 use bundle::BundleReport;
 use extract::StateFrames;
 use frames::DepthFrame;
@@ -187,7 +189,8 @@ const POSES: f64 = 0.8;
 /// What the stage found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AlignReport {
-    /// Motion from the world of each recording into the world of the start recording.
+    /// Motion from the stated world of each recording into the world of the capture, which is that of the start recording
+    /// after its poses were refined.
     pub frames: PerState<Rigid>,
     /// Median distance between surfaces of different frames before and after poses were refined, scene units.
     pub disagreement: PerState<[f64; 2]>,
@@ -213,8 +216,12 @@ pub struct AlignReport {
     pub planes: Vec<Plane>,
     /// Frames that show the object, of each state.
     pub views: PerState<usize>,
-    /// Upward direction in the world of the start recording; stated by the device, or the normal of the largest plane.
+    /// Upward direction in the world of the capture; none if it is not certain.
     pub up: Option<DVec3>,
+    /// The same with its source and certainty, also where it is not certain.
+    pub upward: Upward,
+    /// What `frames` leaves, because the poses of each recording were refined one by one.
+    pub frame_errors: PerState<FrameError>,
 }
 
 /// Aligns two recordings and selects the object. The capture is in the world of the start recording and in its unit.
@@ -329,9 +336,14 @@ pub(crate) fn cut_out(
         return Err(AlignError::NoViews(state.name()));
     }
     let warnings = recordings.iter().flat_map(|r| r.warnings.iter().cloned()).collect();
-    let to_start = PerState::new(Rigid::IDENTITY, end_motion(recordings, &frames, &best.motion));
+    let bystanders = bystander::find(&frames, &selection, unit, config);
+    let (to_start, frame_errors) = motions_of_worlds(recordings, &frames);
     let states = views.map(|train| StateViews { train, test: Vec::new() });
-    let capture = Capture { states, frames: Some(to_start), warnings };
+    let metric = recordings.iter().all(|r| r.metric);
+    let poses: Vec<Rigid> = all.iter().map(|frame| frame.pose()).collect();
+    let upward = upward::upward(up, &selection.planes, &poses, metric);
+    let frames = Some(to_start);
+    let capture = Capture { states, frames, frame_errors: Some(frame_errors), up: Some(upward), warnings };
     let report = AlignReport {
         frames: to_start,
         disagreement,
@@ -341,10 +353,12 @@ pub(crate) fn cut_out(
         object,
         left_out: selection.left_out(),
         given: given.copied(),
-        bystanders: bystander::find(&frames, &selection, unit, config),
+        bystanders,
         attention: selection.attention,
         other_attention: selection.runner_up,
-        up: up.or(selection.planes.first().map(|p| p.normal)),
+        up: Some(upward.direction).filter(|_| upward.is_certain()),
+        upward,
+        frame_errors,
         planes: selection.planes,
         views: capture.states.as_ref().map(|s| s.train.len()),
     };
@@ -447,10 +461,16 @@ fn register_jointly(
     (PerState::new(joint, end), report)
 }
 
-/// Mean motion from the stated poses of the end recording to the refined ones.
-fn end_motion(recordings: &PerState<Recording>, frames: &PerState<Vec<DepthFrame>>, near: &Rigid) -> Rigid {
-    let stated = recordings[State::END].frames.iter().map(|f| f.view.camera.world_to_camera.inverse());
-    mean_motion(&stated.collect::<Vec<_>>(), &frames[State::END], near)
+/// Motion from the stated world of each recording into that of the refined frames, and what it leaves.
+fn motions_of_worlds(
+    recordings: &PerState<Recording>,
+    frames: &PerState<Vec<DepthFrame>>,
+) -> (PerState<Rigid>, PerState<FrameError>) {
+    let found = PerState::from_fn(|state| {
+        let stated = recordings[state].frames.iter().map(|f| f.view.camera.world_to_camera.inverse());
+        world::motion(&world::cameras(stated, &frames[state]))
+    });
+    (found.as_ref().map(|f| f.0), found.map(|f| f.1))
 }
 
 /// Mean motion from stated poses (camera to world) to those of frames, which is close to `near`.

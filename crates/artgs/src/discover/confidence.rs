@@ -106,15 +106,16 @@ impl ConfidenceSettings {
         }
     }
 
-    /// The best different joint of an uncertain part.
+    /// The best different joint of an uncertain part; `parts` is the number of movable parts.
     pub(super) fn alternatives(
         &self,
         part: &JointEstimate,
         support: &Support,
+        parts: usize,
         pool: &[Candidate],
     ) -> Vec<JointAlternative> {
         let uncertain = part.confidence.unwrap_or(0.0) < self.uncertain || support.margin < self.least_margin;
-        let Some(rival) = support.rival.filter(|_| uncertain) else { return Vec::new() };
+        let Some(rival) = support.other_joint.filter(|_| uncertain) else { return Vec::new() };
         let turns = pool[rival].motion.angle().to_degrees() > self.turn_deg;
         let kind = if turns { JointKind::Revolute } else { JointKind::Prismatic };
         let joint = Joint::from_motion(kind, &pool[rival].motion);
@@ -126,12 +127,12 @@ impl ConfidenceSettings {
             }
             _ => format!("it turns about ({x}, {y}, {z}) by {:.0} degrees", amount.angle().to_degrees()),
         };
-        let advice = self.advice(support).into();
-        vec![JointAlternative { kind, motion: amount, cost: support.margin.max(0.0), what, advice }]
+        let advice = self.advice(support, parts).into();
+        vec![JointAlternative { kind, motion: amount, cost: support.other_margin.max(0.0), what, advice }]
     }
 
     /// Which further capture would decide between the joints.
-    fn advice(&self, support: &Support) -> &'static str {
+    fn advice(&self, support: &Support, parts: usize) -> &'static str {
         /// Points that moved less say little, spacings.
         const SMALL_MOTION: f64 = 4.0;
         /// Fewer moved points are hardly a part.
@@ -142,8 +143,10 @@ impl ConfidenceSettings {
             "A state in which this part is opened further would decide it"
         } else if support.stiffness < 0.5 * self.most_stiffness {
             "Photos that show the edges and sides of this part in both states would decide it"
-        } else {
+        } else if parts > 1 {
             "A capture in which only this part moves would decide it"
+        } else {
+            "A state in which this part is opened by another amount would decide it"
         }
     }
 }
@@ -166,6 +169,8 @@ mod tests {
             exclusive: 0.3,
             cost: 0.08,
             margin: 0.2,
+            other_joint: Some(0),
+            other_margin: 0.2,
             rival: Some(0),
             fair_rival: None,
             stiffness: 0.2,
@@ -219,10 +224,16 @@ mod tests {
         }];
         let part =
             |c| JointEstimate { confidence: Some(c), ..JointEstimate::new(JointKind::Revolute, Rigid::IDENTITY) };
-        assert!(settings.alternatives(&part(0.95), &sure(), &pool).is_empty());
-        let found = settings.alternatives(&part(0.3), &Support { shift: 1.0, ..sure() }, &pool);
+        assert!(settings.alternatives(&part(0.95), &sure(), 1, &pool).is_empty());
+        let found = settings.alternatives(&part(0.3), &Support { shift: 1.0, ..sure() }, 1, &pool);
         assert_eq!(found[0].kind, JointKind::Prismatic);
         assert!(found[0].what.contains("slides along (1.00, 0.00, 0.00) by 0.250"), "{}", found[0].what);
         assert!(found[0].advice.contains("opened further"));
+        // What would decide fits the number of parts.
+        let advice = |parts| settings.alternatives(&part(0.3), &sure(), parts, &pool)[0].advice.clone();
+        assert!(advice(2).contains("only this part moves") && advice(1).contains("by another amount"));
+        // The same joint, a little turned, is no other one.
+        let alone = Support { other_joint: None, other_margin: 1.0, ..sure() };
+        assert!(settings.alternatives(&part(0.3), &alone, 1, &pool).is_empty());
     }
 }

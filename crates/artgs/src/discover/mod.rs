@@ -66,6 +66,7 @@ mod ranking;
 mod refinement;
 pub(crate) mod registration;
 mod relief;
+mod same_joint;
 pub(crate) mod scene;
 mod screws;
 pub(crate) mod segmentation;
@@ -475,7 +476,8 @@ impl Evidence {
         {
             parts.iter_mut().for_each(|part| settings.confidence.doubt_across(part, front));
         }
-        let others = parts.iter().zip(&support).map(|(part, s)| settings.confidence.alternatives(part, s, pool));
+        let others =
+            parts.iter().zip(&support).map(|(part, s)| settings.confidence.alternatives(part, s, parts.len(), pool));
         let alternatives = others.collect();
         warnings.extend(settings.diagnosis.warnings(scene, &labels, &self.moved, &parts));
         Discovery { labels, parts, alternatives, support, warnings, ..without_parts(scene) }

@@ -7,6 +7,7 @@ use super::known::KnownSamples;
 use super::landing::{Landing, StatePair};
 use super::refinement::points_of_part;
 use super::registration::{Matching, stiffness};
+use super::same_joint::ComparedPart;
 use super::scene::Scene;
 use super::segmentation::LabelCosts;
 use super::visibility::Occupancy;
@@ -33,6 +34,8 @@ pub(crate) struct SupportSettings {
     pub(crate) fall: f32,
     /// Motions that take the part's points to places closer than this are the same, spacings.
     pub(crate) same: f32,
+    /// Motions that turn less are slides, degrees.
+    pub(crate) turn_deg: f64,
     /// Costs of landings.
     pub(crate) costs: LabelCosts,
 }
@@ -49,6 +52,7 @@ impl Default for SupportSettings {
             explained: 0.35,
             fall: 0.5,
             same: 4.0,
+            turn_deg: 3.0,
             costs,
         }
     }
@@ -73,6 +77,13 @@ pub struct Support {
     pub margin: f64,
     /// Index of that motion among the candidates.
     pub rival: Option<usize>,
+    /// The same of the best motion of another joint: of another type, or with an axis, a place or a motion that differs by more than
+    /// a correct joint may. 1 if there is none.
+    #[serde(default)]
+    pub other_margin: f64,
+    /// Index of that motion among the candidates.
+    #[serde(default)]
+    pub other_joint: Option<usize>,
     /// The same of the best different motion if landing on another part counts as landing in empty space: two bodies are not in one
     /// place.
     #[serde(default)]
@@ -219,14 +230,19 @@ impl SupportSettings {
         out.contested /= (out.contested + onto_own).max(1.0);
         out.cost = mean(costs[k]);
         let plausible = |c: usize| f64::from(pool[c].implausibility);
-        let best = |costs: &[f64]| {
-            let different = (0..pool.len()).filter(|c| farthest[count + c] > same);
+        let best = |costs: &[f64], wanted: &dyn Fn(usize) -> bool| {
+            let different = (0..pool.len()).filter(|c| farthest[count + c] > same && wanted(*c));
             different.map(|c| (mean(costs[count + c]) + plausible(c), c)).min_by(|a, b| a.0.total_cmp(&b.0))
         };
-        let rival = best(&costs);
-        out.fair_rival = best(&fair_costs).map(|r| r.1);
+        let extent = (upper - lower).max(Vec3::ZERO).length().into();
+        let part = ComparedPart { middle: (0.5 * (lower + upper)).as_dvec3(), size: extent, turn_deg: self.turn_deg };
+        let other = best(&costs, &|c| !part.is_same_joint(&own, &pool[c].motion));
+        out.fair_rival = best(&fair_costs, &|_| true).map(|r| r.1);
+        let rival = best(&costs, &|_| true);
         out.margin = rival.map_or(1.0, |r| r.0 - out.cost);
         out.rival = rival.map(|r| r.1);
+        out.other_margin = other.map_or(1.0, |r| r.0 - out.cost);
+        out.other_joint = other.map(|r| r.1);
         out.shift = mean(shift) / spacing;
         out.size = f64::from((upper - lower).max(Vec3::ZERO).length()) / spacing;
         out.residual = parts[k].rms.unwrap_or(0.0) / f64::from(scene.tolerance);

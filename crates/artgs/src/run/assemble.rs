@@ -43,7 +43,8 @@ impl Run<'_> {
                     Preview::new(capture, trained, &fitted.parts, rotate)
                 });
                 let mut replica = replica(&fitted.parts, points.as_ref(), &meshes);
-                replica.frames = capture.frames;
+                (replica.frames, replica.frame_errors) = (capture.frames, capture.frame_errors);
+                replica.up = capture.up;
                 let result = Reconstructed {
                     replica,
                     meshes,
