@@ -225,7 +225,7 @@ impl Replica {
         if self.version != REPLICA_VERSION {
             return Err(ReplicaError::Version(self.version));
         }
-        if self.up.is_some_and(|up| !((up.direction.length() - 1.0).abs() < 1e-6)) {
+        if self.up.is_some_and(|up| !up.direction.is_normalized()) {
             return Err(ReplicaError::Up);
         }
         for (index, part) in self.parts.iter().enumerate() {

@@ -61,7 +61,7 @@ pub(super) fn incomplete(path: &Path) -> Option<String> {
             (false, true, _) => "cameras",
             _ => return None,
         };
-        let shown = dir.strip_prefix(path).ok().filter(|p| p.as_os_str().len() > 0);
+        let shown = dir.strip_prefix(path).ok().filter(|p| !p.as_os_str().is_empty());
         let place = shown.map_or("here".into(), |p| format!("in {}", p.display()));
         Some(format!(
             "the COLMAP model {place} lacks {missing}.txt or {missing}.bin; copy it there, or export the model again"

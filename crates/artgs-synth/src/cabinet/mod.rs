@@ -61,7 +61,7 @@ impl CabinetOptions {
             () if !(0.0..1.0).contains(&self.depth_noise) => {
                 Err(SynthError::Options("`depth_noise` must be in [0, 1)"))
             }
-            () if !(self.lean.abs() <= std::f64::consts::FRAC_PI_2) => {
+            () if self.lean.is_nan() || self.lean.abs() > std::f64::consts::FRAC_PI_2 => {
                 Err(SynthError::Options("`lean` must be within a quarter of a turn"))
             }
             () if !offsets => {

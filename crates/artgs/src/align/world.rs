@@ -53,7 +53,7 @@ fn best_motion(pairs: &[(DVec3, DVec3)]) -> Option<Rigid> {
     let (u, v_t) = (svd.u?, svd.v_t?);
     let mut sizes: Vec<f64> = svd.singular_values.iter().copied().collect();
     sizes.sort_by(f64::total_cmp);
-    if pairs.len() < 3 || !(sizes[1] > APART * sizes[2]) {
+    if pairs.len() < 3 || sizes[1].is_nan() || sizes[1] <= APART * sizes[2] {
         return None;
     }
     // A reflection would fit some planar points as well: the smallest direction is turned instead.
