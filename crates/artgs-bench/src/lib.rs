@@ -22,6 +22,7 @@ mod plots;
 pub mod population;
 mod record;
 mod report;
+pub mod stages;
 mod stats;
 mod table;
 mod tables;

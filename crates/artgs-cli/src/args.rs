@@ -521,6 +521,9 @@ pub(crate) struct Bench {
     /// Share of the published steps that variants of the paper make, above 0 and at most 1
     #[arg(long, value_name = "SHARE", value_parser = share)]
     pub(crate) schedule: Option<f64>,
+    /// Measure every stage of runs with --preset paper against the ground truth: `stages.md` and `stages.html` in DIR
+    #[arg(long)]
+    pub(crate) stages: bool,
     /// Weights of LPIPS, to score pictures with it
     #[arg(long, value_name = "FILE")]
     pub(crate) lpips: Option<PathBuf>,

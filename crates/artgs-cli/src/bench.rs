@@ -13,8 +13,8 @@ use anyhow::{Context, anyhow};
 use artgs::Config;
 use artgs::evaluate::Lpips;
 use artgs_bench::{
-    Circumstances, Collected, Event, Files, Finished, Item, Options, Outcome, RunName, Tools, Variant, counted,
-    items_of_folder, measure, paper,
+    Circumstances, Collected, Event, Files, Finished, Item, Options, Outcome, RunName, Source, Tools, Variant, counted,
+    items_of_folder, measure, paper, stages::measure_stages,
 };
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -41,6 +41,9 @@ pub(crate) fn run(args: &Bench, style: Style) -> Result<(), Failure> {
     let Finished { records, missing } = finished;
     let all = Collected::new(&items, &variants, records);
     let files = artgs_bench::write_report(&args.out, &all, &circumstances(args)).map_err(anyhow::Error::from)?;
+    if args.stages {
+        write_stages(args, &items, &all, style)?;
+    }
     conclude(&all, &files, style)?;
     if missing > 0 {
         let more = format!("interrupted with {} left; the same command continues", counted(missing, "run"));
@@ -48,6 +51,29 @@ pub(crate) fn run(args: &Bench, style: Style) -> Result<(), Failure> {
     }
     if all.records.iter().all(|r| r.measured().is_none()) {
         return Err(Failure::Failed(anyhow!("every run failed; {} lists the reasons", files.markdown.display())));
+    }
+    Ok(())
+}
+
+/// Measures the stages of all runs of the published method, and says which runs have none.
+fn write_stages(args: &Bench, items: &[Item], all: &Collected, style: Style) -> Result<(), Failure> {
+    let mut runs = Vec::new();
+    for record in all.records.iter().filter(|r| r.measured().is_some() && r.settings.preset == "paper") {
+        let name = format!("{} {} seed {}", record.variant, record.object, record.seed);
+        let Some(item) = items.iter().find(|i| i.name == record.object) else { continue };
+        let capture = match &item.source {
+            Source::Folder(path) => path.clone(),
+            Source::Procedural { .. } => args.out.join("captures").join(&item.name),
+        };
+        match measure_stages(&args.out.join(&record.folder), &capture) {
+            Ok(measures) => runs.push((name, measures)),
+            Err(why) if !style.quiet => drop(writeln!(io::stderr(), "{name}: {why}")),
+            Err(_) => {}
+        }
+    }
+    let page = artgs_bench::stages::write_stages(&args.out, &process::line(), &runs).map_err(anyhow::Error::from)?;
+    if !style.quiet && !style.json {
+        say(format!("measures of the stages of {} in {}", counted(runs.len(), "run"), page.display()))?;
     }
     Ok(())
 }
@@ -133,6 +159,11 @@ fn items(args: &Bench) -> Result<Vec<Item>, Failure> {
         }
     }
     let as_they_are = views.is_empty() && size.is_empty() && noise.is_empty();
+    if args.stages && !args.variants.iter().any(|v| v.starts_with("paper")) {
+        return Err(Failure::bad(
+            "--stages is for variants of the paper, of which there is none here: add --variants paper",
+        ));
+    }
     if args.schedule.is_some() && !args.variants.iter().any(|v| v.starts_with("paper")) {
         return Err(Failure::bad("--schedule is for variants of the paper, of which there is none here"));
     }

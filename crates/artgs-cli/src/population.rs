@@ -64,6 +64,7 @@ fn options(args: &Bench) -> Result<Options, Failure> {
         ("--noise", !args.noise.is_empty()),
         ("--photo-seed", args.photo_seed.is_some()),
         ("--schedule", args.schedule.is_some()),
+        ("--stages", args.stages),
         ("--lpips", args.lpips.is_some()),
         ("--same-object", !args.same_object.is_empty()),
         ("--stand-in", !args.stand_in.is_empty()),

@@ -152,6 +152,11 @@ impl RunFolder {
         self.stage("joints.json")
     }
 
+    /// What each stage of the published method decided.
+    pub fn published_trace(&self) -> PathBuf {
+        self.stage("published.json")
+    }
+
     /// Seconds that each stage took when it was computed.
     pub fn stage_times(&self) -> PathBuf {
         self.stage(TIMES)

@@ -4,7 +4,7 @@ use super::CanonicalError;
 use super::cluster::{ClusterConfig, spectral_clusters};
 use super::fps::farthest_points;
 use super::matching::match_points;
-use super::motion::{StaticRule, analyse};
+use super::motion::{MotionAnalysis, StaticRule, analyse};
 use super::uninformed::{random_centres, random_gaussians};
 use crate::fit::RandomInit;
 use artgs_core::{PerState, Splats, State};
@@ -38,6 +38,18 @@ pub enum CentreSource {
     Random,
 }
 
+/// Gaussians of which states make part centres.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CentreStates {
+    /// Those that moved, of both states. A part that closes while others open shows in one state only, and the mean of
+    /// both states is near the canonical place, which lies midway.
+    #[default]
+    Both,
+    /// Those of the state with more motion, as published.
+    One,
+}
+
 /// Settings of the canonical start. Defaults follow the published code, save for quaternions and clustering.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -48,6 +60,11 @@ pub struct CanonicalConfig {
     pub random: RandomInit,
     /// Part centres.
     pub centres: CentreSource,
+    /// Where `centres = "moved"` looks for what moved.
+    pub centre_states: CentreStates,
+    /// Cluster lengths as they are, as published; otherwise half the longest side of the object counts as 1, which is about the
+    /// size of the paper's objects.
+    pub scene_units: bool,
     /// Most pairs of Gaussians that are matched and averaged.
     pub max_matched: usize,
     /// Which Gaussians are copied as static.
@@ -69,6 +86,8 @@ impl Default for CanonicalConfig {
             start: CanonicalStart::Matched,
             random: RandomInit::default(),
             centres: CentreSource::Moved,
+            centre_states: CentreStates::Both,
+            scene_units: false,
             max_matched: 5000,
             static_rule: StaticRule::default(),
             centre_ratio: None,
@@ -80,7 +99,7 @@ impl Default for CanonicalConfig {
 }
 
 impl CanonicalConfig {
-    /// As published.
+    /// As published, but for the states and the unit of centres.
     pub fn paper() -> Self {
         Self { align_quaternions: false, cluster: ClusterConfig::paper(), ..Self::default() }
     }
@@ -99,8 +118,13 @@ pub struct Canonical {
     pub more_motion_state: State,
     /// All centres of each state's Gaussians, targets for the warped canonical ones.
     pub cd_targets: PerState<Vec<[f32; 3]>>,
-    /// Gaussians of that state in movable parts: index and part (1..K); none where centres are random.
-    pub movable_clusters: Vec<(usize, u16)>,
+    /// Positions of the matched Gaussians at start and end; none where the start is random.
+    pub pairs: Vec<[[f32; 3]; 2]>,
+    /// Gaussians of that state that were copied as static, by index.
+    pub copied: Vec<usize>,
+    /// Gaussians of each state in movable parts: index and part (1..K); none where centres are random, or of a state that was
+    /// not looked at.
+    pub movable_clusters: PerState<Vec<(usize, u16)>>,
 }
 
 /// Builds the canonical start for `parts` parts, the static one included.
@@ -115,50 +139,72 @@ pub(crate) fn canonical_init(
     let state = motion.more_motion_state;
     let (distances, source) = (&motion.squared_distances[state], &single[state]);
 
-    let splats = match config.start {
-        CanonicalStart::Random => random_gaussians(single, &config.random, rng)?,
+    let (splats, pairs, copied) = match config.start {
+        CanonicalStart::Random => (random_gaussians(single, &config.random, rng)?, Vec::new(), Vec::new()),
         CanonicalStart::Matched => {
             let fixed = config.static_rule.mask(distances);
-            let mut splats = source.select((0..source.len()).filter(|&i| fixed[i]));
-            let middle = midpoints(single, config);
+            let copied: Vec<usize> = (0..source.len()).filter(|&i| fixed[i]).collect();
+            let mut splats = source.select(copied.iter().copied());
+            let (middle, pairs) = midpoints(single, config);
             splats.extend_from(&middle, 0..middle.len());
-            splats
+            (splats, pairs, copied)
         }
     };
     let clusters = match config.centres {
-        CentreSource::Moved => moved_clusters(source, distances, parts, config, rng)?,
-        CentreSource::All => all_clusters(source, parts, config, rng)?,
-        CentreSource::Random => Vec::new(),
+        CentreSource::Moved => moved_clusters(single, &motion, parts, config, rng)?,
+        CentreSource::All => {
+            let mut clusters = PerState::default();
+            clusters[state] = all_clusters(source, parts, config, rng)?;
+            clusters
+        }
+        CentreSource::Random => PerState::default(),
     };
     let (centres, radii) = match config.centres {
         CentreSource::Random => random_centres(single, parts, rng),
-        _ => balls(source, &clusters, parts, config.radius_factor),
+        _ => balls(single, state, &clusters, parts, config.radius_factor),
     };
-    let movable_clusters = clusters.into_iter().enumerate().filter(|(_, part)| *part > 0).collect();
+    let movable = |of: &Vec<u16>| of.iter().copied().enumerate().filter(|(_, part)| *part > 0).collect();
+    let movable_clusters = clusters.as_ref().map(movable);
     let cd_targets = single.as_ref().map(|splats| splats.means.clone());
-    Ok(Canonical { splats, centres, radii, more_motion_state: state, cd_targets, movable_clusters })
+    Ok(Canonical { splats, centres, radii, more_motion_state: state, cd_targets, pairs, copied, movable_clusters })
 }
 
-/// Part of every Gaussian of a state: 0 for those that stayed, clusters of the others.
+/// Part of every Gaussian, per state: 0 for those that stayed, clusters of the others; empty for a state that is not looked at.
 fn moved_clusters(
-    source: &Splats,
-    distances: &[f32],
+    single: &PerState<Splats>,
+    motion: &MotionAnalysis,
     parts: usize,
     config: &CanonicalConfig,
     rng: &mut Pcg64Mcg,
-) -> Result<Vec<u16>, CanonicalError> {
+) -> Result<PerState<Vec<u16>>, CanonicalError> {
     let default_ratio = if parts > 3 { 0.05 } else { config.static_rule.ratio };
     let rule = StaticRule { ratio: config.centre_ratio.unwrap_or(default_ratio), ..config.static_rule };
-    let fixed = rule.mask(distances);
-    let moved: Vec<usize> = (0..source.len()).filter(|&i| !fixed[i]).collect();
+    let wanted = |s: &State| config.centre_states == CentreStates::Both || *s == motion.more_motion_state;
+    let moved: Vec<(State, usize)> = State::ALL
+        .into_iter()
+        .filter(wanted)
+        .flat_map(|s| {
+            let fixed = rule.mask(&motion.squared_distances[s]);
+            (0..fixed.len()).filter(move |&i| !fixed[i]).map(move |i| (s, i))
+        })
+        .collect();
     if moved.len() < parts - 1 {
         return Err(CanonicalError::TooFewPoints { points: moved.len(), clusters: parts - 1 });
     }
-    let points: Vec<[f32; 3]> = moved.iter().map(|&i| source.means[i]).collect();
+    let scale = 1.0 / length_unit(single, config);
+    let points: Vec<[f32; 3]> = moved.iter().map(|&(s, i)| single[s].means[i].map(|c| c * scale)).collect();
     let labels = spectral_clusters(&points, parts - 1, &config.cluster, rng)?;
-    let mut clusters = vec![0; source.len()];
-    moved.iter().zip(&labels).for_each(|(&i, &label)| clusters[i] = label + 1);
+    let mut clusters = PerState::from_fn(|s| if wanted(&s) { vec![0; single[s].len()] } else { Vec::new() });
+    moved.iter().zip(&labels).for_each(|(&(s, i), &label)| clusters[s][i] = label + 1);
     Ok(clusters)
+}
+
+/// Scene units that count as 1 in clustering.
+fn length_unit(single: &PerState<Splats>, config: &CanonicalConfig) -> f32 {
+    if config.scene_units {
+        return 1.0;
+    }
+    0.5 * single.iter().map(|splats| longest_side(&splats.means)).fold(0.0, f32::max)
 }
 
 /// Cluster of every Gaussian of a state, the largest first.
@@ -168,7 +214,9 @@ fn all_clusters(
     config: &CanonicalConfig,
     rng: &mut Pcg64Mcg,
 ) -> Result<Vec<u16>, CanonicalError> {
-    let labels = spectral_clusters(&source.means, parts, &config.cluster, rng)?;
+    let scale = if config.scene_units { 1.0 } else { 2.0 / longest_side(&source.means) };
+    let points: Vec<[f32; 3]> = source.means.iter().map(|p| p.map(|c| c * scale)).collect();
+    let labels = spectral_clusters(&points, parts, &config.cluster, rng)?;
     let mut sizes: Vec<(usize, u16)> = (0..parts as u16).map(|k| (0, k)).collect();
     labels.iter().for_each(|&l| sizes[usize::from(l)].0 += 1);
     sizes.sort_by_key(|&(size, k)| (std::cmp::Reverse(size), k));
@@ -176,13 +224,25 @@ fn all_clusters(
     Ok(labels.iter().map(place).collect())
 }
 
-/// Mean and radius of every part, `[K]`; of a part without members those of everything.
-fn balls(source: &Splats, clusters: &[u16], parts: usize, factor: f32) -> (Vec<[f32; 3]>, Vec<f32>) {
-    let floor = MIN_RADIUS * longest_side(&source.means);
+/// Mean and radius of every part, `[K]`; of a part without members those of everything. The static part is that of one state: in
+/// the other it has the same Gaussians once more.
+fn balls(
+    single: &PerState<Splats>,
+    state: State,
+    clusters: &PerState<Vec<u16>>,
+    parts: usize,
+    factor: f32,
+) -> (Vec<[f32; 3]>, Vec<f32>) {
+    let everything = &single[state].means;
+    let floor = MIN_RADIUS * longest_side(everything);
     let of_part = |part: usize| {
-        let own = source.means.iter().zip(clusters).filter(|(_, c)| usize::from(**c) == part);
-        let members: Vec<[f32; 3]> = own.map(|(p, _)| *p).collect();
-        let (centre, farthest) = ball(if members.is_empty() { &source.means } else { &members });
+        let of_state = |s: State| {
+            let own = single[s].means.iter().zip(&clusters[s]);
+            own.filter(|(_, c)| usize::from(**c) == part).map(|(p, _)| *p).collect::<Vec<_>>()
+        };
+        let states = State::ALL.into_iter().filter(|s| part > 0 || *s == state);
+        let members: Vec<[f32; 3]> = states.flat_map(of_state).collect();
+        let (centre, farthest) = ball(if members.is_empty() { everything } else { &members });
         (centre, (factor * farthest).max(floor))
     };
     (0..parts).map(of_part).unzip()
@@ -207,12 +267,14 @@ fn check(single: &PerState<Splats>, parts: usize) -> Result<(), CanonicalError> 
     Ok(())
 }
 
-/// Thins both states to equally many Gaussians, matches them and averages every raw parameter of the pairs.
-pub(crate) fn midpoints(single: &PerState<Splats>, config: &CanonicalConfig) -> Splats {
+/// Thins both states to equally many Gaussians, matches them and averages every raw parameter of the pairs. Also returns where
+/// the two of each pair are.
+pub(crate) fn midpoints(single: &PerState<Splats>, config: &CanonicalConfig) -> (Splats, Vec<[[f32; 3]; 2]>) {
     let count = single.iter().map(Splats::len).fold(config.max_matched, usize::min);
     let thinned = |splats: &Splats| splats.select(farthest_points(&splats.means, count));
     let (first, second) = (thinned(&single[State::START]), thinned(&single[State::END]));
     let partner = match_points(&first.means, &second.means);
+    let pairs = first.means.iter().zip(&partner).map(|(a, &j)| [*a, second.means[j]]).collect();
     let mut out = first;
     let stride = out.sh_stride();
     for (i, j) in partner.into_iter().enumerate() {
@@ -225,7 +287,7 @@ pub(crate) fn midpoints(single: &PerState<Splats>, config: &CanonicalConfig) -> 
         let sign = if config.align_quaternions && opposed { -1.0 } else { 1.0 };
         average(&mut out.rotations[i], &b.map(|c| sign * c));
     }
-    out
+    (out, pairs)
 }
 
 fn average(a: &mut [f32], b: &[f32]) {
@@ -281,7 +343,7 @@ mod tests {
     #[test]
     fn a_cabinet_gets_its_parts_midpoints_and_targets() {
         let single = cabinet();
-        let config = CanonicalConfig { max_matched: 2000, ..Default::default() };
+        let config = CanonicalConfig { max_matched: 2000, centre_states: CentreStates::One, ..Default::default() };
         let c = canonical_init(&single, 3, &config, &mut Pcg64Mcg::new(1)).unwrap();
         assert_eq!(c.more_motion_state, State::END);
         assert_eq!(c.splats.len(), 2500 + 2000);
@@ -291,16 +353,44 @@ mod tests {
         assert!(c.splats.log_scales[2500..].iter().all(|s| s[0] == 2.0));
         assert!(c.splats.rotations[2500..].iter().all(|q| q[0] == 1.0));
         assert_eq!(c.cd_targets[State::END], single[State::END].means);
-        assert_eq!(c.movable_clusters.len(), 800);
-        let part_of = |i: usize| c.movable_clusters.iter().find(|m| m.0 == i).map(|m| m.1).unwrap();
+        let [start, moved] = State::ALL.map(|s| &c.movable_clusters[s]);
+        assert!(start.is_empty() && moved.len() == 800);
+        let part_of = |i: usize| moved.iter().find(|m| m.0 == i).map(|m| m.1).unwrap();
         let (a, b) = (part_of(2500), part_of(2900));
-        assert!(a != b && c.movable_clusters.iter().all(|m| m.1 == if m.0 < 2900 { a } else { b }));
+        assert!(a != b && moved.iter().all(|m| m.1 == if m.0 < 2900 { a } else { b }));
         for (part, centre) in [(0, [0.49, 0.49, 0.0]), (a.into(), [0.19, 0.19, 0.51]), (b.into(), [0.79, 0.79, 0.51])] {
             let found: [f32; 3] = c.centres[part];
             assert!((0..3).all(|i| (found[i] - centre[i]).abs() < 1e-4), "{part} {found:?}");
         }
         assert!((c.radii[0] - 0.5 * 0.49 * 2f32.sqrt()).abs() < 1e-4);
         assert!((c.radii[1] - 0.5 * 0.19 * 2f32.sqrt()).abs() < 1e-4);
+    }
+
+    /// A plate, a drawer that opens by 0.5 and one that closes by 0.3. Closed, a front is in the plane of the plate.
+    fn opening_and_closing() -> PerState<Splats> {
+        let plate: Vec<[f32; 3]> = (0..2500).map(|i| [(i % 50) as f32 * 0.02, (i / 50) as f32 * 0.02, 0.0]).collect();
+        let at = |a: f32, b: f32| [plate.clone(), sheet(0.0, 0.0, a), sheet(0.6, 0.6, b)].concat();
+        let of = |means| splats(means, [1.0, 0.0, 0.0, 0.0], 1.0);
+        PerState::new(of(at(0.01, 0.31)), of(at(0.51, 0.01)))
+    }
+
+    #[test]
+    fn a_part_that_closes_while_another_opens_has_a_centre() {
+        let single = opening_and_closing();
+        let with = |centre_states, scene_units| {
+            let config = CanonicalConfig { centre_states, scene_units, max_matched: 300, ..CanonicalConfig::paper() };
+            canonical_init(&single, 3, &config, &mut Pcg64Mcg::new(1)).unwrap()
+        };
+        let missed = |c: &Canonical, true_centre: [f32; 3]| {
+            let far = |p: &[f32; 3]| (0..3).map(|a| (p[a] - true_centre[a]).powi(2)).sum::<f32>().sqrt();
+            c.centres[1..].iter().map(far).fold(f32::INFINITY, f32::min)
+        };
+        let places = [[0.19, 0.19, 0.51], [0.79, 0.79, 0.31]];
+        let both = with(CentreStates::Both, false);
+        assert_eq!(State::ALL.map(|s| both.movable_clusters[s].len()), [400, 400]);
+        assert!(places.iter().all(|p| missed(&both, *p) < 1e-3), "{:?}", both.centres);
+        let one = with(CentreStates::One, true);
+        assert!(places.iter().any(|p| missed(&one, *p) > 0.2), "{:?}", one.centres);
     }
 
     #[test]
@@ -329,12 +419,12 @@ mod tests {
         assert_eq!(all.splats, full.splats);
         // What lies far apart is separated without motion too, the largest being static; published clustering is not
         // as lucky and cuts the plate.
-        assert!(all.movable_clusters.len() == 800 && all.centres[0] == full.centres[0]);
+        assert!(all.movable_clusters[State::END].len() == 800 && all.centres[0] == full.centres[0]);
         let cut = with(|c| (c.centres, c.cluster) = (CentreSource::All, ClusterConfig::paper()));
-        assert!(cut.movable_clusters.iter().any(|m| m.0 < 2500) && cut.centres[0] != full.centres[0]);
+        assert!(cut.movable_clusters[State::END].iter().any(|m| m.0 < 2500) && cut.centres[0] != full.centres[0]);
         let drawn = with(|c| c.centres = CentreSource::Random);
         assert_eq!(drawn.splats, full.splats);
-        assert!(drawn.movable_clusters.is_empty());
+        assert!(drawn.movable_clusters.iter().all(Vec::is_empty));
         assert!(drawn.centres.iter().all(|p| (p[0] - 0.49).abs() < 0.03 && (p[1] - 0.49).abs() < 0.03));
         assert!(drawn.centres[0] != drawn.centres[1] && drawn.radii.iter().all(|r| (r - 0.49).abs() < 0.05));
     }
@@ -343,9 +433,9 @@ mod tests {
     fn published_averaging_cancels_opposite_quaternions_and_pairs_stay_midway() {
         let single = cabinet();
         let paper = CanonicalConfig { max_matched: 300, ..CanonicalConfig::paper() };
-        let m = midpoints(&single, &paper);
+        let m = midpoints(&single, &paper).0;
         assert!(m.len() == 300 && m.rotations.iter().all(|q| *q == [0.0; 4]));
-        let whole = midpoints(&single, &CanonicalConfig::default());
+        let (whole, pairs) = midpoints(&single, &CanonicalConfig::default());
         assert_eq!(whole.len(), 3300);
         let moved = whole.means.iter().filter(|p| (p[2] - 0.26).abs() < 1e-6).count();
         assert!(moved > 400, "{moved} midpoints lie half way");

@@ -11,6 +11,9 @@ pub trait Follow {
     /// Steps from here on belong to the stage of this name.
     fn stage(&mut self, _: &'static str) {}
 
+    /// Something worth knowing was decided; one sentence.
+    fn note(&mut self, _message: String) {}
+
     /// True if [`Follow::snapshot`] is to be called before the next step; asked after every step. The device has to give
     /// its state back for that, so ask seldom.
     fn wants_snapshot(&mut self) -> bool {

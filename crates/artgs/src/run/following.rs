@@ -57,6 +57,10 @@ impl Follow for Following<'_> {
         self.stage = name;
     }
 
+    fn note(&mut self, message: String) {
+        self.observer.event(Event::note(message));
+    }
+
     fn wants_snapshot(&mut self) -> bool {
         self.observer.wants_snapshot()
     }

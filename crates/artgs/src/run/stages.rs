@@ -15,7 +15,7 @@ use crate::observer::{Event, Observer, percent, within};
 use crate::registration::{RegistrationError, register_parts};
 use crate::surface::PartMeshes;
 use artgs_core::{DepthMap, JointEstimate, PerState, Splats, State, View};
-use artgs_io::run_folder::RunFolder;
+use artgs_io::run_folder::{RunFolder, save_json};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use std::borrow::Cow;
@@ -303,6 +303,7 @@ impl<'a> Run<'a> {
             let result = paper_pipeline(views, single, parts, &config, seed, devices, &mut follow)?;
             run.summary.device = Some(devices.name());
             let parts = joints_of(&result.trained, config.types.half_angle_deg.to_radians());
+            run.save(|folder| Ok(save_json(&folder.published_trace(), &result.trace)?))?;
             run.save(|folder| checkpoint::save_trained(folder, &result.trained, &parts))?;
             Ok((result.trained, parts))
         })?;

@@ -6,13 +6,16 @@
 //! Settings and learning rates are in [`config`].
 
 pub(crate) mod config;
+mod decisions;
 pub(crate) mod pipeline;
 pub(crate) mod run;
+pub(crate) mod trace;
 pub(crate) mod trained;
 pub(crate) mod types;
 
 pub use config::ArticulateConfig;
 pub use pipeline::{PaperConfig, PaperResult, paper_pipeline};
 pub use run::{SkinStart, Start, articulate};
+pub use trace::{PublishedTrace, TraceSample};
 pub use trained::{Posed, Trained, render_state, render_state_fixed, score_state};
 pub use types::{TypeConfig, predict_types};

@@ -1,9 +1,11 @@
 //! The published method from two separately fitted states on.
 
 use super::config::ArticulateConfig;
+use super::decisions;
 use super::run::articulate;
+use super::trace::{PublishedTrace, Sampling};
 use super::trained::Trained;
-use super::types::{TypeConfig, predict_types, still_start};
+use super::types::{TypeConfig, free_motions, models_of, still_start};
 use crate::articulation::MotionModel;
 use crate::canonical::{CanonicalConfig, canonical_init};
 use crate::fit::{Devices, FitError, Follow};
@@ -38,6 +40,8 @@ pub struct PaperResult {
     pub trained: Trained,
     /// Predicted models of the movable parts, `[K - 1]`.
     pub models: Vec<MotionModel>,
+    /// What each stage decided.
+    pub trace: PublishedTrace,
 }
 
 /// Canonical start, kinds of joints and joint optimisation for `parts` parts, the static one included. `single` are the
@@ -53,11 +57,28 @@ pub fn paper_pipeline(
     follow: &mut dyn Follow,
 ) -> Result<PaperResult, FitError> {
     let canonical = canonical_init(single, parts, &config.canonical, &mut Pcg64Mcg::seed_from_u64(seed))?;
+    let mut trace = PublishedTrace::of_start(&canonical);
+    follow.note(decisions::start(&trace, single));
     follow.stage("types");
-    let models = predict_types(views, &canonical, &config.types, seed, devices, follow)?;
+    let models = match config.types.skip {
+        true => vec![MotionModel::Free; parts - 1],
+        false => {
+            let mut sampling = Sampling::new(&mut *follow);
+            let trained = free_motions(views, &canonical, &config.types, seed, devices, &mut sampling)?;
+            trace.types = sampling.ended(config.types.steps(parts), &trained);
+            models_of(&trained, &config.types)
+        }
+    };
+    trace.turns = models.iter().map(|m| *m != MotionModel::Prismatic).collect();
+    if let Some(message) = decisions::types(&trace, &config.types) {
+        follow.note(message);
+    }
     let start = still_start(&canonical, &models, seed);
     let targets = Some(&canonical.cd_targets);
     follow.stage("articulate");
-    let trained = articulate(views, start, targets, &config.articulate, seed, devices, follow)?;
-    Ok(PaperResult { trained, models })
+    let mut sampling = Sampling::new(&mut *follow);
+    let trained = articulate(views, start, targets, &config.articulate, seed, devices, &mut sampling)?;
+    trace.articulate = sampling.ended(config.articulate.steps, &trained);
+    follow.note(decisions::end(&trained));
+    Ok(PaperResult { trained, models, trace })
 }

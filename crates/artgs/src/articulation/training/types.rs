@@ -2,6 +2,7 @@
 
 use super::config::ArticulateConfig;
 use super::run::{SkinStart, Start, articulate};
+use super::trained::Trained;
 use crate::articulation::{AssignConfig, MotionModel, MotionParameters};
 use crate::canonical::Canonical;
 use crate::fit::{Devices, FitError, Follow, LossConfig};
@@ -46,6 +47,13 @@ impl TypeConfig {
     }
 }
 
+impl TypeConfig {
+    /// Number of steps for `parts` parts, the static one included.
+    pub(super) fn steps(&self, parts: usize) -> usize {
+        if parts > 2 { self.steps_for_many } else { self.train.steps }
+    }
+}
+
 impl Default for TypeConfig {
     fn default() -> Self {
         Self::paper()
@@ -62,19 +70,34 @@ pub fn predict_types(
     devices: &dyn Devices,
     follow: &mut dyn Follow,
 ) -> Result<Vec<MotionModel>, FitError> {
-    let parts = canonical.centres.len();
     if config.skip {
-        return Ok(vec![MotionModel::Free; parts.saturating_sub(1)]);
+        return Ok(vec![MotionModel::Free; canonical.centres.len().saturating_sub(1)]);
     }
-    let steps = if parts > 2 { config.steps_for_many } else { config.train.steps };
-    let train = ArticulateConfig { steps, ..config.train.clone() };
+    Ok(models_of(&free_motions(views, canonical, config, seed, devices, follow)?, config))
+}
+
+/// The training behind [`predict_types`]: all parts have general rigid motions.
+pub(super) fn free_motions(
+    views: PerState<&[View]>,
+    canonical: &Canonical,
+    config: &TypeConfig,
+    seed: u64,
+    devices: &dyn Devices,
+    follow: &mut dyn Follow,
+) -> Result<Trained, FitError> {
+    let parts = canonical.centres.len();
+    let train = ArticulateConfig { steps: config.steps(parts), ..config.train.clone() };
     let start = still_start(canonical, &vec![MotionModel::Free; parts.saturating_sub(1)], seed);
-    let trained = articulate(views, start, None, &train, seed, devices, follow)?;
+    articulate(views, start, None, &train, seed, devices, follow)
+}
+
+/// Models of the movable parts, by how far each turns.
+pub(super) fn models_of(trained: &Trained, config: &TypeConfig) -> Vec<MotionModel> {
     let limit = config.half_angle_deg.to_radians();
     let kind = |joint: &MotionParameters| {
         if joint.half_motion().angle() > limit { MotionModel::Free } else { MotionModel::Prismatic }
     };
-    Ok(trained.joints.iter().map(kind).collect())
+    trained.joints.iter().map(kind).collect()
 }
 
 /// Parts that hardly move yet, assigned by their centres.
