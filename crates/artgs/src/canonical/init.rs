@@ -435,7 +435,7 @@ mod tests {
         let paper = CanonicalConfig { max_matched: 300, ..CanonicalConfig::paper() };
         let m = midpoints(&single, &paper).0;
         assert!(m.len() == 300 && m.rotations.iter().all(|q| *q == [0.0; 4]));
-        let (whole, pairs) = midpoints(&single, &CanonicalConfig::default());
+        let (whole, _) = midpoints(&single, &CanonicalConfig::default());
         assert_eq!(whole.len(), 3300);
         let moved = whole.means.iter().filter(|p| (p[2] - 0.26).abs() < 1e-6).count();
         assert!(moved > 400, "{moved} midpoints lie half way");

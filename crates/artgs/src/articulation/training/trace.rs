@@ -171,7 +171,7 @@ mod tests {
         assert_eq!((sample.step, sample.gaussians), (7, 5000));
         assert_eq!(sample.points.len(), 834);
         for (p, label) in sample.points.iter().zip(&sample.labels) {
-            assert!(p[0] as usize % 2 == 0 && p[0] as usize % 3 == usize::from(*label));
+            assert!((p[0] as usize).is_multiple_of(2) && p[0] as usize % 3 == usize::from(*label));
         }
         assert_eq!(sample.half_angles_deg(), [0.0]);
         let text = serde_json::to_string(&sample).unwrap();
