@@ -78,8 +78,11 @@ mod tests {
                 Rigid::about(DVec3::Y, DVec3::new(0.3, 1.2, 2.5), angle) * Rigid::shift(DVec3::new(0.3, 1.2, 0.0));
             let points = (0..25).map(|k| DVec3::new(0.3 * (k % 5) as f64 - 0.6, 0.25 * (k / 5) as f64 - 0.5, 2.5));
             let wave = |k: f64| (i as f64 * k).sin();
-            let shake =
-                Rigid::about(DVec3::new(wave(1.3), wave(2.1), wave(0.7)).normalize(), DVec3::ZERO, jitter * wave(3.7));
+            let shake = Rigid::about(
+                DVec3::new(wave(1.3), wave(2.1), wave(0.7)).normalize_or(DVec3::X),
+                DVec3::ZERO,
+                jitter * wave(3.7),
+            );
             MovedCamera { stated, refined: known * stated * shake, points: points.collect() }
         };
         (0..20).map(camera).collect()

@@ -1,13 +1,11 @@
 //! What contradicts an explanation: surface that the found motions take to where the other state shows empty space. A place that
 //! the other state hides says nothing.
 
-use super::cloud::surface_points;
 use super::scene::Scene;
 use super::visibility::{Occupancy, ViewVotes};
 use super::{DiscoverConfig, DiscoverError, Discovery, Evidence};
 use artgs_core::State;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// What was found, if it explains enough of what the states show, or if the joints are sure of most of what moved, with a warning: thin
 /// parts show different sides in the two states. Otherwise the states are refused.
@@ -23,8 +21,7 @@ pub(super) fn explaining_enough(
     }
     let unexplained = unexplained(&found, evidence);
     let share = if scene.spreading { unexplained } else { unexplained.max(contradicted(&found, scene)) };
-    // Views of one state contradict each other, too: that much says nothing about the two states.
-    if share > config.most_unexplained && share - contradicted_within(scene) > config.most_unexplained {
+    if share > config.most_unexplained {
         if found.quality(evidence.total()) < config.sure_quality {
             return Err(DiscoverError::Unexplained(share));
         }
@@ -59,43 +56,15 @@ fn contradicted(found: &Discovery, scene: &Scene) -> f64 {
             None => *p,
         };
         let images: Vec<Vec3> = found.clouds[state].points.iter().zip(&found.labels[state]).map(to_other).collect();
-        empty_share(&ViewVotes::of_all(&scene.states[state.other()].views, &images, scene.tolerance))
+        let votes = ViewVotes::of_all(&scene.states[state.other()].views, &images, scene.tolerance);
+        let (mut empty, mut surface) = (0usize, 0usize);
+        for votes in votes {
+            empty += usize::from(votes.occupancy() == Occupancy::Empty);
+            surface += usize::from(votes.occupancy() == Occupancy::Surface);
+        }
+        empty as f64 / (empty + surface).max(1) as f64
     };
     State::ALL.map(share).into_iter().fold(0.0, f64::max)
-}
-
-/// Of the surface that single views of a state see, the share at places that its other views show empty, among those that they show; of
-/// both states the larger share.
-fn contradicted_within(scene: &Scene) -> f64 {
-    /// Views whose surface is compared, and points of each, about.
-    const VIEWS: usize = 12;
-    const POINTS: usize = 2_000;
-    let share = |state: State| {
-        let views = &scene.states[state].views;
-        let votes_of = |i: usize| {
-            let pixels = views[i].depth.len();
-            let stride = ((pixels as f64 / POINTS as f64).sqrt() as usize).max(1);
-            let points = surface_points(&views[i], &vec![[0; 4]; pixels], stride).points;
-            let mut votes = vec![ViewVotes::default(); points.len()];
-            let others = views.iter().enumerate().filter(|other| other.0 != i).map(|other| other.1);
-            ViewVotes::of_each(others, &points, scene.tolerance, &mut votes);
-            votes
-        };
-        let step = views.len().div_ceil(VIEWS).max(1);
-        let votes: Vec<Vec<ViewVotes>> = (0..views.len()).into_par_iter().step_by(step).map(votes_of).collect();
-        empty_share(&votes.concat())
-    };
-    State::ALL.map(share).into_iter().fold(0.0, f64::max)
-}
-
-/// Of the places that some votes show, the share in empty space.
-fn empty_share(votes: &[ViewVotes]) -> f64 {
-    let (mut empty, mut surface) = (0usize, 0usize);
-    for votes in votes {
-        empty += usize::from(votes.occupancy() == Occupancy::Empty);
-        surface += usize::from(votes.occupancy() == Occupancy::Surface);
-    }
-    empty as f64 / (empty + surface).max(1) as f64
 }
 
 #[cfg(test)]
@@ -114,12 +83,6 @@ mod tests {
             let share = contradicted(&at_rest, &scene);
             assert!(share > 0.1, "{share}");
         }
-    }
-
-    #[test]
-    fn views_of_one_state_do_not_contradict_each_other_where_poses_are_exact() {
-        let share = contradicted_within(&cabinet_scene(16, 96));
-        assert!(share < 0.005, "{share}");
     }
 
     #[test]

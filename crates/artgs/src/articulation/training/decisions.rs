@@ -1,4 +1,4 @@
-//! What the stages of the published method decided, as sentences for whoever follows a run.
+//! What the stages of the published method decided, as sentences for people.
 
 use super::trace::PublishedTrace;
 use super::trained::Trained;
