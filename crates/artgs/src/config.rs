@@ -126,7 +126,8 @@ impl Config {
         merge(&mut table, changes);
         settings::check(&table)?;
         // Its line number would be that of the merged table, which is not the file of the user.
-        let config: Self = table.try_into().map_err(|e: toml::de::Error| ConfigError::Field(on_one_line(&e)))?;
+        let named = |e: toml::de::Error| ConfigError::Field(with_choice(on_one_line(&e), &table));
+        let config: Self = table.clone().try_into().map_err(named)?;
         config.check()?;
         Ok(config)
     }
@@ -196,6 +197,22 @@ fn on_one_line(error: &toml::de::Error) -> String {
     error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
+/// A message that ends with the path of a table, such as `cluster.affinity`, with the key of the alternative that the table holds:
+/// the reader of alternatives does not state it.
+fn with_choice(message: String, table: &toml::Table) -> String {
+    let key = || {
+        let path = message.strip_suffix('`')?.rsplit_once("in `")?.1;
+        let mut names = path.split('.');
+        let first = table.get(names.next()?)?;
+        let inner = names.try_fold(first, |value, name| value.get(name))?.as_table()?;
+        inner.keys().next().filter(|_| inner.len() == 1)
+    };
+    match key() {
+        Some(key) => format!("{}.{key}`", message.trim_end_matches('`')),
+        None => message,
+    }
+}
+
 fn merge(into: &mut toml::Table, changes: toml::Table) {
     for (key, value) in changes {
         match (into.get_mut(&key), value) {
@@ -217,6 +234,12 @@ fn is_choice(inner: &toml::Table, change: &toml::Table) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_wrong_alternative_is_named_with_its_key() {
+        let wrong = Config::paper().overridden_by("[registration.cluster.affinity]\nrbf = []").unwrap_err().to_string();
+        assert!(wrong.contains("registration.cluster.affinity.rbf"), "{wrong}");
+    }
 
     #[test]
     fn settings_survive_toml_and_single_fields_can_be_replaced() {
