@@ -4,7 +4,7 @@ use crate::asset::Format;
 use crate::run_folder::{RunFolder, load_json, save_json};
 use crate::shared_files::store_once;
 use crate::{FileDigest, FileError};
-use artgs_core::{Handle, HingeSide, JointKind, PartClass, Rigid, UpSource, Upward};
+use artgs_core::{Handle, HingeSide, JointKind, PartClass, Rigid, UpSource};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -207,21 +207,6 @@ impl ExportReport {
     pub fn part_of(&self, link: &str) -> Option<&str> {
         let found = self.links.iter().find(|l| l.name == link)?;
         Some(found.part.as_deref().unwrap_or(&found.name))
-    }
-
-    /// Which way was up, and how that was known; none if the report does not say how.
-    pub fn upward(&self) -> Option<Upward> {
-        let numbers = || self.up.split(',').map(|word| word.parse().ok()).collect::<Option<Vec<f64>>>();
-        let direction = match self.up.as_str() {
-            "x" => DVec3::X,
-            "-x" => DVec3::NEG_X,
-            "y" => DVec3::Y,
-            "-y" => DVec3::NEG_Y,
-            "z" => DVec3::Z,
-            "-z" => DVec3::NEG_Z,
-            _ => DVec3::from_array(numbers()?.try_into().ok()?).try_normalize()?,
-        };
-        Some(Upward { direction, source: self.up_source?, confidence: self.up_confidence.unwrap_or(1.0) })
     }
 
     /// Writes it into a run's folder.

@@ -8,7 +8,7 @@ use artgs_core::{Capture, JointKind, Mesh, Replica, State, UpSource, Upward, odd
 use artgs_io::asset::{Actuators, Format, Frames, SpzVersion, WriteOptions, check_asset};
 use artgs_io::export_report::{ExportReport, HandleReport, LinkReport, RequestedOptions};
 use artgs_io::replica::ReplicaFileError;
-use artgs_io::run_folder::{load_json, load_text};
+use artgs_io::run_folder::load_text;
 use artgs_io::{Corrections, FileError, RunFolder, read_corrections};
 use glam::DVec3;
 use std::path::PathBuf;
@@ -186,7 +186,7 @@ impl ExportOptions {
     pub fn of_last_export(folder: &RunFolder) -> Result<Self, FileError> {
         let last = ExportReport::load(folder)?;
         let up = match &last {
-            Some(report) => report.upward(),
+            Some(report) => last_upward(report),
             None => upward(folder, None).ok(),
         };
         let report = last.unwrap_or_default();
@@ -380,22 +380,14 @@ pub fn upward(folder: &RunFolder, given: Option<Up>) -> Result<Upward, ExportErr
     match replica.up {
         Some(up) if up.is_certain() => Ok(up),
         Some(_) => Err(ExportError::UnknownUp),
-        None => Ok(stated_by_alignment(folder).unwrap_or(Upward {
-            direction: DVec3::Z,
-            source: UpSource::Assumed,
-            confidence: Upward::CERTAIN,
-        })),
+        None => Ok(Upward { direction: DVec3::Z, source: UpSource::Assumed, confidence: Upward::CERTAIN }),
     }
 }
 
-/// The upward direction in the report of an alignment by a version whose replicas do not have it.
-fn stated_by_alignment(folder: &RunFolder) -> Option<Upward> {
-    /// Least cosine between the direction and an axis.
-    const ALONG: f64 = 0.9;
-    let report: serde_json::Value = load_json(&folder.aligned().join("report.json")).ok()??;
-    let up = DVec3::from_array(serde_json::from_value(report.get("up")?.clone()).ok()?);
-    let direction = [DVec3::Y, DVec3::Z].into_iter().find(|axis| up.dot(*axis) > ALONG)?;
-    Some(Upward { direction, source: UpSource::Format, confidence: Upward::CERTAIN })
+/// What the last export took for up; none if its report does not say how that was known.
+fn last_upward(report: &ExportReport) -> Option<Upward> {
+    let direction = report.up.parse::<Up>().ok()?.direction();
+    Some(Upward { direction, source: report.up_source?, confidence: report.up_confidence.unwrap_or(1.0) })
 }
 
 /// Exports the replica in a folder into its folder `exports`. Textures are baked from the training views of `capture`,

@@ -156,17 +156,18 @@ struct Scales {
     step: (f64, f64),
 }
 
-/// Moves the frames so that their depth agrees. `order` gives the recording and position of every frame: frames of one
-/// recording with consecutive positions moved as stated, up to the deviations of the configuration. The first frame of
-/// recording 0 does not move: it defines the world, as on the device, whose drift grows from there.
-pub(crate) fn register_frames(
+/// Moves the frames so that their depth agrees, by `pairs` of frames that overlap ([`overlapping_pairs`]). `order` gives the
+/// recording and position of every frame: frames of one recording with consecutive positions moved as stated, up to the
+/// deviations of the configuration. The first frame of recording 0 does not move: it defines the world, as on the device, whose
+/// drift grows from there.
+pub(super) fn register_frames(
     frames: &mut [DepthFrame],
+    pairs: &[(usize, usize)],
     order: &[(usize, usize)],
     config: &BundleConfig,
 ) -> BundleReport {
     /// Motion of a step, relative to the median depth, below which poses have settled: far below the depth noise.
     const SETTLED: f64 = 1e-4;
-    let pairs = overlapping_pairs(frames, config.overlap);
     let stated: Vec<Rigid> = frames.iter().map(DepthFrame::pose).collect();
     let median_depth = median_depth(frames.iter());
     let mut scales = Scales {
@@ -210,7 +211,7 @@ pub(crate) fn register_frames(
         if step == 0 {
             continue;
         }
-        let moved = solve_step(frames, &pairs, &terms, &stated, order, config, &scales);
+        let moved = solve_step(frames, pairs, &terms, &stated, order, config, &scales);
         if step >= FREE_STEPS {
             scales.step = step_spread(frames, &stated, order, &scales);
         }

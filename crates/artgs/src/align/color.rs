@@ -1,6 +1,7 @@
 //! Registration of colour to depth: recorders with two lenses store images whose pixels do not show what the depth there measures.
 //! Measured from edges: where depth steps from one surface to another, brightness changes.
 
+use super::frames::brightness;
 use artgs_core::{DepthMap, Recording, View};
 use glam::DVec2;
 use rayon::prelude::*;
@@ -236,11 +237,12 @@ fn changes(view: &View, step: usize, [columns, rows]: [usize; 2]) -> Vec<f32> {
     let width = view.size().0;
     let mean = |cell: usize| {
         let (x, y) = (cell % columns * step, cell / columns * step);
-        let pixels = (0..step * step).map(|i| view.rgba[(y + i / step) * width + x + i % step]);
-        let sum: f32 =
-            pixels.map(|[r, g, b, _]| 0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)).sum();
-        // Dark pixels are noisy: 8 grey levels are added before the logarithm.
-        (sum / (step * step) as f32 + 8.0).ln()
+        let mut sum = [0.0; 3];
+        for i in 0..step * step {
+            let pixel = view.rgba[(y + i / step) * width + x + i % step];
+            sum.iter_mut().zip(pixel).for_each(|(sum, c)| *sum += f32::from(c));
+        }
+        brightness(sum.map(|sum| sum / (step * step) as f32))
     };
     let bright: Vec<f32> = (0..columns * rows).map(mean).collect();
     let strength = |cell: usize| {

@@ -3,7 +3,7 @@
 //! Poses of a state are refined only where that lowers the disagreement of its depth clearly. The end state is moved only
 //! where its surfaces then agree with those of the start much better than as stated: exact captures stay as they are.
 
-use super::bundle::{BundleConfig, median_depth, register_frames, register_states};
+use super::bundle::{BundleConfig, median_depth, overlapping_pairs, register_frames, register_states};
 use super::exposure::{self, Exposure};
 use super::frames::DepthFrame;
 use super::refine::refine_poses;
@@ -165,7 +165,8 @@ fn refined_poses(frames: &mut [DepthFrame], unit: f64, config: &AlignConfig) -> 
     let CorrectConfig { stated_deg, stated_shift, .. } = config.correct;
     let refine = BundleConfig { stated_deg, stated_shift, ..config.bundle };
     let look = BundleConfig { steps: 1, ..refine };
-    let stated = register_frames(frames, &order, &look).before;
+    let pairs = overlapping_pairs(frames, look.overlap);
+    let stated = register_frames(frames, &pairs, &order, &look).before;
     if stated < config.correct.exact * unit {
         return (None, stated);
     }

@@ -65,7 +65,7 @@ impl DepthFrame {
         let points: Vec<Vec3> = cells.iter().enumerate().map(|(i, (z, _))| ray(&camera, i) * *z).collect();
         let normals = normals(&points, columns, config.edge);
         let colors: Vec<[u8; 3]> = cells.into_iter().map(|(_, color)| color).collect();
-        let brightness = colors.iter().map(|c| brightness(*c)).collect();
+        let brightness = colors.iter().map(|c| brightness(c.map(f32::from))).collect();
         let samples = spread_samples(&points, &normals, config.samples);
         Self { camera, points, normals, brightness, colors, samples }
     }
@@ -164,8 +164,8 @@ fn cell(view: &View, step: usize, column: usize, row: usize, edge: f32) -> (f32,
     (if whole { sum / count as f32 } else { 0.0 }, color)
 }
 
-fn brightness(color: [u8; 3]) -> f32 {
-    let [r, g, b] = color.map(f32::from);
+/// Logarithm of the brightness of a colour, 0 to 255.
+pub(super) fn brightness([r, g, b]: [f32; 3]) -> f32 {
     // Dark pixels are noisy: 8 grey levels are added before the logarithm.
     (0.299 * r + 0.587 * g + 0.114 * b + 8.0).ln()
 }

@@ -216,9 +216,7 @@ pub struct AlignReport {
     pub planes: Vec<Plane>,
     /// Frames that show the object, of each state.
     pub views: PerState<usize>,
-    /// Upward direction in the world of the capture; none if it is not certain.
-    pub up: Option<DVec3>,
-    /// The same with its source and certainty, also where it is not certain.
+    /// Upward direction in the world of the capture, with its source and certainty.
     pub upward: Upward,
     /// What `frames` leaves, because the poses of each recording were refined one by one.
     pub frame_errors: PerState<FrameError>,
@@ -356,7 +354,6 @@ pub(crate) fn cut_out(
         bystanders,
         attention: selection.attention,
         other_attention: selection.runner_up,
-        up: Some(upward.direction).filter(|_| upward.is_certain()),
         upward,
         frame_errors,
         planes: selection.planes,

@@ -30,7 +30,7 @@ pub(crate) fn refine_poses(frames: &mut [DepthFrame], order: &[(usize, usize)], 
     let tries: &[&BundleConfig] = if config.brightness > 0.0 { &[config, &plain] } else { &[config] };
     let mut unchanged = BundleReport::default();
     for config in tries {
-        let report = register_frames(frames, order, config);
+        let report = register_frames(frames, &pairs, order, config);
         if disagreement(&self::residuals(frames, &pairs, &judges), middle) <= before {
             return report;
         }

@@ -20,5 +20,5 @@ pub use assignment::{
 pub use model::{DualQuaternion, MotionModel, MotionParameters, Skin, Warp, WarpGradients, WarpInput};
 pub use training::{
     ArticulateConfig, PaperConfig, PaperResult, Posed, PublishedTrace, SkinStart, Start, TraceSample, Trained,
-    TypeConfig, articulate, paper_pipeline, predict_types, render_state, render_state_fixed, score_state,
+    TypeConfig, articulate, paper_pipeline, render_state, render_state_fixed, score_state,
 };

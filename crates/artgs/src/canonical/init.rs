@@ -107,7 +107,7 @@ impl CanonicalConfig {
 
 /// The start of the joint optimisation.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Canonical {
+pub(crate) struct Canonical {
     /// Static Gaussians of the state with more motion, then the midpoints of matched pairs.
     pub splats: Splats,
     /// Centre of every part, `[K]`, the static part first. Their order is the order of parts from here on.

@@ -18,4 +18,4 @@ pub use pipeline::{PaperConfig, PaperResult, paper_pipeline};
 pub use run::{SkinStart, Start, articulate};
 pub use trace::{PublishedTrace, TraceSample};
 pub use trained::{Posed, Trained, render_state, render_state_fixed, score_state};
-pub use types::{TypeConfig, predict_types};
+pub use types::TypeConfig;

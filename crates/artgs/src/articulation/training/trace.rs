@@ -45,7 +45,7 @@ pub struct TraceSample {
     pub gaussians: usize,
     /// Half motions of the movable parts, `[K - 1]`, world frame.
     pub half_motions: Vec<Rigid>,
-    /// Canonical positions of some Gaussians that are more than half opaque, evenly chosen.
+    /// Canonical positions of some Gaussians that are more than half opaque, or of any if none is, evenly chosen.
     pub points: Vec<[f32; 3]>,
     /// Most probable part of each, as many as points.
     pub labels: Vec<u16>,
@@ -74,6 +74,8 @@ impl PublishedTrace {
 impl TraceSample {
     fn of(step: usize, positions: &[[f32; 3]], opacities: &[f32], labels: &[u16], half_motions: Vec<Rigid>) -> Self {
         let opaque: Vec<usize> = (0..positions.len()).filter(|&i| opacities[i] > 0.0).collect();
+        // A reset of opacities leaves none.
+        let opaque = if opaque.is_empty() { (0..positions.len()).collect() } else { opaque };
         let every = opaque.len().div_ceil(POINTS).max(1);
         let chosen: Vec<usize> = opaque.into_iter().step_by(every).collect();
         let points = chosen.iter().map(|&i| positions[i]).collect();
@@ -174,6 +176,8 @@ mod tests {
             assert!((p[0] as usize).is_multiple_of(2) && p[0] as usize % 3 == usize::from(*label));
         }
         assert_eq!(sample.half_angles_deg(), [0.0]);
+        let reset = TraceSample::of(7, &positions, &vec![-4.6; 5000], &labels, Vec::new());
+        assert_eq!((reset.points.len(), reset.labels.len()), (1000, 1000));
         let text = serde_json::to_string(&sample).unwrap();
         assert_eq!(serde_json::from_str::<TraceSample>(&text).unwrap(), sample);
     }

@@ -60,23 +60,7 @@ impl Default for TypeConfig {
     }
 }
 
-/// Predicts the kind of every movable part's motion, `[K - 1]`: `Prismatic`, or `Free` for those that turn (published
-/// code does not hold them to a hinge). All are `Free` if the stage is left out.
-pub fn predict_types(
-    views: PerState<&[View]>,
-    canonical: &Canonical,
-    config: &TypeConfig,
-    seed: u64,
-    devices: &dyn Devices,
-    follow: &mut dyn Follow,
-) -> Result<Vec<MotionModel>, FitError> {
-    if config.skip {
-        return Ok(vec![MotionModel::Free; canonical.centres.len().saturating_sub(1)]);
-    }
-    Ok(models_of(&free_motions(views, canonical, config, seed, devices, follow)?, config))
-}
-
-/// The training behind [`predict_types`]: all parts have general rigid motions.
+/// The training that decides the kinds: all parts have general rigid motions.
 pub(super) fn free_motions(
     views: PerState<&[View]>,
     canonical: &Canonical,
@@ -91,7 +75,8 @@ pub(super) fn free_motions(
     articulate(views, start, None, &train, seed, devices, follow)
 }
 
-/// Models of the movable parts, by how far each turns.
+/// Models of the movable parts, `[K - 1]`, by how far each turns: `Prismatic`, or `Free` for those that turn (published code does not
+/// hold them to a hinge).
 pub(super) fn models_of(trained: &Trained, config: &TypeConfig) -> Vec<MotionModel> {
     let limit = config.half_angle_deg.to_radians();
     let kind = |joint: &MotionParameters| {
