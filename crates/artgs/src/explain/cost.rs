@@ -1,5 +1,6 @@
 //! Nats of one surfel under the motion of one part.
 
+use super::components::{Edge, components};
 use super::energy::{Evidence, Explanation};
 use super::evidence::{NOBODY, Seen};
 use super::noise::Noise;
@@ -32,39 +33,81 @@ impl Prices {
 pub(super) struct Context {
     /// Surfels of the other state that are seen where their parts take them.
     founded: Vec<bool>,
+    /// Part of every surfel of the state.
+    labels: Vec<u16>,
     /// For each part, 0 to 1: how far it is believed, from the share of its surfels that are seen on its own surface.
     believed: Vec<f32>,
+    /// The least of that and the same for the connected piece of its part that each surfel belongs to: what is apart from the rest of a body
+    /// needs evidence of its own. What stands still is one body.
+    piece: Vec<f32>,
     /// A part that is believed without surfels of its own: it was just added.
     pub(super) fresh: Option<u16>,
+    /// Pieces are believed as their parts are: labels may still connect them.
+    pub(super) joins_pieces: bool,
 }
 
 impl Context {
-    /// For surfels of `state`. `evidence` is that of the static part and of every motion.
+    /// For surfels of `state`, which `edges` connect. `evidence` is that of the static part and of every motion.
     pub(super) fn new(
         explanation: &Explanation,
         evidence: &[Evidence],
         state: State,
+        edges: &[Edge],
         settings: &ExplainSettings,
     ) -> Self {
-        let labels = &explanation.labels[state.other()];
+        let (labels, others) = (&explanation.labels[state], &explanation.labels[state.other()]);
         let seen = |s: State, i: usize| &evidence[usize::from(explanation.labels[s][i])][s][i];
-        let mut counts = vec![(0f32, 0f32); evidence.len()];
-        for (i, label) in explanation.labels[state].iter().enumerate() {
+        let pieces = components(labels, edges);
+        let mut of_parts = vec![Counts::default(); evidence.len()];
+        let mut of_pieces = vec![Counts::default(); pieces.iter().max().map_or(0, |last| *last as usize + 1)];
+        for (i, label) in labels.iter().enumerate() {
             let seen = seen(state, i);
-            let own = seen.is_founded() && !seen.lands_on_another(*label, labels);
-            let count = &mut counts[usize::from(*label)];
-            *count = (count.0 + f32::from(u8::from(own)), count.1 + 1.0);
+            let own = seen.is_founded() && !seen.lands_on_another(*label, others);
+            of_parts[usize::from(*label)].add(own);
+            of_pieces[pieces[i] as usize].add(own);
         }
+        let believed: Vec<f32> = of_parts.iter().map(|counts| counts.believed(settings)).collect();
+        let piece = |(label, piece): (&u16, &u32)| match *label {
+            0 => believed[0],
+            part => of_pieces[*piece as usize].believed(settings).min(believed[usize::from(part)]),
+        };
         Self {
-            founded: (0..labels.len()).map(|i| seen(state.other(), i).is_founded()).collect(),
-            believed: counts.iter().map(|(own, all)| (own / all.max(1.0) / settings.supported).min(1.0)).collect(),
+            founded: (0..others.len()).map(|i| seen(state.other(), i).is_founded()).collect(),
+            piece: labels.iter().zip(&pieces).map(piece).collect(),
+            labels: labels.clone(),
+            believed,
             fresh: None,
+            joins_pieces: false,
         }
     }
 
-    fn believed(&self, part: Option<u16>) -> f32 {
-        let known = part.filter(|part| self.fresh != Some(*part));
-        known.map_or(1.0, |part| self.believed.get(usize::from(part)).copied().unwrap_or(0.0))
+    /// How far surfel `i` is believed to be of a part, 0 to 1.
+    pub(super) fn believed(&self, part: u16, i: usize) -> f32 {
+        if self.fresh == Some(part) {
+            1.0
+        } else if self.labels[i] == part && !self.joins_pieces {
+            self.piece[i]
+        } else {
+            self.believed[usize::from(part)]
+        }
+    }
+}
+
+/// Surfels, and those of them that are seen on the surface of their own part.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    own: f32,
+    all: f32,
+}
+
+impl Counts {
+    fn add(&mut self, own: bool) {
+        self.own += f32::from(u8::from(own));
+        self.all += 1.0;
+    }
+
+    fn believed(self, settings: &ExplainSettings) -> f32 {
+        (self.own / self.all.max(1.0) / settings.supported).min(1.0)
     }
 }
 
@@ -84,18 +127,12 @@ impl Cost {
     }
 }
 
-/// Of a surfel in part `part`; none is a part that does not exist yet.
+/// Of a surfel that is believed so far, 0 to 1, to be of the part whose motion it has.
 ///
-/// What is hidden is cheap if most of what hides it is founded, that is, seen in both states, and if its part is believed. Else the
+/// What is hidden is cheap if most of what hides it is founded, that is, seen in both states, and if it is believed. Else the
 /// explanation could take any surface behind another one to be rid of it.
-pub(super) fn cost(
-    seen: &Seen,
-    part: Option<u16>,
-    context: &Context,
-    prices: &Prices,
-    settings: &ExplainSettings,
-) -> Cost {
-    let doubt = 1.0 - context.believed(part);
+pub(super) fn cost(seen: &Seen, believed: f32, context: &Context, prices: &Prices, settings: &ExplainSettings) -> Cost {
+    let doubt = 1.0 - believed;
     let shown = f32::from(seen.hit + seen.through);
     if shown > 0.0 {
         let nats = mean_nats(seen, prices);
@@ -143,17 +180,24 @@ mod tests {
         Seen { misfit: 0.0, hit, through, hidden: 4, occluders, landing: [NOBODY; 4] }
     }
 
-    fn of(seen: &Seen, part: Option<u16>, believed: f32) -> f32 {
-        let context = Context { founded: vec![true, true, false, false], believed: vec![1.0, believed], fresh: None };
-        cost(seen, part, &context, &PRICES, &ExplainSettings::DEFAULT).nats()
+    fn of(seen: &Seen, believed: f32) -> f32 {
+        let context = Context {
+            founded: vec![true, true, false, false],
+            labels: Vec::new(),
+            believed: Vec::new(),
+            piece: Vec::new(),
+            fresh: None,
+            joins_pieces: false,
+        };
+        cost(seen, believed, &context, &PRICES, &ExplainSettings::DEFAULT).nats()
     }
 
     #[test]
     fn hits_are_free_and_contradictions_are_capped() {
-        assert!(of(&seen(5, 0, [NOBODY; 4]), Some(1), 1.0) < 1e-6);
-        let half = of(&seen(2, 2, [NOBODY; 4]), Some(1), 1.0);
-        let all = of(&seen(0, 5, [NOBODY; 4]), Some(1), 1.0);
-        let one = of(&seen(0, 1, [NOBODY; 4]), Some(1), 1.0);
+        assert!(of(&seen(5, 0, [NOBODY; 4]), 1.0) < 1e-6);
+        let half = of(&seen(2, 2, [NOBODY; 4]), 1.0);
+        let all = of(&seen(0, 5, [NOBODY; 4]), 1.0);
+        let one = of(&seen(0, 1, [NOBODY; 4]), 1.0);
         assert!(half > 1.5 && half < all && all < ExplainSettings::DEFAULT.most, "{half} {all}");
         assert!(one > 0.5 && 1.5 * one < all, "a view alone counts less: {one} {all}");
     }
@@ -161,20 +205,16 @@ mod tests {
     #[test]
     fn hiding_is_cheap_only_behind_founded_surface_and_in_believed_parts() {
         let (by_founded, by_others) = (seen(0, 0, [0, 1, 2, NOBODY]), seen(0, 0, [0, 2, 3, NOBODY]));
-        assert!((of(&by_founded, Some(1), 1.0) - ExplainSettings::DEFAULT.hidden).abs() < 1e-6);
-        for dear in
-            [of(&by_others, Some(1), 1.0), of(&by_founded, Some(1), 0.0), of(&seen(0, 0, [NOBODY; 4]), Some(1), 1.0)]
-        {
+        assert!((of(&by_founded, 1.0) - ExplainSettings::DEFAULT.hidden).abs() < 1e-6);
+        for dear in [of(&by_others, 1.0), of(&by_founded, 0.0), of(&seen(0, 0, [NOBODY; 4]), 1.0)] {
             assert!(dear > 2.5, "{dear}");
         }
-        let between = of(&by_founded, Some(1), 0.5);
+        let between = of(&by_founded, 0.5);
         assert!(between > 1.0 && between < 2.5, "{between}");
-        // A part that is only asked about has no surfels yet.
-        assert!(of(&by_founded, None, 0.0) < 0.1);
     }
 
     #[test]
     fn a_part_that_is_not_believed_gains_nothing_by_being_seen() {
-        assert!(of(&seen(5, 0, [NOBODY; 4]), Some(1), 0.0) > 2.5);
+        assert!(of(&seen(5, 0, [NOBODY; 4]), 0.0) > 2.5);
     }
 }

@@ -1,5 +1,6 @@
 //! The energy of an explanation, and the labels that lower it.
 
+use super::components::Edge;
 use super::cost::{Context, Cost, Prices, cost, mean_nats};
 use super::evidence::{Look, Seen};
 use super::motion::{Registered, registered};
@@ -92,7 +93,7 @@ pub struct Problem<'a> {
     pub(super) scene: &'a Scene,
     pub(super) settings: ExplainSettings,
     pub(super) clouds: PerState<IndexedCloud<'a>>,
-    edges: PerState<Vec<(u32, u32, f32)>>,
+    edges: PerState<Vec<Edge>>,
     /// Measured in each state.
     pub(super) noise: PerState<Noise>,
     /// Of surfels that are not where they are predicted.
@@ -155,12 +156,13 @@ impl<'a> Problem<'a> {
 
     /// What surfel `i` of a state costs in part `part`.
     fn cost(&self, evidence: &[Evidence], context: &Context, s: State, i: usize, part: u16) -> Cost {
-        cost(&evidence[usize::from(part)][s][i], Some(part), context, &self.prices, &self.settings)
+        let seen = &evidence[usize::from(part)][s][i];
+        cost(seen, context.believed(part, i), context, &self.prices, &self.settings)
     }
 
     /// What an explanation says about the surfels of a state.
     fn context(&self, explanation: &Explanation, evidence: &[Evidence], state: State) -> Context {
-        Context::new(explanation, evidence, state, &self.settings)
+        Context::new(explanation, evidence, state, &self.edges[state], &self.settings)
     }
 
     /// Evidence of the static part and of every motion.
@@ -224,7 +226,7 @@ impl<'a> Problem<'a> {
                 let parts = evidence.len();
                 let mut next = best.clone();
                 let mut context = self.context(&best, &evidence, s);
-                context.fresh = first;
+                (context.fresh, context.joins_pieces) = (first, round == 0);
                 let mut data = Vec::with_capacity(parts * next.labels[s].len());
                 for i in 0..next.labels[s].len() {
                     let of = |k: usize| self.cost(&evidence, &context, s, i, k as u16).nats();
@@ -236,7 +238,7 @@ impl<'a> Problem<'a> {
                     (best, least) = (next, total);
                 }
             }
-            if least >= begun - 1e-6 && first.is_none() {
+            if least >= begun - 1e-6 && round > 0 {
                 break;
             }
         }
@@ -267,7 +269,7 @@ impl<'a> Problem<'a> {
             let look = self.look(s, s.other());
             let motion = motion.away_from(s);
             for &i in &asked[s] {
-                let new = cost(&look.seen(i, &motion), None, &contexts[s], &self.prices, &self.settings).nats();
+                let new = cost(&look.seen(i, &motion), 1.0, &contexts[s], &self.prices, &self.settings).nats();
                 gain += f64::from((costs[s][i] - self.weights[s][i] * new).max(0.0));
             }
         }
