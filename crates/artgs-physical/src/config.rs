@@ -164,6 +164,11 @@ pub struct PhysicalConfig {
     pub most_turn: f64,
     /// Largest range of a hinge after extension, radians.
     pub widest_turn: f64,
+    /// Farthest beyond what was observed that a contact closes a hinge which is flush nowhere, radians. Raising it closes parts farther
+    /// where surfaces are incomplete.
+    pub most_unseen_turn: f64,
+    /// The same for slides, metres.
+    pub most_unseen_slide: f64,
     /// Extension of a slide whose closed state is not known and that meets nothing, as a share of its observed range.
     pub most_slide: f64,
     /// Share of a sliding part's length that must stay inside its parent.
@@ -236,6 +241,8 @@ impl Default for PhysicalConfig {
             extend_limits: true,
             most_turn: std::f64::consts::FRAC_PI_4,
             widest_turn: std::f64::consts::PI,
+            most_unseen_turn: 15.0 * std::f64::consts::PI / 180.0,
+            most_unseen_slide: 0.05,
             most_slide: 0.5,
             least_support: 0.25,
             sample_share: 4e-3,

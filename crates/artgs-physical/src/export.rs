@@ -532,7 +532,7 @@ fn reason(stop: &Stop) -> String {
     match stop {
         Stop::Observed => "as observed".into(),
         Stop::Contact(link) => format!("before it meets {link}"),
-        Stop::Flush(link) => format!("where its front is flush with {link}"),
+        Stop::Flush(link) => format!("where it is flush with {link}"),
         Stop::Support => "where a quarter of its length is still supported".into(),
         Stop::Reach => "the largest range that is assumed".into(),
     }

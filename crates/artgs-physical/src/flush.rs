@@ -1,9 +1,10 @@
-//! Where the front of a part that slides lies in one plane with the front of its carrier, or with the fronts of closed parts
-//! beside it.
+//! Where parts are flush: the front of a slide in one plane with the front of its carrier, or with the fronts of closed parts beside
+//! it; a panel that turns, on the face of its carrier.
 
 use crate::sweep::Surface;
 use artgs_core::{Asset, JointKind};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
+use std::f64::consts::FRAC_PI_2;
 
 /// The front of a part: the plate that looks where the part opens. Handles stand out of it.
 #[derive(Clone, Copy, Debug)]
@@ -92,4 +93,139 @@ pub(crate) fn beside(asset: &Asset, link: usize) -> impl Iterator<Item = usize> 
             && asset.links[*other].parent == asset.links[link].parent
             && axes.is_some_and(|(a, b)| a.axis.dot(b.axis) > PARALLEL)
     })
+}
+
+/// Joint values, up to half a turn or more from 0, at which a part that turns lies as a panel on the face of its carrier: parallel to it, over it, and at its
+/// border. Without values if one of both is no box. `layer`: how far the panel may be from the face.
+pub(crate) fn folded(asset: &Asset, surfaces: &[Surface], link: usize, layer: f64) -> Vec<f64> {
+    let Some((joint, parent)) = asset.links[link].joint.zip(asset.links[link].parent) else { return Vec::new() };
+    let across = joint.axis.any_orthonormal_pair();
+    let turned = |own: &Surface| faces(own, joint.axis, across);
+    let Some((own, carrier)) = turned(&surfaces[link]).zip(turned(&surfaces[parent])) else { return Vec::new() };
+    let from_pivot = asset.links[parent].origin - asset.links[link].origin;
+    let sides = DVec2::from_angle(carrier);
+    let of_carrier = extents(surfaces[parent].visible().map(|p| p + from_pivot), joint.axis, across, sides);
+    let quarter = |k: i32| carrier - own + f64::from(k) * FRAC_PI_2;
+    let is_panel_on_face = |angle: f64| {
+        // The part turned by an angle, seen from the carrier, is the part seen from sides that are turned back.
+        let of_part = extents(surfaces[link].visible(), joint.axis, across, DVec2::from_angle(carrier - angle));
+        of_part.zip(of_carrier).is_some_and(|(part, carrier)| lies_on(&part, &carrier, layer))
+    };
+    (-2..=2).map(quarter).filter(|angle| is_panel_on_face(*angle)).collect()
+}
+
+/// Angle about an axis of the faces of a box, modulo a quarter turn; none if less than `BOX` of the observed faces along the axis agree.
+fn faces(surface: &Surface, axis: DVec3, across: (DVec3, DVec3)) -> Option<f64> {
+    /// Length of the mean of the fourfold angles: 1 for a box, 0 for a cylinder.
+    const BOX: f64 = 0.5;
+    /// Largest cosine between normal and axis of faces along the axis.
+    const ALONG: f64 = 0.5;
+    let (mut sum, mut count) = (DVec2::ZERO, 0.0);
+    for normal in surface.normals().filter(|n| n.dot(axis).abs() < ALONG) {
+        let angle = normal.dot(across.1).atan2(normal.dot(across.0));
+        (sum, count) = (sum + DVec2::from_angle(4.0 * angle), count + 1.0);
+    }
+    (sum.length() > BOX * count).then(|| 0.25 * sum.to_angle())
+}
+
+/// Intervals along the two sides and along the axis that hold most of the points; none without points.
+fn extents(
+    points: impl Iterator<Item = DVec3>,
+    axis: DVec3,
+    across: (DVec3, DVec3),
+    side: DVec2,
+) -> Option<[[f64; 2]; 3]> {
+    /// Share of the points beyond each end: handles and scraps.
+    const BEYOND: f64 = 0.02;
+    let at = |side: DVec2| across.0 * side.x + across.1 * side.y;
+    let directions = [at(side), at(side.perp()), axis];
+    let points: Vec<DVec3> = points.collect();
+    let beyond = (BEYOND * points.len() as f64) as usize;
+    let interval = |direction: DVec3| {
+        let mut along: Vec<f64> = points.iter().map(|p| p.dot(direction)).collect();
+        along.sort_by(f64::total_cmp);
+        [along[beyond], along[along.len() - 1 - beyond]]
+    };
+    (!points.is_empty()).then(|| directions.map(interval))
+}
+
+/// True if the thinner side of a panel is at the border of a carrier and its other extents are over it.
+fn lies_on(part: &[[f64; 2]; 3], carrier: &[[f64; 2]; 3], layer: f64) -> bool {
+    /// Share of a panel that is over its carrier.
+    const OVER: f64 = 0.7;
+    let length = |[low, high]: [f64; 2]| high - low;
+    let thin = usize::from(length(part[1]) < length(part[0]));
+    let is_over = |side: usize| {
+        let ([low, high], of) = (part[side], carrier[side]);
+        high.min(of[1]) - low.max(of[0]) > OVER * length([low, high])
+    };
+    let [low, high] = part[thin];
+    let is_at = |border: f64| (low - layer..=high + layer).contains(&border);
+    is_over(1 - thin) && is_over(2) && carrier[thin].into_iter().any(is_at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::decompose::solid::Solid;
+    use artgs_core::{AssetJoint, AssetLink, Mesh, PerState};
+
+    fn surface(low: [f32; 3], high: [f32; 3]) -> Surface {
+        Surface::of(Solid::new(&Mesh::cuboid(low, high), &|_| true).as_ref(), &|_| true, 0.01)
+    }
+
+    /// A box, and a door about its left front edge that is open by `angle` at joint value 0 and opens in positive direction.
+    fn with_door(angle: f64, wide: f32) -> (Asset, Vec<Surface>) {
+        let joint = AssetJoint {
+            kind: JointKind::Revolute,
+            axis: DVec3::NEG_Z,
+            pitch: 0.0,
+            limits: [0.0, 1.0],
+            observed: PerState::new(0.0, 1.0),
+            effort: 1.0,
+            velocity: 1.0,
+            damping: 0.0,
+            friction: 0.0,
+        };
+        let door = AssetLink {
+            parent: Some(0),
+            joint: Some(joint),
+            origin: DVec3::new(-0.3, 0.0, 0.0),
+            ..AssetLink::default()
+        };
+        let closed = Mesh::cuboid([0.0, -0.03, 0.1], [wide, 0.0, 0.9]);
+        let turn = glam::DQuat::from_axis_angle(joint.axis, angle);
+        let vertices =
+            closed.vertices.iter().map(|v| (turn * DVec3::from_array(v.map(f64::from))).as_vec3().to_array());
+        let open = Mesh { vertices: vertices.collect(), ..closed.clone() };
+        let open = Surface::of(Solid::new(&open, &|_| true).as_ref(), &|_| true, 0.01);
+        let asset = Asset { links: vec![AssetLink::default(), door], ..Asset::default() };
+        (asset, vec![surface([-0.3, 0.0, 0.0], [0.3, 0.5, 1.0]), open])
+    }
+
+    #[test]
+    fn a_door_is_flush_where_it_closes_and_nowhere_else() {
+        for angle in [0.0, 0.2, 0.9, 1.7, 2.6] {
+            let (asset, surfaces) = with_door(angle, 0.6);
+            let found = folded(&asset, &surfaces, 1, 0.01);
+            assert!(found.iter().any(|v| (v + angle).abs() < 0.01), "{angle}: {found:?}");
+            // Opened by a quarter turn it stands before the box, by half a turn beside it.
+            assert!(found.iter().all(|v| !(0.01..3.2).contains(&(v + angle))), "{angle}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_round_is_never_flush() {
+        let (asset, mut surfaces) = with_door(0.9, 0.6);
+        let around = |k: usize| DVec2::from_angle(k as f64 * std::f64::consts::TAU / 48.0);
+        let mut mesh = Mesh::default();
+        for k in 0..48 {
+            let ring = [around(k), around(k + 1)].map(|p| [0.3 * p.x as f32, 0.3 * p.y as f32]);
+            let base = mesh.vertices.len() as u32;
+            mesh.vertices.extend([0.0, 1.0].iter().flat_map(|z| ring.iter().map(move |p| [p[0], p[1], *z])));
+            mesh.triangles.extend([[base, base + 1, base + 2], [base + 2, base + 1, base + 3]]);
+        }
+        surfaces[0] = Surface::of(Solid::new(&mesh, &|_| true).as_ref(), &|_| true, 0.01);
+        assert_eq!(folded(&asset, &surfaces, 1, 0.01), Vec::<f64>::new());
+    }
 }

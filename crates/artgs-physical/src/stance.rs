@@ -38,7 +38,7 @@ pub(crate) enum Stop {
     Observed,
     /// Contact with this link.
     Contact(String),
-    /// The front of a slide is in one plane with the front of this link.
+    /// The front of a slide is in one plane with the front of this link, or a panel lies on its face.
     Flush(String),
     /// A slide would lose its support.
     Support,
@@ -91,7 +91,8 @@ pub(crate) struct Range {
 /// Limits of every joint. Entry `i` belongs to link `i`; the base has none. `surfaces` in link frames, metres. `nearer[i]` is the
 /// state in which link `i` is nearer to being closed, if known; its joint is at 0 there and opens in positive direction.
 ///
-/// Parts close until the first contact, slides at most until their front is flush with those around it. They open until a contact, until a slide loses its support, or by a default.
+/// Parts close until the first contact, at most until they are flush with what is around them, and not far beyond what was seen if nothing
+/// says that they are flush there. They open until a contact, until a slide loses its support, or by a default.
 pub(crate) fn extend(
     asset: &Asset,
     surfaces: &[Surface],
@@ -111,11 +112,11 @@ pub(crate) fn extend(
     let mut ranges: Vec<Option<Range>> =
         (0..asset.links.len()).map(|link| search(link).range(nearer[link].is_some())).collect();
     if config.extend_limits {
-        for link in (0..asset.links.len()).filter(|link| nearer[*link].is_some()) {
-            if let Some(flush) = search(link).flush(&ranges)
-                && let Some(range) = &mut ranges[link]
-            {
-                flush.shorten(range);
+        let flush: Vec<Option<Flush>> =
+            (0..asset.links.len()).map(|link| nearer[link].and_then(|_| search(link).flush(&ranges))).collect();
+        for (link, flush) in flush.into_iter().enumerate().filter(|(link, _)| nearer[*link].is_some()) {
+            if let Some((range, end)) = ranges[link].as_mut().zip(search(link).closing_end()) {
+                range.close(end, flush, search(link).most_unseen());
             }
         }
     }
@@ -138,22 +139,35 @@ fn ordered(values: PerState<f64>) -> [f64; 2] {
     [start.min(end), start.max(end)]
 }
 
-/// A joint value between the closing limit and 0 at which a front is flush with others.
+/// A joint value, beyond 0 in the direction in which a part closes, at which it is flush with others.
 struct Flush {
-    /// End of the range that closes, 0 or 1.
-    end: usize,
     value: f64,
     link: String,
+    /// A contact within this way behind it is a better measure.
+    precision: f64,
     /// The part was observed there.
     closed: bool,
 }
 
-impl Flush {
-    fn shorten(self, range: &mut Range) {
-        range.limits[self.end] = self.value;
-        range.stops[self.end] = Stop::Flush(self.link);
-        range.sources[self.end] = Source::Inferred;
-        range.closed |= self.closed;
+impl Range {
+    /// Ends the range that closes where the part is flush, if that comes before a contact. Without that, a limit more than `most` beyond
+    /// what was observed is one of a surface that was not seen well, and the part closes no further than it was seen.
+    fn close(&mut self, end: usize, flush: Option<Flush>, most: f64) {
+        let way = self.limits[end].abs();
+        match flush {
+            Some(flush) if flush.value.abs() + flush.precision < way => {
+                self.limits[end] = flush.value;
+                self.stops[end] = Stop::Flush(flush.link);
+                self.sources[end] = Source::Inferred;
+                self.closed |= flush.closed;
+            }
+            Some(_) => {}
+            None if way > most || self.sources[end] == Source::Assumed => {
+                self.limits[end] = 0.0;
+                (self.stops[end], self.sources[end]) = (Stop::Observed, Source::Observed);
+            }
+            None => {}
+        }
     }
 }
 
@@ -201,20 +215,58 @@ impl Search<'_> {
         Some(out)
     }
 
-    /// Where the front of a slide that closes beyond 0 is flush with the front of its carrier or, where it meets nothing, with those
-    /// of parts beside it that close until a contact.
+    /// The end of the range at which the part closes, where 0 is the observed value nearest to it.
+    fn closing_end(&self) -> Option<usize> {
+        let observed = ordered(self.asset.links[self.link].joint?.observed);
+        (0..2).find(|end| observed[*end] == 0.0)
+    }
+
+    /// Farthest beyond what was observed that a contact closes a part which is flush nowhere.
+    fn most_unseen(&self) -> f64 {
+        match self.kind() {
+            JointKind::Prismatic => self.config.most_unseen_slide,
+            _ => self.config.most_unseen_turn,
+        }
+    }
+
+    /// Where a part that closes beyond 0 is flush; none if it was observed closed.
     fn flush(&self, ranges: &[Option<Range>]) -> Option<Flush> {
+        let range = ranges[self.link].as_ref()?;
+        let end = self.closing_end()?;
+        let sign = if end == 0 { -1.0 } else { 1.0 };
+        if range.sources[end] == Source::Contact || sign * range.limits[end] * self.reach() <= self.near {
+            return None;
+        }
+        match self.kind() {
+            JointKind::Prismatic => self.flush_slide(ranges, end, sign),
+            JointKind::Revolute => self.flush_panel(sign),
+            JointKind::Screw => None,
+        }
+    }
+
+    /// Where a panel that turns lies on the face of its carrier.
+    fn flush_panel(&self, sign: f64) -> Option<Flush> {
+        /// Error of the directions of faces, radians: surfaces are uneven.
+        const PRECISION: f64 = 0.035;
+        let (asset, near) = (self.asset, self.near / self.reach());
+        let most = self.config.widest_turn - self.span();
+        let values = flush::folded(asset, self.surfaces, self.link, 2.0 * self.near);
+        let beyond = values.into_iter().filter(|v| (-near..=most).contains(&(sign * v)));
+        let value = beyond.min_by(|a, b| (sign * a).total_cmp(&(sign * b)))?;
+        let link = asset.links[asset.links[self.link].parent?].name.clone();
+        Some(Flush { value: sign * (sign * value).max(0.0), link, precision: PRECISION, closed: value.abs() <= near })
+    }
+
+    /// Where the front of a slide is flush with the front of its carrier or, where it meets nothing, with those of parts beside it that
+    /// close until a contact.
+    fn flush_slide(&self, ranges: &[Option<Range>], end: usize, sign: f64) -> Option<Flush> {
         /// Largest distance of a frame from the rim of the front, multiples of the largest way of a part that was observed closed.
         const FRAME: f64 = 10.0;
         let (asset, surfaces) = (self.asset, self.surfaces);
-        let joint = asset.links[self.link].joint.filter(|_| self.kind() == JointKind::Prismatic)?;
+        let joint = asset.links[self.link].joint?;
         let range = ranges[self.link].as_ref()?;
-        let end = (0..2).find(|end| ordered(joint.observed)[*end] == 0.0)?;
-        let sign = if end == 0 { -1.0 } else { 1.0 };
-        let most = sign * range.limits[end];
-        if range.sources[end] == Source::Contact || most <= self.near {
-            return None;
-        }
+        // A front that overlaps its frame meets it before it is flush, by its thickness.
+        let most = sign * range.limits[end] + self.config.most_unseen_slide;
         let (opens, layer, least) = (-sign * joint.axis, 0.5 * self.spacing, self.precision.points);
         let plate = |link: usize| flush::plate(asset, surfaces, link, opens, layer, least);
         let own = plate(self.link)?;
@@ -223,7 +275,7 @@ impl Search<'_> {
             let value = sign * way.max(0.0);
             let closed = way.abs() <= self.near;
             let name = asset.links[link].name.clone();
-            (way >= -self.near && way < most).then_some(Flush { end, value, link: name, closed })
+            (way >= -self.near && way < most).then_some(Flush { value, link: name, precision: 0.0, closed })
         };
         let parent = asset.links[self.link].parent?;
         let frame = {

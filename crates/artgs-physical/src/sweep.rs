@@ -50,6 +50,11 @@ impl Surface {
         self.points(Part::Seen).filter(move |s| s.normal.dot(direction) > cosine).map(|s| s.point)
     }
 
+    /// Unit normals at the points that were observed, which are spread evenly.
+    pub(crate) fn normals(&self) -> impl Iterator<Item = DVec3> {
+        self.points(Part::Seen).map(|s| s.normal)
+    }
+
     /// Points that were observed; all if none was.
     pub(crate) fn visible(&self) -> impl Iterator<Item = DVec3> + Clone {
         let any = self.samples.iter().any(|s| s.seen);
