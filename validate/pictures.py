@@ -46,7 +46,8 @@ def camera_matrices(frame, meta, scale, motion, near=0.01, far=100.0):
 
 def observed(exports):
     """Joint values of both states by joint name, from the keyframes of the MJCF."""
-    root = xml.parse(next((exports / "mjcf").glob("*.xml"))).getroot()
+    models = sorted((exports / "mjcf").glob("*.xml"), key=lambda path: path.stem == "scene")
+    root = xml.parse(models[0]).getroot()
     names = [j.get("name") for j in root.iter("joint") if j.get("name") and j.get("type") in ("hinge", "slide", None)]
     keys = {k.get("name"): [float(v) for v in k.get("qpos").split()] for k in root.iter("key")}
     return [dict(zip(names, keys[s])) for s in STATES]

@@ -17,11 +17,14 @@ from pathlib import Path
 # (engine, module, function, pattern below FOLDER). `CHECKS` always run, `ON_REQUEST` only with their option.
 CHECKS = [
     ("mujoco", "in_mujoco", "check_mjcf", "mjcf/*.xml"),
+    ("mujoco", "in_mujoco", "check_scene", "mjcf/scene.xml"),
     ("mujoco", "in_mujoco", "check_urdf", "urdf/*.urdf"),
+    ("gymnasium", "in_gymnasium", "check_environment", "mjcf/env.py"),
     ("pybullet", "in_pybullet", "check_urdf", "urdf/*.urdf"),
     ("sapien", "in_sapien", "check_urdf", "urdf/*.urdf"),
     ("sapien", "in_sapien", "check_urdf", "partnet/mobility.urdf"),
     ("usd-core", "in_usd", "check_usd", "usd/*.usd*"),
+    ("usd-core", "in_usd", "check_scene", "usd/scene.usda"),
     ("xml", "in_xml", "check_sdf", "sdf/model.sdf"),
 ]
 ON_REQUEST = [
@@ -61,7 +64,8 @@ def main():
     checks = [c for c in checks if not args.engine or c[0] in args.engine]
     results = []
     for folder in args.folders:
-        found = [(c, path) for c in checks for path in sorted(folder.glob(c[3]))]
+        # A scene shows another file; only checks that name it open it.
+        found = [(c, p) for c in checks for p in sorted(folder.glob(c[3])) if p.stem != "scene" or "/scene." in c[3]]
         if not found:
             print(f"{folder}: holds no exports; expected one of {', '.join(c[3] for c in checks)}", file=sys.stderr)
             return 2

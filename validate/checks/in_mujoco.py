@@ -129,6 +129,25 @@ def check_mjcf(path, states, report):
     report.add("-", "simulates without warnings", not counts, note=str(counts or ""))
 
 
+def check_scene(path, _states, report):
+    """Opens the scene, and looks at the object with its camera at the keyframes of the limits."""
+    with collect_warnings(report):
+        model = mujoco.MjModel.from_xml_path(path)
+    data, camera = mujoco.MjData(model), model.camera("front")
+    slope = np.tan(np.radians(0.5 * camera.fovy[0]))
+    for name, end in (("closed", 0), ("open", 1)):
+        mujoco.mj_resetDataKeyframe(model, data, model.key(name).id)
+        mujoco.mj_forward(model, data)
+        joints = [j for j in range(model.njnt) if model.jnt_limited[j]]
+        error = max(abs(data.qpos[model.jnt_qposadr[j]] - model.jnt_range[j, end]) for j in joints)
+        report.add(name, "at the limits", error < 1e-9, error)
+        drawn = np.flatnonzero((model.geom_group == 2) & (model.geom_bodyid > 0))
+        back = data.cam_xmat[camera.id].reshape(3, 3)
+        seen = (data.geom_xpos[drawn] - data.cam_xpos[camera.id]) @ back
+        inside = np.abs(seen[:, :2]) < slope * -seen[:, 2:]
+        report.add(name, "camera shows every part", inside.all(), inside.all(axis=1).sum(), f"of {len(drawn)} meshes")
+
+
 def _with_body(path, **geom):
     """The model of an MJCF with one more, free body, the number of this body, and the address of its position."""
     spec = mujoco.MjSpec.from_file(path)

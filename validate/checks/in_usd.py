@@ -31,6 +31,24 @@ def check_usd(path, _states, report):
     _assets(path, report)
 
 
+def check_scene(path, _states, report):
+    """Opens the scene and looks for the object in it."""
+    with collect_warnings(report):
+        stage = Usd.Stage.Open(path)
+        prims = list(stage.Traverse())
+    root = stage.GetDefaultPrim()
+    bodies = [p for p in prims if p.HasAPI(UsdPhysics.RigidBodyAPI) and p.GetPath().HasPrefix(root.GetPath())]
+    report.add("-", "object in the scene", len(bodies) > 0, len(bodies), "bodies")
+    cameras = [p for p in prims if p.IsA(UsdGeom.Camera)]
+    report.add("-", "camera", len(cameras) == 1, len(cameras), "cameras")
+    scenes = [p for p in prims if p.IsA(UsdPhysics.Scene)]
+    report.add("-", "one physics scene", len(scenes) == 1, len(scenes), "scenes")
+    box = UsdGeom.BBoxCache(Usd.TimeCode.Default(), [UsdGeom.Tokens.default_, UsdGeom.Tokens.render])
+    objects = [p for p in root.GetChildren() if p.IsA(UsdGeom.Xform)]
+    lowest = min(box.ComputeWorldBound(p).ComputeAlignedRange().GetMin()[2] for p in objects)
+    report.add("-", "stands on the floor", abs(lowest) < 5e-3, lowest, "m")
+
+
 def _joint(prim, report):
     joint = UsdPhysics.RevoluteJoint(prim) if prim.IsA(UsdPhysics.RevoluteJoint) else UsdPhysics.PrismaticJoint(prim)
     name = prim.GetName()

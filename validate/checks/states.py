@@ -7,7 +7,8 @@ from xml.etree import ElementTree
 
 def observed_states(folder):
     """{state: {joint: value}} of FOLDER/mjcf/*.xml; empty without such a file."""
-    for path in sorted(Path(folder, "mjcf").glob("*.xml")):
+    models = sorted(Path(folder, "mjcf").glob("*.xml"), key=lambda path: path.stem == "scene")
+    for path in models:
         root = ElementTree.parse(path).getroot()
         world = root.find("worldbody")
         joints = [] if world is None else [j.get("name") for j in world.iter("joint")]

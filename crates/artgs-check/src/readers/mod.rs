@@ -9,6 +9,7 @@ mod usd;
 
 use crate::model::Model;
 use crate::report::FormatFinding;
+use artgs_io::asset::is_scene;
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -93,11 +94,14 @@ fn open(path: &Path, mut finding: FormatFinding, reader: Reader) -> Opened {
     Opened { finding, model }
 }
 
-/// Files with an extension, sorted.
+/// Files with an extension, sorted; without the scene that shows another one.
 fn files(dir: &Path, ending: &str) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(dir).into_iter().flatten().flatten().map(|e| e.path());
     let mut out: Vec<PathBuf> = entries.filter(|p| p.is_file() && p.extension().is_some_and(|e| e == ending)).collect();
     out.sort();
+    if out.len() > 1 {
+        out.retain(|path| !is_scene(path));
+    }
     out
 }
 

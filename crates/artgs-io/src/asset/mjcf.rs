@@ -5,6 +5,9 @@
 //! half of those of the handle. A screw is a hinge and a slide along it, coupled by an
 //! equality. The observed states are the keyframes `start` and `end`.
 //!
+//! `scene.xml` includes it, with a floor, light, sky, the camera `front`, and the keyframes `closed` and `open`: all joints at their lower and
+//! upper limits. `env.py` is a Gymnasium environment of the scene, in which a part is to be opened.
+//!
 //! Geoms have the friction of contacts. MuJoCo has no restitution.
 //!
 //! Limitations: splats are not written. MJCF has no vertex colours, so a link without texture gets its mean colour. Visual
@@ -16,11 +19,15 @@
 use super::check::{check_asset, sound_inertia};
 use super::format::{Actuators, WriteOptions};
 use super::meshes::{LinkFiles, mean_color, write_link_meshes};
+use super::scene::{self, SCENE};
 use super::xml::{row, triple};
 use crate::{FileError, write_atomic};
 use artgs_core::{Asset, AssetJoint, AssetLink, Handle, JointKind, State};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+
+/// The Gymnasium environment; it reads everything from the scene.
+const ENVIRONMENT: &str = include_str!("env.py");
 
 /// MuJoCo refuses meshes with fewer vertices.
 const FEWEST_VERTICES: usize = 4;
@@ -49,7 +56,7 @@ const SETTINGS: &str = "  <default>
   </default>
 ";
 
-/// Writes `DIR/NAME.xml` and `DIR/assets/`; returns what was written, the XML first.
+/// Writes `DIR/NAME.xml`, `DIR/scene.xml`, `DIR/env.py` and `DIR/assets/`; returns what was written, the XML first.
 pub fn export_mjcf(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> {
     export_mjcf_with(dir, asset, &WriteOptions::default())
 }
@@ -66,6 +73,16 @@ pub fn export_mjcf_with(dir: &Path, asset: &Asset, options: &WriteOptions) -> Re
     }
     write_atomic(&path, document(asset, &files, options).as_bytes())?;
     written.insert(0, path);
+    if asset.name != SCENE {
+        let path = dir.join(format!("{SCENE}.xml"));
+        write_atomic(&path, scene::mjcf(asset, &limit_keys(asset, options.free_base)).as_bytes())?;
+        written.push(path);
+        if asset.movable().next().is_some() {
+            let path = dir.join("env.py");
+            write_atomic(&path, ENVIRONMENT.as_bytes())?;
+            written.push(path);
+        }
+    }
     Ok(written)
 }
 
@@ -250,21 +267,40 @@ fn write_keyframes(out: &mut String, asset: &Asset, free: bool) {
     if asset.movable().next().is_none() {
         return;
     }
-    let mut order = Vec::new();
-    depth_first(asset, 0, &mut order);
     *out += "  <keyframe>\n";
     for state in State::ALL {
-        let values = order.iter().filter_map(|i| asset.links[*i].joint).flat_map(|j| {
-            let value = j.observed[state];
-            let thread = (j.kind == JointKind::Screw).then_some(j.pitch * value);
-            thread.into_iter().chain([value])
-        });
-        let [x, y, z] = asset.links[0].origin.to_array();
-        let base = if free { vec![x, y, z, 1.0, 0.0, 0.0, 0.0] } else { Vec::new() };
-        let values = base.into_iter().chain(values);
-        let _ = writeln!(out, "    <key name=\"{}\" qpos=\"{}\"/>", state.name(), row(&values.collect::<Vec<_>>()));
+        write_key(out, state.name(), asset, free, &asset.observed(state));
     }
     *out += "  </keyframe>\n";
+}
+
+/// Keyframes with all joints at their lower and at their upper limits; nothing without joints.
+fn limit_keys(asset: &Asset, free: bool) -> String {
+    let mut out = String::new();
+    if asset.movable().next().is_some() {
+        out += "  <keyframe>\n";
+        for (end, name) in ["closed", "open"].into_iter().enumerate() {
+            let values: Vec<f64> = asset.links.iter().map(|l| l.joint.map_or(0.0, |j| j.limits[end])).collect();
+            write_key(&mut out, name, asset, free, &values);
+        }
+        out += "  </keyframe>\n";
+    }
+    out
+}
+
+/// A keyframe with the joint values of all links.
+fn write_key(out: &mut String, name: &str, asset: &Asset, free: bool, values: &[f64]) {
+    let mut order = Vec::new();
+    depth_first(asset, 0, &mut order);
+    let joints = order.iter().filter_map(|i| Some((asset.links[*i].joint?, values[*i])));
+    let values = joints.flat_map(|(joint, value)| {
+        let thread = (joint.kind == JointKind::Screw).then_some(joint.pitch * value);
+        thread.into_iter().chain([value])
+    });
+    let [x, y, z] = asset.links[0].origin.to_array();
+    let base = if free { vec![x, y, z, 1.0, 0.0, 0.0, 0.0] } else { Vec::new() };
+    let values: Vec<f64> = base.into_iter().chain(values).collect();
+    let _ = writeln!(out, "    <key name=\"{name}\" qpos=\"{}\"/>", row(&values));
 }
 
 /// Links in the order in which MuJoCo numbers them and their joints.
@@ -356,6 +392,28 @@ mod tests {
         let servo = text.lines().find(|line| line.contains("<position name=\"part_1_position\"")).unwrap();
         let kp: f64 = servo.split("kp=\"").nth(1).and_then(|rest| rest.split('"').next()).unwrap().parse().unwrap();
         assert!((kp - 312.5).abs() < 1e-6 && servo.contains("ctrlrange=\"0 1.6\" forcerange=\"-50 50\""), "{servo}");
+    }
+
+    #[test]
+    fn the_scene_includes_the_model_and_has_keys_at_the_limits() {
+        let (dir, written, _, _) = read(&cabinet());
+        let path = dir.path().join("scene.xml");
+        assert!(written.ends_with(&[path.clone(), dir.path().join("env.py")]), "{written:?}");
+        let text = std::fs::read_to_string(&path).unwrap();
+        let tree = roxmltree::Document::parse(&text).unwrap();
+        let find = |tag: &str, name: &str| {
+            tree.descendants().find(|n| n.has_tag_name(tag) && n.attribute("name") == Some(name)).unwrap()
+        };
+        let included = tree.descendants().find(|n| n.has_tag_name("include")).unwrap().attribute("file").unwrap();
+        assert!(dir.path().join(included).is_file());
+        assert_eq!(find("key", "closed").attribute("qpos"), Some("0 0"));
+        assert_eq!(find("key", "open").attribute("qpos"), Some("1.6 0.42"));
+        assert!(find("camera", "front").attribute("xyaxes").is_some() && find("geom", "floor").has_attribute("size"));
+        // A model of this name is written, without a scene in its place.
+        let asset = Asset { name: "scene".into(), ..cabinet() };
+        let (_dir, written, model, _) = read(&asset);
+        assert_eq!(written.iter().filter(|p| p.extension().is_some_and(|e| e == "xml")).count(), 1);
+        assert_eq!(model.keyframes.len(), 2);
     }
 
     #[test]

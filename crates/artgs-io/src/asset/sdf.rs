@@ -1,4 +1,5 @@
-//! SDFormat 1.10, as Gazebo reads it: `model.sdf`, `model.config` and `meshes/`.
+//! SDFormat 1.10, as Gazebo reads it: `model.sdf`, `model.config` and `meshes/`; `scene.sdf` is a world with the same model, a floor, light
+//! and a camera.
 //!
 //! Poses of joints are relative to the parent link, poses of links to their joint; a fixed joint connects the base to the
 //! world. A screw is a `screw` joint. Handles are frames, as in [`artgs_core::Handle`].
@@ -9,13 +10,14 @@
 
 use super::check::{check_asset, sound_inertia};
 use super::meshes::{LinkFiles, mean_color, write_link_meshes};
+use super::scene::{self, SCENE};
 use super::xml::{roll_pitch_yaw, row, triple};
 use crate::{FileError, write_atomic};
 use artgs_core::{Asset, AssetJoint, AssetLink, ContactMaterial, Handle, Inertial, JointKind};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Writes `DIR/model.sdf`, `DIR/model.config` and `DIR/meshes/`; returns what was written, `model.sdf` first.
+/// Writes `DIR/model.sdf`, `DIR/scene.sdf`, `DIR/model.config` and `DIR/meshes/`; returns what was written, `model.sdf` first.
 pub fn export_sdf(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> {
     let (path, config) = (dir.join("model.sdf"), dir.join("model.config"));
     check_asset(asset).map_err(|reason| FileError::malformed(&path, reason))?;
@@ -28,12 +30,16 @@ pub fn export_sdf(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> 
         env!("CARGO_PKG_VERSION")
     );
     write_atomic(&config, about.as_bytes())?;
-    write_atomic(&path, document(asset, &files).as_bytes())?;
-    Ok([path, config].into_iter().chain(meshes).collect())
+    let model = model(asset, &files);
+    write_atomic(&path, format!("<?xml version=\"1.0\"?>\n<sdf version=\"1.10\">\n{model}</sdf>\n").as_bytes())?;
+    let world = dir.join(format!("{SCENE}.sdf"));
+    write_atomic(&world, scene::sdf(asset, &model).as_bytes())?;
+    Ok([path, config, world].into_iter().chain(meshes).collect())
 }
 
-fn document(asset: &Asset, files: &[LinkFiles]) -> String {
-    let mut out = format!("<?xml version=\"1.0\"?>\n<sdf version=\"1.10\">\n  <model name=\"{}\">\n", asset.name);
+/// The element of the model.
+fn model(asset: &Asset, files: &[LinkFiles]) -> String {
+    let mut out = format!("  <model name=\"{}\">\n", asset.name);
     for (link, files) in asset.links.iter().zip(files) {
         write_link(&mut out, link, files);
         for Handle { name, frame, .. } in &link.handles {
@@ -58,7 +64,7 @@ fn document(asset: &Asset, files: &[LinkFiles]) -> String {
             }
         }
     }
-    out + "  </model>\n</sdf>\n"
+    out + "  </model>\n"
 }
 
 fn write_link(out: &mut String, link: &AssetLink, files: &LinkFiles) {
@@ -168,6 +174,10 @@ mod tests {
         let uris: Vec<_> = tree.descendants().filter(|n| n.has_tag_name("uri")).map(|n| n.text().unwrap()).collect();
         assert_eq!(uris.len(), 3 + 8);
         assert!(uris.iter().all(|u| written.contains(&dir.path().join(u))), "{uris:?}");
+        let world = std::fs::read_to_string(&written[2]).unwrap();
+        let world = Document::parse(&world).unwrap();
+        assert!(world.descendants().any(|n| n.has_tag_name("model") && n.attribute("name") == Some("cabinet")));
+        assert_eq!(world.descendants().filter(|n| n.has_tag_name("uri")).count(), uris.len());
         let config = std::fs::read_to_string(&written[1]).unwrap();
         assert_eq!(text(Document::parse(&config).unwrap().root(), "sdf"), "model.sdf");
     }
@@ -178,7 +188,7 @@ mod tests {
         let joint = asset.links[1].joint.as_mut().unwrap();
         (joint.kind, joint.pitch) = (JointKind::Screw, 0.25 / std::f64::consts::PI);
         asset.links[1].visual.texture = None;
-        let content = document(&asset, &vec![LinkFiles { visual: Some("v.obj".into()), ..Default::default() }; 3]);
+        let content = model(&asset, &vec![LinkFiles { visual: Some("v.obj".into()), ..Default::default() }; 3]);
         let tree = Document::parse(&content).unwrap();
         let screw = find(&tree, "joint", "part_1_joint");
         assert_eq!((screw.attribute("type"), text(screw, "screw_thread_pitch")), (Some("screw"), "0.5"));

@@ -19,7 +19,7 @@
 //! do not collide.
 //!
 //! `NAME_splats.usdc`, if there are Gaussians, is the same stage with Gaussians (OpenUSD 26.03 or later) instead of
-//! the meshes, which are hidden.
+//! the meshes, which are hidden. `scene.usda` references the asset, with a floor, light and the camera `front`.
 
 mod layer;
 mod looks;
@@ -28,6 +28,7 @@ mod repair;
 #[cfg(test)]
 mod tests;
 
+use super::scene::{self, SCENE};
 use crate::image_io::rgb_png;
 use crate::{FileError, write_atomic};
 use artgs_core::Asset;
@@ -37,7 +38,7 @@ use openusd::usdz::ArchiveWriter;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-/// Writes `NAME.usda`, `NAME.usdc`, `textures/LINK.png` and, if a link has Gaussians, `NAME_splats.usdc` into `dir`.
+/// Writes `NAME.usda`, `NAME.usdc`, `textures/LINK.png`, `scene.usda` and, if a link has Gaussians, `NAME_splats.usdc` into `dir`.
 /// Returns the files, `NAME.usda` first.
 pub fn export_usd(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> {
     let file = |suffix: &str| dir.join(format!("{}{suffix}", asset.name));
@@ -53,6 +54,11 @@ pub fn export_usd(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> 
     for (name, png) in textures(dir, asset)? {
         let path = dir.join(name);
         write_atomic(&path, &png)?;
+        files.push(path);
+    }
+    if asset.name != SCENE {
+        let path = dir.join(format!("{SCENE}.usda"));
+        write_atomic(&path, scene::usda(asset).as_bytes())?;
         files.push(path);
     }
     Ok(files)

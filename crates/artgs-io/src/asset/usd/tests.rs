@@ -60,7 +60,13 @@ fn bodies_and_joints_are_the_same_in_text_and_crate() {
     let asset = with_screw();
     let files = export_usd(dir.path(), &asset).unwrap();
     assert!(files[0].ends_with("cabinet.usda") && files[1].ends_with("cabinet.usdc"));
-    assert_eq!(files.len(), 3 + 4);
+    assert_eq!(files.len(), 3 + 4 + 1);
+    let scene = open(&dir.path().join("scene.usda"));
+    assert!(get::<f32>(&prim(&scene, "/World/surroundings/front"), "focalLength") > 20.0);
+    // The reference is resolved.
+    let base = schemas(&prim(&scene, "/World/cabinet/base"));
+    assert_eq!(base, schemas(&prim(&open(&files[1]), "/cabinet/base")));
+    assert!(!base.is_empty());
     for file in &files[..2] {
         let stage = open(file);
         assert_eq!(stage.default_prim().as_deref(), Some("cabinet"));

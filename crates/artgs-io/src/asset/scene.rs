@@ -1,0 +1,245 @@
+//! Scenes that show an asset at its best: a floor, light, sky and a camera before its front. [`super::mjcf`], [`super::sdf`] and
+//! [`super::usd`] each write one beside the asset, so that a simulator shows something with one command.
+
+use super::xml::{row, triple};
+use artgs_core::Asset;
+use glam::DVec3;
+
+/// Stem of the files, such as `scene.xml`. An object of this name has no scene.
+pub const SCENE: &str = "scene";
+
+/// True if the path is a scene, and no asset.
+pub fn is_scene(path: &std::path::Path) -> bool {
+    path.file_stem().is_some_and(|stem| stem == SCENE)
+}
+
+/// Vertical field of view of the camera, degrees.
+pub(super) const FIELD_OF_VIEW: f64 = 40.0;
+
+/// Direction in which the light of the sun travels.
+pub(super) const SUNLIGHT: DVec3 = DVec3::new(0.4, 0.8, -1.2);
+
+/// A camera before the front of an asset, which is along -Y, a little above it and to its left, object's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct FrontCamera {
+    /// Its place, metres.
+    pub(super) eye: DVec3,
+    /// What it looks at, metres.
+    pub(super) target: DVec3,
+    /// Half the side of the floor, metres.
+    pub(super) floor: f64,
+}
+
+impl FrontCamera {
+    /// Far enough to show everything that the parts reach: at their limits, each joint by itself.
+    pub(super) fn of(asset: &Asset) -> Self {
+        /// Direction from the object to the camera.
+        const FROM: DVec3 = DVec3::new(-0.45, -1.0, 0.4);
+        /// Free border around what is shown.
+        const BORDER: f64 = 1.1;
+        let [lower, upper] = reach(asset);
+        let (target, half) = (0.5 * (lower + upper), 0.5 * (upper - lower));
+        let slope = (0.5 * FIELD_OF_VIEW).to_radians().tan();
+        let looking = Self { eye: target + FROM, target, floor: 0.0 };
+        let [right, up, back] = looking.axes();
+        // A corner is in view from this far.
+        let needed = |corner: DVec3| corner.dot(right).abs().max(corner.dot(up).abs()) / slope + corner.dot(back);
+        let distance = (0..8).map(|c| needed(half * corner_signs(c))).fold(1e-3, f64::max);
+        Self { eye: target + BORDER * distance * back, floor: 10.0 * half.length().max(1e-3), ..looking }
+    }
+
+    /// Axes of the camera: to the right, upwards and backwards.
+    pub(super) fn axes(&self) -> [DVec3; 3] {
+        let back = (self.eye - self.target).normalize();
+        let right = DVec3::Z.cross(back).normalize();
+        [right, back.cross(right), back]
+    }
+}
+
+/// Corner of a cube with sides of 2, 0 to 7.
+fn corner_signs(corner: usize) -> DVec3 {
+    let sign = |axis: usize| if corner >> axis & 1 == 1 { 1.0 } else { -1.0 };
+    DVec3::new(sign(0), sign(1), sign(2))
+}
+
+/// Box around the visual meshes at the zero pose, and with each joint at its limits; a point without meshes.
+fn reach(asset: &Asset) -> [DVec3; 2] {
+    let zero = vec![0.0; asset.links.len()];
+    let at = |link: usize, value: f64| {
+        let mut values = zero.clone();
+        values[link] = value;
+        asset.poses(&values)
+    };
+    let ends = asset.movable().flat_map(|(i, _, joint)| joint.limits.map(|value| at(i, value)));
+    let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    for poses in std::iter::once(asset.poses(&zero)).chain(ends.collect::<Vec<_>>()) {
+        for (link, pose) in asset.links.iter().zip(&poses) {
+            for vertex in &link.visual.mesh.vertices {
+                let point = pose.apply(DVec3::from_array(vertex.map(f64::from)));
+                bounds = [bounds[0].min(point), bounds[1].max(point)];
+            }
+        }
+    }
+    if bounds[0].x > bounds[1].x { [DVec3::ZERO; 2] } else { bounds }
+}
+
+/// MJCF that includes `NAME.xml`; `keys` are further keyframes.
+pub(super) fn mjcf(asset: &Asset, keys: &str) -> String {
+    let camera = FrontCamera::of(asset);
+    let [right, up, _] = camera.axes();
+    let (name, eye, axes) = (&asset.name, triple(camera.eye), row(&[right.to_array(), up.to_array()].concat()));
+    let (center, extent) = (triple(camera.target), camera.floor / 10.0);
+    let (sun, floor) = (triple(SUNLIGHT), camera.floor);
+    let above = triple(camera.target - 4.0 * extent * SUNLIGHT);
+    format!(
+        "<mujoco model=\"{name} scene\">
+  <include file=\"{name}.xml\"/>
+  <statistic center=\"{center}\" extent=\"{extent}\"/>
+  <visual>
+    <headlight ambient=\"0.4 0.4 0.4\" diffuse=\"0.4 0.4 0.4\" specular=\"0 0 0\"/>
+    <global azimuth=\"65\" elevation=\"-20\" fovy=\"{FIELD_OF_VIEW}\" offwidth=\"1280\" offheight=\"960\"/>
+    <quality shadowsize=\"4096\"/>
+  </visual>
+  <asset>
+    <texture name=\"sky\" type=\"skybox\" builtin=\"gradient\" rgb1=\"0.75 0.84 0.94\" rgb2=\"0.96 0.97 0.98\" width=\"256\" height=\"1536\"/>
+    <texture name=\"tiles\" type=\"2d\" builtin=\"checker\" rgb1=\"0.82 0.82 0.8\" rgb2=\"0.86 0.86 0.84\" width=\"300\" height=\"300\"/>
+    <material name=\"floor\" texture=\"tiles\" texuniform=\"true\" texrepeat=\"2 2\"/>
+  </asset>
+  <worldbody>
+    <light name=\"sun\" type=\"directional\" pos=\"{above}\" dir=\"{sun}\" diffuse=\"0.5 0.5 0.5\" specular=\"0 0 0\"/>
+    <geom name=\"floor\" type=\"plane\" size=\"{floor} {floor} 0.05\" material=\"floor\"/>
+    <camera name=\"front\" pos=\"{eye}\" xyaxes=\"{axes}\" fovy=\"{FIELD_OF_VIEW}\"/>
+  </worldbody>
+{keys}</mujoco>
+"
+    )
+}
+
+/// A world of SDFormat around a model: `model` is its element.
+pub(super) fn sdf(asset: &Asset, model: &str) -> String {
+    let camera = FrontCamera::of(asset);
+    let ahead = (camera.target - camera.eye).normalize();
+    let (pitch, yaw) = ((-ahead.z).asin(), ahead.y.atan2(ahead.x));
+    let (eye, sun, side) = (triple(camera.eye), triple(SUNLIGHT), 2.0 * camera.floor);
+    let floor = format!("<geometry><plane><normal>0 0 1</normal><size>{side} {side}</size></plane></geometry>");
+    format!(
+        "<?xml version=\"1.0\"?>\n<sdf version=\"1.10\">\n  <world name=\"{SCENE}\">
+    <scene><ambient>0.5 0.5 0.5 1</ambient><background>0.85 0.9 0.95 1</background></scene>
+    <gui><camera name=\"front\"><pose>{eye} 0 {pitch} {yaw}</pose></camera></gui>
+    <light name=\"sun\" type=\"directional\"><direction>{sun}</direction><diffuse>0.8 0.8 0.8 1</diffuse><cast_shadows>true</cast_shadows></light>
+    <model name=\"scene_floor\">
+      <static>true</static>
+      <link name=\"floor\">
+        <collision name=\"collision\">{floor}</collision>
+        <visual name=\"visual\">{floor}<material><ambient>0.8 0.8 0.8 1</ambient><diffuse>0.8 0.8 0.8 1</diffuse></material></visual>
+      </link>
+    </model>
+{model}  </world>\n</sdf>\n"
+    )
+}
+
+/// A text layer of OpenUSD that references `NAME.usdc`.
+#[cfg(feature = "usd")]
+pub(super) fn usda(asset: &Asset) -> String {
+    let camera = FrontCamera::of(asset);
+    let [right, up, back] = camera.axes().map(|axis| row(&axis.to_array()).replace(' ', ", "));
+    let eye = triple(camera.eye).replace(' ', ", ");
+    let (name, f) = (&asset.name, camera.floor);
+    // Apertures and focal lengths are tenths of a scene unit; only their ratio counts.
+    let (aperture, focal) = (20.0, 10.0 / (0.5 * FIELD_OF_VIEW).to_radians().tan());
+    let wide = aperture * 4.0 / 3.0;
+    // A distant light shines along -Z.
+    let [sun_x, sun_y, sun_z] = {
+        let back = -SUNLIGHT.normalize();
+        let right = DVec3::Z.cross(back).normalize();
+        [right, back.cross(right), back].map(|axis| row(&axis.to_array()).replace(' ', ", "))
+    };
+    format!(
+        "#usda 1.0
+(
+    defaultPrim = \"World\"
+    documentation = \"artgs {version}\"
+    kilogramsPerUnit = 1
+    metersPerUnit = 1
+    upAxis = \"Z\"
+    customLayerData = {{ dictionary cameraSettings = {{ string boundCamera = \"/World/surroundings/front\" }} }}
+)
+
+def Xform \"World\"
+{{
+    def Xform \"{name}\" (prepend references = @./{name}.usdc@)
+    {{
+    }}
+
+    def Scope \"surroundings\"
+    {{
+        def Camera \"front\"
+        {{
+            matrix4d xformOp:transform = ( ({right}, 0), ({up}, 0), ({back}, 0), ({eye}, 1) )
+            uniform token[] xformOpOrder = [\"xformOp:transform\"]
+            float focalLength = {focal}
+            float horizontalAperture = {wide}
+            float verticalAperture = {aperture}
+            float2 clippingRange = (0.01, 1000)
+        }}
+
+        def DistantLight \"sun\" (prepend apiSchemas = [\"ShadowAPI\"])
+        {{
+            matrix4d xformOp:transform = ( ({sun_x}, 0), ({sun_y}, 0), ({sun_z}, 0), (0, 0, 0, 1) )
+            uniform token[] xformOpOrder = [\"xformOp:transform\"]
+            float inputs:intensity = 1500
+            float inputs:angle = 1
+        }}
+
+        def DomeLight \"sky\"
+        {{
+            color3f inputs:color = (0.92, 0.95, 1)
+            float inputs:intensity = 600
+        }}
+
+        def Mesh \"floor\" (prepend apiSchemas = [\"PhysicsCollisionAPI\"])
+        {{
+            point3f[] points = [(-{f}, -{f}, 0), ({f}, -{f}, 0), ({f}, {f}, 0), (-{f}, {f}, 0)]
+            int[] faceVertexCounts = [4]
+            int[] faceVertexIndices = [0, 1, 2, 3]
+            float3[] extent = [(-{f}, -{f}, 0), ({f}, {f}, 0)]
+            normal3f[] normals = [(0, 0, 1)] (interpolation = \"constant\")
+            color3f[] primvars:displayColor = [(0.8, 0.8, 0.79)]
+            uniform token subdivisionScheme = \"none\"
+        }}
+    }}
+
+    def PhysicsScene \"PhysicsScene\"
+    {{
+        vector3f physics:gravityDirection = (0, 0, -1)
+        float physics:gravityMagnitude = 9.81
+    }}
+}}
+",
+        version = env!("CARGO_PKG_VERSION")
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::testing::cabinet;
+
+    #[test]
+    fn the_camera_shows_all_that_the_parts_reach() {
+        let asset = cabinet();
+        let camera = FrontCamera::of(&asset);
+        let [right, up, back] = camera.axes();
+        assert!(right.cross(up).distance(back) < 1e-12 && up.z > 0.0 && camera.eye.y < camera.target.y);
+        let slope = (0.5 * FIELD_OF_VIEW).to_radians().tan();
+        let [lower, upper] = reach(&asset);
+        for corner in 0..8 {
+            let seen = camera.target + 0.5 * (upper - lower) * corner_signs(corner) - camera.eye;
+            let depth = -seen.dot(back);
+            assert!(depth > 0.0 && seen.dot(right).abs() < slope * depth && seen.dot(up).abs() < slope * depth);
+        }
+        // The drawer comes out to the front.
+        assert!(lower.y < -0.3, "{lower}");
+        assert_eq!(reach(&Asset::default()), [DVec3::ZERO; 2]);
+    }
+}
