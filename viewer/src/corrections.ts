@@ -55,7 +55,7 @@ export class Corrections {
     private readonly scene: SceneData,
     private readonly stage: Stage,
     private readonly model: Model,
-    /** Moves every joint to state A; centres are given in that state. */
+    /** Moves every joint to the start state; centres are given in that state. */
     private readonly begin: () => void,
   ) {
     this.group.visible = false;

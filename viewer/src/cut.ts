@@ -51,7 +51,7 @@ export class Cut {
     if (on) this.update();
   }
 
-  /** A point of the plane and its normal, object's frame, at state A; the new part is where the normal points. */
+  /** A point of the plane and its normal, object's frame, at the start state; the new part is where the normal points. */
   get(): { point: Vector3; normal: Vector3 } {
     const normal = this.direction();
     const corners = this.corners();

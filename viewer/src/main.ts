@@ -26,7 +26,7 @@ function say(words: string, wrong = false): void {
 
 /**
  * Horizontal direction in which the object opens: the sum of the motions of the part centres. Before training it is
- * unknown whether joints open or close from state A to B; then the direction that points out of the object counts.
+ * unknown whether joints open or close from the start to the end state; then the direction that points out of the object counts.
  */
 function frontOf(model: Model, found: boolean): Vector3 {
   const front = new Vector3();
@@ -56,9 +56,13 @@ function frameBox(stage: Stage, box: ObjectBox, scene: SceneData): void {
   stage.frameObject(extent.expandByVector(extent.getSize(new Vector3()).multiplyScalar(0.25)), front);
 }
 
+/** What the address asks for: `?embed` leaves out the controls and plays, `?play` only plays, `?test` is for tests. */
+const asked = new URLSearchParams(location.search);
+
 function openStage(scene: SceneData): Stage {
   document.title = `${scene.name} – artgs`;
-  const test = new URLSearchParams(location.search).has("test");
+  document.documentElement.classList.toggle("embed", asked.has("embed"));
+  const test = asked.has("test");
   return new Stage(document.querySelector("canvas")!, test);
 }
 
@@ -170,6 +174,8 @@ async function start(scene: SceneData) {
   if (found) say("Check the parts and their motions. Correct what is wrong, then save and continue.");
   else say(exported || !model.movable().length ? "" : "Drag a part to move it. Drag the background to turn the view.");
   setTimeout(() => message.classList.contains("wrong") || say(""), 6000);
+  const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  if ((asked.has("embed") || asked.has("play")) && !still) player.set(true);
 
   return {
     model,

@@ -3,7 +3,7 @@
 import { button, check, make, section } from "./dom";
 import { MODES, type Mode } from "./looks";
 import type { Link, Model } from "./model";
-import { type AlternativeData, hasBothStates, isFound, readable, type SceneData } from "./scene";
+import { type AlternativeData, hasBothStates, isFound, readable, type SceneData, STATES } from "./scene";
 import { rows, table } from "./scores";
 
 /** What the controls do. */
@@ -101,7 +101,11 @@ export class Panel {
   }
 
   private states(): HTMLElement[] {
-    return [0, 1].map((s) => button(`State ${"AB"[s]}`, () => this.act.state(s)));
+    return STATES.map((name, s) => {
+      const out = button(name, () => this.act.state(s));
+      out.title = `As recorded in the ${name.toLowerCase()} state`;
+      return out;
+    });
   }
 
   private slider(link: Link): HTMLElement {
@@ -146,8 +150,7 @@ export class Panel {
   private cameras(): HTMLElement {
     const views = this.scene.cameras!;
     const choice = make("select", { id: "camera", ariaLabel: "Camera to look through" }, make("option", { value: "" }, "Free view"));
-    const both = hasBothStates(this.scene);
-    views.forEach((v, i) => choice.append(make("option", { value: `${i}` }, both ? `${v.name} (state ${"AB"[v.state]})` : v.name)));
+    views.forEach((v, i) => choice.append(make("option", { value: `${i}` }, v.name)));
     const wipe = make("input", { type: "range", min: "0", max: "1", step: "0.005", value: "0.5", id: "wipe" });
     const bar = make("label", { className: "slider", hidden: true }, make("span", { className: "ends" }, make("span", {}, this.scene.links.length > 0 ? "Replica" : "Points"), make("span", {}, "Photo")), wipe);
     wipe.addEventListener("input", () => this.act.wipe(wipe.valueAsNumber));

@@ -125,6 +125,9 @@ export function readable(joint: JointData, value: number): string {
   return `${((value * 180) / Math.PI).toFixed(1)}°`;
 }
 
+/** Names of the observed states. */
+export const STATES = ["Start", "End"] as const;
+
 /** True if both states were observed; a recording has one of them. */
 export function hasBothStates(scene: SceneData): boolean {
   return new Set([...(scene.clouds ?? []), ...(scene.cameras ?? [])].map((c) => c.state)).size > 1;

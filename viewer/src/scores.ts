@@ -44,7 +44,7 @@ function shown(value: number, counted: boolean): string {
 }
 
 export function table(found: Row[]): HTMLTableElement {
-  const head = make("thead", {}, make("tr", {}, make("th", { scope: "col" }), make("th", { scope: "col" }, "State A"), make("th", { scope: "col" }, "State B")));
+  const head = make("thead", {}, make("tr", {}, make("th", { scope: "col" }), make("th", { scope: "col" }, "Start"), make("th", { scope: "col" }, "End")));
   const body = make("tbody");
   for (const { label, cells } of found) {
     const row = make("tr", {}, make("th", { scope: "row" }, label));

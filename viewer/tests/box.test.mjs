@@ -24,7 +24,7 @@ const inside = async () => Number((await view.page.getByText("points inside").te
 test("a recording shows its points and offers a box, which highlights the points inside", async () => {
   const first = await shot(view.page);
   assert.ok(drawn(first) > 3000, `${drawn(first)} pixels`);
-  assert.equal(await view.page.getByRole("button", { name: "State B" }).count(), 0);
+  assert.equal(await view.page.getByRole("button", { name: "End", exact: true }).count(), 0);
   assert.equal(await value(), null);
   await view.page.getByRole("button", { name: "Place a box" }).click();
   assert.equal(await option(), "--box -0.6,-0.1,-0.4,0.6,1.1,0.4");

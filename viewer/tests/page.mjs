@@ -60,7 +60,7 @@ export async function open(browser, address, options = {}) {
   page.on("requestfailed", (r) => complaints.push(`${r.url().slice(0, 80)} ${r.failure()?.errorText}`));
   page.on("response", (r) => r.status() >= 400 && complaints.push(`${r.status()} ${r.url().slice(0, 80)}`));
   page.on("request", (r) => requests.push(r.url()));
-  await page.goto(`${address}?test`);
+  await page.goto(`${address}${address.includes("?") ? "&" : "?"}test`);
   await page.evaluate(() => globalThis.artgs.ready);
   return { page, complaints, requests };
 }

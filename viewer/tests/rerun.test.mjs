@@ -214,8 +214,8 @@ test("discovered parts can be shown, moved and corrected before training, and th
     assert.ok(difference(first, opened).count > 1000);
     const still = await page.evaluate(() => artgs.onPage("part_2", [0.2, -0.02, -0.1]));
     assert.ok(colour(first, still, 6).every((c, k) => Math.abs(c - colour(opened, still, 6)[k]) < 2));
-    // In state B the joints move the points of A onto those of B.
-    await page.getByRole("button", { name: "State B" }).click();
+    // In the end state the joints move the points of the start onto those of the end.
+    await page.getByRole("button", { name: "End", exact: true }).click();
     const second = await shot(page);
     await page.getByLabel("Colour points by part").uncheck();
     assert.ok(difference(second, await shot(page)).count > 500);

@@ -157,9 +157,9 @@ test("dragging beside the object turns the view, not a joint", async () => {
 
 test("states, play, exploded view and axes", async () => {
   await rest();
-  await view.page.getByRole("button", { name: "State B" }).click();
+  await view.page.getByRole("button", { name: "End", exact: true }).click();
   assert.deepEqual(await Promise.all(["door", "drawer", "knob"].map(joint)), [1.2, 0, 3]);
-  await view.page.getByRole("button", { name: "State A" }).click();
+  await view.page.getByRole("button", { name: "Start", exact: true }).click();
   assert.deepEqual(await Promise.all(["door", "drawer", "knob"].map(joint)), [0, 0.3, 0]);
   const before = await shot(view.page);
   const axes = view.page.getByLabel("Joint axes and limits");
@@ -325,6 +325,19 @@ test("on a phone the canvas keeps its place and a finger moves a part", async ()
   await page.close();
 });
 
+test("an embedded page shows no controls and plays", async () => {
+  const file = pathToFileURL(join(served.folder, "page.html")).href;
+  const { page, complaints } = await open(browser, `${file}?embed`);
+  assert.equal(await page.locator("#panel").isVisible(), false);
+  const [canvas, window_] = await page.evaluate(() => [document.querySelector("canvas").clientWidth, innerWidth]);
+  assert.equal(canvas, window_);
+  const values = () => page.evaluate(() => [1, 2].map((link) => artgs.joint(link)));
+  const before = await values();
+  await page.waitForFunction((b) => [1, 2].some((link, i) => Math.abs(artgs.joint(link) - b[i]) > 0.02), before);
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
 test("the exported page works from disk and shows the same picture", async () => {
   await rest();
   const file = pathToFileURL(join(served.folder, "page.html")).href;
@@ -351,7 +364,7 @@ test("a capture before reconstruction shows the points of both states and marks 
   const { page, complaints } = await open(browser, pathToFileURL(join(served.folder, "capture.html")).href);
   const first = await shot(page);
   assert.ok(drawn(first) > 2000, `${drawn(first)} pixels`);
-  await page.getByRole("button", { name: "State B" }).click();
+  await page.getByRole("button", { name: "End", exact: true }).click();
   const second = await shot(page);
   assert.ok(difference(first, second).count > 1000);
   await page.getByLabel("Mark points that moved").check();

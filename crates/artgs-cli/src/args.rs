@@ -348,6 +348,12 @@ pub(crate) struct View {
     /// Write one self-contained page to FILE instead of serving it
     #[arg(long, value_name = "FILE", conflicts_with_all = ["port", "no_open"])]
     pub(crate) export: Option<PathBuf>,
+    /// Title of the page; the name of the object if absent
+    #[arg(long, value_name = "TEXT", requires = "export")]
+    pub(crate) title: Option<String>,
+    /// The page in FILE also has photos of the capture. Without, it can be shared without showing the room
+    #[arg(long, requires = "export")]
+    pub(crate) photos: bool,
     /// Folder with the photos of a replica; where the run found them if absent
     #[arg(long, value_name = "DIR")]
     pub(crate) capture: Option<PathBuf>,

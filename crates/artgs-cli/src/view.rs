@@ -49,8 +49,7 @@ pub(crate) fn run(args: &View, style: Style) -> Result<(), Failure> {
         page.scene.object_box = Some(view_recording::scene_box(bounds, saved.is_some()));
     }
     if let Some(file) = &args.export {
-        export_page(&page, file).map_err(Failure::bad_input)?;
-        return if style.quiet { Ok(()) } else { say(format!("page in {}", file.display())) };
+        return write_page(page, file, args, style);
     }
     let mut server = Server::bind(page, args.port, is_run.then(|| args.what.clone())).map_err(Failure::bad_input)?;
     if is_run {
@@ -64,6 +63,26 @@ pub(crate) fn run(args: &View, style: Style) -> Result<(), Failure> {
     let stop = stopped(&server)?;
     server.run(&stop);
     Ok(())
+}
+
+/// Writes a page that can be given to others, and says what it has.
+fn write_page(page: Page, file: &Path, args: &View, style: Style) -> Result<(), Failure> {
+    let had = page.scene.cameras.iter().filter(|camera| camera.photo.is_some()).count();
+    let mut page = page.shared(args.photos);
+    if let Some(title) = &args.title {
+        page.scene.name.clone_from(title);
+    }
+    export_page(&page, file).map_err(Failure::bad_input)?;
+    if style.quiet {
+        return Ok(());
+    }
+    let size = std::fs::metadata(file).map_or(0.0, |about| about.len() as f64 / 1e6);
+    let photos = match (args.photos, had) {
+        (_, 0) => String::new(),
+        (true, _) => format!(", with {had} photos of the capture"),
+        (false, _) => ", without photos; --photos adds them".into(),
+    };
+    say(format!("page in {} ({size:.1} MB{photos})", file.display()))
 }
 
 /// Where the page of a recording, or of two that a run aligned, saves the box, or why it does not; none for pages without

@@ -194,8 +194,12 @@ fn a_still_cabinet_becomes_a_static_replica_that_every_command_takes() {
     #[cfg(feature = "check")]
     done(&["check", str(&out)]);
     std::fs::remove_file(&page).unwrap();
+    // Photos of a user are in a page only if they are asked for.
+    let photos = || std::fs::read_to_string(&page).unwrap().matches("data-file=\"cameras/").count();
     done(&["view", str(&out), "--export", str(&page)]);
-    assert!(page.is_file());
+    assert_eq!(photos(), 0);
+    done(&["view", str(&out), "--export", str(&page), "--photos", "--title", "Cupboard"]);
+    assert!(photos() > 4);
     done(&["evaluate", str(&out), "--gt", str(&capture.join("gt"))]);
 }
 

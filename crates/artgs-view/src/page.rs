@@ -188,6 +188,20 @@ impl Page {
         Ok(())
     }
 
+    /// The page as it is given to others: without scores and, unless `photos` are asked for, without the cameras of the capture, their photos
+    /// and masks.
+    pub fn shared(mut self, photos: bool) -> Self {
+        self.scene.scores = None;
+        if !photos {
+            for camera in std::mem::take(&mut self.scene.cameras) {
+                for file in [camera.photo, camera.rendering, camera.mask].into_iter().flatten() {
+                    self.files.remove(&file);
+                }
+            }
+        }
+        self
+    }
+
     /// Adds the points of an observed state; `placement` maps the capture's frame to the object's.
     pub fn add_cloud(&mut self, cloud: &Cloud, placement: Placement) {
         self.scene.placement = Some(placement);
