@@ -5,7 +5,7 @@ use crate::asset::values::{Activated, is_textured, linear, unit_normals};
 use artgs_core::{AssetLink, ContactMaterial, Mesh, Splats};
 use openusd::sdf::{AssetPath, Value};
 
-/// Path of the texture of a link, from the layer's folder.
+/// Path of the texture of a link, from the folder of the asset.
 pub(super) fn texture_file(link: &AssetLink) -> String {
     format!("textures/{}.png", link.name)
 }
@@ -22,7 +22,7 @@ fn mesh_prim(name: String, mesh: &Mesh) -> Prim {
 }
 
 /// Bounding box of balls.
-fn bounds(balls: impl Iterator<Item = ([f32; 3], f32)>) -> [[f32; 3]; 2] {
+pub(super) fn bounds(balls: impl Iterator<Item = ([f32; 3], f32)>) -> [[f32; 3]; 2] {
     let start = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
     balls.fold(start, |[low, high], (v, r)| {
         [[0, 1, 2].map(|a| low[a].min(v[a] - r)), [0, 1, 2].map(|a| high[a].max(v[a] + r))]
@@ -55,8 +55,9 @@ pub(super) fn visual(root: &str, link: &AssetLink) -> Result<Option<Prim>, Strin
     Ok(Some(prim))
 }
 
-/// The material of a link: its texture, or the colours of its vertices.
-pub(super) fn material(root: &str, link: &AssetLink) -> Result<Prim, String> {
+/// The material of a link: its texture, or the colours of its vertices. `folder` is where the folder of textures is, from the
+/// folder of the layer.
+pub(super) fn material(root: &str, link: &AssetLink, folder: &str) -> Result<Prim, String> {
     let here = format!("{root}/Looks/{}", link.name);
     let shader = |name: &str, id: &str| Prim::new("Shader", name).uniform("token", "info:id", token(id));
     let surface = shader("surface", "UsdPreviewSurface").attr("float", "inputs:metallic", Value::Float(0.0)).attr(
@@ -66,7 +67,7 @@ pub(super) fn material(root: &str, link: &AssetLink) -> Result<Prim, String> {
     );
     let color = "inputs:diffuseColor";
     let (surface, feeders) = if is_textured(&link.visual) {
-        let file = Value::AssetPath(AssetPath::new(format!("./{}", texture_file(link))));
+        let file = Value::AssetPath(AssetPath::new(format!("{folder}/{}", texture_file(link))));
         let reader = shader("coordinates", "UsdPrimvarReader_float2")
             .attr("string", "inputs:varname", Value::String("st".into()))
             .output("float2", "outputs:result");
@@ -103,11 +104,20 @@ pub(super) fn contact(link: &AssetLink) -> Prim {
         .attr("float", "physics:restitution", Value::Float(restitution as f32))
 }
 
+/// The hulls of a link that are written, in their order.
+pub(super) fn solid(link: &AssetLink) -> impl Iterator<Item = &Mesh> {
+    link.collision.iter().filter(|hull| !hull.is_empty() && !hull.vertices.is_empty())
+}
+
+/// Name of the prim of a hull, by its place among those of its link.
+pub(super) fn hull_name(place: usize) -> String {
+    format!("collision_{place}")
+}
+
 /// The hulls that a link collides with, for physics only.
 pub(super) fn hulls(root: &str, link: &AssetLink) -> Result<Vec<Prim>, String> {
-    let solid = link.collision.iter().filter(|hull| !hull.is_empty() && !hull.vertices.is_empty());
     let prim = |(i, hull): (usize, &Mesh)| {
-        let prim = mesh_prim(format!("collision_{i}"), hull)
+        let prim = mesh_prim(hull_name(i), hull)
             .api("PhysicsCollisionAPI")
             .api("PhysicsMeshCollisionAPI")
             .api("MaterialBindingAPI")
@@ -117,7 +127,7 @@ pub(super) fn hulls(root: &str, link: &AssetLink) -> Result<Vec<Prim>, String> {
             .uniform("token", "physics:approximation", token("convexHull"));
         Ok(prim)
     };
-    solid.enumerate().map(prim).collect()
+    solid(link).enumerate().map(prim).collect()
 }
 
 /// The Gaussians of a link; none if there are none.
