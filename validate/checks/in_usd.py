@@ -51,8 +51,9 @@ def check_variants(path, states, report):
             report.add(name, f"{option} composes", not bare, len(prims), "prims", " ".join(bare[:3]))
             box = _drawn_box(chosen)
             apart = max((abs(a - b) for a, b in zip(plain, box)), default=0.0)
-            # Gaussians reach beyond the surface that they show.
-            report.add(name, f"{option}: box of what is drawn differs", apart < 0.05 * max(plain, default=0.0), apart, "m")
+            # Gaussians reach beyond the surface that they show, the less the better they are trained.
+            same = None if option == "GaussianSplat" else apart < 1e-6
+            report.add(name, f"{option}: box of what is drawn differs", same, apart, "m")
 
 
 def _drawn_box(stage):

@@ -1,11 +1,11 @@
 //! A folder with the layout of NVIDIA's SimReady props (profile `Robotics-Prop`), so that simulators of that family find
 //! physics, labels, grasps and both appearances where they look for them.
 //!
-//! `NAME/simready_usd/NAME.usda` is the file to open: metadata, labels, the direction of the front, and variants. It references
-//! `NAME/physics/base.usdc` with bodies, joints, hulls, contact materials and grasps, in schemas of USD alone.
-//! The variant sets `PhysX`, `Newton` and `MuJoCo`, all disabled, each load a layer of `NAME/runnables/physics` with the
-//! schemas of that engine. The variant set `Representation` loads `NAME/visuals/mesh.usdc` or `splats.usdc`; without Gaussians
-//! there is no choice. A thumbnail is in `NAME/simready_usd/.thumbs`, if the provenance has a picture.
+//! `NAME/simready_usd/NAME.usda` is the file to open: metadata, labels, the direction of the front, and variants. All others
+//! are in folders beside it. It references `physics/base.usdc` with bodies, joints, hulls, contact materials and grasps, in
+//! schemas of USD alone. The variant sets `PhysX`, `Newton` and `MuJoCo`, all disabled, each load a layer of
+//! `runnables/physics` with the schemas of that engine. The variant set `Representation` loads `visuals/mesh.usdc` or
+//! `splats.usdc`; without Gaussians there is no choice. A thumbnail is in `.thumbs`, if the provenance has a picture.
 //!
 //! Differences from [`super::export_usd`]: no physics scene, because a scene has its own; a line through each handle along
 //! which fingers close; engines are separated. Not written: non-visual materials and materials as labels (a capture does not
@@ -37,7 +37,7 @@ const REPRESENTATION: &str = "Representation";
 const MESH: &str = "Mesh";
 const GAUSSIANS: &str = "GaussianSplat";
 
-/// The variant set of an engine, and its layer from the folder of the asset.
+/// The variant set of an engine, and its layer.
 fn engine_set(engine: Engine) -> (&'static str, &'static str) {
     match engine {
         Engine::PhysX => ("PhysX", "runnables/physics/physx.usda"),
@@ -48,8 +48,8 @@ fn engine_set(engine: Engine) -> (&'static str, &'static str) {
 
 /// Writes the folder `NAME` into `dir`. Returns the files, the one to open first.
 pub fn export_simready(dir: &Path, asset: &Asset, provenance: &Provenance) -> Result<Vec<PathBuf>, FileError> {
-    let folder = dir.join(&asset.name);
-    let open = folder.join("simready_usd").join(format!("{}.usda", asset.name));
+    let folder = dir.join(&asset.name).join("simready_usd");
+    let open = folder.join(format!("{}.usda", asset.name));
     let mut files = Vec::new();
     put(&open, lower(&open, interface(asset, provenance))?.usda())?;
     files.push(open.clone());
@@ -71,7 +71,7 @@ pub fn export_simready(dir: &Path, asset: &Asset, provenance: &Provenance) -> Re
     }
     let mut pictures = textures(&folder, asset)?;
     if let Some(picture) = &provenance.picture {
-        let name = format!("simready_usd/.thumbs/256x256/{}.usda.png", asset.name);
+        let name = format!(".thumbs/256x256/{}.usda.png", asset.name);
         pictures.push((name.clone(), rgb_png(&folder.join(&name), picture.width, picture.height, &picture.rgb)?));
     }
     for (name, png) in pictures {
@@ -88,17 +88,17 @@ fn has_gaussians(asset: &Asset) -> bool {
 
 /// The layer that is opened.
 fn interface(asset: &Asset, provenance: &Provenance) -> Result<Layer, String> {
-    let mut layers = vec!["../physics/base.usdc".to_owned()];
+    let mut layers = vec!["./physics/base.usdc".to_owned()];
     let mut object = labels::object(Prim::new("Xform", asset.name.clone()), provenance);
     if let Some(front) = asset.front {
         object = object.custom_uniform("vector3f", "simready:assetFrame:forwardDirection", float3(front));
     }
     for engine in ENGINES {
         let (name, layer) = engine_set(engine);
-        let options = vec![("Disabled", None), ("Enabled", Some(format!("../{layer}")))];
+        let options = vec![("Disabled", None), ("Enabled", Some(format!("./{layer}")))];
         object = object.variants(VariantSet { name, selected: "Disabled", options });
     }
-    let [mesh, splats] = ["mesh", "splats"].map(|name| format!("../visuals/{name}.usdc"));
+    let [mesh, splats] = ["mesh", "splats"].map(|name| format!("./visuals/{name}.usdc"));
     if has_gaussians(asset) {
         let options = vec![(MESH, Some(mesh)), (GAUSSIANS, Some(splats))];
         object = object.variants(VariantSet { name: REPRESENTATION, selected: MESH, options });
@@ -145,7 +145,7 @@ fn grasp_line(handle: &Handle) -> Prim {
     const THICKNESS: f32 = 0.002;
     let reach = DVec3::Y * handle.width * (0.5 + BEYOND);
     let ends = [-reach, reach].map(|end| handle.frame.apply(end).as_vec3().to_array());
-    let extent = looks::bounds(ends.iter().map(|end| (*end, 0.5 * THICKNESS)));
+    let extent = looks::bounds(ends.iter().map(|end| (*end, [0.5 * THICKNESS; 3])));
     Prim::new("BasisCurves", format!("{}_grasp", handle.name))
         .attr("float3[]", "extent", float3s(&extent))
         .attr("point3f[]", "points", float3s(&ends))

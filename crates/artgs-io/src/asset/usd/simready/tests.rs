@@ -64,15 +64,15 @@ fn files_are_where_the_profile_looks_for_them() {
     let names: Vec<_> = files.iter().map(|f| f.strip_prefix(dir.path()).unwrap().to_str().unwrap()).collect();
     let expected = [
         "cabinet/simready_usd/cabinet.usda",
-        "cabinet/physics/base.usdc",
-        "cabinet/visuals/mesh.usdc",
-        "cabinet/visuals/splats.usdc",
-        "cabinet/runnables/physics/physx.usda",
-        "cabinet/runnables/physics/newton.usda",
-        "cabinet/runnables/physics/mujoco.usda",
-        "cabinet/textures/base.png",
-        "cabinet/textures/part_1.png",
-        "cabinet/textures/part_2.png",
+        "cabinet/simready_usd/physics/base.usdc",
+        "cabinet/simready_usd/visuals/mesh.usdc",
+        "cabinet/simready_usd/visuals/splats.usdc",
+        "cabinet/simready_usd/runnables/physics/physx.usda",
+        "cabinet/simready_usd/runnables/physics/newton.usda",
+        "cabinet/simready_usd/runnables/physics/mujoco.usda",
+        "cabinet/simready_usd/textures/base.png",
+        "cabinet/simready_usd/textures/part_1.png",
+        "cabinet/simready_usd/textures/part_2.png",
         "cabinet/simready_usd/.thumbs/256x256/cabinet.usda.png",
     ];
     assert_eq!(names, expected);
