@@ -11,9 +11,12 @@ use openusd::usd::{Prim, Stage};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Engines: name of the variant set, stem of its layer, beginning of its schemas.
-const ENGINES: [(&str, &str, &str); 3] =
-    [("PhysX", "physx", "Physx"), ("Newton", "newton", "Newton"), ("MuJoCo", "mujoco", "Mjc")];
+/// Engines: name of the variant set, stem of its layer, beginning of its schemas, rule of its metadata.
+const ENGINES: [(&str, &str, &str, &str); 3] = [
+    ("PhysX", "physx", "Physx", "RV.003"),
+    ("Newton", "newton", "Newton", "RV.006"),
+    ("MuJoCo", "mujoco", "Mjc", "RV.009"),
+];
 
 /// The files of `simready` that are opened: `NAME/simready_usd/NAME.usda`.
 pub(super) fn files(dir: &Path) -> Vec<PathBuf> {
@@ -34,7 +37,7 @@ pub(super) fn read(path: &Path, finding: &mut FormatFinding) -> Result<Option<Mo
     if splats.is_file() {
         usd::gaussians(&usd::prims(&usd::open(&splats)?)?, finding)?;
     }
-    for (engine, stem, _) in ENGINES {
+    for (engine, stem, ..) in ENGINES {
         let layer =
             usd::open(&asset.join(format!("runnables/physics/{stem}.usda"))).map_err(|e| format!("{engine}: {e}"))?;
         resistances(&layer, engine, &name, &mut model)?;
@@ -247,24 +250,25 @@ impl Subject<'_> {
         let root = self.stage.prim(sdf::Path::abs_root().append_path(self.name).unwrap_or(sdf::Path::abs_root()));
         let stated = get::<openusd::gf::Vec3f>(&root, "simready:assetFrame:forwardDirection").ok().flatten();
         let length = stated.map(|v| f64::from(v.x * v.x + v.y * v.y + v.z * v.z).sqrt());
+        let (verdict, note) = match length {
+            Some(length) if (length - 1.0).abs() <= 1e-4 => (Verdict::Passed, ""),
+            Some(_) => (Verdict::Failed, "its length is not 1"),
+            None => (Verdict::Skipped, "which side is the front is not known"),
+        };
         RuleFinding {
             id: "AF.001".into(),
             checked: "the direction of the front is a unit vector".into(),
-            verdict: match length {
-                Some(length) if (length - 1.0).abs() <= 1e-4 => Verdict::Passed,
-                Some(_) => Verdict::Failed,
-                None => Verdict::Skipped,
-            },
+            verdict,
             measured: length.map(|length| (length - 1.0).abs()),
             limit: Some(1e-4),
-            note: if length.is_none() { "which side is the front is not known".into() } else { String::new() },
+            note: note.into(),
             remedy: "state it: artgs export --front".into(),
             ..RuleFinding::default()
         }
     }
 
     /// The layer of an engine: metadata, and no schema of another engine.
-    fn engine(&self, (set, stem, own): &(&str, &str, &str)) -> RuleFinding {
+    fn engine(&self, (set, stem, own, id): &(&str, &str, &str, &str)) -> RuleFinding {
         let mut bad = Vec::new();
         let said = entry(self.metadata, &["Variants", "Physics", set, "activateOption"]);
         if said != Some(&Value::String("Enabled".into())) {
@@ -276,7 +280,8 @@ impl Subject<'_> {
         let others = ENGINES.iter().map(|engine| engine.2).filter(|begin| begin != own);
         let found = others.filter(|begin| applied.clone().any(|line| line.contains(&format!("\"{begin}"))));
         bad.extend(found.map(|begin| format!("schemas {begin}... in the layer of {set}")));
-        counted(&format!("RV.{set}"), &format!("the variant {set} has schemas of {set} only"), &bad, "export again")
+        let checked = format!("the variant {set} is in the metadata and has schemas of {set} only");
+        counted(id, &checked, &bad, "export again")
     }
 
     fn neutral(&self) -> RuleFinding {
