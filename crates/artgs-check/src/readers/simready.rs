@@ -30,8 +30,9 @@ pub(super) fn files(dir: &Path) -> Vec<PathBuf> {
 pub(super) fn read(path: &Path, finding: &mut FormatFinding) -> Result<Option<Model>, String> {
     let stage = usd::open(path)?;
     let prims = usd::prims(&stage)?;
-    let mut model = usd::model(path, &stage, &prims, finding)?;
     let asset = super::folder(path);
+    // The paths of textures are those from the layer of meshes.
+    let mut model = usd::model(&asset.join("visuals/mesh.usdc"), &stage, &prims, finding)?;
     let name = stage.default_prim().map(|name| name.to_string()).ok_or("there is no default prim")?;
     let splats = asset.join("visuals/splats.usdc");
     if splats.is_file() {

@@ -47,7 +47,8 @@ pub(super) fn prims(stage: &Stage) -> Result<Vec<Prim>, String> {
     visited.map(|()| prims).map_err(|e| format!("{e:#}"))
 }
 
-/// The object of a stage. Speed and friction of joints are those of Newton, none where it has none.
+/// The object of a stage, whose textures have paths from the folder of `path`. Speed and friction of joints are those of Newton, none
+/// where it has none.
 pub(super) fn model(path: &Path, stage: &Stage, prims: &[Prim], finding: &mut FormatFinding) -> Result<Model, String> {
     units(stage, finding);
     let mut model = Model { links: Vec::new(), has_hulls: true };
