@@ -25,12 +25,13 @@ CHECKS = [
     ("sapien", "in_sapien", "check_urdf", "partnet/mobility.urdf"),
     ("usd-core", "in_usd", "check_usd", "usd/*.usd*"),
     ("usd-core", "in_usd", "check_scene", "usd/scene.usda"),
+    ("usd-core", "in_usd", "check_variants", "simready/*/simready_usd/*.usda"),
     ("xml", "in_xml", "check_sdf", "sdf/model.sdf"),
 ]
 ON_REQUEST = [
     ("physx", "optional", "check_physx", "usd/*.usd*"),
     ("newton", "optional", "check_newton", "usd/*.usd*"),
-    ("simready", "optional", "check_simready", "usd/*.usd*"),
+    ("simready", "optional", "check_simready", "simready/*/simready_usd/*.usda"),
     ("drake", "optional", "check_drake", "sdf/model.sdf"),
 ]
 
@@ -38,7 +39,7 @@ ON_REQUEST = [
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
-        "folders", nargs="+", metavar="FOLDER", type=Path, help="holds urdf/, mjcf/, usd/, sdf/, partnet/"
+        "folders", nargs="+", metavar="FOLDER", type=Path, help="holds urdf/, mjcf/, usd/, simready/, sdf/, partnet/"
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write every finding as JSON")
     parser.add_argument("--engine", action="append", metavar="NAME", help="only this engine; may be repeated")

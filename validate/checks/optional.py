@@ -1,8 +1,10 @@
 """Large engines: run on request, and only if they are installed."""
 
 import importlib.util
+import json
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -59,15 +61,29 @@ def check_drake(path, _states, report):
 
 
 def check_simready(path, _states, report):
-    """Runs NVIDIA's SimReady validator with the profile for articulated props; reports which features fail."""
-    if _lacks(report, "simready", "simready-validate simready-foundation-tier-core"):
+    """Runs NVIDIA's SimReady validator with two versions of its profile for articulated props, a finding per feature.
+
+    A feature that the profile requires, or that the asset claims, must pass; others are listed with what they lack.
+    """
+    if _lacks(report, "simready", "simready-validate simready-foundation-tier-core usd-core"):
         return
-    command = [str(Path(sys.executable).with_name("simready-validate")), "--profile", "Robotics-Prop", path]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
-    lines = (done.stdout + done.stderr).splitlines()
-    failing = sorted({line.strip() for line in lines if "failing requirements" in line})
-    passed = done.returncode == 0 and any("[PASSED]" in line for line in lines)
-    report.add("-", "Robotics-Prop", passed, note="; ".join(failing) or (lines or ["no output"])[-1])
+    program = str(Path(sys.executable).with_name("simready-validate"))
+    for version in ("3.1.0", "4.0.0"):
+        with tempfile.TemporaryDirectory() as scratch:
+            answer = Path(scratch, "report.json")
+            command = [program, "--profile", "Robotics-Prop", "--version", version, "--output", str(answer), path]
+            done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
+            if not answer.is_file():
+                lines = (done.stdout + done.stderr).splitlines() or ["no output"]
+                report.add(f"Robotics-Prop {version}", "runs", False, note=lines[-1])
+                continue
+            runs = json.loads(answer.read_text())
+        (result,) = runs[-1].values() if isinstance(runs, list) else runs.values()
+        for name, feature in sorted(result["features_summary"].items()):
+            wanting = feature.get("failing requirements") or feature.get("optional requirements") or ""
+            passed = True if feature["passed"] else False if feature.get("blocking_failure") else None
+            report.add(f"Robotics-Prop {version}", f"{name} {feature['version']}", passed, note=str(wanting))
+        report.add(f"Robotics-Prop {version}", "whole profile", done.returncode == 0)
 
 
 def check_physx(path, _states, report):

@@ -21,11 +21,13 @@ mod meshes;
 mod model;
 mod observed;
 mod options;
+mod page;
 mod passing;
 mod places;
 mod poses;
 mod readers;
 mod report;
+mod rules;
 mod shadow;
 mod table;
 
@@ -33,7 +35,7 @@ pub use options::CheckOptions;
 pub use readers::is_reading;
 pub use report::{
     CheckReport, CoverageFinding, DropFinding, FilesFinding, FingerFinding, FormatFinding, JointFinding, LinkFinding,
-    StateFinding,
+    RuleFinding, StateFinding, Verdict,
 };
 
 use artgs_core::{JointKind, PerState, Replica, State};

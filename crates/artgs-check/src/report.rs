@@ -65,6 +65,48 @@ pub struct FormatFinding {
     pub splats: usize,
     /// Problems, one sentence each.
     pub problems: Vec<String>,
+    /// Rules of a profile that the format follows.
+    pub rules: Vec<RuleFinding>,
+}
+
+/// Whether a rule holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// It does.
+    #[default]
+    Passed,
+    /// It does not, and that does not fail the check.
+    Warning,
+    /// It does not.
+    Failed,
+    /// It was not checked.
+    Skipped,
+}
+
+/// What a rule asks of a file, a link or a joint, and what was found.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct RuleFinding {
+    /// Its name: of artgs, such as `joint.upper`, or of a profile, such as `NP.005`.
+    pub id: String,
+    /// The file, link, joint or state.
+    pub subject: String,
+    /// What was checked, in one sentence.
+    pub checked: String,
+    /// Whether it holds.
+    pub verdict: Verdict,
+    /// The measured value, if there is one.
+    pub measured: Option<f64>,
+    /// The largest value that is allowed, or the least one, if it is one number.
+    pub limit: Option<f64>,
+    /// True if `limit` is the least value.
+    pub at_least: bool,
+    /// Unit of both; empty for numbers of things and shares.
+    pub unit: String,
+    /// Why it does not hold or was not checked.
+    pub note: String,
+    /// What to do if it does not hold.
+    pub remedy: String,
 }
 
 /// A link of the URDF.

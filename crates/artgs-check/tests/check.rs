@@ -2,13 +2,13 @@
 
 #![allow(missing_docs, clippy::unwrap_used)]
 
-use artgs_check::{CheckError, CheckOptions, CheckReport, FormatFinding, check};
+use artgs_check::{CheckError, CheckOptions, CheckReport, FormatFinding, Verdict, check};
 use artgs_core::{
     Asset, AssetJoint, AssetLink, Inertial, Joint, JointKind, Mesh, PerState, Replica, Splats, State, Texture,
     TexturedMesh,
 };
 use artgs_io::RunFolder;
-use artgs_io::asset::{Format, export_mjcf, export_partnet, export_sdf, export_urdf, glb, splats, usd};
+use artgs_io::asset::{Format, WriteOptions, export_mjcf, export_partnet, export_sdf, export_urdf, glb, splats, usd};
 use artgs_io::export_report::ExportReport;
 use glam::DVec3;
 use std::path::Path;
@@ -179,6 +179,66 @@ fn a_sound_cabinet_passes_in_every_format() {
     assert!(text.ends_with("\nall checks passed\n"), "{text}");
     assert_eq!(report, check(dir.path(), &CheckOptions::default()).unwrap(), "twice the same");
     assert!(serde_json::to_string(&report).unwrap().contains("\"blocked_by\":[null,null]"));
+}
+
+/// URDF and SimReady.
+fn with_simready(asset: &Asset) -> (TempDir, std::path::PathBuf) {
+    let dir = folder(asset);
+    let exports = dir.path().join("exports");
+    export_urdf(&exports.join("urdf"), asset).unwrap();
+    Format::Simready.write(&exports.join("simready"), asset, &WriteOptions::default()).unwrap();
+    let files = exports.join("simready/cabinet/simready_usd");
+    (dir, files)
+}
+
+#[test]
+fn simready_is_read_with_its_engines_and_its_rules_are_in_the_report() {
+    let (dir, files) = with_simready(&Asset { front: Some(DVec3::NEG_Y), ..cabinet() });
+    let report = check(dir.path(), &CheckOptions::default()).unwrap();
+    let found = of(&report, "simready");
+    assert!(found.problems.is_empty(), "{found:?}");
+    let counts = (found.links, found.joints, found.meshes, found.hulls, found.textures, found.splats);
+    assert_eq!(counts, (4, 3, 4, 9, 4, 8));
+    let rules = report.rules();
+    let verdict = |id: &str| rules.iter().find(|rule| rule.id == id).unwrap_or_else(|| panic!("no {id}")).verdict;
+    for id in ["NP.005", "SR.004", "SL.001", "PMT.001", "AF.001", "RV.006", "RV.011", "joint.upper", "hulls.hole"] {
+        assert_eq!(verdict(id), Verdict::Passed, "{id}");
+    }
+    // No handle was found, and the options have no picture.
+    assert_eq!((verdict("GSP.001"), verdict("SR.002")), (Verdict::Skipped, Verdict::Warning));
+    assert!(report.passed(), "{report}");
+    let page = report.page("cabinet");
+    assert_eq!(page.matches("<tr class=").count(), rules.len());
+    roxmltree::Document::parse_with_options(
+        &page,
+        roxmltree::ParsingOptions { allow_dtd: true, ..roxmltree::ParsingOptions::default() },
+    )
+    .unwrap();
+
+    let edit = |file: &str, from: &str, to: &str, words: &str| {
+        let path = files.join(file);
+        let whole = std::fs::read_to_string(&path).unwrap();
+        assert!(whole.contains(from), "{from}");
+        std::fs::write(&path, whole.replacen(from, to, 1)).unwrap();
+        let report = check(dir.path(), &CheckOptions::default()).unwrap();
+        has_problem(&of(&report, "simready").problems, words);
+        let failed = report.rules().into_iter().filter(|rule| rule.verdict == Verdict::Failed).count();
+        assert_eq!(failed, 1, "{words}");
+        std::fs::write(&path, whole).unwrap();
+    };
+    edit(
+        "runnables/physics/newton.usda",
+        "newton:friction = 0.1",
+        "newton:friction = 0.2",
+        "Newton has another friction",
+    );
+    edit("runnables/physics/mujoco.usda", "mjc:frictionloss = 0.1", "mjc:other = 0.1", "MuJoCo has no friction");
+    edit("runnables/physics/physx.usda", "\"PhysxJointAxisAPI", "\"NewtonJointAPI\", \"PhysxJointAxisAPI", "RV.003");
+    edit("cabinet.usda", "int rigid_body_count = 4", "int rigid_body_count = 5", "SR.004: rigid_body_count is not 4");
+    edit("cabinet.usda", "(0.0, -1.0, 0.0)", "(0.0, -2.0, 0.0)", "AF.001");
+    std::fs::copy(files.join("cabinet.usda"), files.join("other.usda")).unwrap();
+    let report = check(dir.path(), &CheckOptions::default()).unwrap();
+    has_problem(&of(&report, "simready").problems, "NP.005: 2 stages");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use crate::device::DeviceChoice;
 #[cfg(feature = "bench")]
 use crate::seeds::Seeds;
 use artgs::{PartCount, PartCountError};
-use artgs_io::asset::{Actuators, Format, Frames, SpzVersion};
+use artgs_io::asset::{Actuators, Format, Frames, Provenance, SpzVersion};
 use artgs_physical::Up;
 use artgs_physical::export::{ExportOptions, FrontAxis};
 use artgs_synth::recording::Drift;
@@ -296,6 +296,15 @@ pub(crate) struct Export {
     /// Version of the SPZ files: 2 and 3 are gzip streams, 4 has zstd streams
     #[arg(long, value_name = "2|3|4", default_value_t)]
     pub(crate) spz: SpzVersion,
+    /// SimReady: who made the object
+    #[arg(long, value_name = "NAME", value_parser = stated)]
+    pub(crate) author: Option<String>,
+    /// SimReady: the terms under which the files may be used
+    #[arg(long, value_name = "TEXT", value_parser = stated)]
+    pub(crate) license: Option<String>,
+    /// SimReady: Wikidata item of the kind of object, such as Q42177; that of a physical object if absent
+    #[arg(long, value_name = "ITEM", value_parser = wikidata)]
+    pub(crate) wikidata: Option<String>,
     /// Kilograms per cubic metre, of all parts or of one; may be repeated; 650 if absent
     #[arg(long, value_name = "KG|PART=KG", value_parser = density)]
     pub(crate) density: Vec<(Option<String>, f64)>,
@@ -330,6 +339,10 @@ pub(crate) struct Export {
 pub(crate) struct Check {
     /// Folder that `reconstruct` made and `export` filled
     pub(crate) out: PathBuf,
+    /// Write a report with a line per rule: to FILE, as JSON if it ends in .json or as a page if it ends in .html, or both as
+    /// check.json and check.html into a folder
+    #[arg(long, value_name = "PATH")]
+    pub(crate) report: Option<PathBuf>,
     /// Write JSON
     #[arg(long)]
     json: bool,
@@ -647,6 +660,15 @@ fn object_name(text: &str) -> Result<String, String> {
 fn hulls(text: &str) -> Result<u32, String> {
     let number = text.parse().ok().filter(|n| (1..=1000).contains(n));
     number.ok_or_else(|| "a whole number from 1 to 1000".into())
+}
+
+/// A text that says something.
+fn stated(text: &str) -> Result<String, String> {
+    if text.trim().is_empty() { Err("a text that is not empty".into()) } else { Ok(text.trim().into()) }
+}
+
+fn wikidata(text: &str) -> Result<String, String> {
+    if Provenance::is_item(text) { Ok(text.into()) } else { Err("the letter Q and a number, such as Q42177".into()) }
 }
 
 fn texel(text: &str) -> Result<f64, String> {

@@ -9,7 +9,7 @@ use crate::progress;
 use artgs::observer::{Event, Observer};
 use artgs_core::{Capture, UpSource, Upward};
 use artgs_io::RunFolder;
-use artgs_io::asset::WriteOptions;
+use artgs_io::asset::{Provenance, WriteOptions};
 use artgs_physical::Up;
 use artgs_physical::export::{CollisionSource, ExportError, ExportEvent, ExportOptions, ExportStep, upward};
 use std::path::Path;
@@ -78,6 +78,12 @@ fn options(args: &Export, up: Option<Upward>) -> ExportOptions {
             package: args.package.clone(),
             frames: args.frames,
             spz: args.spz,
+            provenance: Provenance {
+                author: args.author.clone(),
+                license: args.license.clone(),
+                item: args.wikidata.clone(),
+                ..Provenance::default()
+            },
         },
     }
 }

@@ -150,6 +150,8 @@ fn every_format_is_written_and_passes_the_check() {
         "glb/my_cabinet.glb",
         "sdf/model.sdf",
         "partnet/mobility.urdf",
+        "simready/my_cabinet/simready_usd/my_cabinet.usda",
+        "simready/my_cabinet/simready_usd/.thumbs/256x256/my_cabinet.usda.png",
         "export.json",
     ] {
         assert!(exports.join(file).is_file(), "{file}");
@@ -179,6 +181,40 @@ fn every_format_is_written_and_passes_the_check() {
     let left: Vec<String> =
         fs::read_dir(&exports).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     assert!(left.iter().all(|name| !name.starts_with('.')), "{left:?}");
+}
+
+#[test]
+#[cfg(feature = "check")]
+fn a_report_has_a_line_per_rule_as_data_and_as_a_page() {
+    let dir = tempfile::tempdir().unwrap();
+    let shown = dir.path().to_str().unwrap();
+    write(dir.path());
+    let stated = ["--author", "Anna", "--license", "CC0-1.0", "--wikidata", "Q42177"];
+    let done = artgs(&[&["export", shown, "--to", "urdf,simready"], stated.as_slice()].concat());
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    let report = fs::read(dir.path().join("exports/export.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+    assert_eq!((&report["options"]["author"], &report["options"]["item"]), (&json!("Anna"), &json!("Q42177")));
+    let usda = dir.path().join("exports/simready/replica/simready_usd/replica.usda");
+    let usda = fs::read_to_string(usda).unwrap();
+    for line in ["string author = \"Anna\"", "string asset_license = \"CC0-1.0\"", "string qcode = \"Q42177\""] {
+        assert!(usda.contains(line), "{line}");
+    }
+
+    let folder = dir.path().join("report");
+    let checked = artgs(&["check", shown, "--report", folder.to_str().unwrap()]);
+    assert_eq!(checked.status.code(), Some(0), "{}{}", text(&checked.stdout), text(&checked.stderr));
+    let data: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("check.json")).unwrap()).unwrap();
+    let rules = data["rules"].as_array().unwrap();
+    let upper = rules.iter().find(|rule| rule["id"] == "joint.upper" && rule["subject"] == "door_joint").unwrap();
+    assert_eq!((&upper["verdict"], &upper["unit"]), (&json!("passed"), &json!("rad")));
+    assert!(upper["measured"].as_f64().unwrap() <= upper["limit"].as_f64().unwrap());
+    assert!(rules.iter().any(|rule| rule["id"] == "SR.002" && rule["verdict"] == "passed"));
+    let page = fs::read_to_string(folder.join("check.html")).unwrap();
+    assert_eq!(page.matches("<tr class=").count(), rules.len());
+    let one = dir.path().join("one.html");
+    assert_eq!(artgs(&["check", shown, "--report", one.to_str().unwrap()]).status.code(), Some(0));
+    assert_eq!(fs::read_to_string(one).unwrap(), page);
 }
 
 #[test]

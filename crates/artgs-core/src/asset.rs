@@ -31,6 +31,8 @@ pub struct Asset {
     /// Pairs of links, by their places in `links`, that cannot touch at any values of their joints within the limits: engines need not
     /// test them against each other. First link before second; links and their parents are not among them.
     pub apart: Vec<[usize; 2]>,
+    /// Unit vector from the object towards its front, in the object's frame; none if unknown.
+    pub front: Option<DVec3>,
 }
 
 /// A rigid body of an asset.

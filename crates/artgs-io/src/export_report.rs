@@ -53,6 +53,15 @@ pub struct RequestedOptions {
     /// Version of the SPZ files.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spz: Option<u32>,
+    /// Who made the object.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub author: Option<String>,
+    /// Terms of use.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub license: Option<String>,
+    /// Wikidata item of the kind of object.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub item: Option<String>,
 }
 
 /// What an export decided.

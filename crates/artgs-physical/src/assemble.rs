@@ -89,7 +89,7 @@ fn limited(
 ) -> Result<(Asset, Decisions, Solids), String> {
     let meshes: Vec<&Mesh> = surfaces.iter().map(|s| &s.visual.mesh).collect();
     let diagonal = config.scale * diagonal(&meshes);
-    let Described { nearer, frames, names, semantics: classes, object } = describe(replica, &meshes, config);
+    let Described { nearer, frames, names, semantics: classes, object, front } = describe(replica, &meshes, config);
     let wall = config.wall_share * diagonal;
     let link = |part: usize| {
         let to_link = Rigid::shift(-frames[part].origin) * frames[part].from_start;
@@ -131,7 +131,7 @@ fn limited(
         let arm = link.joint.map_or(0.0, |joint| arm(&joint, &link.visual.mesh));
         link.joint = link.joint.map(|joint| dynamics(joint, &link.inertial, arm, config));
     }
-    let mut asset = Asset { name: to_identifier(name, "replica"), links, apart: Vec::new() };
+    let mut asset = Asset { name: to_identifier(name, "replica"), links, apart: Vec::new(), front };
     let handles = semantics::handles(&asset);
     asset.links.iter_mut().zip(handles).for_each(|(link, handles)| link.handles = handles);
     let to_link = frames.iter().map(|f| Rigid::shift(-f.origin) * f.from_start).collect();

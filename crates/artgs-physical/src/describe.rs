@@ -22,6 +22,8 @@ pub(crate) struct Described {
     pub semantics: Vec<PartSemantics>,
     /// From the scaled capture's frame to the object's frame.
     pub object: Rigid,
+    /// Front of the object in its frame; none if unknown.
+    pub front: Option<DVec3>,
 }
 
 /// Describes a valid replica by the meshes of its parts, world frame, start state.
@@ -32,10 +34,16 @@ pub(crate) fn describe(replica: &Replica, meshes: &[&Mesh], config: &PhysicalCon
     let captured = posed(replica, meshes, &frames(replica, &nearer, config, upright), config.scale);
     let known: Vec<bool> = nearer.iter().map(Option::is_some).collect();
     let semantics = semantics::classes(&captured, &known, &config.classes);
-    let object = canonical(&captured, &semantics, config.front) * upright;
+    let front = match config.front {
+        Front::Captured => None,
+        Front::Found => semantics::front(&captured, &semantics),
+        Front::Towards(direction) => Some(direction),
+    };
+    let object = if config.front == Front::Captured { upright } else { canonical(&captured, front) * upright };
+    let front = front.map(|_| DVec3::NEG_Y);
     let frames = frames(replica, &nearer, config, object);
     let names = names(replica, &posed(replica, meshes, &frames, config.scale), &semantics, config.part_names);
-    Described { nearer, frames, names, semantics, object }
+    Described { nearer, frames, names, semantics, object, front }
 }
 
 /// Frame and joint of a link.
@@ -105,12 +113,7 @@ pub(crate) fn posed(replica: &Replica, meshes: &[&Mesh], frames: &[Frame], scale
 
 /// From the upright frame of the capture to one with the front along -Y, the lowest point at z = 0, and the origin below the
 /// middle of the object's box at joint values 0.
-fn canonical(captured: &Asset, classes: &[PartSemantics], front: Front) -> Rigid {
-    let front = match front {
-        Front::Captured => return Rigid::IDENTITY,
-        Front::Found => semantics::front(captured, classes),
-        Front::Towards(direction) => Some(direction),
-    };
+fn canonical(captured: &Asset, front: Option<DVec3>) -> Rigid {
     // The turn about +Z that takes the front to -Y.
     let angle = front.map_or(0.0, |f| (-f.x).atan2(-f.y));
     let turn = Rigid::about(DVec3::Z, DVec3::ZERO, angle);

@@ -2,10 +2,11 @@
 
 use crate::build::{BuiltAsset, Parts, build};
 use crate::coacd;
+use crate::portrait::portrait;
 use crate::stance::{Range, Stop};
 use crate::{Collision, Front, GivenClass, PhysicalConfig, Up};
 use artgs_core::{Capture, JointKind, Mesh, Replica, State, UpSource, Upward, odd_size};
-use artgs_io::asset::{Actuators, Format, Frames, SpzVersion, WriteOptions, check_asset};
+use artgs_io::asset::{Actuators, Format, Frames, Provenance, SpzVersion, WriteOptions, check_asset};
 use artgs_io::export_report::{ExportReport, HandleReport, LinkReport, RequestedOptions};
 use artgs_io::replica::ReplicaFileError;
 use artgs_io::run_folder::load_text;
@@ -13,6 +14,7 @@ use artgs_io::{Corrections, FileError, RunFolder, read_corrections};
 use glam::DVec3;
 use std::path::PathBuf;
 use std::str::FromStr;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// What parts collide with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -202,6 +204,12 @@ impl ExportOptions {
             package: asked.package,
             frames: frames.unwrap_or_default(),
             spz: asked.spz.and_then(SpzVersion::of).unwrap_or_default(),
+            provenance: Provenance {
+                author: asked.author,
+                license: asked.license,
+                item: asked.item,
+                ..Provenance::default()
+            },
         };
         let defaults = Self::default();
         let wanted = |format: &Format| Self::SHOWN.contains(format) || folder.has_export(*format);
@@ -277,6 +285,9 @@ impl ExportOptions {
             package: self.write.package.clone(),
             frames: (self.write.frames != Frames::All).then(|| self.write.frames.name().into()),
             spz: (self.write.spz != SpzVersion::default()).then(|| self.write.spz.number()),
+            author: self.write.provenance.author.clone(),
+            license: self.write.provenance.license.clone(),
+            item: self.write.provenance.item.clone(),
         }
     }
 }
@@ -424,10 +435,10 @@ pub fn export(
     }
     let options = &ExportOptions { formats: [options.formats.clone(), again].concat(), ..options.clone() };
     watch(ExportEvent::Begins(ExportStep::Write));
+    let write = write_options(folder, options, &built);
     let mut files = Vec::new();
     for (i, format) in options.formats.iter().enumerate() {
-        files
-            .extend(format.replace_with(&folder.exports(), &built.asset, &options.write).map_err(ExportError::Output)?);
+        files.extend(format.replace_with(&folder.exports(), &built.asset, &write).map_err(ExportError::Output)?);
         watch(ExportEvent::Written(i + 1, options.formats.len()));
     }
     let decided = report(&built, &replica, options);
@@ -435,6 +446,42 @@ pub fn export(
     report.record_digests(folder, &options.formats).map_err(ExportError::Output)?;
     report.save(folder).map_err(ExportError::Output)?;
     Ok(report)
+}
+
+/// What formats are asked for, with what this export knows of the provenance.
+fn write_options(folder: &RunFolder, options: &ExportOptions, built: &BuiltAsset) -> WriteOptions {
+    if !options.formats.contains(&Format::Simready) {
+        return options.write.clone();
+    }
+    let source = folder.replica().file_name().map(|name| name.to_string_lossy().into_owned());
+    let (date, picture) = (Some(today()), portrait(&built.asset));
+    WriteOptions {
+        provenance: Provenance { source, date, picture, ..options.write.provenance.clone() },
+        ..options.write.clone()
+    }
+}
+
+/// The day of `SOURCE_DATE_EPOCH`, as reproducible builds set it, or of the clock, `YYYY-MM-DD` in UTC.
+fn today() -> String {
+    let given = std::env::var("SOURCE_DATE_EPOCH").ok().and_then(|text| text.parse::<u64>().ok());
+    let clock = || SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs());
+    day(given.unwrap_or_else(clock))
+}
+
+/// The day of a time in seconds since 1970, UTC.
+fn day(seconds: u64) -> String {
+    /// Days of four hundred years, after which the calendar repeats, and days from March of the year 0 to 1970.
+    const ERA: u64 = 146_097;
+    const TO_1970: u64 = 719_468;
+    let days = seconds / 86_400 + TO_1970;
+    let (era, of_era) = (days / ERA, days % ERA);
+    let year_of_era = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    // Months from March on have 31, 30, 31, 30, 31 days in turn.
+    let from_march = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * from_march + 2) / 5 + 1;
+    let month = if from_march < 10 { from_march + 3 } else { from_march - 9 };
+    format!("{:04}-{month:02}-{day:02}", 400 * era + year_of_era + u64::from(month < 3))
 }
 
 /// Formats in the folder that are not written now and were exported with other options: exports of one folder agree.
@@ -535,5 +582,23 @@ fn reason(stop: &Stop) -> String {
         Stop::Flush(link) => format!("where it is flush with {link}"),
         Stop::Support => "where a quarter of its length is still supported".into(),
         Stop::Reach => "the largest range that is assumed".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::day;
+
+    #[test]
+    fn days_of_known_times() {
+        let known = [
+            (0, "1970-01-01"),
+            (951_782_400, "2000-02-29"),
+            (1_709_251_199, "2024-02-29"),
+            (4_107_542_400, "2100-03-01"),
+        ];
+        for (seconds, wanted) in known {
+            assert_eq!(day(seconds), wanted);
+        }
     }
 }

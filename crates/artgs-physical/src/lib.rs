@@ -19,6 +19,7 @@ pub mod looks;
 mod mass;
 mod motions;
 mod passage;
+mod portrait;
 mod redundant;
 mod repair;
 mod semantics;

@@ -3,6 +3,7 @@
 mod glb;
 mod mjcf;
 mod sdf;
+mod simready;
 mod splats;
 mod urdf;
 mod usd;
@@ -34,7 +35,7 @@ pub fn is_reading() -> bool {
 type Reader = fn(&Path, &mut FormatFinding) -> Result<Option<Model>, String>;
 
 /// Folder of `exports/`, ending of a file in it, name of the format, library, and how to read it.
-const READERS: [(&str, &str, &str, &str, Reader); 10] = [
+const READERS: [(&str, &str, &str, &str, Reader); 11] = [
     ("urdf", "urdf", "urdf", "urdf-rs", urdf::read),
     ("mjcf", "xml", "mjcf", "mjcf-rs", mjcf::read),
     ("usd", "usda", "usda", "openusd", usd::read),
@@ -45,6 +46,7 @@ const READERS: [(&str, &str, &str, &str, Reader); 10] = [
     ("partnet", "urdf", "partnet", "urdf-rs", urdf::read_partnet),
     ("splats", "ply", "ply", "artgs", splats::read_ply),
     ("splats", "spz", "spz", "artgs", splats::read_spz),
+    ("simready", "usda", "simready", "openusd", simready::read),
 ];
 
 /// Reads every file below `exports/` that has a reader. A folder without any such file is a finding with a problem.
@@ -52,12 +54,13 @@ pub(crate) fn open_all(exports: &Path) -> Vec<Opened> {
     let mut out: Vec<Opened> = Vec::new();
     for (folder, ending, format, library, reader) in READERS {
         let dir = exports.join(folder);
-        out.extend(files(&dir, ending).iter().map(|path| {
-            let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let files = |ending: &str| if format == "simready" { simready::files(&dir) } else { files(&dir, ending) };
+        out.extend(files(ending).iter().map(|path| {
+            let name = path.strip_prefix(&dir).map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             open(path, finding(folder, &name, format, library), reader)
         }));
         let first = READERS.iter().find(|r| r.0 == folder).is_some_and(|r| r.2 == format);
-        let bare = READERS.iter().filter(|r| r.0 == folder).all(|r| files(&dir, r.1).is_empty());
+        let bare = READERS.iter().filter(|r| r.0 == folder).all(|r| files(r.1).is_empty());
         if first && bare && dir.is_dir() {
             let mut finding = finding(folder, "", format, library);
             finding.problems.push(format!("the folder has no .{ending} file; export again"));

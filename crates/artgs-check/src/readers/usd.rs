@@ -15,19 +15,42 @@ use std::path::Path;
 
 /// Reads a stage. Of a stage with Gaussians only these are checked: it references the stage with everything else.
 pub(super) fn read(path: &Path, finding: &mut FormatFinding) -> Result<Option<Model>, String> {
-    let name = path.to_str().ok_or("the path is not UTF-8")?;
-    let stage = Stage::open(name).map_err(|e| format!("{e:#}"))?;
-    let mut errors = stage.composition_errors().into_iter().map(|e| format!("{e}"));
-    if let Some(first) = errors.next() {
-        return Err(first);
-    }
-    let mut prims = Vec::new();
-    let visited = stage.traverse(PrimPredicate::DEFAULT, |at| prims.push(stage.prim(at.clone())));
-    visited.map_err(|e| format!("{e:#}"))?;
+    let stage = open(path)?;
+    let prims = prims(&stage)?;
     if gaussians(&prims, finding)? {
         return Ok(None);
     }
-    units(&stage, finding);
+    let model = model(path, &stage, &prims, finding)?;
+    for motion in model.links.iter().filter_map(|link| link.motion.as_ref()) {
+        if motion.velocity.is_none() || motion.friction.is_none() {
+            return Err(format!("{} has no newton:velocityLimit or no newton:friction", motion.name));
+        }
+    }
+    Ok(Some(model))
+}
+
+/// A stage that composes without errors.
+pub(super) fn open(path: &Path) -> Result<Stage, String> {
+    let name = path.to_str().ok_or("the path is not UTF-8")?;
+    let stage = Stage::open(name).map_err(|e| format!("{e:#}"))?;
+    let mut errors = stage.composition_errors().into_iter().map(|e| format!("{e}"));
+    match errors.next() {
+        Some(first) => Err(first),
+        None => Ok(stage),
+    }
+}
+
+/// Its prims, parents before children.
+pub(super) fn prims(stage: &Stage) -> Result<Vec<Prim>, String> {
+    let mut prims = Vec::new();
+    let visited = stage.traverse(PrimPredicate::DEFAULT, |at| prims.push(stage.prim(at.clone())));
+    visited.map(|()| prims).map_err(|e| format!("{e:#}"))
+}
+
+/// The object of a stage, whose textures have paths from the folder of `path`. Speed and friction of joints are those of Newton, none
+/// where it has none.
+pub(super) fn model(path: &Path, stage: &Stage, prims: &[Prim], finding: &mut FormatFinding) -> Result<Model, String> {
+    units(stage, finding);
     let mut model = Model { links: Vec::new(), has_hulls: true };
     let joints: Vec<Joint> = prims.iter().filter_map(|p| Joint::of(p).transpose()).collect::<Result<_, _>>()?;
     let bodies: Vec<&Prim> = prims.iter().filter(|p| has(p, "PhysicsRigidBodyAPI")).collect();
@@ -36,11 +59,11 @@ pub(super) fn read(path: &Path, finding: &mut FormatFinding) -> Result<Option<Mo
         finding.problems.push(format!("{roots} articulation roots, must be 1"));
     }
     for body in bodies {
-        let link = link(body, &joints, &model, &prims, finding)?;
+        let link = link(body, &joints, &model, prims, finding)?;
         model.links.push(link);
     }
-    textures(path, &prims, finding);
-    Ok(Some(model))
+    textures(path, prims, finding);
+    Ok(model)
 }
 
 fn units(stage: &Stage, finding: &mut FormatFinding) {
@@ -52,15 +75,15 @@ fn units(stage: &Stage, finding: &mut FormatFinding) {
     want("upAxis", &|v| matches!(v, Value::Token(t) if t.as_str() == "Z"), "Z");
 }
 
-fn has(prim: &Prim, schema: &str) -> bool {
+pub(super) fn has(prim: &Prim, schema: &str) -> bool {
     prim.api_schemas().is_ok_and(|all| all.iter().any(|s| s.as_str() == schema))
 }
 
-fn is(prim: &Prim, kind: &str) -> bool {
+pub(super) fn is(prim: &Prim, kind: &str) -> bool {
     prim.type_name().ok().flatten().is_some_and(|t| t.as_str() == kind)
 }
 
-fn get<T: TryFrom<Value>>(prim: &Prim, name: &str) -> Result<Option<T>, String>
+pub(super) fn get<T: TryFrom<Value>>(prim: &Prim, name: &str) -> Result<Option<T>, String>
 where
     T::Error: std::error::Error + Send + Sync + 'static,
 {
@@ -140,9 +163,9 @@ fn motion(prim: &Prim, kind: JointKind, frame: &Rigid) -> Result<Motion, String>
         pitch,
         observed,
         effort: Some(float(prim, &format!("drive:{word}:physics:maxForce"))?),
-        velocity: Some(float(prim, "newton:velocityLimit")? * unit),
+        velocity: get::<f32>(prim, "newton:velocityLimit")?.map(|v| f64::from(v) * unit),
         damping: Some(float(prim, &format!("drive:{word}:physics:damping"))? / unit),
-        friction: Some(float(prim, "newton:friction")?),
+        friction: get::<f32>(prim, "newton:friction")?.map(f64::from),
         ..Motion::new(&name, if pitch.is_some() { JointKind::Screw } else { kind }, frame.turn(axis))
     })
 }
@@ -241,7 +264,7 @@ fn unpacked(path: &Path, name: &str) -> Result<Vec<u8>, String> {
 }
 
 /// Whether the stage has Gaussians; counts them and reports numbers that are not finite.
-fn gaussians(prims: &[Prim], finding: &mut FormatFinding) -> Result<bool, String> {
+pub(super) fn gaussians(prims: &[Prim], finding: &mut FormatFinding) -> Result<bool, String> {
     let fields: Vec<&Prim> = prims.iter().filter(|p| is(p, "ParticleField3DGaussianSplat")).collect();
     for prim in &fields {
         let positions: Vec<gf::Vec3f> = need(prim, "positions")?;

@@ -45,6 +45,9 @@ fn options() {
         bad("an unknown upward axis", "replica", "export IN --up w", &["--up"], nothing),
         bad("an unknown front", "replica", "export IN --front left", &["--front", "auto, x, -x"], nothing),
         bad("a front that is up", "replica", "export IN --front z", &["--front", "upward axis"], nothing),
+        bad("an item without a number", "replica", "export IN --wikidata Qx", &["--wikidata", "Q42177"], nothing),
+        bad("an author without a name", "replica", "export IN --author=", &["--author"], nothing),
+        bad("a license without terms", "replica", "export IN --license=", &["--license"], nothing),
         bad("an actuator of another kind", "replica", "export IN --actuators servo", &["--actuators"], nothing),
         bad("a package with a slash", "replica", "export IN --package a/b", &["--package"], nothing),
         bad("a class of no part", "replica", "export IN", &["corrections.json", "classes[0]", "no part 9"], |f| {
@@ -77,6 +80,7 @@ fn options() {
 #[test]
 fn checks() {
     check(&[
+        bad("a report of another kind", "replica", "check IN --report r.txt", &["--report", ".json or .html"], nothing),
         bad("no exports", "replica", "check IN", &["artgs export"], nothing),
         bad("no replica", "", "check IN", &["in"], nothing),
         bad("no folder", "", "check IN/none", &["none", "no such folder"], nothing),

@@ -1,5 +1,6 @@
 //! The formats that assets are exported to. A new format is a variant of [`Format`] and a module beside this one.
 
+use super::provenance::Provenance;
 use super::spz::SpzVersion;
 use crate::run_folder::remove_folder;
 use crate::{FileError, asset};
@@ -29,6 +30,8 @@ pub enum Format {
     Partnet,
     /// Gaussians per link.
     Splats,
+    /// Folder as of NVIDIA's SimReady props.
+    Simready,
 }
 
 /// Actuators of an MJCF, one per joint.
@@ -66,6 +69,8 @@ pub struct WriteOptions {
     pub frames: Frames,
     /// Version of the SPZ files.
     pub spz: SpzVersion,
+    /// SimReady: where the asset comes from.
+    pub provenance: Provenance,
 }
 
 /// Which frames without a body are written.
@@ -93,8 +98,17 @@ impl Frames {
 
 impl Format {
     /// Every format, also those whose writer is not built in.
-    pub const ALL: [Self; 8] =
-        [Self::Urdf, Self::Mjcf, Self::Usd, Self::Usdz, Self::Glb, Self::Sdf, Self::Partnet, Self::Splats];
+    pub const ALL: [Self; 9] = [
+        Self::Urdf,
+        Self::Mjcf,
+        Self::Usd,
+        Self::Usdz,
+        Self::Glb,
+        Self::Sdf,
+        Self::Partnet,
+        Self::Splats,
+        Self::Simready,
+    ];
 
     /// Name on the command line, and of the folder in `exports`.
     pub const fn name(self) -> &'static str {
@@ -107,6 +121,7 @@ impl Format {
             Self::Sdf => "sdf",
             Self::Partnet => "partnet",
             Self::Splats => "splats",
+            Self::Simready => "simready",
         }
     }
 
@@ -121,12 +136,13 @@ impl Format {
             Self::Sdf => "Gazebo",
             Self::Partnet => "Folder as of PartNet-Mobility: SAPIEN, ManiSkill",
             Self::Splats => "Gaussians per link: PLY and SPZ",
+            Self::Simready => "Folder as of NVIDIA's SimReady props: Isaac Sim, Isaac Lab, Newton",
         }
     }
 
     /// False if the writer is not built in: OpenUSD needs the feature `usd`.
     pub const fn is_available(self) -> bool {
-        cfg!(feature = "usd") || !matches!(self, Self::Usd | Self::Usdz)
+        cfg!(feature = "usd") || !matches!(self, Self::Usd | Self::Usdz | Self::Simready)
     }
 
     /// False if a screw is written as a hinge, with its pitch where the format has a place for it.
@@ -155,8 +171,10 @@ impl Format {
             Self::Usd => asset::usd::export_usd(dir, asset),
             #[cfg(feature = "usd")]
             Self::Usdz => asset::usd::export_usdz(dir, asset),
+            #[cfg(feature = "usd")]
+            Self::Simready => asset::usd::simready::export_simready(dir, asset, &options.provenance),
             #[cfg(not(feature = "usd"))]
-            Self::Usd | Self::Usdz => {
+            Self::Usd | Self::Usdz | Self::Simready => {
                 Err(FileError::malformed(dir, "OpenUSD is not built into this program (feature `usd`)"))
             }
             Self::Glb => asset::glb::export_glb(dir, asset),

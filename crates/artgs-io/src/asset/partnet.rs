@@ -85,7 +85,7 @@ fn renamed(asset: &Asset) -> Asset {
         link.name = format!("link_{i}");
         link
     });
-    Asset { name: asset.name.clone(), links: links.collect(), apart: asset.apart.clone() }
+    Asset { name: asset.name.clone(), links: links.collect(), apart: asset.apart.clone(), front: asset.front }
 }
 
 fn semantics(asset: &Asset) -> String {

@@ -104,7 +104,7 @@ pub(crate) fn cabinet() -> Asset {
     let frame = Rigid::from_matrix(DMat3::from_cols(DVec3::Z, DVec3::X, DVec3::Y), DVec3::new(0.9, -0.04, 0.0));
     let name = "part_1_handle".into();
     links[1].handles = vec![Handle { name, frame, width: 0.02, length: 0.2, depth: 0.03 }];
-    Asset { name: "cabinet".into(), links, apart: vec![[1, 2]] }
+    Asset { name: "cabinet".into(), links, apart: vec![[1, 2]], front: Some(DVec3::NEG_Y) }
 }
 
 /// Cases that the cabinet lacks: a base away from the origin, a screw on a part, a slide against gravity, a horizontal hinge,

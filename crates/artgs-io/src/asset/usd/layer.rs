@@ -1,9 +1,13 @@
 //! A USD layer as a tree of prims. Only this module uses the `openusd` crate for writing.
 
 use super::repair::repaired;
-use openusd::sdf::{self, ChildrenKey, FieldKey, PathListOp, SpecType, Specifier, TokenListOp, Value, Variability};
+use openusd::sdf::{
+    self, ChildrenKey, FieldKey, PathListOp, Payload, PayloadListOp, Reference, ReferenceListOp, SpecType, Specifier,
+    TokenListOp, Value, Variability,
+};
 use openusd::{usda, usdc};
 use std::borrow::Cow;
+use std::collections::HashMap;
 use std::io::Cursor;
 
 /// A prim with its properties and children.
@@ -14,7 +18,17 @@ pub(super) struct Prim {
     fields: Vec<(&'static str, Value)>,
     schemas: Vec<String>,
     properties: Vec<Property>,
+    variants: Vec<VariantSet>,
     pub(super) children: Vec<Prim>,
+}
+
+/// Contents of a prim of which one is selected. Each option is one payload, or nothing. Only written as text.
+pub(super) struct VariantSet {
+    pub(super) name: &'static str,
+    /// The option that is selected in the file.
+    pub(super) selected: &'static str,
+    /// Names of the options, each with the path of the layer that it loads.
+    pub(super) options: Vec<(&'static str, Option<String>)>,
 }
 
 struct Property {
@@ -47,6 +61,17 @@ pub(super) fn quaternion(q: glam::DQuat) -> Value {
     Value::Quatf([q.w, q.x, q.y, q.z].into())
 }
 
+/// A dictionary as a value.
+pub(super) fn dictionary<'a>(entries: impl IntoIterator<Item = (&'a str, Value)>) -> Value {
+    Value::Dictionary(entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
+}
+
+/// The default prims of layers as a value, the strongest first.
+pub(super) fn references(layers: &[String]) -> Value {
+    let reference = |layer: &String| Reference { asset_path: layer.clone(), ..Reference::default() };
+    Value::ReferenceListOp(ReferenceListOp::prepended(layers.iter().map(reference)))
+}
+
 /// Triples of floats as a value.
 pub(super) fn float3s(v: &[[f32; 3]]) -> Value {
     Value::Vec3fVec(v.iter().map(|v| (*v).into()).collect())
@@ -56,8 +81,8 @@ impl Prim {
     /// A prim of a type.
     pub(super) fn new(kind: &'static str, name: impl Into<String>) -> Self {
         let (name, specifier) = (name.into(), Specifier::Def);
-        let (fields, schemas, properties, children) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Self { name, specifier, kind, fields, schemas, properties, children }
+        let (fields, schemas, properties) = (Vec::new(), Vec::new(), Vec::new());
+        Self { name, specifier, kind, fields, schemas, properties, variants: Vec::new(), children: Vec::new() }
     }
 
     /// An opinion about a prim of another layer.
@@ -97,6 +122,21 @@ impl Prim {
         self.property(name, Some(kind), vec![("custom", Value::Bool(true)), ("default", value)])
     }
 
+    /// An attribute that no schema knows and that does not vary.
+    pub(super) fn custom_uniform(self, kind: &'static str, name: &str, value: Value) -> Self {
+        self.property(name, Some(kind), vec![("custom", Value::Bool(true)), variability(), ("default", value)])
+    }
+
+    /// An attribute with a value for all faces.
+    pub(super) fn constant(self, kind: &'static str, name: &str, value: Value) -> Self {
+        self.property(name, Some(kind), vec![("default", value), ("interpolation", token("constant"))])
+    }
+
+    /// An attribute with a value per face.
+    pub(super) fn per_face(self, kind: &'static str, name: &str, value: Value) -> Self {
+        self.property(name, Some(kind), vec![("default", value), ("interpolation", token("uniform"))])
+    }
+
     /// An attribute with a value per vertex.
     pub(super) fn per_vertex(self, kind: &'static str, name: &str, value: Value) -> Self {
         self.property(name, Some(kind), vec![("default", value), ("interpolation", token("vertex"))])
@@ -130,6 +170,27 @@ impl Prim {
         self
     }
 
+    /// Adds a set of variants.
+    pub(super) fn variants(mut self, set: VariantSet) -> Self {
+        self.variants.push(set);
+        self
+    }
+
+    /// The fields that say which variants there are and which are selected; none without variants.
+    fn variant_fields(&self) -> Vec<(&'static str, Value)> {
+        if self.variants.is_empty() {
+            return Vec::new();
+        }
+        let selected: HashMap<String, String> =
+            self.variants.iter().map(|set| (set.name.into(), set.selected.into())).collect();
+        let names = TokenListOp::prepended(self.variants.iter().map(|set| set.name.into()));
+        vec![
+            (FieldKey::VariantSelection.as_str(), Value::VariantSelectionMap(selected)),
+            (FieldKey::VariantSetNames.as_str(), Value::TokenListOp(names)),
+            (ChildrenKey::VariantSetChildren.as_str(), self::names(self.variants.iter().map(|set| set.name))),
+        ]
+    }
+
     fn lower(self, data: &mut sdf::Data, parent: &sdf::Path) -> Result<(), String> {
         // `openusd` accepts any text as a name, other libraries do not.
         let word = self.name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
@@ -145,10 +206,12 @@ impl Prim {
             let schemas = TokenListOp::prepended(self.schemas.iter().map(|s| s.as_str().into()));
             fields.push((FieldKey::ApiSchemas.as_str(), Value::TokenListOp(schemas)));
         }
+        fields.extend(self.variant_fields());
         fields.extend(self.fields);
         fields.push((ChildrenKey::PrimChildren.as_str(), names(self.children.iter().map(|c| c.name.as_str()))));
         fields.push((ChildrenKey::PropertyChildren.as_str(), names(self.properties.iter().map(|p| p.name.as_str()))));
         author(data, here.clone(), SpecType::Prim, fields)?;
+        self.variants.into_iter().try_for_each(|set| set.lower(data, &here))?;
         for property in self.properties {
             let at = here.append_property(property.name.as_str()).map_err(|e| inexpressible(&property.name, e))?;
             let kind = property.kind.map(|k| (FieldKey::TypeName.as_str(), token(k)));
@@ -156,6 +219,21 @@ impl Prim {
             author(data, at, spec, kind.into_iter().chain(property.fields))?;
         }
         self.children.into_iter().try_for_each(|child| child.lower(data, &here))
+    }
+}
+
+impl VariantSet {
+    fn lower(self, data: &mut sdf::Data, prim: &sdf::Path) -> Result<(), String> {
+        let options = names(self.options.iter().map(|(name, _)| *name));
+        let set = prim.append_variant_selection(self.name, "");
+        author(data, set, SpecType::VariantSet, [(ChildrenKey::VariantChildren.as_str(), options)])?;
+        for (name, layer) in self.options {
+            let payload = |asset_path| Payload { asset_path, ..Payload::default() };
+            let payload = layer.map(|layer| Value::PayloadListOp(PayloadListOp::prepended([payload(layer)])));
+            let fields = payload.map(|payload| (FieldKey::Payload.as_str(), payload));
+            author(data, prim.append_variant_selection(self.name, name), SpecType::Variant, fields)?;
+        }
+        Ok(())
     }
 }
 

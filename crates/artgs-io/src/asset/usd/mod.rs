@@ -25,6 +25,7 @@ mod layer;
 mod looks;
 mod physics;
 mod repair;
+pub mod simready;
 #[cfg(test)]
 mod tests;
 
@@ -32,9 +33,10 @@ use super::scene::{self, SCENE};
 use crate::image_io::rgb_png;
 use crate::{FileError, write_atomic};
 use artgs_core::Asset;
-use layer::{Layer, Lowered, Prim, token};
-use openusd::sdf::{Reference, ReferenceListOp, Value};
+use layer::{Layer, Lowered, Prim, references, token};
+use openusd::sdf::Value;
 use openusd::usdz::ArchiveWriter;
+use physics::Engine;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
@@ -115,7 +117,7 @@ fn stage(asset: &Asset) -> Result<Layer, String> {
         let mut body = physics::body(&root, asset, i)?;
         if let Some(visual) = looks::visual(&root, link)? {
             body = body.child(visual);
-            materials = materials.child(looks::material(&root, link)?);
+            materials = materials.child(looks::material(&root, link, ".")?);
         }
         let hulls = looks::hulls(&root, link)?;
         if !hulls.is_empty() {
@@ -123,7 +125,12 @@ fn stage(asset: &Asset) -> Result<Layer, String> {
         }
         body.children.extend(hulls);
         object = object.child(body);
-        joints = joints.child(physics::joint(&root, asset, i)?);
+        let joint = physics::joint(&root, asset, i)?;
+        let engines = [Engine::PhysX, Engine::Newton];
+        joints = joints.child(match &link.joint {
+            Some(moves) => engines.into_iter().fold(joint, |prim, engine| physics::resistance(prim, moves, engine)),
+            None => joint,
+        });
     }
     Ok(Layer {
         fields: header(asset),
@@ -144,7 +151,6 @@ fn splats_layer(asset: &Asset) -> Result<Option<Layer>, String> {
     if object.children.is_empty() {
         return Ok(None);
     }
-    let reference = Reference { asset_path: format!("./{}.usdc", asset.name), ..Reference::default() };
-    let object = object.field("references", Value::ReferenceListOp(ReferenceListOp::prepended([reference])));
+    let object = object.field("references", references(&[format!("./{}.usdc", asset.name)]));
     Ok(Some(Layer { fields: header(asset), prims: vec![object, physics::scene()] }))
 }

@@ -5,6 +5,14 @@ use artgs_core::{Asset, AssetJoint, AssetLink, Handle, Inertial, JointKind, Stat
 use glam::{DMat3, DQuat, DVec3};
 use openusd::sdf::Value;
 
+/// A physics engine with schemas of its own for what USD Physics does not express.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Engine {
+    PhysX,
+    Newton,
+    MuJoCo,
+}
+
 fn float(value: f64) -> Value {
     Value::Float(value as f32)
 }
@@ -66,7 +74,7 @@ fn grasp(handle: &Handle) -> Prim {
     sizes.into_iter().fold(prim, |prim, (name, size)| prim.custom("double", name, Value::Double(*size)))
 }
 
-/// The joint of link `i` to its parent; for a link without parent a fixed joint to the world.
+/// The joint of link `i` to its parent, without schemas of engines; for a link without parent a fixed joint to the world.
 pub(super) fn joint(root: &str, asset: &Asset, i: usize) -> Result<Prim, String> {
     let link = &asset.links[i];
     let child = format!("{root}/{}", link.name);
@@ -74,11 +82,11 @@ pub(super) fn joint(root: &str, asset: &Asset, i: usize) -> Result<Prim, String>
         return fixed(root, asset, link);
     };
     let turns = joint.kind != JointKind::Prismatic;
-    let (kind, motion) = if turns { ("PhysicsRevoluteJoint", "angular") } else { ("PhysicsPrismaticJoint", "linear") };
-    let unit = if turns { 1f64.to_degrees() } else { 1.0 };
+    let kind = if turns { "PhysicsRevoluteJoint" } else { "PhysicsPrismaticJoint" };
+    let (motion, unit) = motion(joint);
     // USD knows joint axes X, Y and Z only; the joint's frame turns X to ours.
     let frame = DQuat::from_rotation_arc(DVec3::X, joint.axis.normalize_or(DVec3::X));
-    let prim = Prim::new(kind, format!("{}_joint", link.name))
+    let prim = Prim::new(kind, joint_name(link))
         .rel("physics:body0", &format!("{root}/{}", parent.name))?
         .rel("physics:body1", &child)?
         .attr("point3f", "physics:localPos0", float3(link.origin - parent.origin))
@@ -90,6 +98,16 @@ pub(super) fn joint(root: &str, asset: &Asset, i: usize) -> Result<Prim, String>
         .attr("float", "physics:lowerLimit", float(joint.limits[0] * unit))
         .attr("float", "physics:upperLimit", float(joint.limits[1] * unit));
     Ok(notes(passive(prim, joint, motion, unit), joint, unit))
+}
+
+/// Name of the prim of a movable joint.
+pub(super) fn joint_name(link: &AssetLink) -> String {
+    format!("{}_joint", link.name)
+}
+
+/// What a joint is driven by, and degrees or metres per unit of the asset.
+fn motion(joint: &AssetJoint) -> (&'static str, f64) {
+    if joint.kind == JointKind::Prismatic { ("linear", 1.0) } else { ("angular", 1f64.to_degrees()) }
 }
 
 fn fixed(root: &str, asset: &Asset, link: &AssetLink) -> Result<Prim, String> {
@@ -108,24 +126,39 @@ fn fixed(root: &str, asset: &Asset, link: &AssetLink) -> Result<Prim, String> {
         .attr("quatf", "physics:localRot1", quaternion(DQuat::IDENTITY)))
 }
 
-/// A drive that only damps; dry friction and the speed limit in the schemas of PhysX and Newton.
+/// A drive that only damps.
 fn passive(prim: Prim, joint: &AssetJoint, motion: &str, unit: f64) -> Prim {
     let drive = |what: &str| format!("drive:{motion}:physics:{what}");
-    let axis = |what: &str| format!("physxJointAxis:{motion}:{what}");
-    let (friction, velocity) = (float(joint.friction), float(joint.velocity * unit));
     prim.api(format!("PhysicsDriveAPI:{motion}"))
-        .api(format!("PhysxJointAxisAPI:{motion}"))
-        .api("NewtonJointAPI")
         .uniform("token", &drive("type"), token("force"))
         .attr("float", &drive("stiffness"), float(0.0))
         .attr("float", &drive("damping"), float(joint.damping / unit))
         .attr("float", &drive("targetVelocity"), float(0.0))
         .attr("float", &drive("maxForce"), float(joint.effort))
-        .attr("float", &axis("maxJointVelocity"), velocity.clone())
-        .attr("float", &axis("staticFrictionEffort"), friction.clone())
-        .attr("float", &axis("dynamicFrictionEffort"), friction.clone())
-        .attr("float", "newton:velocityLimit", velocity)
-        .attr("float", "newton:friction", friction)
+}
+
+/// Dry friction of a joint and its largest speed in the schemas of an engine. MuJoCo has no largest speed, but damping.
+pub(super) fn resistance(prim: Prim, joint: &AssetJoint, engine: Engine) -> Prim {
+    let (motion, unit) = motion(joint);
+    let (friction, velocity) = (float(joint.friction), float(joint.velocity * unit));
+    match engine {
+        Engine::PhysX => {
+            let axis = |what: &str| format!("physxJointAxis:{motion}:{what}");
+            prim.api(format!("PhysxJointAxisAPI:{motion}"))
+                .attr("float", &axis("maxJointVelocity"), velocity)
+                .attr("float", &axis("staticFrictionEffort"), friction.clone())
+                .attr("float", &axis("dynamicFrictionEffort"), friction)
+        }
+        Engine::Newton => prim.api("NewtonJointAPI").attr("float", "newton:velocityLimit", velocity).attr(
+            "float",
+            "newton:friction",
+            friction,
+        ),
+        Engine::MuJoCo => prim
+            .api("MjcJointAPI")
+            .uniform("double", "mjc:frictionloss", Value::Double(joint.friction))
+            .uniform("double", "mjc:damping", Value::Double(joint.damping)),
+    }
 }
 
 /// Custom attributes for values that USD has no schema for.
