@@ -134,7 +134,7 @@ fn every_format_is_written_and_passes_the_check() {
     let done = artgs(&["export", shown, "--name", "My cabinet"]);
     let (said, noted) = (text(&done.stdout), text(&done.stderr));
     assert_eq!(done.status.code(), Some(0), "{said}{noted}");
-    assert!(said.contains("door: 0 = closed (start)") && said.contains("urdf/my_cabinet.urdf"), "{said}");
+    assert!(said.contains("seen closed at the start (0)") && said.contains("urdf/my_cabinet.urdf"), "{said}");
     assert!(noted.contains("--capture"), "{noted}");
     for step in ["surfaces", "limits", "hulls", "write"] {
         assert!(noted.contains(&format!("{step}: started\n{step}: ")), "{noted}");

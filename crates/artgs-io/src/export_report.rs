@@ -311,21 +311,7 @@ impl fmt::Display for ExportReport {
                 "{name:<16} {part:<9} {class:<18} {mass:>9.3} {hulls:>6} {triangles:>10} {photos:>7}  {closed}"
             )?;
         }
-        writeln!(f)?;
-        for link in &self.links {
-            let (Some(limits), Some(observed), Some(stops)) = (link.limits, link.observed, &link.stops) else {
-                continue;
-            };
-            let (unit, [start, end], [low, high]) = match link.joint {
-                Some(JointKind::Prismatic) => ("mm", observed.map(|x| 1000.0 * x), limits.map(|x| 1000.0 * x)),
-                _ => ("degrees", observed.map(f64::to_degrees), limits.map(f64::to_degrees)),
-            };
-            let state = link.zero_state.as_deref().unwrap_or("start");
-            let zero = if link.closed_state.is_some() { format!("closed ({state})") } else { state.into() };
-            let [low, high, start, end] = [low, high, start, end].map(rounded);
-            writeln!(f, "{}: 0 = {zero}, observed {start} to {end} {unit}", link.name)?;
-            writeln!(f, "  from {low}, {}, to {high} {unit}, {}", stops[0], stops[1])?;
-        }
+        self.joints(f)?;
         for handle in self.links.iter().flat_map(|link| &link.handles) {
             let HandleReport { name, width, length, depth, .. } = handle;
             let [width, length, depth] = [width, length, depth].map(|x| 1000.0 * x);
@@ -342,6 +328,9 @@ impl fmt::Display for ExportReport {
         )?;
         writeln!(f)?;
         self.files.iter().filter(|file| is_main(file)).try_for_each(|file| writeln!(f, "{}", file.display()))?;
+        if let Some(scene) = self.files.iter().find(|file| file.ends_with("mjcf/scene.xml")) {
+            writeln!(f, "python -m mujoco.viewer --mjcf={} shows it on a floor", scene.display())?;
+        }
         let sizes = self.sizes();
         if sizes.is_empty() {
             return Ok(());
@@ -355,6 +344,43 @@ impl fmt::Display for ExportReport {
             shared => writeln!(f, ", of which {} are shared between formats", megabytes(shared)),
         }
     }
+}
+
+impl ExportReport {
+    /// A table of the joints: both limits with their reasons, and the values in the observed states.
+    fn joints(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let rows: Vec<[String; 6]> = self.links.iter().filter_map(joint_row).collect();
+        if rows.is_empty() {
+            return writeln!(f);
+        }
+        let head = ["joint", "closed", "seen", "open", "closes until", "opens until"].map(str::to_owned);
+        let width =
+            |column: usize| rows.iter().chain([&head]).map(|row| row[column].chars().count()).max().unwrap_or(0);
+        let widths: [usize; 6] = std::array::from_fn(width);
+        writeln!(f)?;
+        for row in std::iter::once(&head).chain(&rows) {
+            let cells: Vec<String> = row.iter().zip(widths).map(|(cell, width)| format!("{cell:<width$}")).collect();
+            writeln!(f, "{}", cells.join("  ").trim_end())?;
+        }
+        writeln!(f)
+    }
+}
+
+/// Name, closing limit, observed values, opening limit and the reasons of both limits; none without a joint.
+fn joint_row(link: &LinkReport) -> Option<[String; 6]> {
+    let (limits, observed, [closes, opens]) = (link.limits?, link.observed?, link.stops.clone()?);
+    let (factor, unit) = match link.joint {
+        Some(JointKind::Prismatic) => (1000.0, "mm"),
+        _ => (1f64.to_degrees(), "deg"),
+    };
+    let [low, high, start, end] = [limits[0], limits[1], observed[0], observed[1]].map(|x| rounded(factor * x));
+    let closes = match (&link.closed_state, &link.zero_state) {
+        (Some(state), _) => format!("{closes}, seen closed at the {state} (0)"),
+        (None, Some(state)) => format!("{closes}; 0 is the {state}"),
+        (None, None) => closes,
+    };
+    let seen = format!("{start} to {end} {unit}");
+    Some([link.name.clone(), format!("{low} {unit}"), seen, format!("{high} {unit}"), closes, opens])
 }
 
 fn megabytes(bytes: u64) -> String {
@@ -435,6 +461,37 @@ mod tests {
         let expected =
             "urdf 1.5 MB, glb 1.5 MB, sdf 1.5 MB; together 4.5 MB, of which 1.5 MB are shared between formats\n";
         assert!(text.ends_with(expected), "{text}");
+    }
+
+    #[test]
+    fn the_joints_are_a_table_with_reasons() {
+        let drawer = LinkReport {
+            name: "drawer".into(),
+            joint: Some(JointKind::Prismatic),
+            limits: Some([-0.0442, 0.318]),
+            observed: Some([0.0, 0.3165]),
+            stops: Some(["before it meets base".into(), "as observed".into()]),
+            zero_state: Some("start".into()),
+            ..LinkReport::default()
+        };
+        let door = LinkReport {
+            name: "door_left".into(),
+            joint: Some(JointKind::Revolute),
+            limits: Some([0.0, 1.5]),
+            closed_state: Some("end".into()),
+            ..drawer.clone()
+        };
+        let report = ExportReport { links: vec![LinkReport::default(), drawer, door], ..ExportReport::default() };
+        let text = report.to_string();
+        let row = |name: &str| text.lines().rfind(|line| line.starts_with(name)).unwrap().to_owned();
+        let words =
+            |line: String| line.split("  ").map(str::trim).filter(|w| !w.is_empty()).map(str::to_owned).collect();
+        let drawer: Vec<String> = words(row("drawer"));
+        let until = "before it meets base; 0 is the start";
+        assert_eq!(drawer, ["drawer", "-44.2 mm", "0.0 to 316.5 mm", "318.0 mm", until, "as observed"]);
+        let door: Vec<String> = words(row("door_left"));
+        assert_eq!(door[1..4], ["0.0 deg", "0.0 to 18.1 deg", "85.9 deg"]);
+        assert!(door[4].ends_with("seen closed at the end (0)"), "{door:?}");
     }
 
     #[test]
