@@ -37,8 +37,8 @@ pub(super) struct Context {
     labels: Vec<u16>,
     /// For each part, 0 to 1: how far it is believed, from the share of its surfels that are seen on its own surface.
     believed: Vec<f32>,
-    /// The least of that and the same for the connected piece of its part that each surfel belongs to: what is apart from the rest of a body
-    /// needs evidence of its own. What stands still is one body.
+    /// For each surfel the least of that and of the number of independent surfels that are seen so in its connected piece of the part: what is
+    /// apart from the rest of a body needs evidence of its own. What stands still is one body.
     piece: Vec<f32>,
     /// A part that is believed without surfels of its own: it was just added.
     pub(super) fresh: Option<u16>,
@@ -47,12 +47,13 @@ pub(super) struct Context {
 }
 
 impl Context {
-    /// For surfels of `state`, which `edges` connect. `evidence` is that of the static part and of every motion.
+    /// For surfels of `state`, which `edges` connect and of which `shared` neighbours count as one. `evidence` is that of the static part and
+    /// of every motion.
     pub(super) fn new(
         explanation: &Explanation,
         evidence: &[Evidence],
         state: State,
-        edges: &[Edge],
+        (edges, shared): (&[Edge], f32),
         settings: &ExplainSettings,
     ) -> Self {
         let (labels, others) = (&explanation.labels[state], &explanation.labels[state.other()]);
@@ -69,7 +70,7 @@ impl Context {
         let believed: Vec<f32> = of_parts.iter().map(|counts| counts.believed(settings)).collect();
         let piece = |(label, piece): (&u16, &u32)| match *label {
             0 => believed[0],
-            part => of_pieces[*piece as usize].believed(settings).min(believed[usize::from(part)]),
+            part => (of_pieces[*piece as usize].own / shared).min(believed[usize::from(part)]),
         };
         Self {
             founded: (0..others.len()).map(|i| seen(state.other(), i).is_founded()).collect(),

@@ -162,7 +162,7 @@ impl<'a> Problem<'a> {
 
     /// What an explanation says about the surfels of a state.
     fn context(&self, explanation: &Explanation, evidence: &[Evidence], state: State) -> Context {
-        Context::new(explanation, evidence, state, &self.edges[state], &self.settings)
+        Context::new(explanation, evidence, state, (&self.edges[state], self.shared), &self.settings)
     }
 
     /// Evidence of the static part and of every motion.

@@ -60,6 +60,11 @@ impl Problem<'_> {
                 }
             }
             let Some((total, explanation, m)) = next.filter(|n| n.0 < least - 1.0) else { break };
+            if explanation.motions == best.motions {
+                // Better labels of the same motions are no wrong explanation.
+                (best, least) = (explanation, total);
+                continue;
+            }
             let last = explanation.motions.len();
             let size = |s: State| explanation.labels[s].iter().filter(|l| usize::from(**l) == last).count();
             added.push((format!("{} {:?}", pool[m].0, State::ALL.map(size)), least - total));
