@@ -468,7 +468,7 @@ mod tests {
         let drawer = LinkReport {
             name: "drawer".into(),
             joint: Some(JointKind::Prismatic),
-            limits: Some([-0.0442, 0.318]),
+            limits: Some([-0.0442, 0.3281]),
             observed: Some([0.0, 0.3165]),
             stops: Some(["before it meets base".into(), "as observed".into()]),
             zero_state: Some("start".into()),
@@ -488,7 +488,7 @@ mod tests {
             |line: String| line.split("  ").map(str::trim).filter(|w| !w.is_empty()).map(str::to_owned).collect();
         let drawer: Vec<String> = words(row("drawer"));
         let until = "before it meets base; 0 is the start";
-        assert_eq!(drawer, ["drawer", "-44.2 mm", "0.0 to 316.5 mm", "318.0 mm", until, "as observed"]);
+        assert_eq!(drawer, ["drawer", "-44.2 mm", "0.0 to 316.5 mm", "328.1 mm", until, "as observed"]);
         let door: Vec<String> = words(row("door_left"));
         assert_eq!(door[1..4], ["0.0 deg", "0.0 to 18.1 deg", "85.9 deg"]);
         assert!(door[4].ends_with("seen closed at the end (0)"), "{door:?}");

@@ -56,7 +56,7 @@ pub(super) fn read(path: &Path, finding: &mut FormatFinding) -> Result<Option<Mo
 /// Speed and friction of the joints in the layer of an engine, which must be the same in all.
 fn resistances(layer: &Stage, engine: &str, name: &str, model: &mut Model) -> Result<(), String> {
     for motion in model.links.iter_mut().filter_map(|link| link.motion.as_mut()) {
-        let joint = layer.prim(sdf::path(&format!("/{name}/Joints/{}", motion.name)).map_err(|e| format!("{e:#}"))?);
+        let joint = layer.prim(sdf::path(format!("/{name}/Joints/{}", motion.name)).map_err(|e| format!("{e:#}"))?);
         let (unit, word) = match motion.kind {
             JointKind::Prismatic => (1.0, "linear"),
             JointKind::Revolute | JointKind::Screw => (1f64.to_radians(), "angular"),
