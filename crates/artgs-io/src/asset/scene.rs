@@ -99,6 +99,7 @@ pub(super) fn mjcf(asset: &Asset, keys: &str) -> String {
     <headlight ambient=\"0.4 0.4 0.4\" diffuse=\"0.4 0.4 0.4\" specular=\"0 0 0\"/>
     <global azimuth=\"65\" elevation=\"-20\" fovy=\"{FIELD_OF_VIEW}\" offwidth=\"1280\" offheight=\"960\"/>
     <quality shadowsize=\"4096\"/>
+    <map shadowclip=\"2\"/>
   </visual>
   <asset>
     <texture name=\"sky\" type=\"skybox\" builtin=\"gradient\" rgb1=\"0.75 0.84 0.94\" rgb2=\"0.96 0.97 0.98\" width=\"256\" height=\"1536\"/>
