@@ -7,7 +7,8 @@ const STYLE: &str = "
 body { font: 14px/1.45 sans-serif; color: #222; background: #fff; margin: 2rem auto; max-width: 1400px; padding: 0 1.5rem; }
 h1 { font-size: 1.5rem; } table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { padding: .22rem .6rem; border-bottom: 1px solid #eee; text-align: left; vertical-align: top; }
-th { background: #f6f6f6; position: sticky; top: 0; } td.number { text-align: right; white-space: nowrap; }
+th { background: #f6f6f6; position: sticky; top: 0; } td.number { white-space: nowrap; }
+td.subject { overflow-wrap: anywhere; } td.checked, td.note, td.remedy { min-width: 13em; }
 .passed td.verdict { color: #187a2f; } .warning td.verdict { color: #9a6700; font-weight: bold; }
 .failed td.verdict { color: #b3261e; font-weight: bold; } .skipped td { color: #777; }
 ";
@@ -71,7 +72,7 @@ impl CheckReport {
             .map(|verdict| format!("{} {}", count(verdict), word(verdict)));
         let _ =
             writeln!(out, "<p>artgs {}: {} rules, {}</p>", env!("CARGO_PKG_VERSION"), rules.len(), counts.join(", "));
-        let heads = ["rule", "of", "", "checked", "measured", "allowed", "found", "what to do"];
+        let heads = ["rule", "of", "result", "checked", "measured", "allowed", "found", "what to do"];
         let heads: String = heads.iter().map(|head| format!("<th>{head}</th>")).collect();
         let rows: String = rules.iter().map(row).collect();
         let _ = write!(out, "<table>\n<tr>{heads}</tr>\n{rows}</table>\n</body>\n</html>\n");
