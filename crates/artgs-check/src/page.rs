@@ -8,7 +8,7 @@ body { font: 14px/1.45 sans-serif; color: #222; background: #fff; margin: 2rem a
 h1 { font-size: 1.5rem; } table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { padding: .22rem .6rem; border-bottom: 1px solid #eee; text-align: left; vertical-align: top; }
 th { background: #f6f6f6; position: sticky; top: 0; } td.number { white-space: nowrap; }
-td.subject { overflow-wrap: anywhere; } td.checked, td.note, td.remedy { min-width: 13em; }
+td.subject { min-width: 14em; overflow-wrap: anywhere; } td.checked { min-width: 13em; } td.note, td.remedy { min-width: 9em; }
 .passed td.verdict { color: #187a2f; } .warning td.verdict { color: #9a6700; font-weight: bold; }
 .failed td.verdict { color: #b3261e; font-weight: bold; } .skipped td { color: #777; }
 ";
