@@ -105,7 +105,7 @@ mod tests {
         let blob = |rgb: [f32; 3]| Splats {
             means: vec![[0.0; 3]],
             rotations: vec![[1.0, 0.0, 0.0, 0.0]],
-            log_scales: vec![[0.005f32.ln(); 3]],
+            log_scales: vec![[0.003f32.ln(); 3]],
             logit_opacities: vec![6.0],
             sh_degree: 0,
             sh: rgb.map(|v| (v - 0.5) / SH_C0).to_vec(),
