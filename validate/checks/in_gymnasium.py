@@ -2,6 +2,7 @@
 
 import importlib.util
 
+import mujoco
 import numpy as np
 from gymnasium.utils.env_checker import check_env
 
@@ -27,8 +28,6 @@ def check_environment(path, _states, report):
 def _opened(env):
     """Share by which a part opens, and the steps it takes, if it is pulled where its handle would go next."""
     env.reset(seed=0)
-    import mujoco
-
     done = ended = False
     info, steps = {"opened": 0.0}, 0
     while not (done or ended):

@@ -156,15 +156,17 @@ impl AssetJoint {
 impl Asset {
     /// Length of the diagonal of the box around the visual meshes at the zero pose, metres; 0 without meshes.
     pub fn bounds_diagonal(&self) -> f64 {
-        let mut bounds = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for link in &self.links {
-            for vertex in &link.visual.mesh.vertices {
-                let point = link.origin + DVec3::from_array(vertex.map(f64::from));
-                bounds = (bounds.0.min(point), bounds.1.max(point));
-            }
-        }
-        let (low, high) = bounds;
-        if low.x > high.x { 0.0 } else { (high - low).length() }
+        self.bounds(&[]).map_or(0.0, |[low, high]| (high - low).length())
+    }
+
+    /// Lowest and highest coordinates of the visual meshes at joint values as of [`Asset::poses`], object's frame, metres; none without
+    /// meshes.
+    pub fn bounds(&self, values: &[f64]) -> Option<[DVec3; 2]> {
+        let poses = self.poses(values);
+        let points = self.links.iter().zip(&poses).flat_map(|(link, pose)| {
+            link.visual.mesh.vertices.iter().map(|vertex| pose.apply(DVec3::from_array(vertex.map(f64::from))))
+        });
+        points.map(|p| [p, p]).reduce(|[low, high], [p, _]| [low.min(p), high.max(p)])
     }
 
     /// Link frames in the object's frame, one per link, where `values[i]` is the joint value of link `i` (that of the base

@@ -150,12 +150,12 @@ struct Flush {
 }
 
 impl Range {
-    /// Ends the range that closes where the part is flush, if that comes before a contact. Without that, a limit more than `most` beyond
+    /// Ends the range that closes where the part is flush, if no contact comes before that. Of a part that is flush nowhere, a limit more than `most` beyond
     /// what was observed is one of a surface that was not seen well, and the part closes no further than it was seen.
     fn close(&mut self, end: usize, flush: Option<Flush>, most: f64) {
         let way = self.limits[end].abs();
         match flush {
-            Some(flush) if flush.value.abs() + flush.precision < way => {
+            Some(flush) if flush.value.abs() + flush.precision < way || self.sources[end] == Source::Assumed => {
                 self.limits[end] = flush.value;
                 self.stops[end] = Stop::Flush(flush.link);
                 self.sources[end] = Source::Inferred;
@@ -546,6 +546,33 @@ mod tests {
         let (limit, stop, source, closed) = closing(&asset, &surfaces);
         assert_eq!((stop, source, closed), (Stop::Flush("closed".into()), Source::Inferred, false), "{limit}");
         assert!((limit + 0.2).abs() < 0.005, "{limit}");
+    }
+
+    #[test]
+    fn what_closes_a_part_is_a_contact_a_flush_face_or_what_was_seen() {
+        let range = |limit: f64, source: Source| Range {
+            limits: [limit, 1.0],
+            stops: [Stop::Contact("base".into()), Stop::Observed],
+            sources: [source, Source::Observed],
+            free: PerState::new([0.0; 2], [0.0; 2]),
+            closed: false,
+        };
+        let closed = |limit: f64, source: Source, flush: Option<f64>| {
+            let flush = flush.map(|value| Flush { value, link: "base".into(), precision: 0.03, closed: false });
+            let mut range = range(limit, source);
+            range.close(0, flush, 0.26);
+            range.limits[0]
+        };
+        // A contact just behind the flush place, before it, and far behind it.
+        assert_eq!(closed(-0.72, Source::Inferred, Some(-0.7)), -0.72);
+        assert_eq!(closed(-0.5, Source::Inferred, Some(-0.7)), -0.5);
+        assert_eq!(closed(-1.2, Source::Inferred, Some(-0.7)), -0.7);
+        // Nothing was met: only what is flush says more than what was seen, also beyond what would be assumed.
+        assert_eq!(closed(-0.78, Source::Assumed, Some(-1.1)), -1.1);
+        assert_eq!(closed(-0.78, Source::Assumed, None), 0.0);
+        // Contacts of parts that are flush nowhere.
+        assert_eq!(closed(-0.2, Source::Inferred, None), -0.2);
+        assert_eq!(closed(-0.9, Source::Inferred, None), 0.0);
     }
 
     #[test]

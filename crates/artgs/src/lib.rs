@@ -44,6 +44,7 @@ pub mod align;
 mod articulation;
 mod canonical;
 pub mod config;
+mod connected;
 pub mod consistency;
 pub mod discover;
 pub mod evaluate;

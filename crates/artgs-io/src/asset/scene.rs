@@ -50,10 +50,15 @@ impl FrontCamera {
 
     /// Axes of the camera: to the right, upwards and backwards.
     pub(super) fn axes(&self) -> [DVec3; 3] {
-        let back = (self.eye - self.target).normalize();
-        let right = DVec3::Z.cross(back).normalize();
-        [right, back.cross(right), back]
+        axes_against(self.eye - self.target)
     }
+}
+
+/// Axes of what looks or shines against a direction: to the right, upwards and backwards.
+pub(super) fn axes_against(direction: DVec3) -> [DVec3; 3] {
+    let back = direction.normalize();
+    let right = DVec3::Z.cross(back).normalize();
+    [right, back.cross(right), back]
 }
 
 /// Corner of a cube with sides of 2, 0 to 7.
@@ -64,23 +69,15 @@ fn corner_signs(corner: usize) -> DVec3 {
 
 /// Box around the visual meshes at the zero pose, and with each joint at its limits; a point without meshes.
 fn reach(asset: &Asset) -> [DVec3; 2] {
-    let zero = vec![0.0; asset.links.len()];
-    let at = |link: usize, value: f64| {
-        let mut values = zero.clone();
-        values[link] = value;
-        asset.poses(&values)
-    };
-    let ends = asset.movable().flat_map(|(i, _, joint)| joint.limits.map(|value| at(i, value)));
-    let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-    for poses in std::iter::once(asset.poses(&zero)).chain(ends.collect::<Vec<_>>()) {
-        for (link, pose) in asset.links.iter().zip(&poses) {
-            for vertex in &link.visual.mesh.vertices {
-                let point = pose.apply(DVec3::from_array(vertex.map(f64::from)));
-                bounds = [bounds[0].min(point), bounds[1].max(point)];
-            }
-        }
-    }
-    if bounds[0].x > bounds[1].x { [DVec3::ZERO; 2] } else { bounds }
+    let ends = asset.movable().flat_map(|(link, _, joint)| {
+        joint.limits.map(|value| {
+            let mut values = vec![0.0; asset.links.len()];
+            values[link] = value;
+            values
+        })
+    });
+    let boxes = std::iter::once(Vec::new()).chain(ends).filter_map(|values| asset.bounds(&values));
+    boxes.reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]).unwrap_or([DVec3::ZERO; 2])
 }
 
 /// MJCF that includes `NAME.xml`; `keys` are further keyframes.
@@ -136,88 +133,6 @@ pub(super) fn sdf(asset: &Asset, model: &str) -> String {
       </link>
     </model>
 {model}  </world>\n</sdf>\n"
-    )
-}
-
-/// A text layer of OpenUSD that references `NAME.usdc`.
-#[cfg(feature = "usd")]
-pub(super) fn usda(asset: &Asset) -> String {
-    let camera = FrontCamera::of(asset);
-    let [right, up, back] = camera.axes().map(|axis| row(&axis.to_array()).replace(' ', ", "));
-    let eye = triple(camera.eye).replace(' ', ", ");
-    let (name, f) = (&asset.name, camera.floor);
-    // Apertures and focal lengths are tenths of a scene unit; only their ratio counts.
-    let (aperture, focal) = (20.0, 10.0 / (0.5 * FIELD_OF_VIEW).to_radians().tan());
-    let wide = aperture * 4.0 / 3.0;
-    // A distant light shines along -Z.
-    let [sun_x, sun_y, sun_z] = {
-        let back = -SUNLIGHT.normalize();
-        let right = DVec3::Z.cross(back).normalize();
-        [right, back.cross(right), back].map(|axis| row(&axis.to_array()).replace(' ', ", "))
-    };
-    format!(
-        "#usda 1.0
-(
-    defaultPrim = \"World\"
-    documentation = \"artgs {version}\"
-    kilogramsPerUnit = 1
-    metersPerUnit = 1
-    upAxis = \"Z\"
-    customLayerData = {{ dictionary cameraSettings = {{ string boundCamera = \"/World/surroundings/front\" }} }}
-)
-
-def Xform \"World\"
-{{
-    def Xform \"{name}\" (prepend references = @./{name}.usdc@)
-    {{
-    }}
-
-    def Scope \"surroundings\"
-    {{
-        def Camera \"front\"
-        {{
-            matrix4d xformOp:transform = ( ({right}, 0), ({up}, 0), ({back}, 0), ({eye}, 1) )
-            uniform token[] xformOpOrder = [\"xformOp:transform\"]
-            float focalLength = {focal}
-            float horizontalAperture = {wide}
-            float verticalAperture = {aperture}
-            float2 clippingRange = (0.01, 1000)
-        }}
-
-        def DistantLight \"sun\" (prepend apiSchemas = [\"ShadowAPI\"])
-        {{
-            matrix4d xformOp:transform = ( ({sun_x}, 0), ({sun_y}, 0), ({sun_z}, 0), (0, 0, 0, 1) )
-            uniform token[] xformOpOrder = [\"xformOp:transform\"]
-            float inputs:intensity = 1500
-            float inputs:angle = 1
-        }}
-
-        def DomeLight \"sky\"
-        {{
-            color3f inputs:color = (0.92, 0.95, 1)
-            float inputs:intensity = 600
-        }}
-
-        def Mesh \"floor\" (prepend apiSchemas = [\"PhysicsCollisionAPI\"])
-        {{
-            point3f[] points = [(-{f}, -{f}, 0), ({f}, -{f}, 0), ({f}, {f}, 0), (-{f}, {f}, 0)]
-            int[] faceVertexCounts = [4]
-            int[] faceVertexIndices = [0, 1, 2, 3]
-            float3[] extent = [(-{f}, -{f}, 0), ({f}, {f}, 0)]
-            normal3f[] normals = [(0, 0, 1)] (interpolation = \"constant\")
-            color3f[] primvars:displayColor = [(0.8, 0.8, 0.79)]
-            uniform token subdivisionScheme = \"none\"
-        }}
-    }}
-
-    def PhysicsScene \"PhysicsScene\"
-    {{
-        vector3f physics:gravityDirection = (0, 0, -1)
-        float physics:gravityMagnitude = 9.81
-    }}
-}}
-",
-        version = env!("CARGO_PKG_VERSION")
     )
 }
 

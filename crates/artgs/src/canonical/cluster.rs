@@ -4,6 +4,7 @@ use super::CanonicalError;
 use super::fps::farthest_points;
 use super::spectral::{Rows, dense_embedding, graph_embedding, neighbours};
 use super::tree::Tree;
+use crate::connected::connected_components;
 use nalgebra::DMatrix;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -120,34 +121,6 @@ fn large_components(
 
 fn graph_components(near: &[Vec<(usize, f32)>]) -> Vec<u32> {
     connected_components(near.len(), near.iter().enumerate().flat_map(|(i, hits)| hits.iter().map(move |h| (i, h.0))))
-}
-
-/// Component of each of `n` nodes, numbered by first member, under undirected edges.
-pub(crate) fn connected_components(n: usize, edges: impl IntoIterator<Item = (usize, usize)>) -> Vec<u32> {
-    fn root(parent: &mut [u32], mut i: u32) -> u32 {
-        while parent[i as usize] != i {
-            parent[i as usize] = parent[parent[i as usize] as usize];
-            i = parent[i as usize];
-        }
-        i
-    }
-    let mut parent: Vec<u32> = (0..n as u32).collect();
-    for (i, j) in edges {
-        let (a, b) = (root(&mut parent, i as u32), root(&mut parent, j as u32));
-        parent[a.max(b) as usize] = a.min(b);
-    }
-    let mut name = vec![u32::MAX; n];
-    let mut count = 0;
-    (0..n as u32)
-        .map(|i| {
-            let r = root(&mut parent, i) as usize;
-            if name[r] == u32::MAX {
-                name[r] = count;
-                count += 1;
-            }
-            name[r]
-        })
-        .collect()
 }
 
 /// Component of each point when points within `radius` of one another are connected.
@@ -362,7 +335,6 @@ mod tests {
 
     #[test]
     fn components_are_named_by_first_member() {
-        assert_eq!(connected_components(5, [(4, 1), (3, 0)]), [0, 1, 2, 0, 1]);
         let points = [[0.0; 3], [5.0; 3], [0.5, 0.0, 0.0], [1.0, 0.0, 0.0]];
         assert_eq!(radius_components(&points, 0.6), Ok(vec![0, 1, 0, 0]));
         assert_eq!(radius_components(&[], 1.0), Ok(vec![]));

@@ -1,10 +1,10 @@
 //! Nats of one surfel under the motion of one part.
 
-use super::components::{Edge, components};
-use super::energy::{Evidence, Explanation};
+use super::energy::{Edge, Evidence, Explanation};
 use super::evidence::{NOBODY, Seen};
 use super::noise::Noise;
 use super::settings::ExplainSettings;
+use crate::connected::connected_components;
 use artgs_core::{PerState, State};
 
 /// Prices of what contradicts the prediction that a surfel is seen, nats against a usual hit.
@@ -42,8 +42,6 @@ pub(super) struct Context {
     piece: Vec<f32>,
     /// A part that is believed without surfels of its own: it was just added.
     pub(super) fresh: Option<u16>,
-    /// Pieces are believed as their parts are: labels may still connect them.
-    pub(super) joins_pieces: bool,
 }
 
 impl Context {
@@ -58,7 +56,8 @@ impl Context {
     ) -> Self {
         let (labels, others) = (&explanation.labels[state], &explanation.labels[state.other()]);
         let seen = |s: State, i: usize| &evidence[usize::from(explanation.labels[s][i])][s][i];
-        let pieces = components(labels, edges);
+        let ends = edges.iter().map(|(i, j, _)| (*i as usize, *j as usize));
+        let pieces = connected_components(labels.len(), ends.filter(|(i, j)| labels[*i] == labels[*j]));
         let mut of_parts = vec![Counts::default(); evidence.len()];
         let mut of_pieces = vec![Counts::default(); pieces.iter().max().map_or(0, |last| *last as usize + 1)];
         for (i, label) in labels.iter().enumerate() {
@@ -78,7 +77,6 @@ impl Context {
             labels: labels.clone(),
             believed,
             fresh: None,
-            joins_pieces: false,
         }
     }
 
@@ -86,7 +84,7 @@ impl Context {
     pub(super) fn believed(&self, part: u16, i: usize) -> f32 {
         if self.fresh == Some(part) {
             1.0
-        } else if self.labels[i] == part && !self.joins_pieces {
+        } else if self.labels[i] == part {
             self.piece[i]
         } else {
             self.believed[usize::from(part)]
@@ -188,7 +186,6 @@ mod tests {
             believed: Vec::new(),
             piece: Vec::new(),
             fresh: None,
-            joins_pieces: false,
         };
         cost(seen, believed, &context, &PRICES, &ExplainSettings::DEFAULT).nats()
     }

@@ -1,6 +1,5 @@
 //! The energy of an explanation, and the labels that lower it.
 
-use super::components::Edge;
 use super::cost::{Context, Cost, Prices, cost, mean_nats};
 use super::evidence::{Look, Seen};
 use super::motion::{Registered, registered};
@@ -78,6 +77,9 @@ impl Surfels {
         Self { clouds: scene.states.as_ref().map(|s| thinned(&s.cloud)) }
     }
 }
+
+/// Two surfels that are neighbours, and how much a border between them costs.
+pub(super) type Edge = (u32, u32, f32);
 
 /// What the views of the other state say about every surfel of each state under one motion.
 pub(super) type Evidence = Arc<PerState<Vec<Seen>>>;
@@ -226,7 +228,7 @@ impl<'a> Problem<'a> {
                 let parts = evidence.len();
                 let mut next = best.clone();
                 let mut context = self.context(&best, &evidence, s);
-                (context.fresh, context.joins_pieces) = (first, round == 0);
+                context.fresh = first;
                 let mut data = Vec::with_capacity(parts * next.labels[s].len());
                 for i in 0..next.labels[s].len() {
                     let of = |k: usize| self.cost(&evidence, &context, s, i, k as u16).nats();
@@ -238,7 +240,7 @@ impl<'a> Problem<'a> {
                     (best, least) = (next, total);
                 }
             }
-            if least >= begun - 1e-6 && round > 0 {
+            if least >= begun - 1e-6 && first.is_none() {
                 break;
             }
         }

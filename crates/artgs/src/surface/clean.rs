@@ -1,5 +1,6 @@
 //! Mesh cleaning: coincident vertices welded, degenerate triangles, small components and unused vertices dropped.
 
+use crate::connected::connected_components;
 use artgs_core::Mesh;
 
 /// Cleans a mesh. Components (triangles joined by vertices) stay if they have at least `keep_fraction` of the largest
@@ -12,13 +13,14 @@ pub fn clean(mesh: &Mesh, keep_fraction: f64) -> Mesh {
         .map(|t| t.map(|i| representative[i as usize]))
         .filter(|t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0])
         .collect();
-    let roots = components(mesh.vertices.len(), &triangles);
+    let edges = triangles.iter().flat_map(|t| [t[1], t[2]].map(|i| (t[0] as usize, i as usize)));
+    let components = connected_components(mesh.vertices.len(), edges);
     let mut sizes = vec![0usize; mesh.vertices.len()];
     for t in &triangles {
-        sizes[roots[t[0] as usize] as usize] += 1;
+        sizes[components[t[0] as usize] as usize] += 1;
     }
     let least = keep_fraction * sizes.iter().copied().max().unwrap_or(0) as f64;
-    triangles.retain(|t| sizes[roots[t[0] as usize] as usize] as f64 >= least);
+    triangles.retain(|t| sizes[components[t[0] as usize] as usize] as f64 >= least);
     compact(mesh, triangles)
 }
 
@@ -34,26 +36,6 @@ fn weld(vertices: &[[f32; 3]]) -> Vec<u32> {
         }
     }
     out
-}
-
-/// Smallest vertex of every vertex' component.
-fn components(count: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..count as u32).collect();
-    for t in triangles {
-        for i in [t[1], t[2]] {
-            let (a, b) = (find(&mut parent, t[0]), find(&mut parent, i));
-            parent[a.max(b) as usize] = a.min(b);
-        }
-    }
-    (0..count as u32).map(|i| find(&mut parent, i)).collect()
-}
-
-fn find(parent: &mut [u32], mut i: u32) -> u32 {
-    while parent[i as usize] != i {
-        parent[i as usize] = parent[parent[i as usize] as usize];
-        i = parent[i as usize];
-    }
-    i
 }
 
 fn compact(mesh: &Mesh, mut triangles: Vec<[u32; 3]>) -> Mesh {

@@ -107,6 +107,13 @@ impl Prim {
         self
     }
 
+    /// Where the prim is in its parent.
+    pub(super) fn placed(self, translation: glam::DVec3, rotation: glam::DQuat) -> Self {
+        self.attr("double3", "xformOp:translate", Value::Vec3d(translation.to_array().into()))
+            .attr("quatf", "xformOp:orient", quaternion(rotation))
+            .uniform("token[]", "xformOpOrder", Value::token_vec(["xformOp:translate", "xformOp:orient"]))
+    }
+
     /// An attribute that could vary over time.
     pub(super) fn attr(self, kind: &'static str, name: &str, value: Value) -> Self {
         self.property(name, Some(kind), vec![("default", value)])

@@ -11,7 +11,7 @@ pub(super) fn texture_file(link: &AssetLink) -> String {
 }
 
 /// A mesh prim with points, triangles and bounds; no subdivision.
-fn mesh_prim(name: String, mesh: &Mesh) -> Prim {
+pub(super) fn mesh_prim(name: String, mesh: &Mesh) -> Prim {
     let corners = mesh.triangles.as_flattened().iter().map(|i| *i as i32).collect::<Vec<_>>();
     Prim::new("Mesh", name)
         .attr("float3[]", "extent", float3s(&bounds(mesh.vertices.iter().map(|v| (*v, [0.0; 3])))))

@@ -25,11 +25,12 @@ mod layer;
 mod looks;
 mod physics;
 mod repair;
+mod scene;
 pub mod simready;
 #[cfg(test)]
 mod tests;
 
-use super::scene::{self, SCENE};
+use super::scene::SCENE;
 use crate::image_io::rgb_png;
 use crate::{FileError, write_atomic};
 use artgs_core::Asset;
@@ -60,7 +61,7 @@ pub fn export_usd(dir: &Path, asset: &Asset) -> Result<Vec<PathBuf>, FileError> 
     }
     if asset.name != SCENE {
         let path = dir.join(format!("{SCENE}.usda"));
-        write_atomic(&path, scene::usda(asset).as_bytes())?;
+        put(&path, lower(&path, Ok(scene::scene(asset)))?.usda())?;
         files.push(path);
     }
     Ok(files)
@@ -97,9 +98,9 @@ fn textures(dir: &Path, asset: &Asset) -> Result<Vec<(String, Vec<u8>)>, FileErr
 }
 
 /// Units and axes of every layer that is opened.
-fn header(asset: &Asset) -> Vec<(&'static str, Value)> {
+fn header(default_prim: &str) -> Vec<(&'static str, Value)> {
     vec![
-        ("defaultPrim", token(&asset.name)),
+        ("defaultPrim", token(default_prim)),
         ("documentation", Value::String(format!("artgs {}", env!("CARGO_PKG_VERSION")))),
         ("kilogramsPerUnit", Value::Double(1.0)),
         ("metersPerUnit", Value::Double(1.0)),
@@ -133,7 +134,7 @@ fn stage(asset: &Asset) -> Result<Layer, String> {
         });
     }
     Ok(Layer {
-        fields: header(asset),
+        fields: header(&asset.name),
         prims: vec![object.child(joints).child(materials).child(contacts), physics::scene()],
     })
 }
@@ -152,5 +153,5 @@ fn splats_layer(asset: &Asset) -> Result<Option<Layer>, String> {
         return Ok(None);
     }
     let object = object.field("references", references(&[format!("./{}.usdc", asset.name)]));
-    Ok(Some(Layer { fields: header(asset), prims: vec![object, physics::scene()] }))
+    Ok(Some(Layer { fields: header(&asset.name), prims: vec![object, physics::scene()] }))
 }

@@ -13,7 +13,7 @@ pub(super) enum Engine {
     MuJoCo,
 }
 
-fn float(value: f64) -> Value {
+pub(super) fn float(value: f64) -> Value {
     Value::Float(value as f32)
 }
 
@@ -35,9 +35,7 @@ pub(super) fn body(root: &str, asset: &Asset, i: usize) -> Result<Prim, String> 
     let prim = Prim::new("Xform", link.name.clone())
         .api("PhysicsRigidBodyAPI")
         .api("PhysicsMassAPI")
-        .attr("double3", "xformOp:translate", Value::Vec3d(at.to_array().into()))
-        .attr("quatf", "xformOp:orient", quaternion(DQuat::IDENTITY))
-        .uniform("token[]", "xformOpOrder", Value::token_vec(["xformOp:translate", "xformOp:orient"]))
+        .placed(at, DQuat::IDENTITY)
         .attr("bool", "physics:rigidBodyEnabled", Value::Bool(true))
         .attr("float", "physics:mass", float(mass))
         .attr("point3f", "physics:centerOfMass", float3(center))
@@ -67,10 +65,7 @@ pub(super) fn body(root: &str, asset: &Asset, i: usize) -> Result<Prim, String> 
 fn grasp(handle: &Handle) -> Prim {
     let Handle { name, frame, width, length, depth } = handle;
     let sizes = [("artgs:width", width), ("artgs:length", length), ("artgs:depth", depth)];
-    let prim = Prim::new("Xform", name.clone())
-        .attr("double3", "xformOp:translate", Value::Vec3d(frame.translation.to_array().into()))
-        .attr("quatf", "xformOp:orient", quaternion(frame.rotation))
-        .uniform("token[]", "xformOpOrder", Value::token_vec(["xformOp:translate", "xformOp:orient"]));
+    let prim = Prim::new("Xform", name.clone()).placed(frame.translation, frame.rotation);
     sizes.into_iter().fold(prim, |prim, (name, size)| prim.custom("double", name, Value::Double(*size)))
 }
 

@@ -18,9 +18,11 @@ fn text(value: &str) -> Value {
 /// `customLayerData` of the layer. The four entries beside `SimReady_Metadata` are those that profiles before 3.3.0 ask for there.
 pub(super) fn layer_data(asset: &Asset, provenance: &Provenance) -> Value {
     let origin = origin(asset, provenance);
+    // Joints at 0.
+    let extents = asset.bounds(&[]).map_or(DVec3::ZERO, |[low, high]| high - low);
     let measured = [
         ("rigid_body_count", Value::Int(i32::try_from(asset.links.len()).unwrap_or(i32::MAX))),
-        ("asset_extents", Value::Vec3f(extents(asset).as_vec3().to_array().into())),
+        ("asset_extents", Value::Vec3f(extents.as_vec3().to_array().into())),
         ("mass", Value::Double(asset.links.iter().map(|link| link.inertial.mass).sum())),
     ];
     let validation = [("profile", text(PROFILE[0])), ("profile_version", text(PROFILE[1]))];
@@ -70,14 +72,4 @@ fn variants(asset: &Asset) -> Value {
         ("options", Value::StringVec(vec![MESH.into(), GAUSSIANS.into()])),
     ]);
     dictionary([physics, (REPRESENTATION, dictionary([(REPRESENTATION, appearance)]))])
-}
-
-/// Sides of the box around the visual meshes at joint values 0, metres; 0 without meshes.
-fn extents(asset: &Asset) -> DVec3 {
-    let points = asset
-        .links
-        .iter()
-        .flat_map(|link| link.visual.mesh.vertices.iter().map(|v| link.origin + DVec3::from_array(v.map(f64::from))));
-    let bounds = points.map(|p| (p, p)).reduce(|(low, high), (p, _)| (low.min(p), high.max(p)));
-    bounds.map_or(DVec3::ZERO, |(low, high)| high - low)
 }

@@ -106,7 +106,7 @@ fn interface(asset: &Asset, provenance: &Provenance) -> Result<Layer, String> {
         layers.push(mesh);
     }
     let object = object.field("kind", token("component")).field("references", references(&layers));
-    let fields = [header(asset), vec![("customLayerData", metadata::layer_data(asset, provenance))]].concat();
+    let fields = [header(&asset.name), vec![("customLayerData", metadata::layer_data(asset, provenance))]].concat();
     Ok(Layer { fields, prims: vec![object] })
 }
 
@@ -127,7 +127,7 @@ fn base(asset: &Asset) -> Result<Layer, String> {
         object = object.child(body);
         joints = joints.child(physics::joint(&root, asset, i)?);
     }
-    Ok(Layer { fields: header(asset), prims: vec![object.child(joints).child(contacts)] })
+    Ok(Layer { fields: header(&asset.name), prims: vec![object.child(joints).child(contacts)] })
 }
 
 /// Unit normals of triangles; +Z for those without an area.
@@ -171,7 +171,7 @@ fn visuals(asset: &Asset, gaussians: bool) -> Result<Layer, String> {
             object = object.child(Prim::new("Xform", link.name.clone()).child(drawn));
         }
     }
-    Ok(Layer { fields: header(asset), prims: vec![object.child(materials)] })
+    Ok(Layer { fields: header(&asset.name), prims: vec![object.child(materials)] })
 }
 
 /// A textured mesh with its mean colour, for programs that evaluate no materials.
@@ -200,5 +200,5 @@ fn engine_layer(asset: &Asset, engine: Engine) -> Layer {
         let body = hulls.fold(Prim::over(link.name.clone()), |body, hull| body.child(Prim::over(hull).api(api)));
         object = object.child(body);
     }
-    Layer { fields: header(asset), prims: vec![object.child(joints)] }
+    Layer { fields: header(&asset.name), prims: vec![object.child(joints)] }
 }
