@@ -145,6 +145,7 @@ async function start(scene: SceneData) {
   panel.allow("points", clouds.any);
   panel.allow("splats", false);
   stage.frameObject(extent, frontOf(model, found));
+  if (has((l) => !!l.mesh)) stage.ground(extent);
   setState(0);
   setMode(has((l) => !!l.mesh) ? "textured" : "points");
   if (scene.corrections && model.movable().length > 0) {

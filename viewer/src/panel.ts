@@ -46,8 +46,8 @@ export class Panel {
     private readonly act: Actions,
   ) {
     root.replaceChildren(make("h1", {}, scene.name.replaceAll("_", " ")), make("p", { className: "facts", id: "facts" }));
-    root.append(this.show());
     if (model.movable().length > 0) root.append(this.joints());
+    root.append(this.show());
     if (scene.cameras?.length) root.append(this.cameras());
     const found = rows(scene.scores);
     if (found.length > 0) root.append(section("Scores", table(found)));

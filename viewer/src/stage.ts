@@ -3,11 +3,15 @@
 import {
   AmbientLight,
   Box3,
+  CanvasTexture,
   Color,
   DirectionalLight,
   Matrix4,
+  Mesh,
+  MeshBasicMaterial,
   Object3D,
   PerspectiveCamera,
+  PlaneGeometry,
   Raycaster,
   Scene,
   Spherical,
@@ -212,6 +216,25 @@ export class Stage {
   drawSplats(on: boolean): void {
     this.spark.visible = on;
     this.changed();
+  }
+
+  /** A soft shadow on the floor below the object. */
+  ground(extent: Box3): void {
+    if (extent.isEmpty()) return;
+    const picture = document.createElement("canvas");
+    picture.width = picture.height = 128;
+    const draw = picture.getContext("2d")!;
+    const fade = draw.createRadialGradient(64, 64, 0, 64, 64, 64);
+    for (const [at, dark] of [[0, 0.34], [0.45, 0.26], [0.75, 0.07], [1, 0]] as const) fade.addColorStop(at, `rgba(0,0,0,${dark})`);
+    draw.fillStyle = fade;
+    draw.fillRect(0, 0, 128, 128);
+    const material = new MeshBasicMaterial({ map: new CanvasTexture(picture), transparent: true, depthWrite: false });
+    const floor = new Mesh(new PlaneGeometry(1, 1), material);
+    const [middle, size] = [extent.getCenter(new Vector3()), extent.getSize(new Vector3())];
+    floor.position.set(middle.x, middle.y, extent.min.z - 1e-3 * size.length());
+    floor.scale.set(1.7 * size.x + 0.2 * size.z, 1.7 * size.y + 0.2 * size.z, 1);
+    floor.renderOrder = -1;
+    this.scene.add(floor);
   }
 
   /** Sets the extent of the object and the direction in which it opens, and resets the view. */

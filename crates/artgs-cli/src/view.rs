@@ -159,22 +159,25 @@ fn exported(run: &RunFolder) -> Result<Page, Failure> {
 
 fn export_shown(run: &RunFolder, photos: Option<&Path>, style: Style) -> Result<(), Failure> {
     let _lock = lock(run, "artgs view", style)?;
-    export_locked(run, &shown_formats(photos), style).map(drop)
+    export_locked(run, &shown_formats(run, photos), style).map(drop)
 }
 
 /// Page of a replica whose folder cannot be written: files of exports exist only while they are made.
 fn exported_in_memory(run: &RunFolder, photos: Option<&Path>, style: Style) -> Result<Page, Failure> {
     let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
     let elsewhere = run.clone().with_exports(folder.path());
-    export_locked(&elsewhere, &shown_formats(photos), style)?;
+    export_locked(&elsewhere, &shown_formats(run, photos), style)?;
     let mut page = exported(&elsewhere)?;
     page.load_files().map_err(Failure::failed)?;
     Ok(page)
 }
 
-fn shown_formats(photos: Option<&Path>) -> ExportOptions {
-    let capture = photos.map(Path::to_path_buf);
-    ExportOptions { formats: ExportOptions::SHOWN.to_vec(), capture, ..ExportOptions::default() }
+/// What the page shows, upright and with the options of the last export; a report of it that cannot be read says nothing.
+fn shown_formats(run: &RunFolder, photos: Option<&Path>) -> ExportOptions {
+    let formats = ExportOptions::SHOWN.to_vec();
+    let last = ExportOptions::of_last_export(run).unwrap_or_else(|_| ExportOptions::first(run, formats.clone()));
+    let capture = photos.map(Path::to_path_buf).or(last.capture);
+    ExportOptions { formats, capture, ..last }
 }
 
 /// Page of parts before training: labelled points of both states on joints that move them.
@@ -306,4 +309,23 @@ fn open(url: &str) -> bool {
     let mut command = Command::new(program);
     command.args(before).arg(url).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     command.spawn().is_ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artgs_core::{Replica, UpSource, Upward};
+
+    /// Recordings have their own axes: without this a fridge lies on its side in the page.
+    #[test]
+    fn a_replica_is_shown_upright_before_anything_was_exported() {
+        let dir = tempfile::tempdir().unwrap();
+        let up = Upward { direction: DVec3::NEG_Y, source: UpSource::Floor, confidence: 0.9 };
+        artgs_io::write_replica(dir.path(), &Replica { up: Some(up), ..Replica::new(&[]) }).unwrap();
+        let run = RunFolder::new(dir.path());
+        artgs_physical::export::upward(&run, None).unwrap();
+        let options = shown_formats(&run, None);
+        assert!(options.up.direction().distance(DVec3::NEG_Y) < 1e-9, "{:?}", options.up);
+        assert_eq!(options.formats, ExportOptions::SHOWN);
+    }
 }

@@ -157,7 +157,7 @@ mod tests {
             let object = |i: usize| (12..20).contains(&(i % 32)) && (12..20).contains(&(i / 32));
             let depths: Vec<f32> = (0..1024).map(|i| if object(i) { 2.06 } else { 9.0 }).collect();
             let rgba = (0..1024).map(|i| if object(i) { [250, 0, 0, 255] } else { [0, 0, 90, 0] }).collect();
-            View { name: format!("{k}.png"), camera, rgba, depth: Some(DepthMap::nearest(&depths)) }
+            View { name: format!("{k}.png"), camera, rgba, depth: Some(DepthMap::nearest(&depths)), derived: None }
         };
         (0..9).map(view).collect()
     }

@@ -149,7 +149,7 @@ fn recorded() -> Recording {
         let camera = Camera::look_at(intrinsics, eye, DVec3::ZERO, DVec3::Y);
         let rgba = (0..48 * 32).map(|i| [(40 * k) as u8, (i % 48 * 5) as u8, (i / 48 * 7) as u8, 255]).collect();
         let depth = Some(DepthMap::nearest(&[2.1; 48 * 32]));
-        let view = View { name: format!("{k}.png"), camera, rgba, depth };
+        let view = View { name: format!("{k}.png"), camera, rgba, depth, derived: None };
         RecordedFrame { view, time: None, depth_step: 1.0 }
     };
     Recording {

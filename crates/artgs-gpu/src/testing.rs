@@ -73,7 +73,8 @@ pub(crate) fn images(seed: u64) -> Vec<TrainImage<'static>> {
             let depth: Vec<f32> = (0..width * height)
                 .map(|p| if inside(p) && p % 7 != 0 { rng.random_range(1.5..3.0) } else { 0.0 })
                 .collect();
-            let view = View { name: String::new(), camera, rgba, depth: Some(DepthMap::nearest(&depth)) };
+            let view =
+                View { name: String::new(), camera, rgba, depth: Some(DepthMap::nearest(&depth)), derived: None };
             TrainImage::new(&view, State::ALL[i % 2], 1, DepthPick::Median).smaller(1)
         })
         .collect()

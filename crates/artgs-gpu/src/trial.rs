@@ -95,7 +95,7 @@ fn disc(turn: f64, pixels: u32) -> View {
         [200, 120, 60, if x * x + y * y < 0.1 * side * side { 255 } else { 0 }]
     };
     let camera = Camera::look_at(k, eye, DVec3::ZERO, DVec3::Z);
-    View { name: String::new(), camera, rgba: (0..pixels * pixels).map(pixel).collect(), depth: None }
+    View { name: String::new(), camera, rgba: (0..pixels * pixels).map(pixel).collect(), depth: None, derived: None }
 }
 
 /// Small Gaussians on a sphere.

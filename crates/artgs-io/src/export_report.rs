@@ -107,6 +107,17 @@ pub struct ExportReport {
     pub replica: Option<String>,
 }
 
+/// Shares of the area of a surface, 0 to 1, together 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Evidence {
+    /// Of the fused surface, and not only shown by derived depth.
+    pub seen: f64,
+    /// Depth was derived from photos and from surfaces that continue there.
+    pub derived: f64,
+    /// Nothing was recorded: it closes the surface.
+    pub invented: f64,
+}
+
 /// One link of an export.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -142,6 +153,8 @@ pub struct LinkReport {
     /// Share of the texture that a photo shows; none without photos.
     #[serde(rename = "photographed")]
     pub textured_share: Option<f64>,
+    /// What its surface rests on; none without a surface or without a capture with depth.
+    pub evidence: Option<Evidence>,
     /// State in which the part is closed, `start` or `end`: there it meets another part, or nearly so, where it closes further.
     pub closed_state: Option<String>,
     /// State that is nearer to being closed, at joint value 0; none if that is unknown, then 0 is the start state.
@@ -297,18 +310,22 @@ impl fmt::Display for ExportReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{:<16} {:<9} {:<18} {:>9} {:>6} {:>10} {:>7}  closed surface",
-            "link", "part", "class", "kg", "hulls", "triangles", "photos"
+            "{:<16} {:<9} {:<18} {:>9} {:>6} {:>10} {:>6} {:>8} {:>9}  closed",
+            "link", "part", "class", "kg", "hulls", "triangles", "seen", "derived", "invented"
         )?;
         for link in &self.links {
-            let photos = link.textured_share.map_or("-".into(), |p| format!("{:.0} %", 100.0 * p));
+            let share = |pick: fn(Evidence) -> f64| {
+                link.evidence.map_or("-".into(), |evidence| format!("{:.0} %", 100.0 * pick(evidence)))
+            };
+            let [seen, derived, invented] = [share(|e| e.seen), share(|e| e.derived), share(|e| e.invented)];
             let closed = if link.watertight { "yes" } else { "no" };
             let LinkReport { name, mass, hulls, triangles, .. } = link;
             let part = link.part.as_deref().unwrap_or("-");
             let class = class_of(link);
             writeln!(
                 f,
-                "{name:<16} {part:<9} {class:<18} {mass:>9.3} {hulls:>6} {triangles:>10} {photos:>7}  {closed}"
+                "{name:<16} {part:<9} {class:<18} {mass:>9.3} {hulls:>6} {triangles:>10} {seen:>6} {derived:>8} {invented:>9}  \
+                 {closed}"
             )?;
         }
         self.joints(f)?;
@@ -461,6 +478,19 @@ mod tests {
         let expected =
             "urdf 1.5 MB, glb 1.5 MB, sdf 1.5 MB; together 4.5 MB, of which 1.5 MB are shared between formats\n";
         assert!(text.ends_with(expected), "{text}");
+    }
+
+    #[test]
+    fn the_table_of_links_says_what_surfaces_rest_on() {
+        let evidence = Some(Evidence { seen: 0.5, derived: 0.125, invented: 0.375 });
+        let base = LinkReport { name: "base".into(), evidence, watertight: true, ..LinkReport::default() };
+        let links = vec![base, LinkReport { name: "empty".into(), ..LinkReport::default() }];
+        let text = ExportReport { links, ..ExportReport::default() }.to_string();
+        let row = |name: &str| {
+            text.lines().find(|l| l.starts_with(name)).unwrap().split_whitespace().collect::<Vec<_>>().join(" ")
+        };
+        assert!(row("base").ends_with("50 % 12 % 38 % yes"), "{text}");
+        assert!(row("empty").ends_with("- - - no"), "{text}");
     }
 
     #[test]

@@ -28,6 +28,7 @@ fn sample(count: usize) -> Recording {
             camera,
             rgba: pixels.clone().map(|(x, y)| [2 * x as u8 + 40, 3 * y as u8 + 20, 10 * i as u8, 255]).collect(),
             depth: Some(DepthMap::new(pixels.map(depth).collect(), 5000.0)),
+            derived: None,
         };
         RecordedFrame { view, time: Some(100.0 + 0.25 * i as f64), depth_step: 1.0 }
     };

@@ -183,6 +183,13 @@ impl ExportOptions {
     /// Formats that the viewer shows.
     pub const SHOWN: [Format; 2] = [Format::Urdf, Format::Splats];
 
+    /// The options of a first export of these formats: the replica upright if its reconstruction found out which way is up.
+    pub fn first(folder: &RunFolder, formats: Vec<Format>) -> Self {
+        let up_known = upward(folder, None).ok();
+        let up = up_known.and_then(|up| Up::towards(up.direction)).unwrap_or_default();
+        Self { formats, up, up_known, ..Self::default() }
+    }
+
     /// The options of the last export into a folder, with the formats that are there and those that the viewer shows;
     /// default ones if nothing was exported.
     pub fn of_last_export(folder: &RunFolder) -> Result<Self, FileError> {
@@ -554,6 +561,7 @@ fn link_report(built: &BuiltAsset, part: &str, i: usize, formats: &[Format]) -> 
         fused_triangles: surface.fused,
         watertight: surface.closed,
         surface_error: surface.error.most * decisions.scale,
+        evidence: surface.evidence,
         textured_share: (seen > 0).then(|| seen as f64 / texels as f64),
         zero_state: decisions.nearer_state[i].map(|state| state.name().into()),
         closed_state: range

@@ -12,12 +12,14 @@ use crate::simplify::{Original, SurfaceError, smoothed};
 use crate::spread::spread;
 use crate::topology::{bounds, points};
 use crate::unwrap::{UnwrapOptions, unwrap};
-use artgs_core::{Camera, Capture, DepthMap, Joint, Mesh, PerState, Replica, State, TexturedMesh};
+use artgs_core::{Camera, Capture, DepthMap, Joint, Mesh, PerState, Replica, State, TexturedMesh, View};
+use artgs_io::export_report::Evidence;
 use glam::DVec3;
 use parry3d::math::Pose3;
 use parry3d::query::{PointQuery as _, PointQueryWithLocation as _, Ray, RayCullingMode};
 use parry3d::shape::TriMesh;
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// A part's surface at the start state, frame and unit of the capture.
@@ -37,6 +39,8 @@ pub struct PartSurface {
     pub texels: [usize; 2],
     /// What was observed of the surface: the fused mesh.
     pub observed: Option<Seen>,
+    /// What the visual mesh rests on; none without a surface or without a capture with depth.
+    pub evidence: Option<Evidence>,
     /// Warnings, one sentence each.
     pub warnings: Vec<String>,
 }
@@ -98,8 +102,7 @@ pub fn surfaces(
     capture: Option<&Capture>,
     config: &PhysicalConfig,
 ) -> Vec<PartSurface> {
-    // Views without depth use the rendered depth of all meshes.
-    let hidden = PerState::from_fn(|state| rendered_depth(replica, meshes, capture, state));
+    let better = PerState::from_fn(|state| better_depth(replica, meshes, capture, state));
     let fused = &consistent(replica, meshes);
     fused.par_iter().for_each(|fused| {
         fused.shape();
@@ -107,13 +110,18 @@ pub fn surfaces(
     let diagonal = diagonal(&fused.iter().map(Fused::mesh).collect::<Vec<_>>());
     let voxels: Vec<f64> = fused.iter().map(|fused| voxel(fused.mesh(), diagonal)).collect();
     let finest = voxels.iter().copied().filter(|voxel| *voxel > 0.0).fold(f64::INFINITY, f64::min);
-    let photos = photos(capture, &hidden, JUMP * finest);
+    let photos = photos(capture, &better, JUMP * finest);
     let mut views: Vec<Vec<BakeView>> = (0..fused.len()).map(|part| views(part, replica, &photos)).collect();
     let shape = |part| shape(part, replica, fused, voxels[part], &views[part], config);
     let mut shapes: Vec<Shape> = (0..fused.len()).into_par_iter().map(shape).collect();
     let compared: Vec<Vec<[DVec3; 2]>> =
         shapes.par_iter().map(|shape| spread(&shape.surface.visual.mesh, COMPARED)).collect();
     let options: Vec<BakeOptions> = voxels.iter().map(|voxel| BakeOptions::at_resolution(*voxel)).collect();
+    shapes.par_iter_mut().zip(&views).zip(&compared).zip(&options).for_each(|(((shape, views), points), options)| {
+        // Depth that was rendered from the meshes measures nothing.
+        let observed = shape.surface.observed.as_ref().filter(|_| capture.is_some_and(Capture::has_depth));
+        shape.surface.evidence = evidence(points, observed, views, options);
+    });
     equalise(&mut views, &compared, &options);
     shapes.par_iter_mut().zip(&views).zip(fused).zip(&options).for_each(|(((shape, views), fused), options)| {
         if let Some(size) = shape.atlas {
@@ -125,6 +133,28 @@ pub fn surfaces(
         }
     });
     shapes.into_iter().map(|shape| shape.surface).collect()
+}
+
+/// What points of a surface, each with its normal, rest on: a point of the fused mesh was measured unless it is only shown by derived depth.
+fn evidence(
+    points: &[[DVec3; 2]],
+    observed: Option<&Seen>,
+    views: &[BakeView],
+    options: &BakeOptions,
+) -> Option<Evidence> {
+    let observed = observed.filter(|_| !points.is_empty())?;
+    let mut counts = [0.0; 3];
+    for [point, normal] in points {
+        let mut sights = views.iter().filter_map(|view| view.measures(*point, *normal, options)).peekable();
+        let kind = match (observed.holds(*point), sights.peek().is_some()) {
+            (false, _) => 2,
+            (true, true) => usize::from(!sights.any(|measured| measured)),
+            (true, false) => 0,
+        };
+        counts[kind] += 1.0 / points.len() as f64;
+    }
+    let [seen, derived, invented] = counts;
+    Some(Evidence { seen, derived, invented })
 }
 
 /// A part's surface before its texture is painted.
@@ -238,16 +268,20 @@ fn shape(
 /// A photo with the state and the camera in the world.
 type Placed<'a> = (State, Camera, Photo<'a>);
 
+/// A view with its state, and the depth that its photo is used with.
+type Source<'a> = (State, &'a View, &'a DepthMap);
+
 /// Photos of both states; those whose depth is not of their size are left out.
-fn photos<'a>(capture: Option<&'a Capture>, hidden: &'a PerState<Vec<Option<DepthMap>>>, jump: f64) -> Vec<Placed<'a>> {
+fn photos<'a>(capture: Option<&'a Capture>, better: &'a PerState<Vec<Option<DepthMap>>>, jump: f64) -> Vec<Placed<'a>> {
     let Some(capture) = capture else { return Vec::new() };
     let of_state = |state: State| {
-        let views = capture.states[state].train.iter().zip(&hidden[state]);
-        views.filter_map(move |(v, hidden)| Some((state, v.camera, &v.rgba, v.depth.as_ref().or(hidden.as_ref())?)))
+        let views = capture.states[state].train.iter().zip(&better[state]);
+        views.filter_map(move |(v, better)| Some((state, v, better.as_ref().or(v.depth.as_ref())?)))
     };
-    let all: Vec<_> = State::ALL.into_iter().flat_map(of_state).collect();
-    let photo = |(state, camera, rgba, depth): (State, Camera, &'a Vec<[u8; 4]>, &'a DepthMap)| {
-        Some((state, camera, Photo::new(rgba, depth, camera.intrinsics, jump)?))
+    let all: Vec<Source> = State::ALL.into_iter().flat_map(of_state).collect();
+    let photo = |(state, view, depth): Source<'a>| {
+        let photo = Photo::new(&view.rgba, depth, view.camera.intrinsics, jump)?;
+        Some((state, view.camera, photo.with_derived(view.derived.as_ref())))
     };
     all.into_par_iter().filter_map(photo).collect()
 }
@@ -258,17 +292,12 @@ fn views<'a>(part: usize, replica: &Replica, photos: &'a [Placed<'a>]) -> Vec<Ba
     photos.iter().map(|(state, camera, photo)| BakeView::new(photo, camera.moved_with(&motions[*state]))).collect()
 }
 
-/// Rendered depth of the meshes in those training views of a state that have no depth.
-fn rendered_depth(
-    replica: &Replica,
-    meshes: &[Mesh],
-    capture: Option<&Capture>,
-    state: State,
-) -> Vec<Option<DepthMap>> {
+/// Depth in those training views of a state whose measured depth is not enough: of the meshes where there is none, else with derived depth.
+fn better_depth(replica: &Replica, meshes: &[Mesh], capture: Option<&Capture>, state: State) -> Vec<Option<DepthMap>> {
     let Some(capture) = capture else { return Vec::new() };
     let views = &capture.states[state].train;
     if views.iter().all(|v| v.depth.is_some()) {
-        return vec![None; views.len()];
+        return views.par_iter().map(|v| v.derived.as_ref().and(v.any_depth()).map(Cow::into_owned)).collect();
     }
     let posed: Vec<Mesh> = meshes.iter().enumerate().map(|(i, m)| m.moved(&replica.motion_to(i, state))).collect();
     let posed: Vec<&Mesh> = posed.iter().collect();
@@ -280,4 +309,26 @@ fn texel_density(views: &[BakeView], mesh: &Mesh) -> Option<f64> {
     let middle = points(mesh).sum::<DVec3>() / mesh.vertices.len().max(1) as f64;
     let density = |v: &BakeView| v.camera.intrinsics.fx / v.camera.position().distance(middle).max(1e-9);
     views.iter().map(density).reduce(f64::max).filter(|d| d.is_finite() && *d > 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::testing::open_box;
+
+    #[test]
+    fn walls_that_close_an_open_box_are_invented() {
+        let seen = |sides: [bool; 6]| {
+            let fused = Fused::from(open_box(DVec3::ONE, 12, sides));
+            Seen { shape: fused.shape().unwrap().clone(), reach: 0.01 }
+        };
+        let points = spread(&open_box(DVec3::ONE, 12, [true; 6]), COMPARED);
+        let options = BakeOptions::at_resolution(0.01);
+        let of = |sides: [bool; 6]| evidence(&points, Some(&seen(sides)), &[], &options).unwrap();
+        assert!(of([true; 6]).seen > 0.999);
+        // One side of six was not recorded.
+        let Evidence { seen, derived, invented } = of([true, true, true, true, true, false]);
+        assert!((invented - 1.0 / 6.0).abs() < 0.01 && derived == 0.0 && (seen + invented - 1.0).abs() < 1e-9);
+        assert_eq!(evidence(&points, None, &[], &options), None);
+    }
 }

@@ -179,7 +179,7 @@ impl<'a> Renderer<'a> {
         };
         let counts = || (0..size * size).map(|p| if depth[p] > 0.0 { measured(p, &mut rng) } else { 0 }).collect();
         let depth = (!degradation.no_depth).then(counts).map(|counts| DepthMap::new(counts, DEPTH_SCALE as f32));
-        (View { name: planned.name.clone(), camera: planned.stated, rgba, depth }, labels)
+        (View { name: planned.name.clone(), camera: planned.stated, rgba, depth, derived: None }, labels)
     }
 
     fn hit(&self, state: State, eye: DVec3, ray: DVec3, intersection: Intersection) -> Hit {

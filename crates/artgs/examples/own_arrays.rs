@@ -26,7 +26,7 @@ fn view(name: &str, image: Image) -> View {
     let [width, height] = image.size;
     let intrinsics = Intrinsics { fx, fy, cx, cy, width, height };
     let camera = Camera { intrinsics, world_to_camera: image.world_to_camera };
-    View { name: name.into(), camera, rgba: image.rgba, depth: Some(DepthMap::nearest(&image.depth)) }
+    View { name: name.into(), camera, rgba: image.rgba, depth: Some(DepthMap::nearest(&image.depth)), derived: None }
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -44,7 +44,7 @@ fn views(splats: &Splats, count: usize, phase: f64) -> Vec<View> {
         let rgba = (0..n).map(|i| [straight(i, 0), straight(i, 1), straight(i, 2), byte(frame.alpha[i])]).collect();
         let depth: Vec<f32> =
             (0..n).map(|i| if frame.alpha[i] > 0.5 { frame.depth[i] / frame.alpha[i] } else { 0.0 }).collect();
-        View { name: format!("{i}"), camera, rgba, depth: Some(DepthMap::nearest(&depth)) }
+        View { name: format!("{i}"), camera, rgba, depth: Some(DepthMap::nearest(&depth)), derived: None }
     };
     (0..count).map(view).collect()
 }

@@ -258,7 +258,7 @@ mod tests {
     fn view(eye: DVec3) -> View {
         let intrinsics = Intrinsics { fx: 100.0, fy: 100.0, cx: 60.0, cy: 50.0, width: 120, height: 100 };
         let camera = Camera::look_at(intrinsics, eye, DVec3::new(1.0, 0.5, 0.5), DVec3::Z);
-        View { name: "a".into(), camera, rgba: vec![[200, 200, 200, 255]; 12_000], depth: None }
+        View { name: "a".into(), camera, rgba: vec![[200, 200, 200, 255]; 12_000], depth: None, derived: None }
     }
 
     fn count(picture: &Picture, tile: usize, like: [u8; 3]) -> usize {

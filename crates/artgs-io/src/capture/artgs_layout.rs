@@ -61,6 +61,7 @@ pub(super) fn entries(
         entries.push(Entry {
             world_to_camera: world_to_camera(pose, &place, "transform_matrix")?,
             depth: find_depth(dir, &image, text(frame, &place, "depth_path")?, &place)?,
+            derived: listed_depth(dir, text(frame, &place, "derived_depth_path")?, "derived_depth_path", &place)?,
             sort_key: listed.into(),
             lens: own_lens(root, frame, &place, lens)?,
             place,
@@ -161,18 +162,26 @@ fn find_image(dir: &Path, listed: &str) -> Option<PathBuf> {
     candidates.into_iter().flatten().find(|p| dir.join(p).is_file())
 }
 
+/// The depth image that a key of a frame lists; it must exist.
+fn listed_depth(
+    dir: &Path,
+    listed: Option<&str>,
+    key: &'static str,
+    place: &str,
+) -> Result<Option<PathBuf>, CaptureError> {
+    let Some(listed) = listed else { return Ok(None) };
+    let mut found = [PathBuf::from(listed), PathBuf::from(format!("{listed}.png"))].into_iter();
+    found.find(|p| dir.join(p).is_file()).map(Some).ok_or_else(|| CaptureError::Image {
+        place: place.into(),
+        reason: format!("key `{key}`: no depth image {listed} exists; add it or remove the key"),
+    })
+}
+
 /// The depth image of a frame: `depth_path` if given, else the image path with `rgba` replaced by `depth` if that is a
 /// file. Only the path inside the capture is substituted.
 fn find_depth(dir: &Path, image: &Path, listed: Option<&str>, place: &str) -> Result<Option<PathBuf>, CaptureError> {
-    if let Some(listed) = listed {
-        let found = [PathBuf::from(listed), PathBuf::from(format!("{listed}.png"))];
-        return match found.into_iter().find(|p| dir.join(p).is_file()) {
-            Some(path) => Ok(Some(path)),
-            None => Err(CaptureError::Image {
-                place: place.into(),
-                reason: format!("key `depth_path`: no depth image {listed} exists; add it or remove the key"),
-            }),
-        };
+    if listed.is_some() {
+        return listed_depth(dir, listed, "depth_path", place);
     }
     let path = image.to_str().filter(|p| p.contains("rgba")).map(|p| PathBuf::from(p.replace("rgba", "depth")));
     Ok(path.filter(|p| dir.join(p).is_file()))

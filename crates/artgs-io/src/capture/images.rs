@@ -96,6 +96,7 @@ fn view(image: &PosedImage, axes: CameraAxes, place: &str) -> Result<View, Captu
         camera: Camera { intrinsics, world_to_camera: pose.inverse() },
         rgba: image.rgba.clone(),
         depth: depth.map(|depth| DepthMap::nearest(&depth)),
+        derived: None,
     })
 }
 

@@ -38,7 +38,7 @@ pub(super) fn entries(
         let depth = Some(folder.join("depth").join(&png)).filter(|p| dir.join(p).is_file());
         let world_to_camera = world_to_camera(pose, &place, id)?;
         let sort_key = image.display().to_string();
-        Ok(Entry { place, sort_key, image, depth, depth_scale: DEPTH_SCALE, lens, world_to_camera })
+        Ok(Entry { place, sort_key, image, depth, derived: None, depth_scale: DEPTH_SCALE, lens, world_to_camera })
     };
     root.iter().filter(|(id, _)| *id != "K").map(entry).collect()
 }

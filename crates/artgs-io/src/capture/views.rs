@@ -4,7 +4,7 @@ use super::CaptureError;
 use crate::FileError;
 use crate::image_io::{RgbaImage, read_depth, read_rgba};
 use crate::reduce::{nearest, reduced_rgba, reduced_size};
-use artgs_core::capture::OBJECT_ALPHA;
+use artgs_core::capture::{HIDDEN_ALPHA, OBJECT_ALPHA};
 use artgs_core::{Camera, DepthMap, Intrinsics, Rigid, View};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -87,6 +87,8 @@ pub(super) struct Entry {
     pub(super) image: PathBuf,
     /// Depth image, relative to the capture.
     pub(super) depth: Option<PathBuf>,
+    /// Derived depth, relative to the capture; of the scale of depth.
+    pub(super) derived: Option<PathBuf>,
     /// Depth values per scene unit.
     pub(super) depth_scale: f64,
     pub(super) lens: Lens,
@@ -183,10 +185,11 @@ fn decode(dir: &Path, entry: &Entry, training: bool, longest_side: u32) -> Resul
             )));
         }
     }
-    let mut depth = match entry.depth.as_ref().filter(|_| training) {
-        Some(path) => Some(masked_depth(dir, entry, path, &pixels, width, height)?),
-        None => None,
+    let read = |path: &Option<PathBuf>, masked: bool| match path.as_ref().filter(|_| training) {
+        Some(path) => depth_map(dir, entry, path, masked.then_some(&pixels), width, height).map(Some),
+        None => Ok(None),
     };
+    let (mut depth, mut derived) = (read(&entry.depth, true)?, read(&entry.derived, false)?);
     let largest_alpha = pixels.iter().map(|p| p[3]).max().unwrap_or(0);
     let empty = largest_alpha == 0;
     let (size, reduced) = ((width, height), reduced_size(width, height, longest_side));
@@ -196,20 +199,45 @@ fn decode(dir: &Path, entry: &Entry, training: bool, longest_side: u32) -> Resul
     }
     let mut rgba = pixels;
     if reduced != size {
-        rgba = reduced_rgba(&rgba, size, reduced);
-        depth = depth.map(|depth| depth.select(nearest(size, reduced)));
+        let whole = std::mem::take(&mut rgba);
+        rgba = reduced_rgba(&whole, size, reduced);
+        [&mut depth, &mut derived].into_iter().flatten().for_each(|map| *map = map.select(nearest(size, reduced)));
+        for (pixel, from) in rgba.iter_mut().zip(nearest(size, reduced)) {
+            // A mean of the object and of what hides it is no background.
+            if whole[from][3] == HIDDEN_ALPHA && pixel[3] < OBJECT_ALPHA {
+                pixel[3] = HIDDEN_ALPHA;
+            }
+        }
+        derived = derived.map(|map| {
+            without(
+                &map,
+                nearest(size, reduced)
+                    .zip(&rgba)
+                    .map(|(from, pixel)| whole[from][3] < OBJECT_ALPHA && pixel[3] >= OBJECT_ALPHA),
+            )
+        });
         intrinsics = intrinsics.resized(reduced.0, reduced.1);
     }
+    if let (Some(depth), Some(map)) = (&depth, &derived) {
+        derived = Some(without(map, depth.counts().iter().map(|count| *count > 0)));
+    }
     let camera = Camera { intrinsics, world_to_camera: entry.world_to_camera };
-    let view = View { name: entry.image.display().to_string(), camera, rgba, depth };
+    let view = View { name: entry.image.display().to_string(), camera, rgba, depth, derived };
     Ok(Decoded { view, size, has_alpha, was_16_bit, empty, largest_alpha })
 }
 
-fn masked_depth(
+/// Depth without that of the pixels that are true.
+fn without(map: &DepthMap, removed: impl Iterator<Item = bool>) -> DepthMap {
+    let counts = map.counts().iter().zip(removed).map(|(count, removed)| if removed { 0 } else { *count });
+    DepthMap::new(counts.collect(), map.per_unit())
+}
+
+/// Depth of pixels of the object, of all pixels without their colours.
+fn depth_map(
     dir: &Path,
     entry: &Entry,
     path: &Path,
-    rgba: &[[u8; 4]],
+    rgba: Option<&Vec<[u8; 4]>>,
     width: u32,
     height: u32,
 ) -> Result<DepthMap, CaptureError> {
@@ -220,7 +248,7 @@ fn masked_depth(
             "depth image {path} is {w}x{h}, its colour image {width}x{height}; rescale the depth image (nearest)"
         )));
     }
-    for (count, pixel) in image.counts.iter_mut().zip(rgba) {
+    for (count, pixel) in image.counts.iter_mut().zip(rgba.into_iter().flatten()) {
         if pixel[3] < OBJECT_ALPHA {
             *count = 0;
         }

@@ -29,7 +29,9 @@ struct Frames {
 /// colours and cameras; depth is rounded to counts of one size, 1/65534 of the largest depth.
 pub fn write_capture(dir: &Path, capture: &Capture) -> Result<(), FileError> {
     let views = || capture.states.iter().flat_map(|s| s.train.iter().chain(&s.test));
-    let largest = views().filter_map(|v| v.depth.as_ref()).flat_map(DepthMap::iter).fold(0.0_f32, f32::max);
+    // Of a background that was not measured only matters that it is there: its depth is cut off at the largest other one.
+    let largest_of = |view: &View| view.any_depth().map_or(0.0, |depth| depth.iter().fold(0.0_f32, f32::max));
+    let largest = views().map(largest_of).fold(0.0_f32, f32::max);
     let scale = if largest > 0.0 { f64::from(u16::MAX - 1) / f64::from(largest) } else { 1.0 };
     // A round number keeps files readable.
     let scale = if scale > 10.0 { scale.floor() } else { scale };
@@ -80,11 +82,24 @@ fn write_json(path: &Path, value: &Value) -> Result<(), FileError> {
 fn write_view(dir: &Path, folder: &str, index: usize, view: &View, scale: f64) -> Result<(), FileError> {
     let (width, height) = (view.camera.intrinsics.width, view.camera.intrinsics.height);
     write_rgba(&dir.join(format!("{folder}/rgba/{index:04}.png")), width, height, &view.rgba)?;
-    let Some(depth) = &view.depth else { return Ok(()) };
     let count =
         |z: f32| if z > 0.0 { (f64::from(z) * scale).round().clamp(1.0, f64::from(u16::MAX)) as u16 } else { 0 };
-    let counts = DepthMap::new(depth.iter().map(count).collect(), scale as f32);
-    write_depth(&dir.join(format!("{folder}/depth/{index:04}.png")), width, height, &counts)
+    for (kind, depth) in depths(view) {
+        let counts = DepthMap::new(depth.iter().map(count).collect(), scale as f32);
+        write_depth(&dir.join(depth_path(folder, kind, index)), width, height, &counts)?;
+    }
+    Ok(())
+}
+
+/// Depth maps of a view, with the names of their folders.
+fn depths(view: &View) -> impl Iterator<Item = (&'static str, &DepthMap)> {
+    [("depth", &view.depth), ("derived_depth", &view.derived)]
+        .into_iter()
+        .filter_map(|(kind, d)| Some((kind, d.as_ref()?)))
+}
+
+fn depth_path(folder: &str, kind: &str, index: usize) -> String {
+    format!("{folder}/{kind}/{index:04}.png")
 }
 
 fn lens(view: &View) -> Value {
@@ -95,8 +110,8 @@ fn lens(view: &View) -> Value {
 fn frame(folder: &str, index: usize, view: &View, state: State) -> Value {
     let mut frame = lens(view);
     frame["file_path"] = format!("{folder}/rgba/{index:04}.png").into();
-    if view.depth.is_some() {
-        frame["depth_path"] = format!("{folder}/depth/{index:04}.png").into();
+    for (kind, _) in depths(view) {
+        frame[format!("{kind}_path")] = depth_path(folder, kind, index).into();
     }
     frame["time"] = json!(state.index() as f64);
     frame["transform_matrix"] = json!(opengl_pose(&view.camera));
@@ -114,12 +129,13 @@ mod tests {
     fn view(i: usize) -> View {
         let intrinsics = Intrinsics { fx: 20.0 + i as f64, fy: 21.0, cx: 4.0 - i as f64, cy: 3.5, width: 8, height: 6 };
         let eye = DVec3::new(1.0 + i as f64, 0.5, 2.0);
-        let depth: Vec<f32> = (0..48).map(|p| if p == 5 { 0.0 } else { 1.0 + 0.01 * p as f32 }).collect();
+        let depth: Vec<f32> = (0..48).map(|p| if p == 5 || p == 7 { 0.0 } else { 1.0 + 0.01 * p as f32 }).collect();
         View {
             name: format!("walk/{i}.jpg"),
             camera: Camera::look_at(intrinsics, eye, DVec3::ZERO, DVec3::Y),
-            rgba: (0..48).map(|p| [p, 2 * p, i as u8, 255]).collect(),
+            rgba: (0..48).map(|p| [p, 2 * p, i as u8, if p == 7 { 0 } else { 255 }]).collect(),
             depth: Some(DepthMap::nearest(&depth)),
+            derived: (i > 0).then(|| DepthMap::new((0..48).map(|p| u16::from(p == 5 || p == 7)).collect(), 1.0)),
         }
     }
 
@@ -149,6 +165,8 @@ mod tests {
                 assert!(a.camera.project(p).0.distance(b.camera.project(p).0) < 1e-9);
                 let (da, db) = (a.depth.as_ref().unwrap(), b.depth.as_ref().unwrap());
                 assert!(da.iter().zip(db.iter()).all(|(a, b)| (a - b).abs() < 1e-4 && (a > 0.0) == (b > 0.0)));
+                let derived = |view: &View| view.derived.as_ref().map(|d| d.iter().collect::<Vec<_>>());
+                assert_eq!(derived(a), derived(b));
             }
         }
     }

@@ -35,7 +35,7 @@ pub(super) fn frame(entry: &Entry, longest_side: u32) -> Result<RecordedFrame, R
     let depth_step = depth.as_ref().map_or(1.0, |d| d.step);
     let depth = depth.map(|Registered { map, .. }| within_mask(map, &image.rgba));
     let camera = Camera { intrinsics: k, world_to_camera: entry.world_to_camera };
-    let view = View { name: entry.name.clone(), camera, rgba: image.rgba, depth };
+    let view = View { name: entry.name.clone(), camera, rgba: image.rgba, depth, derived: None };
     Ok(RecordedFrame { view, time: entry.time, depth_step })
 }
 

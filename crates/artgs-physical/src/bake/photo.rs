@@ -12,6 +12,8 @@ const OPAQUE: u8 = 250;
 pub(crate) struct Photo<'a> {
     pub(super) rgba: &'a [[u8; 4]],
     pub(super) depth: &'a DepthMap,
+    /// Not 0 for pixels whose depth was derived; none where it was measured everywhere.
+    pub(super) derived: Option<&'a DepthMap>,
     /// Pixels to the nearest edge; 0 for pixels that do not show the object.
     pub(super) clear: Vec<u8>,
     pub(super) intrinsics: Intrinsics,
@@ -23,7 +25,13 @@ impl<'a> Photo<'a> {
     pub(crate) fn new(rgba: &'a [[u8; 4]], depth: &'a DepthMap, intrinsics: Intrinsics, jump: f64) -> Option<Self> {
         let pixels = intrinsics.width as usize * intrinsics.height as usize;
         let whole = rgba.len() == pixels && depth.len() == pixels;
-        whole.then(|| Self { clear: clearance(rgba, depth, &intrinsics, jump as f32), rgba, depth, intrinsics })
+        let clear = || clearance(rgba, depth, &intrinsics, jump as f32);
+        whole.then(|| Self { clear: clear(), rgba, depth, derived: None, intrinsics })
+    }
+
+    /// The same with pixels whose depth was derived.
+    pub(crate) fn with_derived(self, derived: Option<&'a DepthMap>) -> Self {
+        Self { derived: derived.filter(|map| map.len() == self.depth.len()), ..self }
     }
 
     pub(super) fn pixel(&self, index: usize) -> Vec3 {

@@ -224,3 +224,19 @@ fn without_views_the_vertex_colours_are_painted() {
         Baked::default()
     );
 }
+
+#[test]
+fn points_that_only_derived_depth_shows_are_not_measured() {
+    let cameras = &cameras()[..1];
+    let images = photos(cameras, None);
+    let derived = DepthMap::new(vec![1; images[0].1.len()], 1.0);
+    let options = BakeOptions::at_resolution(0.01);
+    let normal = (cameras[0].position() - DVec3::splat(0.5)).dot(DVec3::Z).signum() * DVec3::Z;
+    let (top, inside) = (DVec3::new(0.5, 0.5, 0.5 + 0.5 * normal.z), DVec3::splat(0.5));
+    for (map, expected) in [(None, true), (Some(&derived), false)] {
+        let photo = prepared(cameras, &images).remove(0).with_derived(map);
+        let view = BakeView::new(&photo, cameras[0]);
+        assert_eq!(view.measures(top, normal, &options), Some(expected));
+        assert_eq!(view.measures(inside, normal, &options), None);
+    }
+}

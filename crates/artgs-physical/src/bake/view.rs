@@ -93,6 +93,12 @@ impl<'a> BakeView<'a> {
         Some(Sight { index, at: [x, y], clear, cosine, footprint })
     }
 
+    /// True if this view sees a point by a depth that was measured, false if by one that was derived; none if it does not see it.
+    pub(crate) fn measures(&self, point: DVec3, normal: DVec3, options: &BakeOptions) -> Option<bool> {
+        let sight = self.sight(point, normal, options)?;
+        Some(self.photo.derived.is_none_or(|derived| derived.counts()[sight.index] == 0))
+    }
+
     /// The colour in the photo.
     pub(super) fn color(&self, sight: &Sight) -> Vec3 {
         let [x, y] = sight.at;

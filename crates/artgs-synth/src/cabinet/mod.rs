@@ -109,6 +109,7 @@ fn render_views(cabinet: &Cabinet, options: &CabinetOptions, state: State, split
             name: format!("{folder}/{index:04}.png"),
             camera,
             depth: Some(DepthMap::new(rendering.depth.iter().map(measured).collect(), DEPTH_SCALE as f32)),
+            derived: None,
             rgba: rendering.rgba,
         }
     };

@@ -146,7 +146,7 @@ impl<'a> Renderer<'a> {
         let camera = Camera { intrinsics: plan.intrinsics, world_to_camera: pose(plan.time) };
         let depth = Some(DepthMap::new(counts, MILLIMETRES as f32));
         RenderedFrame {
-            view: View { name: String::new(), camera, rgba, depth },
+            view: View { name: String::new(), camera, rgba, depth, derived: None },
             depth_step: f64::from(width) / f64::from(depth_width),
             labels: FrameLabels { colour: labels, depth: depth_labels, depth_width },
         }

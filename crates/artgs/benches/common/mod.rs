@@ -26,7 +26,7 @@ pub fn view(size: u32, turn: f64) -> View {
         .collect();
     let depth: Vec<f32> =
         (0..n).map(|i| if frame.alpha[i] > 0.5 { frame.depth[i] / frame.alpha[i] } else { 0.0 }).collect();
-    View { name: String::new(), camera, rgba, depth: Some(DepthMap::nearest(&depth)) }
+    View { name: String::new(), camera, rgba, depth: Some(DepthMap::nearest(&depth)), derived: None }
 }
 
 pub fn images(size: u32) -> Vec<TrainImage<'static>> {

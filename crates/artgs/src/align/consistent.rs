@@ -71,7 +71,7 @@ fn difference(other: &DepthFrame, motion: &Rigid, p: DVec3, n: DVec3, largest: f
 }
 
 /// Frames that see most points of frame `i`, itself left out.
-fn most_overlapping(frames: &[DepthFrame], i: usize, count: usize) -> Vec<usize> {
+pub(super) fn most_overlapping(frames: &[DepthFrame], i: usize, count: usize) -> Vec<usize> {
     const STRIDE: usize = 5;
     let frame = &frames[i];
     let seen = |j: usize| {

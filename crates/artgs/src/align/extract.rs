@@ -1,11 +1,12 @@
 //! A capture of the selected object: refined poses, masks from depth, images cut to the object.
 
 use super::cloud::FusedCloud;
+use super::complete::{CellPlane, window};
 use super::consistent::factor_at;
 use super::exposure::applied;
 use super::frames::DepthFrame;
 use super::object::Selection;
-use artgs_core::capture::HIDDEN_ALPHA;
+use artgs_core::capture::{HIDDEN_ALPHA, OBJECT_ALPHA};
 use artgs_core::{Camera, DepthMap, Intrinsics, PerState, RecordedFrame, State, View};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -37,6 +38,8 @@ struct Labelled<'a> {
     camera: Camera,
     colors: Vec3,
     depth: DepthMap,
+    /// Depth of pixels where none was measured, 0 elsewhere.
+    derived: DepthMap,
     labels: Vec<Label>,
     columns: [usize; 2],
     rows: [usize; 2],
@@ -47,6 +50,8 @@ pub(crate) struct StateFrames<'a> {
     pub(crate) recorded: &'a [RecordedFrame],
     pub(crate) frames: &'a [DepthFrame],
     pub(crate) factors: &'a [Vec<f32>],
+    /// What the cells of each frame show, also where no depth was measured.
+    pub(crate) planes: &'a [Vec<CellPlane>],
     /// Factors of red, green and blue that equalise the exposure of each frame.
     pub(crate) colors: &'a [Vec3],
     /// Surface of the object in both states, one point per cube of edge `spacing`. A pixel without depth that may show what
@@ -101,7 +106,7 @@ enum Label {
     Unknown,
     Object,
     Other,
-    /// Something else in front of the object.
+    /// Something else in front of the object, or nothing that is known.
     Hidden,
 }
 
@@ -112,7 +117,8 @@ impl<'a> Labelled<'a> {
         let width = recorded.view.size().0;
         let depth = corrected(recorded.view.depth.as_ref()?, width, frame, factors);
         let camera = Camera { world_to_camera: frame.camera.world_to_camera, ..recorded.view.camera };
-        let mut labels = labels(&camera, &depth, width, selection);
+        let mut labels = labels(&camera, &depth, &recorded.view.rgba, selection);
+        let derived = derive(&mut labels, recorded, &camera, frame, &state.planes[index], selection);
         let reach = (config.fill * recorded.depth_step).ceil() as usize;
         let farthest = farthest(&camera, state.surface, state.spacing);
         hide(&mut labels, &depth, &farthest, width, reach);
@@ -131,6 +137,7 @@ impl<'a> Labelled<'a> {
             camera,
             colors: state.colors[index],
             depth,
+            derived,
             labels,
             columns,
             rows,
@@ -155,7 +162,7 @@ impl<'a> Labelled<'a> {
             };
             [r, g, b, alpha]
         };
-        let counts = pixels().map(|i| if object(i) { self.depth.counts()[i] } else { 0 }).collect();
+        let measured = pixels().map(|i| if object(i) { self.depth.counts()[i] } else { 0 }).collect();
         let k = self.camera.intrinsics;
         let intrinsics =
             Intrinsics { cx: k.cx - x0 as f64, cy: k.cy - y0 as f64, width: width as u32, height: height as u32, ..k };
@@ -163,7 +170,8 @@ impl<'a> Labelled<'a> {
             name: format!("{}/{}", state.name(), source.name),
             camera: Camera { intrinsics, ..self.camera },
             rgba: pixels().map(color).collect(),
-            depth: Some(DepthMap::new(counts, self.depth.per_unit())),
+            depth: Some(DepthMap::new(measured, self.depth.per_unit())),
+            derived: Some(self.derived.select(pixels())),
         }
     }
 }
@@ -183,10 +191,15 @@ fn corrected(depth: &DepthMap, width: usize, frame: &DepthFrame, factors: &[f32]
     DepthMap::nearest(&depths)
 }
 
-fn labels(camera: &Camera, depth: &DepthMap, width: usize, selection: &Selection) -> Vec<Label> {
+/// Labels of pixels with depth, and of those outside of a recorded mask.
+fn labels(camera: &Camera, depth: &DepthMap, rgba: &[[u8; 4]], selection: &Selection) -> Vec<Label> {
     let pose = camera.world_to_camera.inverse();
     let k = &camera.intrinsics;
+    let width = k.width as usize;
     let label = |(i, z): (usize, f32)| {
+        if rgba[i][3] < OBJECT_ALPHA {
+            return Label::Other;
+        }
         if z == 0.0 {
             return Label::Unknown;
         }
@@ -196,6 +209,43 @@ fn labels(camera: &Camera, depth: &DepthMap, width: usize, selection: &Selection
         if selection.contains(p) { Label::Object } else { Label::Other }
     };
     depth.iter().enumerate().map(label).collect()
+}
+
+/// Depth of pixels without measured depth: that of the plane of one of the cells around them whose colour is most like theirs. Their
+/// labels are those of the planes.
+fn derive(
+    labels: &mut [Label],
+    recorded: &RecordedFrame,
+    camera: &Camera,
+    frame: &DepthFrame,
+    planes: &[CellPlane],
+    selection: &Selection,
+) -> DepthMap {
+    let width = recorded.view.size().0;
+    let (columns, pose, k) = (frame.columns(), camera.world_to_camera.inverse(), &camera.intrinsics);
+    // Pixels beyond the last whole cell belong to it.
+    let (rows, step) = (planes.len() / columns.max(1), (k.fx / frame.camera.intrinsics.fx).round().max(1.0) as usize);
+    let belongs: Vec<bool> =
+        planes.iter().map(|p| p.is_some() && selection.contains(pose.apply(p.source.as_dvec3()))).collect();
+    let mut depths = vec![0.0; labels.len()];
+    for i in 0..labels.len() {
+        if labels[i] != Label::Unknown || planes.is_empty() {
+            continue;
+        }
+        let (x, y) = (i % width, i / width);
+        let own = Vec3::from(std::array::from_fn(|c| f32::from(recorded.view.rgba[i][c])));
+        let difference = |cell: &usize| (Vec3::from(frame.colors[*cell].map(f32::from)) - own).length_squared();
+        let cell = (y / step).min(rows - 1) * columns + (x / step).min(columns - 1);
+        let shown = window(cell, 1, columns, planes.len()).filter(|cell| planes[*cell].is_some());
+        let Some(cell) = shown.min_by(|a, b| difference(a).total_cmp(&difference(b))) else { continue };
+        let ray = Vec3::new(((x as f64 + 0.5 - k.cx) / k.fx) as f32, ((y as f64 + 0.5 - k.cy) / k.fy) as f32, 1.0);
+        if let Some(depth) = planes[cell].depth(ray) {
+            let within = selection.is_within_given(pose.apply((ray * depth).as_dvec3()));
+            depths[i] = depth;
+            labels[i] = if belongs[cell] && within { Label::Object } else { Label::Other };
+        }
+    }
+    DepthMap::nearest(&depths)
 }
 
 /// Depth of the farthest surface of the object at each pixel, as other frames see it; 0 where there is none.
@@ -228,7 +278,7 @@ fn farthest(camera: &Camera, surface: &FusedCloud, spacing: f32) -> Vec<f32> {
 /// is, hide the object.
 fn hide(labels: &mut [Label], depth: &DepthMap, farthest: &[f32], width: usize, reach: usize) {
     for ((label, z), far) in labels.iter_mut().zip(depth.iter()).zip(enclosed(farthest, width)) {
-        if *label == Label::Other && f64::from(z) < f64::from(far) * (1.0 - FRONT) {
+        if *label == Label::Other && z > 0.0 && f64::from(z) < f64::from(far) * (1.0 - FRONT) {
             *label = Label::Hidden;
         }
     }
@@ -266,12 +316,12 @@ fn cover(labels: &mut [Label], farthest: &[f32]) {
     }
 }
 
-/// Gives unknown pixels the label of the nearest known pixel within `reach` steps along rows and columns; others are not
-/// the object.
+/// Gives unknown pixels the label of the nearest known pixel within `reach` steps along rows and columns. Nothing is known of others:
+/// the object may be there.
 fn fill(labels: &mut [Label], width: usize, reach: usize) {
     let front = (0..labels.len()).filter(|&i| labels[i] != Label::Unknown).collect();
     spread(labels, front, width, reach, |_| true);
-    labels.iter_mut().filter(|l| **l == Label::Unknown).for_each(|l| *l = Label::Other);
+    labels.iter_mut().filter(|l| **l == Label::Unknown).for_each(|l| *l = Label::Hidden);
 }
 
 /// Carries the labels of the pixels `front` to unknown pixels that may have them, `reach` steps along rows and columns.
@@ -323,6 +373,10 @@ mod tests {
         let farthest = [known, [0.0, 2.0, 2.0, 0.0, 2.0, 2.0, 2.0, 0.0], known].concat();
         hide(&mut labels, &depth, &farthest, width, 1);
         assert!(labels[width..2 * width] == [Other, Object, Hidden, Hidden, Hidden, Hidden, Object, Other]);
+        // A background without depth of its own is in front of nothing.
+        let mut seen_through = vec![Object, Other, Object];
+        hide(&mut seen_through, &DepthMap::nearest(&[2.0, 0.0, 2.0]), &[2.0; 3], 3, 1);
+        assert!(seen_through == [Object, Other, Object]);
         assert!(labels[..width] == full && labels[2 * width..] == full);
     }
 
@@ -332,5 +386,8 @@ mod tests {
         cover(&mut labels, &[0.0, 0.0, 0.0, 2.0, 2.0]);
         fill(&mut labels, 5, 1);
         assert!(labels == [Other, Other, Object, Object, Object]);
+        let mut far = vec![Object, Unknown, Unknown, Unknown, Other];
+        fill(&mut far, 5, 1);
+        assert!(far == [Object, Object, Hidden, Other, Other], "nothing is known beyond the reach");
     }
 }

@@ -138,7 +138,7 @@ impl DepthFrame {
 }
 
 /// Direction of a cell's centre with depth 1.
-fn ray(camera: &Camera, index: usize) -> Vec3 {
+pub(super) fn ray(camera: &Camera, index: usize) -> Vec3 {
     let k = &camera.intrinsics;
     let (x, y) = (index % k.width as usize, index / k.width as usize);
     Vec3::new(((x as f64 + 0.5 - k.cx) / k.fx) as f32, ((y as f64 + 0.5 - k.cy) / k.fy) as f32, 1.0)

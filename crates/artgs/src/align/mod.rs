@@ -11,6 +11,7 @@ mod bundle;
 mod bystander;
 mod cloud;
 mod color;
+mod complete;
 mod components;
 mod consistent;
 mod correct;
@@ -29,6 +30,7 @@ pub use bounds::{BoxError, ObjectBox};
 pub use bundle::BundleConfig;
 pub use bystander::{Bystander, Seen};
 pub use color::{ColorConfig, ColorRegistration, color_registration};
+pub use complete::CompleteConfig;
 pub use consistent::ConsistentConfig;
 pub use correct::{CorrectConfig, Correction, EndCorrection, correct};
 pub use exposure::{Exposure, ExposureConfig};
@@ -62,6 +64,8 @@ pub struct AlignConfig {
     pub global: GlobalConfig,
     /// Correction of depth by other frames.
     pub consistent: ConsistentConfig,
+    /// Depth where none was measured.
+    pub complete: CompleteConfig,
     /// Correction of captures whose states share a frame.
     pub correct: CorrectConfig,
     /// Registration of colour to depth.
@@ -85,6 +89,7 @@ impl Default for AlignConfig {
             bundle: BundleConfig::default(),
             global: GlobalConfig::default(),
             consistent: ConsistentConfig::default(),
+            complete: CompleteConfig::default(),
             correct: CorrectConfig::default(),
             color: ColorConfig::default(),
             exposure: ExposureConfig::default(),
@@ -321,10 +326,16 @@ pub(crate) fn cut_out(
     let colors = split(factors_of_colors.unwrap_or_else(|| vec![Vec3::ONE; all.len()]), &frames);
     let spacing = (0.5 * config.object.cube * unit) as f32;
     let surface = selection.surface(&all, spacing);
+    let planes = PerState::from_fn(|state| {
+        // The median is of all surfaces; those at edges differ by more.
+        let tolerance = 2.0 * disagreement[state][1].max(1e-3 * unit);
+        complete::cell_planes(&frames[state], &colors[state], tolerance as f32, &config.complete)
+    });
     let sources = PerState::from_fn(|state| StateFrames {
         recorded: &recordings[state].frames,
         frames: &frames[state],
         factors: &factors[state],
+        planes: &planes[state],
         colors: &colors[state],
         surface: &surface,
         spacing,

@@ -257,12 +257,17 @@ impl Selection {
         self.load.as_ref().map(|load| load.bounds)
     }
 
+    /// True for points in the box that was given, and everywhere if none was.
+    pub(crate) fn is_within_given(&self, point: DVec3) -> bool {
+        self.given.is_none_or(|b| b.contains(point))
+    }
+
     /// True for surface points of the object.
     pub(crate) fn contains(&self, point: DVec3) -> bool {
         self.cubes.contains(&cube(point.as_vec3(), self.edge as f32))
             && self.removed.iter().all(|p| p.distance(point) > self.plane_spreads * p.spread)
             && !self.load.as_ref().is_some_and(|l| l.contains(point.as_vec3()))
-            && self.given.is_none_or(|b| b.contains(point))
+            && self.is_within_given(point)
     }
 }
 

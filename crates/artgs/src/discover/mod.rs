@@ -58,7 +58,7 @@ mod near_grid;
 mod oblique;
 mod paired_mean;
 mod parents;
-mod plane_fit;
+pub(crate) mod plane_fit;
 mod plateaus;
 mod poses;
 mod rails;

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, SymmetricEigen};
 
 /// Unit normal of the least-squares plane and the root mean square distance from it. Points should be relative to one of
 /// them.
-pub(super) fn fit_plane(points: &[Vec3]) -> (Vec3, f32) {
+pub(crate) fn fit_plane(points: &[Vec3]) -> (Vec3, f32) {
     let mut sum = DVec3::ZERO;
     let (mut diagonal, mut others) = (DVec3::ZERO, DVec3::ZERO);
     for p in points {

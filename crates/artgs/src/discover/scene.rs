@@ -68,6 +68,12 @@ impl<'a> DepthPicture<'a> {
         Cow::Owned(self.kept(step).map(|i| self.view.rgba[i]).collect())
     }
 
+    /// Derived depth of the same pixels, scene units; none where the view has none.
+    pub fn thinned_derived(&self, step: usize) -> Option<Vec<f32>> {
+        let derived = self.view.derived.as_ref()?;
+        Some(self.kept(step).map(|i| derived.at(i)).collect())
+    }
+
     /// Its lookup, and some of its surface points.
     fn prepared(&self, step: usize, radius: usize) -> (DepthLookup, Cloud) {
         /// Every so many pixels and rows give a point: enough for the object's size.

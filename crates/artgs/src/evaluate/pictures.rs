@@ -196,7 +196,7 @@ mod tests {
         let n = frame.alpha.len();
         let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
         let rgba = (0..n).map(|i| [byte(frame.rgb[i]), byte(frame.rgb[n + i]), byte(frame.rgb[2 * n + i]), 255]);
-        View { name: "test".into(), camera: camera(), rgba: rgba.collect(), depth: None }
+        View { name: "test".into(), camera: camera(), rgba: rgba.collect(), depth: None, derived: None }
     }
 
     fn capture() -> Capture {

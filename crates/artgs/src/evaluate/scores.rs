@@ -346,6 +346,8 @@ mod tests {
             }
             let c = Counts { truths: 3, predicted: 3, found: 3, ..Counts::default() };
             assert_eq!(s.counts, c);
+            let right = "verdict: parts, joint types and parents are right; axes within 0.00 degrees and 0.0000 scene units; turns within 0.00 degrees; slides within 0.0000 scene units";
+            assert_eq!(s.verdict(), right);
         }
     }
 
@@ -359,6 +361,7 @@ mod tests {
         assert_eq!((s.counts.found, s.counts.missing, s.counts.extra, s.counts.missing_meshes), (2, 1, 0, 2));
         let text = s.to_string();
         assert!(text.contains("missing") && text.contains("1000.00"), "{text}");
+        assert_eq!(s.verdict(), "verdict: wrong: 1 missing, 2 without a mesh");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Scores as text, in the layout of the paper's tables.
 
 use super::geometry::MeshScore;
-use super::joints::Motion;
+use super::joints::{JointErrors, Motion};
 use super::pictures::PictureReport;
 use super::scores::Scores;
 use std::fmt::{Display, Formatter, Result};
@@ -17,6 +17,37 @@ fn mesh_row(f: &mut Formatter, label: &str, m: &MeshScore) -> Result {
         "{label:<8} {:>9.2} {:>9.2} {:>9.2} {:>9.2} {:>9.3} {:>9.3} {:>8.3}",
         m.start.chamfer, m.end.chamfer, s.chamfer, s.floor, s.dense_chamfer, s.dense_floor, s.f_score
     )
+}
+
+impl Scores {
+    /// One sentence: whether parts, joint types and parents are right, and how far off the worst joint is.
+    pub fn verdict(&self) -> String {
+        let c = &self.counts;
+        let faults = [
+            (c.missing, "missing"),
+            (c.extra, "without a true part"),
+            (c.wrong_type, "of wrong type"),
+            (c.wrong_parent, "on the wrong part"),
+            (c.missing_meshes, "without a mesh"),
+        ];
+        let named: Vec<String> = faults.iter().filter(|f| f.0 > 0).map(|(n, what)| format!("{n} {what}")).collect();
+        if !named.is_empty() {
+            return format!("verdict: wrong: {}", named.join(", "));
+        }
+        let worst = |pick: &dyn Fn(&JointErrors) -> Option<f64>| {
+            self.parts.iter().filter_map(|p| p.joint.as_ref().and_then(pick)).reduce(f64::max)
+        };
+        let turn = |e: &JointErrors| matches!(e.motion, Motion::Degrees(_)).then(|| e.motion.value());
+        let slide = |e: &JointErrors| matches!(e.motion, Motion::Length(_)).then(|| e.motion.value());
+        let exact = [
+            worst(&|e| Some(e.axis_angle_deg)).map(|v| format!("; axes within {v:.2} degrees")),
+            worst(&|e| e.axis_position_x10).map(|v| format!(" and {:.4} scene units", 0.1 * v)),
+            worst(&turn).map(|v| format!("; turns within {v:.2} degrees")),
+            worst(&|e| slide(e).or(e.slide)).map(|v| format!("; slides within {v:.4} scene units")),
+        ];
+        let exact: String = exact.into_iter().flatten().collect();
+        format!("verdict: parts, joint types and parents are right{exact}")
+    }
 }
 
 impl Display for Scores {
@@ -69,6 +100,7 @@ impl Display for Scores {
         if c.wrong_parent > 0 {
             write!(f, "\n{} on another part than the true one: compared by motion against that", c.wrong_parent)?;
         }
+        write!(f, "\n{}", self.verdict())?;
         self.pictures.map_or(Ok(()), |pictures| write!(f, "\n\n{}", PictureReport { pictures }))
     }
 }

@@ -43,6 +43,7 @@ fn images() -> Vec<TrainImage<'static>> {
             camera,
             rgba: vec![[0, 0, 0, 255]; 1600],
             depth: Some(DepthMap::new(vec![20; 1600], 1.0)),
+            derived: None,
         };
         TrainImage::new(&view, state, 1, DepthPick::Median).smaller(1)
     };

@@ -23,8 +23,13 @@ fn images() -> Vec<TrainImage<'static>> {
         let angle = 0.7 * i as f64;
         let camera = Camera::look_at(k, DVec3::new(4.0 * angle.cos(), 4.0 * angle.sin(), 1.0), DVec3::ZERO, DVec3::Z);
         let rgba = (0..576).map(|p| [(p / 3) as u8, (40 * i) as u8, 90, 255]).collect();
-        TrainImage::new(&View { name: String::new(), camera, rgba, depth: None }, State::START, 1, DepthPick::Median)
-            .smaller(1)
+        TrainImage::new(
+            &View { name: String::new(), camera, rgba, depth: None, derived: None },
+            State::START,
+            1,
+            DepthPick::Median,
+        )
+        .smaller(1)
     };
     (0..8).map(image).collect()
 }

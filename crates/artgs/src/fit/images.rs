@@ -224,7 +224,7 @@ mod tests {
         depth[12] = 6;
         depth[13] = 4;
         let camera = Camera { intrinsics, world_to_camera: Rigid::IDENTITY };
-        View { name: String::new(), camera, rgba, depth: Some(DepthMap::new(depth, 2.0)) }
+        View { name: String::new(), camera, rgba, depth: Some(DepthMap::new(depth, 2.0)), derived: None }
     }
 
     #[test]

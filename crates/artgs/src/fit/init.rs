@@ -281,6 +281,7 @@ mod tests {
                 camera,
                 rgba: vec![[255, 0, 51, 255]; 64 * 64],
                 depth: Some(DepthMap::nearest(&depth)),
+                derived: None,
             }
         };
         [-1.0, 1.0].map(view)

@@ -339,7 +339,7 @@ mod tests {
         let rgba = (0..W * H).map(|i| [(i * 7 % 256) as u8, (i * 13 % 256) as u8, 90, alpha(i)]).collect();
         let depth = (0..W * H).map(|i| if i % 11 == 0 { 0 } else { 20 + (i % 5) as u16 }).collect();
         let camera = Camera { intrinsics, world_to_camera: Rigid::IDENTITY };
-        View { name: String::new(), camera, rgba, depth: Some(DepthMap::new(depth, 10.0)) }
+        View { name: String::new(), camera, rgba, depth: Some(DepthMap::new(depth, 10.0)), derived: None }
     }
 
     fn image(view: &View) -> TrainImage<'_> {

@@ -122,7 +122,7 @@ mod tests {
                         [0, 0, 0, if d.length() < size { 255 } else { 0 }]
                     })
                     .collect();
-                let view = View { name: String::new(), camera, rgba, depth: None };
+                let view = View { name: String::new(), camera, rgba, depth: None, derived: None };
                 TrainImage::new(&view, State::START, 1, DepthPick::Median).smaller(1)
             })
             .collect();

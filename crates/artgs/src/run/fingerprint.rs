@@ -101,7 +101,7 @@ fn add(view: &View, hash: &mut XxHash3_64) {
     hash.write(&k.width.to_le_bytes());
     hash.write(&k.height.to_le_bytes());
     hash.write(view.rgba.as_flattened());
-    if let Some(depth) = &view.depth {
+    for depth in [&view.depth, &view.derived].into_iter().flatten() {
         hash.write(&depth.per_unit().to_le_bytes());
         let mut bytes = Vec::with_capacity(2 * CHUNK);
         for counts in depth.counts().chunks(CHUNK) {

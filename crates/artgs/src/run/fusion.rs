@@ -4,7 +4,7 @@ use super::points::label_pixels;
 use crate::discover::{self, DepthPicture, Discovery};
 use crate::observer::{Share, within};
 use crate::surface::{FusionView, PartMeshes, SurfaceConfig, SurfaceError, part_meshes_with_progress};
-use artgs_core::capture::may_hold_object;
+use artgs_core::capture::{OBJECT_ALPHA, may_hold_object};
 use artgs_core::{Camera, PerState, Rigid, State};
 use rayon::prelude::*;
 
@@ -34,14 +34,27 @@ pub(super) fn fuse_labelled(
     Ok(part_meshes_with_progress(views, half_motions, config, &mut within(done, LABELLED, 1.0))?.meshes)
 }
 
-/// Pixels of the object without depth, and those in which something else hides it, say nothing: any part as their label keeps their rays from being carved.
+/// Pixels of the object without depth, those in which something else hides it, and those of a background that was not measured, say nothing: any part as their label keeps their rays from being carved.
 fn keep_unmeasured(view: &FusionView<'_>, labels: &mut [u16]) {
     let Some(rgba) = &view.rgba else { return };
-    for ((label, depth), pixel) in labels.iter_mut().zip(view.depth.iter()).zip(rgba.iter()) {
-        if *depth <= 0.0 && may_hold_object(pixel) {
+    for (i, label) in labels.iter_mut().enumerate().filter(|(i, _)| view.depth[*i] <= 0.0) {
+        let derived = view.derived.as_ref().is_some_and(|derived| derived[i]);
+        if derived || may_hold_object(&rgba[i]) {
             *label = 0;
         }
     }
+}
+
+/// Gives pixels of the object without measured depth their derived one; returns which pixels, also of the background, are derived.
+fn fill_derived(depth: &mut [f32], derived: &[f32], rgba: &[[u8; 4]]) -> Vec<bool> {
+    let fill = |((depth, derived), pixel): ((&mut f32, &f32), &[u8; 4])| {
+        let missing = *depth <= 0.0 && *derived > 0.0;
+        if missing && pixel[3] >= OBJECT_ALPHA {
+            *depth = *derived;
+        }
+        missing
+    };
+    depth.iter_mut().zip(derived).zip(rgba).map(fill).collect()
 }
 
 /// Views at the size that voxels ask for.
@@ -52,8 +65,10 @@ fn thinned<'p>(pictures: &PerState<Vec<DepthPicture<'p>>>, config: &SurfaceConfi
     let step = if config.voxel.is_none() { fitting() } else { 1 };
     let fusion_view = |picture: &DepthPicture<'p>| {
         let (camera, depth) = picture.thinned_depth(step, step / 2);
-        let depth: Vec<f32> = depth.iter().collect();
-        FusionView { rgba: Some(picture.thinned_colors(step)), ..FusionView::new(camera, depth) }
+        let mut depth: Vec<f32> = depth.iter().collect();
+        let rgba = picture.thinned_colors(step);
+        let derived = picture.thinned_derived(step).map(|derived| fill_derived(&mut depth, &derived, &rgba).into());
+        FusionView { rgba: Some(rgba), derived, ..FusionView::new(camera, depth) }
     };
     pictures.as_ref().map(|pictures| pictures.par_iter().map(fusion_view).collect())
 }
@@ -74,5 +89,17 @@ mod tests {
         let mut labels = [BACKGROUND, BACKGROUND, 3, BACKGROUND];
         keep_unmeasured(&view, &mut labels);
         assert_eq!(labels, [0, BACKGROUND, 3, BACKGROUND]);
+        let derived = Some(vec![false, false, false, true].into());
+        let mut labels = [BACKGROUND; 4];
+        keep_unmeasured(&FusionView { derived, ..view }, &mut labels);
+        assert_eq!(labels, [0, BACKGROUND, BACKGROUND, 0], "a background that was not measured carves nothing");
+    }
+
+    #[test]
+    fn derived_depth_fills_pixels_of_the_object() {
+        let rgba = [255, 255, 0, 255].map(|alpha| [9, 9, 9, alpha]);
+        let mut depth = [1.0, 0.0, 0.0, 0.0];
+        let derived = fill_derived(&mut depth, &[0.5, 2.0, 3.0, 0.0], &rgba);
+        assert_eq!((depth, derived), ([1.0, 2.0, 0.0, 0.0], vec![false, true, true, false]));
     }
 }

@@ -119,7 +119,7 @@ mod tests {
         // A pixel is 10 mm wide on the part.
         let k = Intrinsics { fx: 300.0, fy: 300.0, cx: 100.0, cy: 100.0, width: 200, height: 200 };
         let camera = Camera::look_at(k, DVec3::new(0.5, -3.0, 0.0), DVec3::new(0.5, 0.0, 0.0), DVec3::Z);
-        let view = View { name: "view".into(), camera, rgba: Vec::new(), depth: None };
+        let view = View { name: "view".into(), camera, rgba: Vec::new(), depth: None, derived: None };
         let views = PerState::new(std::slice::from_ref(&view), std::slice::from_ref(&view));
         assert_eq!(noisy_joints(&door(4e-4, true), views), [false; 2]);
         assert_eq!(noisy_joints(&door(2e-3, false), views), [false; 2]);

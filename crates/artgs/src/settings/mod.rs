@@ -22,6 +22,7 @@ const SECTIONS: &[(&str, &[Entry])] = &[
     ("align.bundle", recordings::BUNDLE),
     ("align.global", recordings::GLOBAL),
     ("align.consistent", recordings::CONSISTENT),
+    ("align.complete", recordings::COMPLETE),
     ("align.correct", recordings::CORRECT),
     ("align.color", recordings::COLOR),
     ("align.exposure", recordings::EXPOSURE),

@@ -125,7 +125,7 @@ pub(super) const SURFACE: &[Entry] = &[
         "Depth step between neighbouring pixels that separates two surfaces, voxels; 0 never does"),
     above("min_weight", 0.0, 1_000_000.0, "weight", "Weight a voxel needs; a view straight onto the surface counts 1"),
     number("keep_fraction", 0.0, 1.0, "share",
-        "Components with fewer triangles than this fraction of the largest one's are dropped"),
+        "Components with fewer triangles than this fraction of the largest one's are dropped as specks; of part meshes, views decide on larger ones"),
     switch("carve_background",
         "Background pixels say that their rays are empty; turn it off if masks miss parts of the object"),
     words("whole", &["union", "fused"], "Source of the whole object's mesh"),

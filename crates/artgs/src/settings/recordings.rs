@@ -61,6 +61,18 @@ pub(super) const CONSISTENT: &[Entry] = &[
     whole("least", 0, 10_000, "frames", "Frames that must see a surface to correct it"),
 ];
 
+/// Entries of `CompleteConfig`.
+#[rustfmt::skip]
+pub(super) const COMPLETE: &[Entry] = &[
+    switch("enabled", "Whether pixels without measured depth take that of surfaces that continue there"),
+    whole("frames", 0, 10_000, "frames",
+        "Frames that a surface is compared with, those that see most of what the frame sees; more cost time"),
+    whole("reach", 0, 1000, "cells", "Farthest measured cell of the same frame whose surface may continue in a cell"),
+    above("color", 0.0, 1.0, "0 to 1", "Mean difference of colours that speaks neither for nor against the same surface"),
+    number("least_vote", -1.0, 1.0, "-1 to 1",
+        "Least mean vote for a surface, of the other frames and of the cells beside it; raising it leaves more pixels without depth"),
+];
+
 /// Entries of `CorrectConfig`.
 #[rustfmt::skip]
 pub(super) const CORRECT: &[Entry] = &[

@@ -38,7 +38,8 @@ fn weld(vertices: &[[f32; 3]]) -> Vec<u32> {
     out
 }
 
-fn compact(mesh: &Mesh, mut triangles: Vec<[u32; 3]>) -> Mesh {
+/// The mesh with only these triangles and their vertices.
+pub(super) fn compact(mesh: &Mesh, mut triangles: Vec<[u32; 3]>) -> Mesh {
     let mut used = vec![false; mesh.vertices.len()];
     triangles.iter().flatten().for_each(|i| used[*i as usize] = true);
     let coloured = mesh.colors.len() == mesh.vertices.len();

@@ -1,6 +1,7 @@
 //! Depth maps to meshes: sparse TSDF fusion, marching cubes, cleaning, vertex colours, and the meshes of every part.
 
 pub(crate) mod clean;
+mod evidence;
 pub(crate) mod marching_cubes;
 pub(crate) mod paint;
 pub(crate) mod part_meshes;

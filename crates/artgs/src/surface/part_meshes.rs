@@ -3,12 +3,15 @@
 //! A part is fused once, in its canonical frame, from both states: what one state hides the other may show. Pixels of
 //! other parts and of the background carve: space before them holds nothing of this part.
 
+use super::evidence::{Cells, Seen, Supported};
 use super::{BACKGROUND, FusionView, Selection, Tsdf, TsdfParams, clean, marching_cubes, paint};
 use crate::observer::Share;
 use crate::trimmed::trimmed_range;
 use artgs_core::{Mesh, PerState, Rigid, State};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// Where the mesh of the whole object comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -37,7 +40,7 @@ pub struct SurfaceConfig {
     pub jump_voxels: f64,
     /// Weight a voxel needs; a view straight onto the surface counts 1.
     pub min_weight: f32,
-    /// Components with fewer triangles than this fraction of the largest one's are dropped.
+    /// Components with fewer triangles than this fraction of the largest one's are dropped as specks. Of part meshes, views decide on larger ones.
     pub keep_fraction: f64,
     /// Background pixels say that their rays are empty; turn it off if masks miss parts of the object.
     pub carve_background: bool,
@@ -56,7 +59,7 @@ impl Default for SurfaceConfig {
             behind_voxels: 3.0,
             jump_voxels: 5.0,
             min_weight: 0.1,
-            keep_fraction: 0.02,
+            keep_fraction: 5e-4,
             carve_background: true,
             whole: WholeMesh::Union,
             memory_mib: 2048,
@@ -132,31 +135,65 @@ pub fn part_meshes_with_progress(
 ) -> Result<Surfaces, SurfaceError> {
     check(states, config)?;
     let voxel = config.voxel.unwrap_or_else(|| object_diagonal(states) / config.resolution);
-    if voxel.is_nan() || voxel <= 0.0 {
-        // No pixel shows any surface.
+    if voxel.is_nan() || voxel <= 0.0 || half_motions.is_empty() {
+        // No pixel shows any surface, or there is no part that it could be of.
         let parts = vec![PerState::<Mesh>::default(); half_motions.len()];
         let canonical = vec![Mesh::default(); half_motions.len()];
         return Ok(Surfaces { canonical, meshes: PartMeshes { parts, ..PartMeshes::default() }, voxel: 0.0 });
     }
     let params = config.volume(voxel);
     let carve_background = config.carve_background;
-    let mut canonical = Vec::new();
-    let mut parts = Vec::new();
-    for (part, half) in half_motions.iter().enumerate() {
-        done(part as f64 / half_motions.len() as f64);
-        let poses = PerState::from_fn(|state| half.towards(state));
-        let moved = |state: State| states[state].iter().map(move |view| view.moved_with(&poses[state]));
+    let mut canonical = vec![Mesh::default(); half_motions.len()];
+    let mut labelled: PerState<Vec<FusionView>> = states.map(|views| views.iter().map(FusionView::borrowed).collect());
+    // The static part last: it takes what does not move with the others.
+    for (done_parts, part) in (1..half_motions.len()).chain([0]).enumerate() {
+        done(done_parts as f64 / half_motions.len() as f64);
+        let poses = PerState::from_fn(|state| half_motions[part].towards(state));
+        let moved = |state: State| labelled[state].iter().map(move |view| view.moved_with(&poses[state]));
         let views: Vec<FusionView> = State::ALL.into_iter().flat_map(moved).collect();
-        let mesh = fuse(&views, Selection { part: Some(part), carve_background }, params, config);
-        parts.push(poses.map(|pose| mesh.moved(&pose)));
-        canonical.push(mesh);
+        let selection = Selection { part: Some(part), carve_background };
+        let mesh = fuse(&views, selection, params, config);
+        let of_states = labelled.as_ref().map(|views| &views[..]);
+        let seen = Seen { part: part as u16, views: of_states, poses, tolerance: params.truncation };
+        let Supported { mesh, still } = seen.supported(&mesh);
+        canonical[part] = mesh;
+        if !still.is_empty() {
+            let relabelled = State::ALL.map(|state| {
+                let view = |view: &FusionView| {
+                    view.labels.as_ref().map(|labels| without(view, labels, part, &poses[state], &still))
+                };
+                labelled[state].par_iter().map(view).collect::<Vec<_>>()
+            });
+            for (views, labels) in labelled.iter_mut().zip(relabelled) {
+                views.iter_mut().zip(labels).for_each(|(view, labels)| view.labels = labels.map(Cow::Owned));
+            }
+        }
     }
+    let parts: Vec<PerState<Mesh>> = canonical
+        .iter()
+        .zip(half_motions)
+        .map(|(mesh, half)| PerState::from_fn(|state| mesh.moved(&half.towards(state))))
+        .collect();
     let all = Selection { part: None, carve_background };
     let whole = PerState::from_fn(|state| match config.whole {
         WholeMesh::Union => union(parts.iter().map(|part: &PerState<Mesh>| &part[state])),
         WholeMesh::Fused => fuse(states[state], all, params, config),
     });
     Ok(Surfaces { canonical, meshes: PartMeshes { parts, whole }, voxel })
+}
+
+/// Labels of a view in which pixels of a part that show these cells, in the frame of the part's mesh, are static.
+fn without(view: &FusionView, labels: &[u16], part: usize, pose: &Rigid, cells: &Cells) -> Vec<u16> {
+    let (width, back) = (view.camera.intrinsics.width as usize, pose.inverse());
+    let label = |(i, label): (usize, &u16)| {
+        if usize::from(*label) != part || view.depth[i] <= 0.0 {
+            return *label;
+        }
+        let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+        let point = view.camera.unproject(pixel, f64::from(view.depth[i]));
+        if cells.contains(back.apply(point)) { 0 } else { *label }
+    };
+    labels.iter().enumerate().map(label).collect()
 }
 
 /// Mesh of consistent views in one frame: volume, marching cubes, cleaning, colours. Empty if they show nothing.

@@ -12,6 +12,8 @@ use rayon::prelude::*;
 /// Voxels along one side of a block.
 pub(super) const SIDE: usize = 8;
 const VOXELS: usize = SIDE * SIDE * SIDE;
+/// Weight of a derived depth against a measured one.
+const DERIVED: f32 = 0.1;
 /// Views prepared at a time; bounds memory, not results.
 const CHUNK: usize = 16;
 /// Bits and bias of one block coordinate in a key.
@@ -211,19 +213,22 @@ fn add_view(block: &mut Block, origin: DVec3, view: &Prepared, params: &TsdfPara
         let Row { u, v, z, x, y, seen } = project_row(start, axes.x_axis, lens, size);
         let (sum, weight) = (&mut block.sum[row * SIDE..][..SIDE], &mut block.weight[row * SIDE..][..SIDE]);
         for i in (0..SIDE).filter(|i| seen[*i]) {
-            let [code, slant] = view.nearest(x[i], y[i]);
+            let [code, signed_slant] = view.nearest(x[i], y[i]);
             if code == 0.0 {
                 continue;
             }
+            let (slant, derived) = (signed_slant.abs(), signed_slant < 0.0);
             // The nearest pixel decides what the voxel is, the interpolated depth how far from the surface it lies.
             let steep = slant.max(MIN_SCALE);
             let distance = if code < 0.0 { -code - z[i] } else { (code - z[i]) * steep };
             if distance >= truncation {
-                sum[i] += 1.0;
-                weight[i] += 1.0;
+                let w = if derived { 0.0 } else { 1.0 };
+                sum[i] += w;
+                weight[i] += w;
             } else if code > 0.0 && distance > -behind {
                 let distance = (view.interpolated(u[i], v[i], x[i], y[i], code) - z[i]) * steep;
-                let w = slant * ((distance + behind) * fall).clamp(0.0, 1.0);
+                let trust = if derived { DERIVED } else { 1.0 };
+                let w = trust * slant * ((distance + behind) * fall).clamp(0.0, 1.0);
                 sum[i] += w * (distance * scale).min(1.0);
                 weight[i] += w;
             }
@@ -263,6 +268,7 @@ fn project_row(start: Vec3, step: Vec3, [fx, fy, cx, cy]: [f32; 4], [width, heig
 mod tests {
     use super::super::testing::{Scene, orbit};
     use super::*;
+    use artgs_core::Camera;
 
     #[test]
     fn keys_order_and_invert() {
@@ -278,7 +284,11 @@ mod tests {
         let cameras = orbit(6, 96, 2.0);
         let depths: Vec<Vec<f32>> = cameras.iter().map(|c| scene.depth(c)).collect();
         let params = TsdfParams::with_voxel(0.03);
-        let views: Vec<FusionView> = cameras.iter().zip(&depths).map(|(c, d)| FusionView::new(*c, d)).collect();
+        // The lower half of every other view was derived.
+        let derived: Vec<bool> = (0..96 * 96).map(|i| i >= 48 * 96).collect();
+        let derived = |i: usize| (i % 2 == 1).then(|| derived.as_slice().into());
+        let view = |(i, (c, d)): (usize, (&Camera, _))| FusionView { derived: derived(i), ..FusionView::new(*c, d) };
+        let views: Vec<FusionView> = cameras.iter().zip(&depths).enumerate().map(view).collect();
         let mut volume = Tsdf::new(params);
         assert!(volume.allocate(&views, Selection::ALL, usize::MAX));
         volume.integrate(&views, Selection::ALL);
@@ -304,7 +314,8 @@ mod tests {
             if c.z <= 0.0 || u < 0.0 || v < 0.0 || u >= f64::from(k.width) || v >= f64::from(k.height) {
                 continue;
             }
-            let [code, slant] = view.nearest(u as i32, v as i32);
+            let [code, signed_slant] = view.nearest(u as i32, v as i32);
+            let (slant, derived) = (signed_slant.abs(), signed_slant < 0.0);
             let distance = |depth: f32| (f64::from(depth) - c.z) * f64::from(slant.max(MIN_SCALE));
             if code <= 0.0 || distance(code) <= -params.behind {
                 continue;
@@ -316,7 +327,12 @@ mod tests {
                 distance(view.interpolated(u as f32, v as f32, u as i32, v as i32, code))
             };
             let fall = ((s + params.behind) / (params.behind - params.voxel)).clamp(0.0, 1.0);
-            let w = if free { 1.0 } else { f64::from(slant) * fall };
+            let w = match (free, derived) {
+                (true, false) => 1.0,
+                (true, true) => 0.0,
+                (false, false) => f64::from(slant) * fall,
+                (false, true) => f64::from(DERIVED * slant) * fall,
+            };
             sum += (w * (s / params.truncation).min(1.0)) as f32;
             weight += w as f32;
         }

@@ -20,6 +20,8 @@ pub struct FusionView<'a> {
     /// Part of every pixel, `[height * width]`, [`BACKGROUND`] for none. Without labels every pixel with depth belongs to
     /// the surface, and the others say nothing.
     pub labels: Option<Cow<'a, [u16]>>,
+    /// True for pixels whose depth was derived, `[height * width]`; none in views whose depth was measured everywhere.
+    pub derived: Option<Cow<'a, [bool]>>,
 }
 
 /// Which pixels of labelled views are samples of the fused surface. Depth of all other parts shows where space is empty.
@@ -50,7 +52,7 @@ pub(super) enum PixelUse {
 impl<'a> FusionView<'a> {
     /// A view without colours and labels.
     pub fn new(camera: Camera, depth: impl Into<Cow<'a, [f32]>>) -> Self {
-        Self { camera, depth: depth.into(), rgba: None, labels: None }
+        Self { camera, depth: depth.into(), rgba: None, labels: None, derived: None }
     }
 }
 
@@ -76,22 +78,29 @@ impl FusionView<'_> {
         }
     }
 
-    /// The same view after the world of the camera has been moved: `motion` leads from the frame of the mesh to the
-    /// world frame of the state.
-    pub fn moved_with(&self, motion: &Rigid) -> FusionView<'_> {
+    /// The same view without copies of its images.
+    pub fn borrowed(&self) -> FusionView<'_> {
         FusionView {
-            camera: self.camera.moved_with(motion),
+            camera: self.camera,
             depth: Cow::Borrowed(&self.depth),
             rgba: self.rgba.as_deref().map(Cow::Borrowed),
             labels: self.labels.as_deref().map(Cow::Borrowed),
+            derived: self.derived.as_deref().map(Cow::Borrowed),
         }
+    }
+
+    /// The same view after the world of the camera has been moved: `motion` leads from the frame of the mesh to the
+    /// world frame of the state.
+    pub fn moved_with(&self, motion: &Rigid) -> FusionView<'_> {
+        FusionView { camera: self.camera.moved_with(motion), ..self.borrowed() }
     }
 
     /// True if every buffer has the size of the camera's image.
     pub fn is_consistent(&self) -> bool {
         let n = self.camera.intrinsics.width as usize * self.camera.intrinsics.height as usize;
-        let (rgba, labels) = (self.rgba.as_deref(), self.labels.as_deref());
-        self.depth.len() == n && rgba.is_none_or(|c| c.len() == n) && labels.is_none_or(|l| l.len() == n)
+        let (rgba, labels, derived) = (self.rgba.as_deref(), self.labels.as_deref(), self.derived.as_deref());
+        let optional = [rgba.map(<[_]>::len), labels.map(<[_]>::len), derived.map(<[_]>::len)];
+        self.depth.len() == n && optional.into_iter().flatten().all(|len| len == n)
     }
 }
 
@@ -120,7 +129,7 @@ pub(super) struct Prepared {
     height: usize,
     /// Code and slant of every pixel. Code: positive is the depth of a surface, negative is minus the depth up to which
     /// the ray is empty, 0 is nothing. Slant: what turns a depth difference into a distance, that is the cosine between
-    /// ray and normal times the length of the ray at depth 1.
+    /// ray and normal times the length of the ray at depth 1; negative where depth was derived.
     pixels: Vec<[f32; 2]>,
     tiles_across: usize,
     /// Least and greatest |code| per tile and its rim of one pixel.
@@ -144,8 +153,15 @@ impl Prepared {
             drop_flying_pixels(&mut code, width, height, jump);
         }
         drop_free_rim(&mut code, width, height);
-        let pixels = code.iter().copied().zip(slants(&code, &k)).map(<[f32; 2]>::from).collect();
-        let tiles = tiles(&code, width, height);
+        let mut pixels: Vec<[f32; 2]> = code.iter().copied().zip(slants(&code, &k)).map(<[f32; 2]>::from).collect();
+        let mut reach: Vec<[f32; 2]> = code.iter().map(|c| [c.abs(); 2]).collect();
+        if let Some(derived) = &view.derived {
+            // A weight below zero: space before a derived surface is not seen to be empty.
+            for i in (0..code.len()).filter(|&i| derived[i]) {
+                (pixels[i][1], reach[i][0]) = (-pixels[i][1], 0.0);
+            }
+        }
+        let tiles = tiles(&reach, width, height);
         let jump = if jump > 0.0 { jump } else { f32::INFINITY };
         let tiles_across = width.div_ceil(TILE);
         Self { to_camera: view.camera.world_to_camera, intrinsics: k, width, height, pixels, tiles_across, tiles, jump }
@@ -304,16 +320,17 @@ fn slants(code: &[f32], k: &Intrinsics) -> Vec<f32> {
     out
 }
 
-fn tiles(code: &[f32], width: usize, height: usize) -> Vec<[f32; 2]> {
+/// `reach` has the least and the greatest depth of every pixel up to which space may be empty.
+fn tiles(reach: &[[f32; 2]], width: usize, height: usize) -> Vec<[f32; 2]> {
     let mut out = Vec::with_capacity(width.div_ceil(TILE) * height.div_ceil(TILE));
     for y0 in (0..height).step_by(TILE) {
         for x0 in (0..width).step_by(TILE) {
             let (mut lo, mut hi) = (f32::INFINITY, 0.0f32);
             for y in y0.saturating_sub(1)..(y0 + TILE + 1).min(height) {
                 let row = y * width;
-                for c in &code[row + x0.saturating_sub(1)..row + (x0 + TILE + 1).min(width)] {
-                    lo = lo.min(c.abs());
-                    hi = hi.max(c.abs());
+                for [least, greatest] in &reach[row + x0.saturating_sub(1)..row + (x0 + TILE + 1).min(width)] {
+                    lo = lo.min(*least);
+                    hi = hi.max(*greatest);
                 }
             }
             out.push([lo, hi]);
