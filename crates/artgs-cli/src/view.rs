@@ -322,6 +322,9 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let up = Upward { direction: DVec3::NEG_Y, source: UpSource::Floor, confidence: 0.9 };
         artgs_io::write_replica(dir.path(), &Replica { up: Some(up), ..Replica::new(&[]) }).unwrap();
+        for mesh in ["start/whole", "start/part_0", "end/whole", "end/part_0"] {
+            artgs_io::write_atomic(&dir.path().join(format!("meshes/{mesh}.ply")), b"").unwrap();
+        }
         let run = RunFolder::new(dir.path());
         artgs_physical::export::upward(&run, None).unwrap();
         let options = shown_formats(&run, None);

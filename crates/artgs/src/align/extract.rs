@@ -124,6 +124,7 @@ impl<'a> Labelled<'a> {
         hide(&mut labels, &depth, &farthest, width, reach);
         cover(&mut labels, &farthest);
         fill(&mut labels, width, reach);
+        doubt(&mut labels, &derived, &enclosed(&farthest, width));
         let (mut count, mut columns, mut rows) = (0, [width, 0], [usize::MAX, 0]);
         for i in (0..labels.len()).filter(|&i| labels[i] == Label::Object) {
             let (x, y) = (i % width, i / width);
@@ -274,6 +275,15 @@ fn farthest(camera: &Camera, surface: &FusedCloud, spacing: f32) -> Vec<f32> {
     out
 }
 
+/// A background that was not measured and that the object surrounds is unknown: a wrong one would take the object there for empty.
+fn doubt(labels: &mut [Label], derived: &DepthMap, enclosed: &[f32]) {
+    for ((label, derived), far) in labels.iter_mut().zip(derived.counts()).zip(enclosed) {
+        if *label == Label::Other && *derived > 0 && *far > 0.0 {
+            *label = Label::Hidden;
+        }
+    }
+}
+
 /// Pixels that show something else in front of the surface of the object, and those without depth beside them where that surface
 /// is, hide the object.
 fn hide(labels: &mut [Label], depth: &DepthMap, farthest: &[f32], width: usize, reach: usize) {
@@ -377,6 +387,11 @@ mod tests {
         let mut seen_through = vec![Object, Other, Object];
         hide(&mut seen_through, &DepthMap::nearest(&[2.0, 0.0, 2.0]), &[2.0; 3], 3, 1);
         assert!(seen_through == [Object, Other, Object]);
+        doubt(&mut seen_through, &DepthMap::nearest(&[0.0, 3.0, 0.0]), &[2.0; 3]);
+        assert!(seen_through == [Object, Hidden, Object], "but the object may be there");
+        let mut outside = vec![Other, Other];
+        doubt(&mut outside, &DepthMap::nearest(&[3.0, 0.0]), &[0.0, 2.0]);
+        assert!(outside == [Other, Other], "outside of the outline, and where nothing was derived");
         assert!(labels[..width] == full && labels[2 * width..] == full);
     }
 

@@ -12,8 +12,10 @@ use std::collections::HashSet;
 const SAMPLES: usize = 96;
 /// Views that must have measured a piece.
 const LEAST_VIEWS: u32 = 2;
-/// Share of the vertices of a piece that must be seen, or seen to move: noise makes some of them look so.
+/// Share of the vertices of a piece that must be seen.
 const LEAST_SHARE: f64 = 0.3;
+/// The same that must be seen to move: noise makes many look so, beside a floor for example.
+const MOVING_SHARE: f64 = 0.6;
 
 /// A part of labelled views, and its poses in their states.
 pub(super) struct Seen<'a> {
@@ -109,7 +111,7 @@ impl Seen<'_> {
         let least = LEAST_SHARE * f64::from(count);
         if f64::from(seen) < least {
             Verdict::Unseen
-        } else if f64::from(moving) < least {
+        } else if f64::from(moving) < MOVING_SHARE * f64::from(count) {
             Verdict::Still
         } else {
             Verdict::Supported
