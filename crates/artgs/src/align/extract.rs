@@ -121,10 +121,10 @@ impl<'a> Labelled<'a> {
         let derived = derive(&mut labels, recorded, &camera, frame, &state.planes[index], selection);
         let reach = (config.fill * recorded.depth_step).ceil() as usize;
         let farthest = farthest(&camera, state.surface, state.spacing);
+        doubt(&mut labels, &derived, &enclosed(&farthest, width));
         hide(&mut labels, &depth, &farthest, width, reach);
         cover(&mut labels, &farthest);
         fill(&mut labels, width, reach);
-        doubt(&mut labels, &derived, &enclosed(&farthest, width));
         let (mut count, mut columns, mut rows) = (0, [width, 0], [usize::MAX, 0]);
         for i in (0..labels.len()).filter(|&i| labels[i] == Label::Object) {
             let (x, y) = (i % width, i / width);
@@ -275,7 +275,8 @@ fn farthest(camera: &Camera, surface: &FusedCloud, spacing: f32) -> Vec<f32> {
     out
 }
 
-/// A background that was not measured and that the object surrounds is unknown: a wrong one would take the object there for empty.
+/// A background that was not measured and that the object surrounds is unknown: a wrong one would take the object there for empty, and
+/// discovery turned the door of an oven over.
 fn doubt(labels: &mut [Label], derived: &DepthMap, enclosed: &[f32]) {
     for ((label, derived), far) in labels.iter_mut().zip(derived.counts()).zip(enclosed) {
         if *label == Label::Other && *derived > 0 && *far > 0.0 {

@@ -12,10 +12,8 @@ use std::collections::HashSet;
 const SAMPLES: usize = 96;
 /// Views that must have measured a piece.
 const LEAST_VIEWS: u32 = 2;
-/// Share of the vertices of a piece that must be seen.
+/// Share of the vertices of a piece that must be seen, or seen to move: of a thin door, the side that one state shows can be a piece.
 const LEAST_SHARE: f64 = 0.3;
-/// The same that must be seen to move: noise makes many look so, beside a floor for example.
-const MOVING_SHARE: f64 = 0.6;
 
 /// A part of labelled views, and its poses in their states.
 pub(super) struct Seen<'a> {
@@ -111,7 +109,7 @@ impl Seen<'_> {
         let least = LEAST_SHARE * f64::from(count);
         if f64::from(seen) < least {
             Verdict::Unseen
-        } else if f64::from(moving) < MOVING_SHARE * f64::from(count) {
+        } else if f64::from(moving) < least {
             Verdict::Still
         } else {
             Verdict::Supported
