@@ -326,7 +326,6 @@ mod tests {
             artgs_io::write_atomic(&dir.path().join(format!("meshes/{mesh}.ply")), b"").unwrap();
         }
         let run = RunFolder::new(dir.path());
-        artgs_physical::export::upward(&run, None).unwrap();
         let options = shown_formats(&run, None);
         assert!(options.up.direction().distance(DVec3::NEG_Y) < 1e-9, "{:?}", options.up);
         assert_eq!(options.formats, ExportOptions::SHOWN);

@@ -193,12 +193,10 @@ impl ExportOptions {
     /// The options of the last export into a folder, with the formats that are there and those that the viewer shows;
     /// default ones if nothing was exported.
     pub fn of_last_export(folder: &RunFolder) -> Result<Self, FileError> {
-        let last = ExportReport::load(folder)?;
-        let up = match &last {
-            Some(report) => last_upward(report),
-            None => upward(folder, None).ok(),
-        };
-        let report = last.unwrap_or_default();
+        let wanted = |format: &Format| Self::SHOWN.contains(format) || folder.has_export(*format);
+        let formats = Self::default().formats.into_iter().filter(wanted).collect();
+        let Some(report) = ExportReport::load(folder)? else { return Ok(Self::first(folder, formats)) };
+        let up = last_upward(&report);
         let asked = report.options;
         let malformed = |reason: String| FileError::malformed(&folder.export_report(), reason);
         let front = asked.front.as_deref().map(FrontAxis::from_str).transpose().map_err(malformed)?;
@@ -219,11 +217,10 @@ impl ExportOptions {
             },
         };
         let defaults = Self::default();
-        let wanted = |format: &Format| Self::SHOWN.contains(format) || folder.has_export(*format);
         let collision =
             collision.map(|name| name.parse().map_err(|e| FileError::malformed(&folder.export_report(), e)));
         Ok(Self {
-            formats: defaults.formats.into_iter().filter(wanted).collect(),
+            formats,
             name: name.unwrap_or(defaults.name),
             capture: capture.filter(|folder| folder.is_dir()),
             scale: if report.scale > 0.0 { report.scale } else { defaults.scale },

@@ -88,6 +88,10 @@ fn equalised(frame: &DepthFrame, gain: Vec3) -> Vec<Vec3> {
 /// Plane of every cell with depth: a least-squares plane of the cells around it that agree with its normal. Cells beside an edge, which
 /// have no normal, take the plane of a neighbour that they are on.
 fn measured_planes(frame: &DepthFrame, tolerance: f32) -> Vec<CellPlane> {
+    /// Radius of the window, cells.
+    const RADIUS: usize = 4;
+    /// Least cosine between normals of one plane.
+    const ALIKE: f32 = 0.95;
     let columns = frame.columns();
     let window = |i: usize, radius: usize| window(i, radius, columns, frame.points.len());
     let fitted = |i: usize| {
@@ -102,10 +106,6 @@ fn measured_planes(frame: &DepthFrame, tolerance: f32) -> Vec<CellPlane> {
         let near: Vec<Vec3> = window(i, RADIUS).filter(alike).map(|j| frame.points[j]).collect();
         plane(&near, n).unwrap_or(CellPlane { source: p, normal: n })
     };
-    /// Radius of the window, cells.
-    const RADIUS: usize = 4;
-    /// Least cosine between normals of one plane.
-    const ALIKE: f32 = 0.95;
     let mut out: Vec<CellPlane> = (0..frame.points.len()).map(fitted).collect();
     let before = out.clone();
     for i in (0..out.len()).filter(|&i| frame.points[i].z > 0.0 && !before[i].is_some()) {
