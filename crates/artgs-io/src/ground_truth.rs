@@ -69,18 +69,38 @@ pub fn read_true_joints(gt_dir: &Path) -> Result<Vec<Joint>, FileError> {
     Ok(read_joints(&gt_dir.join("trans.json"))?.into_iter().map(|(joint, _)| joint).collect())
 }
 
+/// Joint value, relative to the start state, at which each value of the file is 0, in the order of [`GroundTruth::joints`]: objects of
+/// PartNet-Mobility are closed there. None of parts that pass it between their states.
+pub fn read_true_zeros(gt_dir: &Path) -> Result<Vec<Option<f64>>, FileError> {
+    let entries = read_entries(&gt_dir.join("trans.json"), &|info| {
+        let ([start, end], _, _) = values(info)?;
+        Ok((start * end >= 0.0).then_some(-start))
+    })?;
+    Ok(entries.into_iter().map(|(zero, _)| zero).collect())
+}
+
 /// Joints and their parents.
 fn read_joints(path: &Path) -> Result<Vec<(Joint, Option<usize>)>, FileError> {
+    read_entries(path, &joint)
+}
+
+/// What `read` says of each part, and the parents.
+fn read_entries<T>(
+    path: &Path,
+    read: &dyn Fn(&Value) -> Result<T, String>,
+) -> Result<Vec<(T, Option<usize>)>, FileError> {
     let bytes = read_bytes(path)?;
     let text = without_mark(&bytes).map_err(|reason| FileError::malformed(path, reason))?;
     let root: Value = serde_json::from_slice(text).map_err(|e| FileError::malformed(path, e.to_string()))?;
     let joints = match root.get("trans_info") {
         Some(Value::Array(list)) => {
-            let entry = |(i, v)| Ok((joint(v)?, parent(v, i, list.len())?));
+            let entry = |(i, v)| Ok((read(v)?, parent(v, i, list.len())?));
             let named = |(i, v)| entry((i, v)).map_err(|e: String| format!("trans_info[{i}]: {e}"));
             list.iter().enumerate().map(named).collect::<Result<Vec<_>, _>>().and_then(without_cycles)
         }
-        Some(one @ Value::Object(_)) => joint(one).map(|j| vec![(j, None)]).map_err(|e| format!("trans_info: {e}")),
+        Some(one @ Value::Object(_)) => {
+            read(one).map(|entry| vec![(entry, None)]).map_err(|e| format!("trans_info: {e}"))
+        }
         _ => Err("key `trans_info` must be an object or a list of objects".to_string()),
     };
     joints.map_err(|reason| FileError::malformed(path, reason))
@@ -97,7 +117,7 @@ fn parent(info: &Value, index: usize, count: usize) -> Result<Option<usize>, Str
 }
 
 /// Refuses cycles of parents.
-fn without_cycles(joints: Vec<(Joint, Option<usize>)>) -> Result<Vec<(Joint, Option<usize>)>, String> {
+fn without_cycles<T>(joints: Vec<(T, Option<usize>)>) -> Result<Vec<(T, Option<usize>)>, String> {
     for start in 0..joints.len() {
         let mut above = joints[start].1;
         for _ in 0..joints.len() {
@@ -117,6 +137,20 @@ fn joint(info: &Value) -> Result<Joint, String> {
     if axis_length < 1e-9 {
         return Err("key `axis.d` is zero; it must be a direction".into());
     }
+    let ([start, end], kind, pitch) = values(info)?;
+    let moved = end - start;
+    Ok(Joint {
+        kind,
+        axis: direction / axis_length,
+        origin: vector(axis, "o")?,
+        pitch,
+        state_values: PerState::new(0.0, moved),
+        limits: [moved.min(0.0), moved.max(0.0)],
+    })
+}
+
+/// Values of a joint at start and end, radians or scene units, with its kind and pitch.
+fn values(info: &Value) -> Result<([f64; 2], JointKind, f64), String> {
     let (kind, name, unit) = match info.get("type").and_then(Value::as_str) {
         Some("rotate") => (JointKind::Revolute, "rotate", std::f64::consts::PI / 180.0),
         Some("translate") => (JointKind::Prismatic, "translate", 1.0),
@@ -128,15 +162,7 @@ fn joint(info: &Value) -> Result<Joint, String> {
         number.ok_or_else(|| format!("key `{name}.{key}` must be a number"))
     };
     let pitch = if kind == JointKind::Screw { value("pitch")? } else { 0.0 };
-    let moved = (value("r")? - value("l")?) * unit;
-    Ok(Joint {
-        kind,
-        axis: direction / axis_length,
-        origin: vector(axis, "o")?,
-        pitch,
-        state_values: PerState::new(0.0, moved),
-        limits: [moved.min(0.0), moved.max(0.0)],
-    })
+    Ok(([value("l")? * unit, value("r")? * unit], kind, pitch))
 }
 
 fn vector(axis: &Value, key: &str) -> Result<DVec3, String> {

@@ -35,7 +35,7 @@ pub use corrections::{
 pub use digest::FileDigest;
 pub use error::FileError;
 pub use folder_lock::FolderLock;
-pub use ground_truth::{GroundTruth, load_ground_truth};
+pub use ground_truth::{GroundTruth, load_ground_truth, read_true_zeros};
 pub use mesh_ply::{read_mesh_ply, write_mesh_ply};
 pub use object_box::BoxBounds;
 pub use recording::{RecordingError, RecordingFormat, RecordingOptions, load_recording, write_recording};

@@ -80,6 +80,17 @@ fn observed<'a>(
     move |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / scale))
 }
 
+/// True for points of a link that a sensor measured.
+fn measured<'a>(
+    part: usize,
+    surfaces: &'a [PartSurface],
+    to_link: &Rigid,
+    scale: f64,
+) -> impl Fn(DVec3) -> bool + Sync + use<'a> {
+    let (from_link, seen) = (to_link.inverse(), surfaces[part].observed.as_ref());
+    move |p: DVec3| seen.is_none_or(|seen| seen.measures(from_link.apply(p) / scale))
+}
+
 /// An asset with masses and joint limits, without convex pieces.
 fn limited(
     name: &str,
@@ -149,7 +160,7 @@ fn limited(
     Ok((asset, decisions, solids))
 }
 
-/// Limits of all joints, by the visual meshes.
+/// Limits of all joints, by what was measured of the visual meshes.
 fn limit(
     asset: &mut Asset,
     decisions: &mut Decisions,
@@ -159,12 +170,12 @@ fn limit(
     config: &PhysicalConfig,
 ) {
     let swept = |(part, solid): (usize, &Option<Solid>)| {
-        let observed = observed(part, surfaces, &decisions.to_link[part], config.scale);
+        let measured = measured(part, surfaces, &decisions.to_link[part], config.scale);
         let link = &asset.links[part];
         // Points of another part that have the label of this one are apart from it.
         let main = link.parent.and_then(|_| without_islands(&link.visual.mesh));
-        let main = main.and_then(|mesh| Solid::new(&mesh, &observed));
-        Surface::of(main.as_ref().or(solid.as_ref()), &observed, config.sample_share * diagonal)
+        let main = main.and_then(|mesh| Solid::new(&mesh, &measured));
+        Surface::of(main.as_ref().or(solid.as_ref()), &measured, config.sample_share * diagonal)
     };
     let swept: Vec<Surface> = solids.par_iter().enumerate().map(swept).collect();
     decisions.ranges = extend(asset, &swept, &decisions.nearer_state, diagonal, config);

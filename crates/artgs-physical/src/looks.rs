@@ -51,12 +51,38 @@ pub struct Seen {
     shape: Arc<TriMesh>,
     /// Points within this distance belong to it, units of the capture.
     reach: f64,
+    /// Whether a photo measured each triangle; none if all depth was measured.
+    measured: Option<Arc<[bool]>>,
 }
 
 impl Seen {
     /// True for points of a part's surface that were observed, frame of the capture at the start state.
     pub fn holds(&self, point: DVec3) -> bool {
         self.shape.project_local_point_with_max_dist(to_parry(point), false, self.reach as f32).is_some()
+    }
+
+    /// True for points of a part's surface that a sensor measured: surfaces that are only derived from photos end anywhere within a cell.
+    pub fn measures(&self, point: DVec3) -> bool {
+        let Some(measured) = &self.measured else { return self.holds(point) };
+        let near =
+            self.shape.project_local_point_and_get_location_with_max_dist(to_parry(point), false, self.reach as f32);
+        near.is_some_and(|(_, (triangle, _))| measured[triangle as usize])
+    }
+
+    /// Asks of each triangle whether more views measure it than show it by derived depth, if some depth was derived: at borders of parts,
+    /// sensors measure what lies between two surfaces.
+    fn asked(self, views: &[BakeView], options: &BakeOptions) -> Self {
+        if !views.iter().any(BakeView::has_derived) {
+            return self;
+        }
+        let is_measured = |triangle: u32| {
+            let triangle = self.shape.triangle(triangle);
+            let (middle, normal) = (from_parry(triangle.center()), triangle.normal().map(from_parry));
+            let sights = views.iter().filter_map(|view| view.measures(middle, normal?, options));
+            sights.map(|measured| if measured { 1 } else { -1 }).sum::<i32>() > 0
+        };
+        let measured = (0..self.shape.indices().len() as u32).into_par_iter().map(is_measured).collect::<Vec<_>>();
+        Self { measured: Some(measured.into()), ..self }
     }
 
     /// What was observed of a wall at a point of its surface with this outward unit normal. Distances in units of the capture.
@@ -121,6 +147,7 @@ pub fn surfaces(
         // Depth that was rendered from the meshes measures nothing.
         let observed = shape.surface.observed.as_ref().filter(|_| capture.is_some_and(Capture::has_depth));
         shape.surface.evidence = evidence(points, observed, views, options);
+        shape.surface.observed = shape.surface.observed.take().map(|seen| seen.asked(views, options));
     });
     equalise(&mut views, &compared, &options);
     shapes.par_iter_mut().zip(&views).zip(fused).zip(&options).for_each(|(((shape, views), fused), options)| {
@@ -244,7 +271,7 @@ fn shape(
         thickened: repaired.thickened,
         fused: fused.triangles.len(),
         error: simple.error,
-        observed: meshes[part].shape().cloned().map(|shape| Seen { shape, reach: voxel }),
+        observed: meshes[part].shape().cloned().map(|shape| Seen { shape, reach: voxel, measured: None }),
         ..PartSurface::default()
     };
     let shaded = with_normals(&simple.mesh, CREASE);
@@ -315,12 +342,38 @@ fn texel_density(views: &[BakeView], mesh: &Mesh) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::topology::testing::open_box;
+    use artgs_core::Intrinsics;
+
+    #[test]
+    fn a_surface_is_measured_where_most_views_have_depth_of_their_own() {
+        // Cameras look along +Z at the lower side of a cube; the left halves of two of their three images are derived.
+        let cube = Fused::from(open_box(DVec3::ONE, 8, [true; 6]));
+        let k = Intrinsics { fx: 100.0, fy: 100.0, cx: 50.0, cy: 50.0, width: 100, height: 100 };
+        let camera = Camera::look_at(k, DVec3::new(0.5, 0.5, -2.0), DVec3::splat(0.5), DVec3::Y);
+        let depth = depth_of(&camera, &[cube.mesh()]);
+        let rgba = vec![[9, 9, 9, 255]; depth.len()];
+        let left = DepthMap::new((0..depth.len()).map(|i| u16::from(i % 100 < 50)).collect(), 1.0);
+        let photo = |derived| Photo::new(&rgba, &depth, k, 0.1).unwrap().with_derived(derived);
+        let photos = [photo(Some(&left)), photo(Some(&left)), photo(None)];
+        let views: Vec<BakeView> = photos.iter().map(|photo| BakeView::new(photo, camera)).collect();
+        let options = BakeOptions::at_resolution(0.05);
+        let seen = || Seen { shape: cube.shape().unwrap().clone(), reach: 0.05, measured: None };
+        let right_of = |x: f64| camera.project(DVec3::new(x, 0.5, 0.0)).0.x > 50.0;
+        let places = [0.2, 0.8].map(|x| (DVec3::new(x, 0.5, 0.01), right_of(x)));
+        let asked = seen().asked(&views, &options);
+        for (place, is_right) in places {
+            assert!(asked.holds(place) && asked.measures(place) == is_right, "{place}");
+        }
+        let none = seen().asked(&views[2..], &options);
+        assert!(places.iter().all(|(place, _)| none.measures(*place)), "all depth was measured");
+        assert!(!none.measures(DVec3::splat(0.5)), "no surface there");
+    }
 
     #[test]
     fn walls_that_close_an_open_box_are_invented() {
         let seen = |sides: [bool; 6]| {
             let fused = Fused::from(open_box(DVec3::ONE, 12, sides));
-            Seen { shape: fused.shape().unwrap().clone(), reach: 0.01 }
+            Seen { shape: fused.shape().unwrap().clone(), reach: 0.01, measured: None }
         };
         let points = spread(&open_box(DVec3::ONE, 12, [true; 6]), COMPARED);
         let options = BakeOptions::at_resolution(0.01);

@@ -10,6 +10,7 @@ use crate::convert::{from_parry, to_parry};
 use crate::decompose::Observed;
 use crate::decompose::solid::{Sample, Solid};
 use crate::repair::trimesh;
+use crate::topology::{corners, refine};
 use artgs_core::{Asset, JointKind, Mesh, Rigid};
 use glam::{DVec2, DVec3};
 use parry3d::query::{PointQueryWithLocation as _, Ray, RayCullingMode};
@@ -27,11 +28,17 @@ pub(crate) struct Surface {
 impl Surface {
     /// Surface of a solid with points about `spacing` apart; nothing without one.
     pub(crate) fn of(solid: Option<&Solid>, observed: &Observed, spacing: f64) -> Self {
+        /// Longest edge of a triangle that is observed or not, distances between points.
+        const COARSEST: f64 = 4.0;
         let Some(solid) = solid else {
             return Self { samples: Vec::new(), all: None, seen: None };
         };
-        let triangles = solid.mesh.triangles.iter().zip(&solid.seen).filter(|(_, seen)| **seen).map(|(t, _)| *t);
-        let seen = Mesh { triangles: triangles.collect(), ..solid.mesh.clone() };
+        // A triangle of a flat face is larger than what was observed of it.
+        let mut seen = Mesh { colors: Vec::new(), ..solid.mesh.clone() };
+        refine(&mut seen, COARSEST * spacing);
+        let middle = |t: &[u32; 3]| corners(&seen, *t).iter().sum::<DVec3>() / 3.0;
+        let triangles = seen.triangles.par_iter().filter(|t| observed(middle(t))).copied().collect();
+        let seen = Mesh { triangles, ..seen };
         let samples = solid.samples(spacing, false);
         let samples = samples.into_iter().map(|s| Sample { seen: observed(s.point), ..s }).collect();
         Self { samples, all: trimesh(&solid.mesh), seen: trimesh(&seen) }

@@ -99,6 +99,11 @@ impl<'a> BakeView<'a> {
         Some(self.photo.derived.is_none_or(|derived| derived.counts()[sight.index] == 0))
     }
 
+    /// True if some of the depth of this view was derived.
+    pub(crate) fn has_derived(&self) -> bool {
+        self.photo.derived.is_some()
+    }
+
     /// The colour in the photo.
     pub(super) fn color(&self, sight: &Sight) -> Vec3 {
         let [x, y] = sight.at;

@@ -79,7 +79,11 @@ impl<'a> DepthPicture<'a> {
         /// Every so many pixels and rows give a point: enough for the object's size.
         const STRIDE: usize = 5;
         let ((camera, depth), rgba) = (self.thinned_depth(step, radius), self.thinned_colors(step));
-        let mask: Vec<bool> = rgba.iter().map(may_hold_object).collect();
+        let mut mask: Vec<bool> = rgba.iter().map(may_hold_object).collect();
+        // What was only derived shows no room to be empty.
+        if let Some(derived) = self.thinned_derived(step) {
+            mask.iter_mut().zip(derived).for_each(|(may, z)| *may |= z > 0.0);
+        }
         let smooth = smoothed(&depth, camera.intrinsics.width as usize, camera.intrinsics.fx as f32);
         let view = DepthLookup::new(camera, smooth.unwrap_or(depth), &mask);
         let rough = surface_points(&view, &rgba, STRIDE);
@@ -425,6 +429,18 @@ mod tests {
         assert_eq!(coarse.0, 1);
         assert!(fine.0 >= 2 && fine.1 == (288 / fine.0).pow(2), "{fine:?}");
         assert!((fine.2 as f64 / coarse.2 as f64 - 1.0).abs() < 0.15, "{coarse:?} {fine:?}");
+    }
+
+    #[test]
+    fn pixels_of_derived_depth_are_unknown_and_others_without_depth_are_empty() {
+        let options = CabinetOptions { views: 1, size: 32, ..CabinetOptions::default() };
+        let mut view = cabinet_capture(&options).unwrap().0.states[State::START].train.remove(0);
+        let depth = view.depth.take().unwrap();
+        let background = (0..depth.len()).find(|i| depth.at(*i) == 0.0 && !may_hold_object(&view.rgba[*i])).unwrap();
+        let is_unknown = |view: &View| DepthPicture { view, depth: &depth }.prepared(1, 0).0.is_unknown(background);
+        assert!(!is_unknown(&view));
+        view.derived = Some(DepthMap::new((0..depth.len()).map(|i| u16::from(i == background)).collect(), 1.0));
+        assert!(is_unknown(&view));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Everything measured about one replica.
 
+use super::closing::Closing;
 use super::geometry::{GeometryConfig, MeshScore, chamfer, sample_surface, score_mesh};
 use super::joints::{JointErrors, Motion, joint_errors, read_as};
 use super::matching::{match_parts, pair_cost};
@@ -57,6 +58,9 @@ pub struct PartScore {
     pub joint: Option<JointErrors>,
     /// CD-m and its company.
     pub mesh: MeshScore,
+    /// How far it closes; none without an export, or if the truth or the export does not say where it is closed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub closing: Option<Closing>,
 }
 
 /// Means over the true movable parts that were found. Which ones those are is in [`Counts`].
@@ -182,6 +186,7 @@ pub fn evaluate(replica: &Replica, meshes: &PartMeshes, truth: &Truth, config: &
             kind: joint.as_ref().map(|j| j.kind),
             joint: joint.map(|j| j.errors(true_joint)),
             mesh: score(guess, true_mesh),
+            closing: None,
         });
     }
     count_absent(meshes.parts.first(), &truth.fixed);

@@ -1,5 +1,6 @@
 //! Scores as text, in the layout of the paper's tables.
 
+use super::closing::Closing;
 use super::geometry::MeshScore;
 use super::joints::{JointErrors, Motion};
 use super::pictures::PictureReport;
@@ -45,7 +46,22 @@ impl Scores {
             worst(&turn).map(|v| format!("; turns within {v:.2} degrees")),
             worst(&|e| slide(e).or(e.slide)).map(|v| format!("; slides within {v:.4} scene units")),
         ];
-        let exact: String = exact.into_iter().flatten().collect();
+        let closing = |pick: fn(&Motion) -> bool| {
+            self.parts
+                .iter()
+                .filter_map(|p| p.closing.as_ref())
+                .map(Closing::error)
+                .filter(pick)
+                .map(Motion::value)
+                .reduce(f64::max)
+        };
+        let closes = [
+            closing(|m| matches!(m, Motion::Degrees(_))).map(|v| format!("{v:.1} degrees")),
+            closing(|m| matches!(m, Motion::Length(_))).map(|v| format!("{v:.3} scene units")),
+        ];
+        let closes: Vec<String> = closes.into_iter().flatten().collect();
+        let closes = (!closes.is_empty()).then(|| format!("; closing limits within {}", closes.join(" and ")));
+        let exact: String = exact.into_iter().flatten().chain(closes).collect();
         format!("verdict: parts, joint types and parents are right{exact}")
     }
 }
@@ -69,7 +85,12 @@ impl Display for Scores {
                 },
             );
             let (angle, position) = (p.joint.map(|j| j.axis_angle_deg), p.joint.and_then(|j| j.axis_position_x10));
-            writeln!(f, "{label:<8} {:>9} {:>9} {motion:>12}  {kind}{slide}", number(angle, 2), number(position, 3))?;
+            let closing = p.closing.map_or_else(String::new, |c| match c.error() {
+                Motion::Degrees(off) => format!(", closes {off:.1} deg off"),
+                Motion::Length(off) => format!(", closes {off:.3} off"),
+            });
+            let (angle, position) = (number(angle, 2), number(position, 3));
+            writeln!(f, "{label:<8} {angle:>9} {position:>9} {motion:>12}  {kind}{slide}{closing}")?;
         }
         let m = &self.joints;
         let (angle, position) = (number(m.axis_angle_deg, 2), number(m.axis_position_x10, 3));

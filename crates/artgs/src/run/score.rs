@@ -2,10 +2,11 @@
 
 use super::{Error, found_parts};
 use crate::discover::Discovery;
-use crate::evaluate::{EvaluateConfig, Scores, Truth};
+use crate::evaluate::{Closing, EvaluateConfig, Scores, Truth};
 use crate::surface::PartMeshes;
 use artgs_core::{Joint, JointEstimate, Mesh, PerState, Replica, State};
 use artgs_io::FileError;
+use artgs_io::export_report::ExportReport;
 use artgs_io::run_folder::RunFolder;
 use artgs_io::summary::Bounds;
 use glam::{DVec3, Vec3};
@@ -21,7 +22,19 @@ pub fn evaluate(folder: &RunFolder, ground_truth: &Path) -> Result<Scores, Error
     let meshes = PartMeshes { parts, whole: load(&replica.whole)? };
     let truth = load_truth(ground_truth)?;
     require_same_place(&meshes.whole[State::START], &truth.whole[State::START])?;
-    Ok(crate::evaluate::evaluate(&replica, &meshes, &truth, &EvaluateConfig::default()))
+    let mut scores = crate::evaluate::evaluate(&replica, &meshes, &truth, &EvaluateConfig::default());
+    if let Some(export) = ExportReport::load(folder)? {
+        let zeros = artgs_io::read_true_zeros(ground_truth)?;
+        let of = |part: usize| {
+            export.links.iter().find(|link| export.part_of(&link.name) == Some(&replica.parts[part].name))
+        };
+        for score in &mut scores.parts {
+            let pair = score.part.and_then(of).zip(zeros[score.truth]);
+            let truth = &truth.joints[score.truth];
+            score.closing = pair.and_then(|(link, zero)| Closing::of(&export, link, truth, zero));
+        }
+    }
+    Ok(scores)
 }
 
 /// Refuses surfaces whose boxes do not intersect or whose sizes differ by more than a factor: the comparison would take
