@@ -4,6 +4,7 @@
 * Relative links and pictures of every tracked Markdown file lead to files and headings that exist.
 * With `--book`: so do those of the built book.
 * Every message that `docs/src/troubleshooting.md` explains (its headings) is in the sources.
+* Every Rust excerpt of `docs/src/library.md` stands in an example of the library, which is compiled.
 * With `--program`: `artgs` commands in the documents use subcommands and options that exist.
 
 Exit code 1 if anything is wrong.
@@ -21,6 +22,7 @@ from urllib.parse import unquote, urlsplit
 ROOT = Path(__file__).resolve().parent.parent
 FENCE = re.compile(r"^ *```.*?^ *```\s*$", re.MULTILINE | re.DOTALL)
 TROUBLESHOOTING = "docs/src/troubleshooting.md"
+LIBRARY = "docs/src/library.md"
 
 
 def markdown_files():
@@ -55,6 +57,18 @@ def anchors_of(path):
             number += 1
         found.add(f"{slug}-{number}" if number else slug)
     return found
+
+
+def excerpts_not_in_examples():
+    """Rust excerpts of the page on the library of which no example has the lines, apart from their indentation."""
+
+    def lines(text):
+        return "\n".join(line.strip() for line in text.splitlines() if line.strip())
+
+    examples = [lines(path.read_text()) for path in sorted((ROOT / "crates/artgs/examples").glob("*.rs"))]
+    for block in re.finditer(r"^```rust\n(.*?)^```$", (ROOT / LIBRARY).read_text(), re.MULTILINE | re.DOTALL):
+        if not any(lines(block[1]) in example for example in examples):
+            yield f"{LIBRARY}: no example has the excerpt that begins with `{block[1].splitlines()[0]}`"
 
 
 def wrong_links(name):
@@ -153,6 +167,7 @@ def main():
     args = parser.parse_args()
     names = markdown_files()
     wrong = [line for name in names for line in wrong_links(name)] + list(wrong_messages())
+    wrong += list(excerpts_not_in_examples())
     wrong += wrong_pages(args.book) if args.book else []
     wrong += wrong_commands(args.program, names) if args.program else []
     for line in wrong:

@@ -270,7 +270,7 @@ fn shadows(
 }
 
 /// Evenly spread points on triangles, about `count`.
-fn samples(surfaces: &[Triangles], count: usize) -> Vec<DVec3> {
+pub(crate) fn samples(surfaces: &[Triangles], count: usize) -> Vec<DVec3> {
     let corners = |(points, t): (&[DVec3], &[u32; 3])| t.map(|i| points[i as usize]);
     let all = || surfaces.iter().flat_map(|(points, triangles)| triangles.iter().map(|t| corners((points, t))));
     let area = |[a, b, c]: [DVec3; 3]| 0.5 * (b - a).cross(c - a).length();

@@ -16,6 +16,7 @@ mod coverage;
 mod drive;
 mod drop;
 mod finger;
+mod limits;
 mod mass;
 mod meshes;
 mod model;
@@ -34,8 +35,8 @@ mod table;
 pub use options::CheckOptions;
 pub use readers::is_reading;
 pub use report::{
-    CheckReport, CoverageFinding, DropFinding, FilesFinding, FingerFinding, FormatFinding, JointFinding, LinkFinding,
-    RuleFinding, StateFinding, Verdict,
+    CheckReport, CoverageFinding, DropFinding, FilesFinding, FingerFinding, FormatFinding, JointFinding, LimitFinding,
+    LinkFinding, RuleFinding, StateFinding, Verdict,
 };
 
 use artgs_core::{JointKind, PerState, Replica, State};
@@ -176,6 +177,7 @@ fn physics(
         let touched = |i: usize| finger::link(model, &scene, i, &drawn, &named(i)?.handles, options);
         report.fingers = (0..model.links.len()).into_par_iter().filter_map(touched).collect();
     }
+    report.limits = (0..model.links.len()).filter_map(|i| limits::joint(model, observed, i, options)).collect();
     report.notes.extend(balance::notes(model));
     if scene.is_empty() {
         report.notes.push("no link has collision hulls: no collision can stop a joint".into());

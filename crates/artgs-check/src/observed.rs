@@ -33,6 +33,22 @@ impl Observed {
         way.dot(normal) > FACING * way.length() * normal.length()
     }
 
+    /// True for points behind this surface by more than `depth`, and not much more: what is farther from it is behind a wall. Beside a
+    /// rim, nothing is known.
+    pub(crate) fn is_deep(&self, p: DVec3, depth: f64) -> bool {
+        /// Largest depth, in multiples of the least one.
+        const NEAR: f64 = 3.0;
+        /// Cosine of the largest angle between the way to the surface and its normal.
+        const STRAIGHT: f64 = 0.9;
+        let found =
+            self.shape.project_local_point_and_get_location_with_max_dist(vector(p), false, (NEAR * depth) as f32);
+        let Some((near, (triangle, _))) = found else { return false };
+        let Some(normal) = self.shape.triangle(triangle).normal() else { return false };
+        let [way, normal] = [vector(p) - near.point, normal].map(|v| DVec3::from_array(v.to_array().map(f64::from)));
+        let behind = -way.dot(normal);
+        behind > depth && behind > STRAIGHT * way.length()
+    }
+
     /// `mesh` is in the frame and unit of the capture at the start state.
     pub(crate) fn new(mesh: &Mesh, scale: f64, to_link: &Rigid) -> Option<Self> {
         /// Distance of simplified surfaces from the fused one, relative to its edges.

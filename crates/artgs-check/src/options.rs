@@ -36,6 +36,10 @@ pub struct CheckOptions {
     pub covered: f64,
     /// Largest width of a hole, and depth of hulls where nothing is drawn; at most a fiftieth of the link's diagonal.
     pub hole: f64,
+    /// Depth behind an observed surface at which a point is inside of a link, as a share of the object's diagonal.
+    pub deep: f64,
+    /// Largest share of the surface of a link that may be inside of another one at a limit of its joint.
+    pub inside: f64,
     /// Points on each surface that are compared.
     pub samples: usize,
 }
@@ -58,6 +62,8 @@ impl Default for CheckOptions {
             cover: 5e-3,
             covered: 0.98,
             hole: 0.01,
+            deep: 0.015,
+            inside: 0.03,
             samples: 20_000,
         }
     }

@@ -23,6 +23,8 @@ pub struct CheckReport {
     pub fingers: Vec<FingerFinding>,
     /// Joints of the URDF, driven one at a time.
     pub joints: Vec<JointFinding>,
+    /// Visual meshes at the limits of the joints of the URDF, if the observed values are known.
+    pub limits: Vec<LimitFinding>,
     /// The observed states, if a format contains them.
     pub states: Vec<StateFinding>,
     /// What was not checked, and why. Notes are no failures.
@@ -234,6 +236,24 @@ pub struct JointFinding {
     pub problems: Vec<String>,
 }
 
+/// The visual meshes of a link at the limits of its joint.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct LimitFinding {
+    /// Name of the joint.
+    pub joint: String,
+    /// How it moves.
+    pub kind: Option<JointKind>,
+    /// Lower and upper limit.
+    pub limits: [f64; 2],
+    /// Depth behind an observed surface at which a point is inside of a link, metres.
+    pub depth: f64,
+    /// Share of the observed surface of the link that is inside of one other link at each limit, and was not at the observed value nearest
+    /// to it.
+    pub inside: [f64; 2],
+    /// Warnings, one sentence each. They are no problems: surfaces that were seen badly can be in the way of a right limit.
+    pub warnings: Vec<String>,
+}
+
 /// The object in an observed state, all joints together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StateFinding {
@@ -269,6 +289,7 @@ impl CheckReport {
         let states = self.states.iter().map(|s| s.problems.len());
         let warnings = self.coverage.iter().map(|c| &c.warnings).chain(self.drops.iter().map(|d| &d.warnings));
         let warnings = warnings.chain(self.fingers.iter().map(|f| &f.warnings));
+        let warnings = warnings.chain(self.limits.iter().map(|l| &l.warnings));
         self.warnings = warnings.map(Vec::len).sum();
         self.failures = files
             .chain(formats)

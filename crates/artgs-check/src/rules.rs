@@ -2,8 +2,8 @@
 
 use crate::CheckOptions;
 use crate::report::{
-    CheckReport, CoverageFinding, DropFinding, FingerFinding, FormatFinding, JointFinding, LinkFinding, RuleFinding,
-    StateFinding, Verdict,
+    CheckReport, CoverageFinding, DropFinding, FingerFinding, FormatFinding, JointFinding, LimitFinding, LinkFinding,
+    RuleFinding, StateFinding, Verdict,
 };
 use artgs_core::{JointKind, State};
 
@@ -90,6 +90,7 @@ impl CheckReport {
         out.extend(self.drops.iter().flat_map(drop));
         out.extend(self.fingers.iter().flat_map(finger));
         out.extend(self.joints.iter().flat_map(|found| joint(found, options)));
+        out.extend(self.limits.iter().flat_map(|found| limit(found, options)));
         out.extend(self.states.iter().flat_map(|found| state(found, options)));
         out.extend(self.notes.iter().map(|note| skipped("check.note", "what was not checked", "exports", note, "")));
         out
@@ -223,6 +224,13 @@ fn joint(found: &JointFinding, options: &CheckOptions) -> Vec<RuleFinding> {
         }
     }
     settled("joint", &found.joint, rules, &found.problems, &[])
+}
+
+fn limit(found: &LimitFinding, options: &CheckOptions) -> Vec<RuleFinding> {
+    let checked = "share of the visible surface that is inside of another link at a limit";
+    let [lower, upper] = found.inside;
+    let rule = most("limit.inside", checked, lower.max(upper), options.inside, "", LIMITS);
+    settled("limit", &found.joint, vec![rule], &[], &found.warnings)
 }
 
 fn state(found: &StateFinding, options: &CheckOptions) -> Vec<RuleFinding> {

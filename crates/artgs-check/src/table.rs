@@ -1,6 +1,6 @@
 //! A report as text.
 
-use crate::report::{CheckReport, CoverageFinding, FormatFinding, JointFinding};
+use crate::report::{CheckReport, CoverageFinding, FormatFinding, JointFinding, Verdict};
 use artgs_core::{JointKind, State};
 use std::fmt;
 
@@ -186,6 +186,16 @@ impl fmt::Display for CheckReport {
             self.joints.iter().for_each(|found| joints.push(joint_row(found), &found.problems));
             write!(f, "\n{joints}")?;
         }
+        if !self.limits.is_empty() {
+            let mut limits = Table::new(&["visual meshes at limits", "", "inside of others"]);
+            for found in &self.limits {
+                let [lower, upper] = found.inside.map(|share| format!("{:.1} %", 100.0 * share));
+                let graded = graded(&[], &found.warnings);
+                let cells = vec![found.joint.clone(), graded.into(), format!("{lower} to {upper}")];
+                limits.push(cells, &warned(&[], &found.warnings));
+            }
+            write!(f, "\n{limits}")?;
+        }
         if !self.states.is_empty() {
             let mut states = Table::new(&["state", "", "penetration"]);
             for found in &self.states {
@@ -209,6 +219,13 @@ impl fmt::Display for CheckReport {
             0 => writeln!(f, "\nall checks passed"),
             1 => writeln!(f, "\n1 problem"),
             n => writeln!(f, "\n{n} problems"),
+        }?;
+        let mut remedies: Vec<String> = Vec::new();
+        for rule in self.rules().into_iter().filter(|rule| rule.verdict == Verdict::Failed && !rule.remedy.is_empty()) {
+            if !remedies.contains(&rule.remedy) {
+                remedies.push(rule.remedy);
+            }
         }
+        remedies.iter().try_for_each(|remedy| writeln!(f, "to do: {remedy}"))
     }
 }

@@ -32,6 +32,11 @@ pub struct View {
 }
 
 impl View {
+    /// A view with measured depth, or without; both of the size of the camera's images, row-major.
+    pub fn new(name: impl Into<String>, camera: Camera, rgba: Vec<[u8; 4]>, depth: Option<DepthMap>) -> Self {
+        Self { name: name.into(), camera, rgba, depth, derived: None }
+    }
+
     /// Image width and height in pixels.
     pub fn size(&self) -> (usize, usize) {
         (self.camera.intrinsics.width as usize, self.camera.intrinsics.height as usize)
@@ -90,6 +95,12 @@ pub struct Capture {
 }
 
 impl Capture {
+    /// A capture of training views that share one world.
+    pub fn new(views: PerState<Vec<View>>) -> Self {
+        let states = views.map(|train| StateViews { train, test: Vec::new() });
+        Self { states, ..Self::default() }
+    }
+
     /// True if every training view of every state has depth.
     pub fn has_depth(&self) -> bool {
         self.states.iter().all(|s| s.train.iter().all(|v| v.depth.is_some()))
@@ -113,7 +124,7 @@ mod tests {
         let k = Intrinsics { fx: 10.0, fy: 20.0, cx: 1.5, cy: 1.0, width: 3, height: 2 };
         let camera = Camera::look_at(k, DVec3::new(1.0, -2.0, 1.5), DVec3::ZERO, DVec3::Z);
         let depth = Some(DepthMap::nearest(&[0.0, 1.0, 0.0, 2.0, 0.0, 0.0]));
-        let view = View { name: String::new(), camera, rgba: vec![[255; 4]; 6], depth, derived: None };
+        let view = View::new("", camera, vec![[255; 4]; 6], depth);
         let points: Vec<DVec3> = view.points().collect();
         let expected = [((1.5, 0.5), 1.0), ((0.5, 1.5), 2.0)];
         assert_eq!(points.len(), expected.len());

@@ -6,7 +6,6 @@
 
 use artgs::Reconstruction;
 use artgs::observer::NullObserver;
-use artgs_core::State;
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 use std::path::Path;
 
@@ -16,8 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         None => cabinet_capture(&CabinetOptions { views: 20, size: 120, ..CabinetOptions::default() })?.0,
     };
     let found = Reconstruction::new(&capture).find_parts(&mut NullObserver)?;
-    for (i, part) in found.parts.iter().enumerate() {
-        let joint = part.joint_near(&found.parts, found.middle(i + 1, State::START));
+    for (i, (part, joint)) in found.parts.iter().zip(found.joints()).enumerate() {
         let confidence = part.confidence.map_or("unknown".into(), |c| format!("{c:.2}"));
         let carrier = if part.parent == 0 { "the static part".into() } else { format!("part {}", part.parent) };
         println!("part {} on {carrier}: {:?} about {:.4} at {:.4}", i + 1, joint.kind, joint.axis, joint.origin);

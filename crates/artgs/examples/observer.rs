@@ -2,8 +2,8 @@
 
 #![allow(clippy::print_stdout, reason = "an example prints")]
 
-use artgs::observer::{Event, Observer, Snapshot};
-use artgs::{Config, Reconstruction};
+use artgs::observer::Snapshot;
+use artgs::prelude::*;
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 
 #[derive(Default)]
@@ -34,8 +34,9 @@ impl Observer for Printer {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let options = CabinetOptions { views: 20, test_views: 2, size: 96, ..CabinetOptions::default() };
     let (capture, _) = cabinet_capture(&options)?;
-    let config =
-        Config::default().overridden_by("parts = 3\n[articulate]\nsteps = 40\n[surface]\nresolution = 80.0")?;
+    let mut config = Config { parts: 3.into(), ..Config::default() };
+    config.articulate.steps = 40;
+    config.surface.resolution = 80.0;
     let made = Reconstruction { config, ..Reconstruction::new(&capture) }.compute(&mut Printer::default())?;
     println!("{}", made.summary);
     Ok(())

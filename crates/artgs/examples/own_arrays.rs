@@ -4,7 +4,7 @@
 
 use artgs::Reconstruction;
 use artgs::observer::NullObserver;
-use artgs_core::{Camera, Capture, DepthMap, Intrinsics, PerState, StateViews, View};
+use artgs_core::{Camera, Capture, DepthMap, Intrinsics, PerState, View};
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 
 /// An image as other programs hold it.
@@ -26,15 +26,15 @@ fn view(name: &str, image: Image) -> View {
     let [width, height] = image.size;
     let intrinsics = Intrinsics { fx, fy, cx, cy, width, height };
     let camera = Camera { intrinsics, world_to_camera: image.world_to_camera };
-    View { name: name.into(), camera, rgba: image.rgba, depth: Some(DepthMap::nearest(&image.depth)), derived: None }
+    View::new(name, camera, image.rgba, Some(DepthMap::nearest(&image.depth)))
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let states = images()?.map(|images| {
-        let views = images.into_iter().enumerate().map(|(i, image)| view(&format!("image {i}"), image));
-        StateViews { train: views.collect(), test: Vec::new() }
+    let views = images()?.map(|images| {
+        let views = images.into_iter().enumerate();
+        views.map(|(i, image)| view(&format!("image {i}"), image)).collect()
     });
-    let capture = Capture { states, ..Capture::default() };
+    let capture = Capture::new(views);
     let found = Reconstruction::new(&capture).find_parts(&mut NullObserver)?;
     println!("{} movable parts", found.parts.len());
     Ok(())

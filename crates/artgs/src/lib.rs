@@ -4,9 +4,7 @@
 //! ([`Reconstruction::compute`]):
 //!
 //! ```
-//! use artgs::observer::NullObserver;
-//! use artgs::{Config, Reconstruction};
-//! use artgs_core::JointKind;
+//! use artgs::prelude::*;
 //! use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 //!
 //! // Here a rendered cabinet with a door and a drawer; `artgs_io::load_capture` reads a folder of photos.
@@ -14,15 +12,22 @@
 //! let (capture, _ground_truth) = cabinet_capture(&options)?;
 //!
 //! // Fewer steps and larger voxels than the default, so that this takes seconds.
-//! let settings = "parts = 3\n[articulate]\nsteps = 20\n[surface]\nresolution = 60.0";
-//! let config = Config::default().overridden_by(settings)?;
+//! let mut config = Config { parts: 3.into(), ..Config::default() };
+//! config.articulate.steps = 20;
+//! config.surface.resolution = 60.0;
 //! let made = Reconstruction { config, ..Reconstruction::new(&capture) }.compute(&mut NullObserver)?;
 //!
 //! let kind = |part| made.replica.joint(part).map(|joint| joint.kind);
 //! assert!([kind(1), kind(2)].contains(&Some(JointKind::Revolute)));
 //! // The mesh of every part with both joints half way, world frame.
 //! let half = |part| made.replica.joint(part).map_or(0.0, |joint| 0.5 * joint.limits[1]);
-//! assert_eq!(made.posed_meshes(&[0.0, half(1), half(2)]).len(), 3);
+//! let posed = made.posed_meshes(&[0.0, half(1), half(2)]);
+//! // Saved and read back, it is the same.
+//! let folder = tempfile::tempdir()?;
+//! made.save(&artgs_io::RunFolder::new(folder.path()))?;
+//! let saved = artgs::load(folder.path())?;
+//! assert_eq!(saved.posed_meshes(&[0.0, half(1), half(2)])[1].vertices, posed[1].vertices);
+//! assert_eq!(saved.part_splats(1).map(|s| s.len()), made.part_splats(1).map(|s| s.len()));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -66,4 +71,13 @@ mod trimmed;
 
 pub use config::Config;
 pub use part_count::{PartCount, PartCountError};
-pub use run::{Error, Reconstructed, Reconstruction, Summary};
+pub use run::{Error, Reconstructed, Reconstruction, SavedReplica, Summary, load};
+
+/// What most programs need: `use artgs::prelude::*;`.
+pub mod prelude {
+    pub use crate::observer::{Event, NullObserver, Observer};
+    pub use crate::{Config, Error, Reconstructed, Reconstruction, SavedReplica};
+    pub use artgs_core::{
+        Camera, Capture, DepthMap, Intrinsics, Joint, JointKind, Mesh, PerState, Replica, Rigid, State, View,
+    };
+}

@@ -81,7 +81,7 @@ mod twins;
 pub(crate) mod visibility;
 
 use crate::observer::{Share, within};
-use artgs_core::{JointAlternative, JointEstimate, PerState, Rigid, State};
+use artgs_core::{Joint, JointAlternative, JointEstimate, PerState, Rigid, State};
 use by_energy::with_parts_by_energy;
 use candidates::{Candidate, Search, SearchState};
 pub use cloud::Cloud;
@@ -139,6 +139,13 @@ pub struct Discovery {
 }
 
 impl Discovery {
+    /// Joints of the movable parts against the parts that carry them, in the order of `parts`: world frame of the start state, with the origin
+    /// near the part, and values 0 there.
+    pub fn joints(&self) -> Vec<Joint> {
+        let near = |(i, part): (usize, &JointEstimate)| part.joint_near(&self.parts, self.middle(i + 1, State::START));
+        self.parts.iter().enumerate().map(near).collect()
+    }
+
     /// Mean of a part's points in a state, world frame; the origin if it has none there.
     pub fn middle(&self, part: usize, state: State) -> DVec3 {
         let points = self.clouds[state].points.iter().zip(&self.labels[state]);

@@ -60,7 +60,8 @@ impl Scores {
             closing(|m| matches!(m, Motion::Length(_))).map(|v| format!("{v:.3} scene units")),
         ];
         let closes: Vec<String> = closes.into_iter().flatten().collect();
-        let closes = (!closes.is_empty()).then(|| format!("; closing limits within {}", closes.join(" and ")));
+        let closes = (!closes.is_empty())
+            .then(|| format!("; closing limits within {} of the zeros of the true joints", closes.join(" and ")));
         let exact: String = exact.into_iter().flatten().chain(closes).collect();
         format!("verdict: parts, joint types and parents are right{exact}")
     }
@@ -86,8 +87,8 @@ impl Display for Scores {
             );
             let (angle, position) = (p.joint.map(|j| j.axis_angle_deg), p.joint.and_then(|j| j.axis_position_x10));
             let closing = p.closing.map_or_else(String::new, |c| match c.error() {
-                Motion::Degrees(off) => format!(", closes {off:.1} deg off"),
-                Motion::Length(off) => format!(", closes {off:.3} off"),
+                Motion::Degrees(off) => format!(", closes {off:.1} deg from the true zero"),
+                Motion::Length(off) => format!(", closes {off:.3} from the true zero"),
             });
             let (angle, position) = (number(angle, 2), number(position, 3));
             writeln!(f, "{label:<8} {angle:>9} {position:>9} {motion:>12}  {kind}{slide}{closing}")?;

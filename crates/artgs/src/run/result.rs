@@ -1,12 +1,13 @@
 //! What a run computes, and how it is written to a folder.
 
 use super::preview::Preview;
+use super::saved::posed;
 use super::{Error, Summary};
 use crate::articulation::Trained;
 use crate::config::Config;
 use crate::discover::Discovery;
 use crate::surface::PartMeshes;
-use artgs_core::{JointEstimate, Mesh, Replica, Rigid, Splats, State};
+use artgs_core::{JointEstimate, Mesh, Replica, Rigid, Splats};
 use artgs_io::run_folder::{RunFolder, save_json};
 
 /// A replica in memory with everything that it was made from.
@@ -59,8 +60,7 @@ impl Reconstructed {
 
     /// Mesh of every part when the joints have these values, world frame; see [`Reconstructed::pose`].
     pub fn posed_meshes(&self, values: &[f64]) -> Vec<Mesh> {
-        let parts = self.meshes.parts.iter().enumerate();
-        parts.map(|(part, meshes)| meshes[State::START].moved(&self.pose(part, values))).collect()
+        posed(&self.replica, &self.meshes, values)
     }
 
     /// Gaussians of one part, world frame midway between the states; none if there are no Gaussians.

@@ -1,5 +1,6 @@
 //! Scores of a replica on disk, or of parts that were found before training.
 
+use super::saved::replica_and_meshes;
 use super::{Error, found_parts};
 use crate::discover::Discovery;
 use crate::evaluate::{Closing, EvaluateConfig, Scores, Truth};
@@ -14,12 +15,7 @@ use std::path::Path;
 
 /// Scores the replica in a run's folder against the ground truth in the folder `ground_truth`.
 pub fn evaluate(folder: &RunFolder, ground_truth: &Path) -> Result<Scores, Error> {
-    let replica = artgs_io::read_replica(folder.root())?;
-    let load = |paths: &PerState<String>| -> Result<PerState<Mesh>, FileError> {
-        PerState::from_fn(|state| folder.load_mesh(&paths[state])).transpose()
-    };
-    let parts = replica.parts.iter().map(|part| load(&part.meshes)).collect::<Result<_, _>>()?;
-    let meshes = PartMeshes { parts, whole: load(&replica.whole)? };
+    let (replica, meshes) = replica_and_meshes(folder)?;
     let truth = load_truth(ground_truth)?;
     require_same_place(&meshes.whole[State::START], &truth.whole[State::START])?;
     let mut scores = crate::evaluate::evaluate(&replica, &meshes, &truth, &EvaluateConfig::default());
