@@ -56,6 +56,15 @@ function frameBox(stage: Stage, box: ObjectBox, scene: SceneData): void {
   stage.frameObject(extent.expandByVector(extent.getSize(new Vector3()).multiplyScalar(0.25)), front);
 }
 
+/** Offers what the canvas shows as a file. */
+async function savePicture(stage: Stage, name: string): Promise<void> {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(await stage.picture());
+  link.download = `${name}.png`;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
+
 /** What the address asks for: `?embed` leaves out the controls and plays, `?play` only plays, `?test` is for tests. */
 const asked = new URLSearchParams(location.search);
 
@@ -127,6 +136,8 @@ async function start(scene: SceneData) {
     axes: setAxes,
     explode,
     home: () => (panel.free(), stage.home()),
+    turntable: (on) => (stage.turntable(on), panel.turntable(on)),
+    picture: () => void savePicture(stage, scene.name).catch(fail),
     state: setState,
     play: (on) => player.set(on),
     frustums: (on) => void frustums.show(on),
@@ -134,6 +145,12 @@ async function start(scene: SceneData) {
     wipe: (share) => wipe.set(share),
     mask: (on) => wipe.showMask(on),
     moved: (on) => ((marked = on), clouds.show(state, on), stage.invalidate()),
+  });
+  document.addEventListener("keydown", (event) => {
+    // Space also presses the button that has the focus, and letters choose entries of lists.
+    const busy = event.target instanceof HTMLElement && event.target.closest("input, select, textarea, button, a, summary");
+    if (busy || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+    if (panel.key(event.key.toLowerCase())) event.preventDefault();
   });
   model.onMove(() => stage.requestMotionFrame());
   stage.onCoarsen((triangles) => looks.coarsen(triangles));

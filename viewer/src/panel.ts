@@ -12,6 +12,8 @@ export interface Actions {
   axes(on: boolean): void;
   explode(share: number): void;
   home(): void;
+  turntable(on: boolean): void;
+  picture(): void;
   state(state: number): void;
   play(on: boolean): void;
   frustums(on: boolean): void;
@@ -38,6 +40,8 @@ export class Panel {
   private readonly apart = make("input", { type: "range", min: "0", max: "1", step: "0.01", value: "0", id: "explode" });
   private readonly axesShown = check("Joint axes and limits", (on) => this.act.axes(on));
   private readonly playing = button("Play", () => this.act.play(this.playing.getAttribute("aria-pressed") !== "true"));
+
+  private readonly turning = button("Turntable", () => this.act.turntable(this.turning.getAttribute("aria-pressed") !== "true"));
 
   constructor(
     private readonly root: HTMLElement,
@@ -88,7 +92,11 @@ export class Panel {
       out.append(marks);
     }
     if (this.scene.clouds?.length && hasBothStates(this.scene) && this.model.movable().length === 0) out.append(make("div", { className: "row" }, ...this.states()));
-    out.append(make("div", { className: "row" }, button("Reset view", () => this.act.home())));
+    this.turning.setAttribute("aria-pressed", "false");
+    const [reset, save] = [button("Reset view", () => this.act.home()), button("Save picture", () => this.act.picture())];
+    const keys: [HTMLElement, string][] = [[reset, "R"], [this.turning, "T"], [save, "S"], [this.playing, "space"]];
+    for (const [control, key] of keys) control.title = `Key: ${key}`;
+    out.append(make("div", { className: "row" }, reset, this.turning, save));
     return out;
   }
 
@@ -185,6 +193,23 @@ export class Panel {
   play(on: boolean): void {
     this.playing.setAttribute("aria-pressed", `${on}`);
     this.playing.textContent = on ? "Pause" : "Play";
+  }
+
+  turntable(on: boolean): void {
+    this.turning.setAttribute("aria-pressed", `${on}`);
+  }
+
+  /** Does what the control of a key does; false if the key has none. */
+  key(key: string): boolean {
+    const controls: Record<string, () => void> = {
+      " ": () => this.playing.isConnected && this.playing.click(),
+      r: () => this.act.home(),
+      t: () => this.turning.click(),
+      s: () => this.act.picture(),
+      a: () => this.axesShown.isConnected && this.axesShown.querySelector("input")!.click(),
+    };
+    controls[key]?.();
+    return key in controls;
   }
 
   explode(share: number): void {

@@ -37,6 +37,9 @@ const LEVELS = [
   { triangles: 1 / 64, pixels: 0.5 },
 ];
 
+/** Seconds in which the turntable turns the view around the object. */
+const TURN = 16;
+
 const UP_TO_Z = new Matrix4().makeRotationX(Math.PI / 2);
 
 /** True if the browser reports a software renderer. */
@@ -70,6 +73,7 @@ export class Stage {
   /** Timer that runs during motions. */
   private waking: ReturnType<typeof setTimeout> | null = null;
   private coarsen: (triangles: number) => void = () => {};
+  private turning = false;
   /** Drawn without a graphics card. */
   readonly plain: boolean;
 
@@ -353,14 +357,38 @@ export class Stage {
       "-": [0, 0, 1.1],
     };
     const turn = turns[event.key];
-    if (!turn || this.looking) return;
+    if (!turn || this.looking || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
+    this.orbit(turn);
+  }
+
+  /** Turns the view around the object, or stops. */
+  turntable(on: boolean): void {
+    if (on === this.turning) return;
+    this.turning = on;
+    if (!on) return;
+    this.animate((seconds) => {
+      if (this.turning && !this.looking) this.orbit([(2 * Math.PI * seconds) / TURN, 0, 1]);
+      return this.turning;
+    });
+  }
+
+  /** What the canvas shows, drawn at the finest level, as PNG. */
+  picture(): Promise<Blob> {
+    this.refine(0);
+    this.draw();
+    const wrong = new Error("The browser cannot make a picture of the view.");
+    return new Promise((done, fail) => this.canvas.toBlob((blob) => (blob ? done(blob) : fail(wrong)), "image/png"));
+  }
+
+  /** Moves the camera around the object by two angles, and to a multiple of its distance. */
+  private orbit([theta, phi, radius]: [number, number, number]): void {
     const inverse = UP_TO_Z.clone().invert();
     const away = this.camera.position.clone().sub(this.controls.target).applyMatrix4(inverse);
     const s = new Spherical().setFromVector3(away);
-    s.theta += turn[0];
-    s.phi += turn[1];
-    s.radius *= turn[2];
+    s.theta += theta;
+    s.phi += phi;
+    s.radius *= radius;
     s.makeSafe();
     this.camera.position.setFromSpherical(s).applyMatrix4(UP_TO_Z).add(this.controls.target);
     this.controls.update();

@@ -61,6 +61,8 @@ export async function open(browser, address, options = {}) {
   page.on("response", (r) => r.status() >= 400 && complaints.push(`${r.status()} ${r.url().slice(0, 80)}`));
   page.on("request", (r) => requests.push(r.url()));
   await page.goto(`${address}${address.includes("?") ? "&" : "?"}test`);
+  // An exported page unpacks its script first.
+  await page.waitForFunction(() => globalThis.artgs);
   await page.evaluate(() => globalThis.artgs.ready);
   return { page, complaints, requests };
 }

@@ -338,6 +338,37 @@ test("an embedded page shows no controls and plays", async () => {
   await page.close();
 });
 
+test("keys play, turn the view and save a picture of what is drawn, and controls keep their own keys", async () => {
+  await rest();
+  const { page } = view;
+  const pressed = (name) => page.getByRole("button", { name }).getAttribute("aria-pressed");
+  await page.locator("canvas").focus();
+  const place = () => page.evaluate(() => artgs.stage.camera.position.toArray());
+  const before = await place();
+  await page.keyboard.press("t");
+  assert.equal(await pressed("Turntable"), "true");
+  await page.waitForFunction((b) => artgs.stage.camera.position.distanceTo({ x: b[0], y: b[1], z: b[2] }) > 0.05, before);
+  await page.keyboard.press("t");
+  const [a, b] = [await place(), await place()];
+  assert.deepEqual(a, b, "it stops");
+  assert.ok(Math.abs(a[2] - before[2]) < 1e-6, "about the upright axis");
+  const [download] = await Promise.all([page.waitForEvent("download"), page.keyboard.press("s")]);
+  assert.match(download.suggestedFilename(), /\.png$/);
+  const saved = PNG.sync.read(readFileSync(await download.path()));
+  const { count } = difference(saved, await shot(page));
+  assert.ok(drawn(saved) > 3000 && count < 0.002 * saved.width * saved.height, `${count} pixels differ`);
+  await page.keyboard.press("r");
+  assert.ok(Math.hypot(...(await place()).map((x, i) => x - before[i])) < 1e-3, "the view is reset");
+  await page.keyboard.press(" ");
+  assert.equal(await pressed("Pause"), "true");
+  await page.keyboard.press(" ");
+  // With the focus on a control, the key is that of the control.
+  await page.getByRole("button", { name: "Turntable" }).focus();
+  await page.keyboard.press("t");
+  assert.equal(await pressed("Turntable"), "false");
+  await rest();
+});
+
 test("the exported page works from disk and shows the same picture", async () => {
   await rest();
   const file = pathToFileURL(join(served.folder, "page.html")).href;

@@ -14,21 +14,49 @@ use std::path::Path;
 const LINK: &str = "<link rel=\"stylesheet\" href=\"viewer.css\">";
 const CODE: &str = "<script type=\"module\" src=\"viewer.js\"></script>";
 
-/// Writes a page with embedded style, script, scene and files (gzip, base 64). It can be opened from disk.
+/// Starts the embedded script: it is packed as the files are, to a third of its size.
+const START: &str = r#"<script type="module">
+const packed = Uint8Array.from(atob(document.querySelector('[data-file="viewer.js"]').textContent), (c) => c.charCodeAt(0));
+const code = await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
+await import(URL.createObjectURL(new Blob([code], { type: "text/javascript" })));
+</script>"#;
+
+/// Writes a page with embedded style, script, scene and files (gzip, base 64), textures as JPEG. It can be opened from disk.
 pub fn export_page(page: &Page, file: &Path) -> Result<(), ViewError> {
     let mut page = page.clone();
     page.scene.corrections = false;
     page.scene.rerun = None;
-    let mut data = element("scene.json", page.scene_json()?.as_bytes(), file)?;
+    let mut data = String::new();
     for (name, source) in &page.files {
-        data += &element(name, &source.read()?, file)?;
+        let bytes = source.read()?;
+        let photo =
+            page.scene.links.iter_mut().filter_map(|link| link.mesh.as_mut()?.texture.as_mut()).find(|t| *t == name);
+        match photo.and_then(|texture| Some((smaller(&bytes)?, texture))) {
+            Some((jpeg, texture)) => {
+                *texture = name.replace(".png", ".jpg");
+                data += &element(texture, &jpeg, file)?;
+            }
+            None => data += &element(name, &bytes, file)?,
+        }
     }
+    data += &element("scene.json", page.scene_json()?.as_bytes(), file)?;
+    data += &element("viewer.js", SCRIPT.as_bytes(), file)?;
     // A meta element does not support frame-ancestors; scripts and styles are inline here.
     let policy = POLICY.replace("; frame-ancestors 'none'", "").replace("'self'", "'unsafe-inline'");
     let head = format!("<meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\">\n<style>{STYLE}</style>");
-    let code = format!("{data}<script type=\"module\">{SCRIPT}</script>");
+    let code = data + START;
     let html = HTML.replacen(LINK, &head, 1).replacen(CODE, &code, 1);
     Ok(write_atomic(file, html.as_bytes())?)
+}
+
+/// A texture as JPEG; none if that is no smaller, or if it cannot be read.
+fn smaller(png: &[u8]) -> Option<Vec<u8>> {
+    /// Quality of 100: differences are not visible beside photos of a phone.
+    const QUALITY: u8 = 88;
+    let image = image::load_from_memory(png).ok()?.into_rgb8();
+    let mut jpeg = Vec::new();
+    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, QUALITY).encode_image(&image).ok()?;
+    (jpeg.len() < png.len()).then_some(jpeg)
 }
 
 /// An inert script element that contains a file.

@@ -1,5 +1,6 @@
 //! Measures of a part that its class follows from: extents along its joint, how it lies against the part that carries it.
 
+use crate::islands::without_islands;
 use crate::topology::corners;
 use artgs_core::{AssetJoint, AssetLink, JointKind, Mesh, Rigid, State};
 use glam::DVec3;
@@ -92,7 +93,10 @@ impl Form {
         /// Distance of samples as a share of the object's diagonal.
         const SPACING: f64 = 0.01;
         let joint = link.joint.as_ref()?;
-        let surface = samples(&link.visual.mesh, &Rigid::shift(link.origin), SPACING * diagonal);
+        // Points of another part that have the label of this one are apart from it.
+        let main = without_islands(&link.visual.mesh);
+        let mesh = main.as_ref().unwrap_or(&link.visual.mesh);
+        let surface = samples(mesh, &Rigid::shift(link.origin), SPACING * diagonal);
         let area: f64 = surface.iter().map(|s| s.area).sum();
         if area <= 0.0 {
             return None;

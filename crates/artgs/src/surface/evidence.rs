@@ -1,7 +1,7 @@
 //! Which connected pieces of a part's mesh the views support: a piece needs views that show it, and a piece of a movable part that is apart
 //! from the rest needs evidence that it moves with it.
 
-use super::view::{BACKGROUND, FusionView};
+use super::view::FusionView;
 use crate::connected::connected_components;
 use artgs_core::{Mesh, PerState, Rigid, State};
 use glam::{DVec3, IVec3};
@@ -136,9 +136,11 @@ impl Seen<'_> {
                 continue;
             }
             let (depth, label) = (f64::from(view.depth[pixel]), view.labels.as_ref().map(|labels| labels[pixel]));
+            // Background without depth may be a floor that only the other state has taken for a part of the object: it proves no place empty.
             if depth <= 0.0 {
-                votes.through += u32::from(label == Some(BACKGROUND));
-            } else if (depth - z).abs() <= self.tolerance {
+                continue;
+            }
+            if (depth - z).abs() <= self.tolerance {
                 votes.surface += 1;
                 votes.own += u32::from(label == Some(self.part));
             } else if depth > z + 2.0 * self.tolerance {
