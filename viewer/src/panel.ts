@@ -1,5 +1,6 @@
 /** The controls beside the canvas. */
 
+import { doubt } from "./doubt";
 import { button, check, make, section } from "./dom";
 import { MODES, type Mode } from "./looks";
 import type { Link, Model } from "./model";
@@ -146,8 +147,9 @@ export class Panel {
   private others(link: Link, alternatives: AlternativeData[]): HTMLElement {
     const list = make("ul", { className: "others" });
     for (const data of alternatives) {
-      const text = make("span", {}, make("b", {}, `or ${data.kind}`), ` ${[data.what, data.advice].filter((s) => s !== "").join(" ")}`);
-      text.title = `Explains ${Math.round(100 * data.cost)} % of what was seen of the part worse`;
+      const advice = data.advice === "" ? "" : ` ${data.advice}.`;
+      const text = make("span", {}, make("b", {}, doubt(link.data.joint!, data, this.scene.placement)), advice);
+      text.title = `${data.kind}: ${data.what}. It explains ${Math.round(100 * data.cost)} % of what was seen of the part worse`;
       const item = make("li", {}, text);
       list.append(item);
       this.alternatives.push({ link, data, item });
