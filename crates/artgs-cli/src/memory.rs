@@ -12,9 +12,13 @@ const FIXED: f64 = 440.0 * 1024.0 * 1024.0;
 
 /// Memory of a pixel of a training image, bytes: colour, depth, and what is made of them. With the other constants no run on
 /// measured depth needed more, of a cabinet with 16 to 80 images of 400 to 1600 pixels, of a storage with 128 images of 400,
-/// of a cabinet with 200 images of 800, and of a phone's recording with 180 of 720 pixels: they needed 50 to 97 % of it. With 2 cm
+/// and of a cabinet with 200 images of 800: they needed 50 to 97 % of it. With 2 cm
 /// of noise in its depth the storage needed 116 %.
 const PER_TRAINING_PIXEL: f64 = 13.0;
+
+/// The same of an image of a recording, whose alignment derives depth where none was measured: recordings of 180 images of 720 pixels needed
+/// 84 to 100 % of what it gives.
+const PER_RECORDED_PIXEL: f64 = 18.0;
 
 /// Memory of a pixel of the image that a thread renders, bytes.
 const PER_RENDERED_PIXEL: f64 = 90.0;
@@ -69,7 +73,7 @@ impl Plan {
         let threads = rayon::current_num_threads() as f64;
         let predict = |side: u32| {
             let pixels = SHAPE * f64::from(side).powi(2);
-            FIXED + PER_TRAINING_PIXEL * pixels * 2.0 * frames as f64 + PER_RENDERED_PIXEL * pixels * threads
+            FIXED + PER_RECORDED_PIXEL * pixels * 2.0 * frames as f64 + PER_RENDERED_PIXEL * pixels * threads
         };
         Self::within(predict, RecordingOptions::default().longest_side, stated)
     }
