@@ -73,6 +73,26 @@ mod tests {
     use super::*;
 
     #[test]
+    fn photos_become_jpeg_and_flat_colours_stay_png() {
+        let png = |color: &dyn Fn(u32, u32) -> u8| {
+            let image = image::RgbImage::from_fn(64, 64, |x, y| image::Rgb([color(x, y); 3]));
+            let mut png = std::io::Cursor::new(Vec::new());
+            image.write_to(&mut png, image::ImageFormat::Png).unwrap();
+            png.into_inner()
+        };
+        let noise = |x: u32, y: u32| (128 + 40 * ((x * 7919 + y * 104_729) % 3)) as u8;
+        let photo = png(&noise);
+        let jpeg = smaller(&photo).unwrap();
+        assert!(jpeg.len() < photo.len());
+        let back = image::load_from_memory(&jpeg).unwrap().into_rgb8();
+        let off = |(x, y, p): (u32, u32, &image::Rgb<u8>)| f64::from(p[0].abs_diff(noise(x, y)));
+        let mean = back.enumerate_pixels().map(off).sum::<f64>() / 4096.0;
+        assert!(mean < 8.0, "{mean}");
+        assert_eq!(smaller(&png(&|_, _| 200)), None);
+        assert_eq!(smaller(b"no picture"), None);
+    }
+
+    #[test]
     fn the_built_page_has_the_replaced_lines() {
         assert_eq!((HTML.matches(LINK).count(), HTML.matches(CODE).count()), (1, 1));
         assert!(!SCRIPT.contains("</script") && !STYLE.contains("</style"));

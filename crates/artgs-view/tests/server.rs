@@ -480,7 +480,8 @@ fn one_file_holds_everything() {
     let file = dir.path().join("page.html");
     export_page(&page, &file).unwrap();
     let html = std::fs::read_to_string(&file).unwrap();
-    assert_eq!(html.matches("<script type=\"text/plain\" data-file=").count(), page.files.len() + 1);
+    // With the scene and the script.
+    assert_eq!(html.matches("<script type=\"text/plain\" data-file=").count(), page.files.len() + 2);
     assert!(!html.contains("src=\"viewer.js\"") && !html.contains("href=\"viewer.css\""));
     assert!(page.files.keys().all(|name| html.contains(&format!("data-file=\"{name}\""))));
 }

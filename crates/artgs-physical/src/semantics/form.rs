@@ -1,6 +1,5 @@
 //! Measures of a part that its class follows from: extents along its joint, how it lies against the part that carries it.
 
-use crate::islands::without_islands;
 use crate::topology::corners;
 use artgs_core::{AssetJoint, AssetLink, JointKind, Mesh, Rigid, State};
 use glam::DVec3;
@@ -93,10 +92,7 @@ impl Form {
         /// Distance of samples as a share of the object's diagonal.
         const SPACING: f64 = 0.01;
         let joint = link.joint.as_ref()?;
-        // Points of another part that have the label of this one are apart from it.
-        let main = without_islands(&link.visual.mesh);
-        let mesh = main.as_ref().unwrap_or(&link.visual.mesh);
-        let surface = samples(mesh, &Rigid::shift(link.origin), SPACING * diagonal);
+        let surface = samples(&link.visual.mesh, &Rigid::shift(link.origin), SPACING * diagonal);
         let area: f64 = surface.iter().map(|s| s.area).sum();
         if area <= 0.0 {
             return None;
