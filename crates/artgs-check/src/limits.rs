@@ -84,7 +84,7 @@ mod tests {
 
     fn shape(mesh: &Mesh) -> Shape {
         let points = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from))).collect();
-        Shape { points, triangles: mesh.triangles.clone(), ..Shape::default() }
+        Shape { points, triangles: mesh.triangles.clone() }
     }
 
     #[test]
