@@ -147,9 +147,10 @@ export class Panel {
   private others(link: Link, alternatives: AlternativeData[]): HTMLElement {
     const list = make("ul", { className: "others" });
     for (const data of alternatives) {
-      const advice = data.advice === "" ? "" : ` ${data.advice}.`;
+      const [what, advised] = [data.what, data.advice].map((sentence) => sentence.replace(/\.$/, ""));
+      const advice = advised === "" ? "" : ` ${advised}.`;
       const text = make("span", {}, make("b", {}, doubt(link.data.joint!, data, this.scene.placement)), advice);
-      text.title = `${data.kind}: ${data.what}. It explains ${Math.round(100 * data.cost)} % of what was seen of the part worse`;
+      text.title = `${data.kind}: ${what}. It explains ${Math.round(100 * data.cost)} % of what was seen of the part worse`;
       const item = make("li", {}, text);
       list.append(item);
       this.alternatives.push({ link, data, item });

@@ -122,6 +122,7 @@ test("where nothing can be saved, the page says why and the option is copied", a
     assert.equal(await page.getByRole("button", { name: "Save box" }).count(), 0);
     assert.ok(await page.getByRole("button", { name: "Copy" }).isEnabled());
     await page.goto(`${pathToFileURL(join(other.folder, "page.html")).href}?test`);
+    await page.waitForFunction(() => globalThis.artgs);
     await page.evaluate(() => artgs.ready);
     await page.getByRole("button", { name: "Place a box" }).click();
     await page.getByText("This page cannot save files: copy the option.").waitFor();
