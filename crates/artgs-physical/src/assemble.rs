@@ -9,7 +9,7 @@ use crate::describe::{Described, describe, diagonal, to_identifier};
 use crate::export::ExportStep;
 use crate::hull::Hull;
 use crate::islands::{remove_lost, without_islands};
-use crate::looks::{PartSurface, Wall};
+use crate::looks::{PartSurface, Seen, Wall};
 use crate::mass::{inertial, walls};
 use crate::motions::{PairMotions, RelativeMotion, arm, pair_motions, stances};
 use crate::redundant::without_redundant;
@@ -69,26 +69,16 @@ pub(crate) fn assemble(
 /// Solid of the visual mesh of each link; none without a surface.
 type Solids = Vec<Option<Solid>>;
 
-/// True for points of a link that were observed.
-fn observed<'a>(
+/// True for points of a link of which this holds: [`Seen::holds`], that they were observed, or [`Seen::measures`].
+fn shown<'a>(
+    is: fn(&Seen, DVec3) -> bool,
     part: usize,
     surfaces: &'a [PartSurface],
     to_link: &Rigid,
     scale: f64,
 ) -> impl Fn(DVec3) -> bool + Sync + use<'a> {
     let (from_link, seen) = (to_link.inverse(), surfaces[part].observed.as_ref());
-    move |p: DVec3| seen.is_none_or(|seen| seen.holds(from_link.apply(p) / scale))
-}
-
-/// True for points of a link that a sensor measured.
-fn measured<'a>(
-    part: usize,
-    surfaces: &'a [PartSurface],
-    to_link: &Rigid,
-    scale: f64,
-) -> impl Fn(DVec3) -> bool + Sync + use<'a> {
-    let (from_link, seen) = (to_link.inverse(), surfaces[part].observed.as_ref());
-    move |p: DVec3| seen.is_none_or(|seen| seen.measures(from_link.apply(p) / scale))
+    move |p: DVec3| seen.is_none_or(|seen| is(seen, from_link.apply(p) / scale))
 }
 
 /// An asset with masses and joint limits, without convex pieces.
@@ -107,7 +97,7 @@ fn limited(
         let visual = moved(&surfaces[part].visual, &to_link, config.scale);
         let from_link = to_link.inverse();
         let seen = surfaces[part].observed.as_ref();
-        let solid = Solid::new(&visual.mesh, &observed(part, surfaces, &to_link, config.scale));
+        let solid = Solid::new(&visual.mesh, &shown(Seen::holds, part, surfaces, &to_link, config.scale));
         let wall_at = |p: DVec3, normal: DVec3, most: f64| match seen {
             Some(seen) => {
                 let wall = seen.wall(from_link.apply(p) / config.scale, from_link.turn(normal), most / config.scale);
@@ -170,7 +160,7 @@ fn limit(
     config: &PhysicalConfig,
 ) {
     let swept = |(part, solid): (usize, &Option<Solid>)| {
-        let measured = measured(part, surfaces, &decisions.to_link[part], config.scale);
+        let measured = shown(Seen::measures, part, surfaces, &decisions.to_link[part], config.scale);
         let link = &asset.links[part];
         // Points of another part that have the label of this one are apart from it.
         let main = link.parent.and_then(|_| without_islands(&link.visual.mesh));
@@ -221,7 +211,7 @@ fn collide(
     };
     let convex = |(part, (link, solid)): (usize, (&AssetLink, &mut Option<Solid>))| {
         let Some(solid) = solid else { return Ok(Default::default()) };
-        let observed = observed(part, surfaces, &decisions.to_link[part], config.scale);
+        let observed = shown(Seen::holds, part, surfaces, &decisions.to_link[part], config.scale);
         let hulls = match decomposer {
             Some(other) => decompose_with(&link.visual.mesh, other, &options)?,
             None => decompose_solid(solid, &options),
@@ -237,7 +227,7 @@ fn collide(
     // Finer than the distance within which surfaces are covered, so that no gap opens between points.
     let lean = |(part, link): (usize, &mut Vec<Hull>)| {
         let Some(solid) = &solids[part] else { return };
-        let observed = observed(part, surfaces, &decisions.to_link[part], config.scale);
+        let observed = shown(Seen::holds, part, surfaces, &decisions.to_link[part], config.scale);
         without_redundant(link, &seen_points(solid, &observed, cover), LEAN * cover, config.most_hulls as usize);
     };
     pieces.par_iter_mut().enumerate().for_each(lean);

@@ -64,9 +64,14 @@ impl Seen {
     /// True for points of a part's surface that a sensor measured: surfaces that are only derived from photos end anywhere within a cell.
     pub fn measures(&self, point: DVec3) -> bool {
         let Some(measured) = &self.measured else { return self.holds(point) };
-        let near =
-            self.shape.project_local_point_and_get_location_with_max_dist(to_parry(point), false, self.reach as f32);
-        near.is_some_and(|(_, (triangle, _))| measured[triangle as usize])
+        self.nearest(point).is_some_and(|triangle| measured[triangle as usize])
+    }
+
+    /// The nearest triangle, if the point belongs to the mesh.
+    fn nearest(&self, point: DVec3) -> Option<u32> {
+        let point = to_parry(point);
+        let near = self.shape.project_local_point_and_get_location_with_max_dist(point, false, self.reach as f32);
+        near.map(|(_, (triangle, _))| triangle)
     }
 
     /// Asks of each triangle whether more views measure it than show it by derived depth, if some depth was derived: at borders of parts,
@@ -89,12 +94,10 @@ impl Seen {
     pub fn wall(&self, point: DVec3, normal: DVec3, most: f64) -> Wall {
         /// Cosine of the largest angle between the normals: surfaces are noisy at edges.
         const ALIKE: f64 = 0.3;
-        let near =
-            self.shape.project_local_point_and_get_location_with_max_dist(to_parry(point), false, self.reach as f32);
         let faces = |t: u32| self.shape.triangle(t).normal().is_some_and(|n| from_parry(n).dot(normal) > ALIKE);
         let ray = Ray::new(to_parry(point), to_parry(-normal));
         let exit = self.shape.cast_local_ray_with_culling(&ray, most as f32, RayCullingMode::IgnoreFrontfaces);
-        let seen = near.is_some_and(|(_, (triangle, _))| faces(triangle));
+        let seen = self.nearest(point).is_some_and(faces);
         Wall { seen, thickness: exit.filter(|_| seen).map(|hit| f64::from(hit.time_of_impact)) }
     }
 }

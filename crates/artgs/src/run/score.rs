@@ -19,7 +19,9 @@ pub fn evaluate(folder: &RunFolder, ground_truth: &Path) -> Result<Scores, Error
     let truth = load_truth(ground_truth)?;
     require_same_place(&meshes.whole[State::START], &truth.whole[State::START])?;
     let mut scores = crate::evaluate::evaluate(&replica, &meshes, &truth, &EvaluateConfig::default());
-    if let Some(export) = ExportReport::load(folder)? {
+    let digest = folder.replica_digest()?;
+    // Limits of an earlier replica say nothing of this one.
+    if let Some(export) = ExportReport::load(folder)?.filter(|export| export.replica == digest) {
         let zeros = artgs_io::read_true_zeros(ground_truth)?;
         let of = |part: usize| {
             export.links.iter().find(|link| export.part_of(&link.name) == Some(&replica.parts[part].name))
