@@ -150,7 +150,8 @@ def wrong_commands(program, names):
     for name in names:
         text = text_of(ROOT / name).replace("\\\n", " ")
         fenced = "\n".join(FENCE.findall(text) + re.findall(r"^    .*$", text, re.MULTILINE))
-        for line in re.findall(r"^ *artgs ([^#;\n]*)", fenced, re.MULTILINE) + re.findall(r"`artgs ([^`]*)`", text):
+        # One line may hold several commands: `artgs export X && artgs evaluate X`.
+        for line in re.findall(r"(?:^ *|[;&|] *)artgs ([^#;&|\n]*)", fenced, re.MULTILINE) + re.findall(r"`artgs ([^`]*)`", text):
             words = line.split()
             command = next((w for w in words if not w.startswith("-")), "")
             if command and re.fullmatch("[a-z]+", command) and command not in known:
