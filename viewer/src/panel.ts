@@ -136,6 +136,10 @@ export class Panel {
       kind.append(`, confidence ${Math.floor(joint.confidence * 100 + 1e-9)} %`);
       kind.title = "Probability that the joint is correct: its type, its axis to 5 degrees, its place to 5 % of the part's size, its motion to 5 % of the true motion or of the part's size";
     }
+    if (joint.axis_within !== undefined) {
+      // Smaller angles cannot be seen.
+      kind.append(`, axis within ${Math.max(joint.axis_within, 0.1).toFixed(1)}°`);
+    }
     const head = make("span", { className: "head" }, dot, link.data.name.replaceAll("_", " "), kind, value);
     const ends = make("span", { className: "ends" }, ...joint.limits.map((v) => make("span", {}, readable(joint, v))));
     const box = make("label", { className: "slider" }, head, input, ends);

@@ -32,6 +32,8 @@ export interface JointData {
   observed: [number, number];
   effort: number;
   confidence?: number;
+  /** Half width of the 95 % interval of the direction of the axis, degrees. */
+  axis_within?: number;
   alternatives?: AlternativeData[];
 }
 

@@ -251,7 +251,8 @@ impl Job<'_> {
         let others = |k: usize| found.alternatives.get(k).map_or(&[][..], Vec::as_slice);
         let part = |(k, p): (usize, &JointEstimate)| {
             let alternatives = others(k);
-            json!({ "type": p.kind, "parent": p.parent, "confidence": p.confidence, "alternatives": alternatives })
+            json!({ "type": p.kind, "parent": p.parent, "confidence": p.confidence, "interval": p.interval,
+                "alternatives": alternatives })
         };
         let parts = found.parts.iter().enumerate().map(part);
         let json = json!({ "parts": parts.collect::<Value>(), "warnings": found.warnings });

@@ -23,7 +23,7 @@ pub use camera::{Camera, Intrinsics};
 pub use capture::{Capture, StateViews, View};
 pub use depth::DepthMap;
 pub use inside::Inside;
-pub use joint::{Joint, JointAlternative, JointEstimate, JointKind};
+pub use joint::{Joint, JointAlternative, JointEstimate, JointInterval, JointKind};
 pub use mesh::Mesh;
 pub use recording::{RecordedFrame, Recording};
 pub use replica::{Alternative, Replica, ReplicaError};

@@ -1,6 +1,6 @@
 //! The result of a reconstruction: parts, joints and paths of meshes. Serialises to `replica.json`, version 1.
 
-use crate::{FrameError, Joint, JointAlternative, JointKind, PerState, Rigid, State, Upward};
+use crate::{FrameError, Joint, JointAlternative, JointInterval, JointKind, PerState, Rigid, State, Upward};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -123,6 +123,9 @@ pub struct Part {
     /// motion to 5 % of the true motion or of the part's size), from its fit, its visibility and the margin to the best different motion. None if unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub confidence: Option<f64>,
+    /// How far the joint may be off if its type is right; none if unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interval: Option<JointInterval>,
     /// Other joints that explain it nearly as well, the most likely first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub alternatives: Vec<Alternative>,
@@ -166,6 +169,7 @@ impl Replica {
             parent: (id > 0).then_some(0),
             joint: (id > 0).then(|| joints[id - 1].into()),
             confidence: None,
+            interval: None,
             alternatives: Vec::new(),
             meshes: file(&format!("part_{id}")),
         };

@@ -4,7 +4,7 @@ use crate::asset::Format;
 use crate::run_folder::{RunFolder, load_json, save_json};
 use crate::shared_files::store_once;
 use crate::{FileDigest, FileError};
-use artgs_core::{Handle, HingeSide, JointKind, PartClass, Rigid, UpSource};
+use artgs_core::{Handle, HingeSide, JointInterval, JointKind, PartClass, Rigid, UpSource};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -167,6 +167,10 @@ pub struct LinkReport {
     pub pitch: Option<f64>,
     /// Formats written in which the screw is a hinge.
     pub hinge_in: Vec<String>,
+    /// How far the joint may be off if its type is right: half widths of 95 % intervals, of the axis in degrees, of its place in metres, of
+    /// the motion between the states in radians or metres; none if unknown.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub interval: Option<JointInterval>,
     /// Lower and upper limit, radians or metres.
     pub limits: Option<[f64; 2]>,
     /// Values in the observed states, radians or metres.

@@ -5,7 +5,7 @@ use crate::coacd;
 use crate::portrait::portrait;
 use crate::stance::{Range, Stop};
 use crate::{Collision, Front, GivenClass, PhysicalConfig, Up};
-use artgs_core::{Capture, JointKind, Mesh, Replica, State, UpSource, Upward, odd_size};
+use artgs_core::{Capture, JointInterval, JointKind, Mesh, Replica, State, UpSource, Upward, odd_size};
 use artgs_io::asset::{Actuators, Format, Frames, Provenance, SpzVersion, WriteOptions, check_asset};
 use artgs_io::export_report::{ExportReport, HandleReport, LinkReport, RequestedOptions};
 use artgs_io::replica::ReplicaFileError;
@@ -529,7 +529,7 @@ fn report(built: &BuiltAsset, replica: &Replica, asked: &ExportOptions) -> Expor
         up_source: asked.up_known.map(|up| up.source),
         up_confidence: asked.up_known.map(|up| up.confidence),
         frame: Some(decisions.object),
-        links: (0..asset.links.len()).map(|i| link_report(built, &replica.parts[i].name, i, &asked.formats)).collect(),
+        links: (0..asset.links.len()).map(|i| link_report(built, replica, i, &asked.formats)).collect(),
         penetration: [decisions.clearance.deepest, decisions.penetration],
         lost_pieces: decisions.clearance.lost,
         cut_share: if before > 0.0 { 1.0 - after / before } else { 0.0 },
@@ -537,7 +537,14 @@ fn report(built: &BuiltAsset, replica: &Replica, asked: &ExportOptions) -> Expor
     }
 }
 
-fn link_report(built: &BuiltAsset, part: &str, i: usize, formats: &[Format]) -> LinkReport {
+/// The interval of the joint of part `i` in metres.
+fn scaled(interval: &JointInterval, replica: &Replica, i: usize, scale: f64) -> JointInterval {
+    let slides = replica.joint(i).is_some_and(|joint| joint.kind == JointKind::Prismatic);
+    let motion = if slides { scale * interval.motion } else { interval.motion };
+    JointInterval { position: interval.position.map(|p| scale * p), motion, ..*interval }
+}
+
+fn link_report(built: &BuiltAsset, replica: &Replica, i: usize, formats: &[Format]) -> LinkReport {
     let (link, surface, decisions) = (&built.asset.links[i], &built.surfaces[i], &built.decisions);
     let is_screw = link.joint.is_some_and(|j| j.kind == JointKind::Screw);
     let hinge_in = formats.iter().filter(|format| is_screw && !format.has_screws());
@@ -545,7 +552,7 @@ fn link_report(built: &BuiltAsset, part: &str, i: usize, formats: &[Format]) -> 
     let range: Option<&Range> = decisions.ranges[i].as_ref();
     LinkReport {
         name: link.name.clone(),
-        part: Some(part.into()),
+        part: Some(replica.parts[i].name.clone()),
         class: link.semantics.map(|s| s.class),
         class_confidence: link.semantics.map(|s| s.confidence),
         class_given: link.semantics.is_some_and(|s| s.given),
@@ -569,6 +576,10 @@ fn link_report(built: &BuiltAsset, part: &str, i: usize, formats: &[Format]) -> 
         joint: link.joint.map(|j| j.kind),
         pitch: link.joint.filter(|_| is_screw).map(|j| j.pitch),
         hinge_in: hinge_in.map(|format| format.name().into()).collect(),
+        interval: link
+            .joint
+            .and(replica.parts[i].interval)
+            .map(|interval| scaled(&interval, replica, i, decisions.scale)),
         limits: link.joint.map(|j| j.limits),
         observed: link.joint.map(|j| State::ALL.map(|state| j.observed[state])),
         sources: range.map(|range| range.sources.map(|source| source.name().into())),

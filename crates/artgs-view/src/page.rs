@@ -113,6 +113,7 @@ impl Page {
             link.semantics = report.links.iter().find(|l| l.name == link.name).and_then(SceneSemantics::of);
             if let Some(joint) = &mut link.joint {
                 joint.confidence = part.and_then(|part| part.confidence);
+                joint.axis_within = part.and_then(|part| part.interval).map(|interval| interval.axis_deg);
                 let others = part.map_or(&[][..], |part| part.alternatives.as_slice());
                 joint.alternatives = others.iter().map(SceneAlternative::from).collect();
             }
@@ -153,6 +154,7 @@ impl Page {
                 observed: joint.state_values.map(|v| length * v),
                 effort: 0.0,
                 confidence: *confidence,
+                axis_within: None,
                 alternatives: alternatives.iter().map(SceneAlternative::from).collect(),
             };
             let origin = placement.apply(joint.origin);
@@ -238,6 +240,7 @@ impl Page {
             observed: j.observed,
             effort: j.effort,
             confidence: None,
+            axis_within: None,
             alternatives: Vec::new(),
         });
         let (name, parent, origin) = (link.name, link.parent, link.origin.to_array());

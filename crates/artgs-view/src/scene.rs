@@ -148,6 +148,9 @@ pub struct SceneJoint {
     /// Joint confidence, 0 to 1; none if unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub confidence: Option<f64>,
+    /// Half width of the 95 % interval of the direction of the axis, degrees; none if unknown.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axis_within: Option<f64>,
     /// Other joints that explain the part nearly as well.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub alternatives: Vec<SceneAlternative>,

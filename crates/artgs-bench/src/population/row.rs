@@ -88,6 +88,13 @@ pub struct JointRow {
     pub position: Option<f64>,
     /// Error of the motion, share of the true motion.
     pub motion: Option<f64>,
+    /// Error of the direction of the axis as a share of the half width of its 95 % interval: at most 1 if the interval holds the truth.
+    /// None where the error or the interval is unknown.
+    pub axis_of_interval: Option<f64>,
+    /// The same of its position,
+    pub position_of_interval: Option<f64>,
+    /// and of the motion.
+    pub motion_of_interval: Option<f64>,
     /// Confidence, 0 to 1.
     pub confidence: Option<f64>,
     /// The joint is correct: its part covers a true one, type right, axis to 5 degrees, position to 5 % of the size of the part, motion to

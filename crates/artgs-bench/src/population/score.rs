@@ -104,7 +104,12 @@ fn joint_row(
     let against = JointEstimate { parent: carrier.unwrap_or(part.parent), ..*part };
     let errors = Errors::of(&against.joint_near(&found.parts, middle(mesh)), target, mesh);
     let finite = |number: f64| Some(number).filter(|number| number.is_finite());
+    let of = |error: f64, half: Option<f64>| half.and_then(|half| finite(error / half));
+    let interval = part.interval;
     JointRow {
+        axis_of_interval: of(errors.axis_deg, interval.map(|i| i.axis_deg)),
+        position_of_interval: errors.apart.and_then(|apart| of(apart, interval.and_then(|i| i.position))),
+        motion_of_interval: of(errors.change, interval.map(|i| i.motion)),
         axis_deg: finite(errors.axis_deg),
         position: errors.position.and_then(finite),
         motion: finite(errors.motion),
@@ -118,8 +123,12 @@ fn joint_row(
 struct Errors {
     /// Angle between the axes as lines, degrees.
     axis_deg: f64,
-    /// Distance of the axes where the part is, as a share of its diagonal; none of slides.
+    /// Distance of the axes where the part is, scene units; none of slides.
+    apart: Option<f64>,
+    /// The same as a share of the diagonal of the part.
     position: Option<f64>,
+    /// Error of the motion: radians, of slides scene units.
+    change: f64,
     /// Error of the motion as a share of the true one; of screws the larger one of turn and slide.
     motion: f64,
     /// The distance by which the error of the motion moves the part, as a share of its diagonal.
@@ -133,21 +142,22 @@ impl Errors {
         let (own, wanted) = (sign * change(found), change(truth));
         let slides =
             |joint: &Joint, change: f64| if joint.kind == JointKind::Screw { joint.pitch * change } else { 0.0 };
-        let (motion, moved) = match truth.kind {
-            JointKind::Prismatic => ((own - wanted).abs() / wanted.abs(), (own - wanted).abs()),
+        let (motion, change, moved) = match truth.kind {
+            JointKind::Prismatic => ((own - wanted).abs() / wanted.abs(), (own - wanted).abs(), (own - wanted).abs()),
             JointKind::Revolute | JointKind::Screw => {
                 let turn = wrapped(own - wanted);
                 let (slide, true_slide) = (slides(found, own), slides(truth, wanted));
                 let off = (slide - true_slide).abs();
                 let share = if true_slide == 0.0 { 0.0 } else { off / true_slide.abs() };
                 let moved = (2.0 * arm(truth, part) * (0.5 * turn).sin()).hypot(off);
-                ((turn / wanted.abs()).max(share), moved)
+                ((turn / wanted.abs()).max(share), turn, moved)
             }
         };
         let place = truth.with_origin_near(middle(part)).origin;
         let apart = (place - found.origin).reject_from(found.axis.normalize_or(DVec3::Z)).length();
-        let position = (truth.kind != JointKind::Prismatic).then_some(apart / size);
-        Self { axis_deg: axis_angle_deg(found.axis, truth.axis), position, motion, moved: moved / size }
+        let apart = (truth.kind != JointKind::Prismatic).then_some(apart);
+        let (axis_deg, position) = (axis_angle_deg(found.axis, truth.axis), apart.map(|apart| apart / size));
+        Self { axis_deg, apart, position, change, motion, moved: moved / size }
     }
 
     /// The definition of a correct joint.

@@ -61,7 +61,7 @@ const OF_OBJECT: [(&str, Kind); 23] = [
 ];
 
 /// Fields of [`JointRow`], columns of lists.
-const OF_JOINTS: [(&str, Kind); 9] = [
+const OF_JOINTS: [(&str, Kind); 12] = [
     ("truth", Kind::Whole),
     ("kind", Kind::Text),
     ("kind_true", Kind::Text),
@@ -69,6 +69,9 @@ const OF_JOINTS: [(&str, Kind); 9] = [
     ("axis_deg", Kind::Number),
     ("position", Kind::Number),
     ("motion", Kind::Number),
+    ("axis_of_interval", Kind::Number),
+    ("position_of_interval", Kind::Number),
+    ("motion_of_interval", Kind::Number),
     ("confidence", Kind::Number),
     ("correct", Kind::Flag),
 ];

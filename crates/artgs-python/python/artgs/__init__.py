@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from artgs._errors import CheckError, Error, InputError, InternalError, RunError
     from artgs._events import Event
     from artgs._reconstruct import discover, inspect, reconstruct, synth
-    from artgs._replica import Alternative, Check, Joint, Part, Replica, load
+    from artgs._replica import Alternative, Check, Interval, Joint, Part, Replica, load
 
 __all__ = [
     "Alternative",
@@ -26,6 +26,7 @@ __all__ = [
     "Event",
     "InputError",
     "InternalError",
+    "Interval",
     "Joint",
     "Mesh",
     "Part",
@@ -51,7 +52,7 @@ if not TYPE_CHECKING:
         "_errors": ("CheckError", "Error", "InputError", "InternalError", "RunError"),
         "_events": ("Event",),
         "_reconstruct": ("discover", "inspect", "reconstruct", "synth"),
-        "_replica": ("Alternative", "Check", "Joint", "Part", "Replica", "load"),
+        "_replica": ("Alternative", "Check", "Interval", "Joint", "Part", "Replica", "load"),
     }
 
     def __getattr__(name: str) -> object:

@@ -57,6 +57,18 @@ class Alternative:
     """What further capture would decide; may be empty."""
 
 
+@dataclass(frozen=True)
+class Interval:
+    """How far a joint may be from the true one of its type: half widths that hold in 95 of 100 joints each."""
+
+    axis_deg: float
+    """Angle between the axes, degrees."""
+    position: float | None
+    """Distance between the axes near the part, scene units; None for prismatic joints."""
+    motion: float
+    """Motion from the start to the end: radians, for prismatic joints scene units."""
+
+
 @dataclass(frozen=True, eq=False)
 class Part:
     """A rigid part. Part 0 is the static one."""
@@ -71,6 +83,8 @@ class Part:
     """Joint to the parent; None for the static part."""
     confidence: float | None
     """Probability that the joint is correct, 0 to 1; None if unknown."""
+    interval: Interval | None
+    """How far the joint may be off if its type is right; None if unknown."""
     alternatives: tuple[Alternative, ...]
     """Other joints that are nearly as likely, the most likely first."""
 
@@ -301,12 +315,13 @@ def _joint(fields: dict[str, Any]) -> Joint:
 
 
 def _part(fields: dict[str, Any]) -> Part:
-    others = fields.get("alternatives", [])
+    others, interval = fields.get("alternatives", []), fields.get("interval")
     return Part(
         id=fields["id"],
         name=fields["name"],
         parent=fields["parent"],
         joint=None if fields["joint"] is None else _joint(fields["joint"]),
         confidence=fields.get("confidence"),
+        interval=None if interval is None else Interval(interval["axis_deg"], interval.get("position"), interval["motion"]),
         alternatives=tuple(Alternative(_joint(o["joint"]), o["cost"], o["what"], o.get("advice", "")) for o in others),
     )

@@ -145,8 +145,7 @@ pub fn correct(
     // Corrections and the page name parts by their numbers.
     let order = Numbering::Kept;
     let front = evidence.front(scene, &clouds, &settings);
-    let (parts, labels) =
-        refine_parts(scene, &clouds, &evidence, &motions, &[], 0, &kinds, front, order, config, &settings);
+    let (parts, labels) = refine_parts(scene, &clouds, &evidence, &motions, 0, &kinds, front, order, config, &settings);
     let numbers: Vec<usize> = kept.iter().map(|k| k.number).collect();
     let pieces = split.apply(&clouds, &numbers, &parts, labels)?;
     if pieces.numbers.is_empty() {

@@ -21,6 +21,20 @@ pub(crate) fn expand(
     labels: &mut [u16],
     sweeps: usize,
 ) {
+    let all: Vec<u16> = (0..parts as u16).collect();
+    expand_only(&all, data, parts, edges, smooth, labels, sweeps);
+}
+
+/// As [`expand`], but only these labels grow.
+pub(crate) fn expand_only(
+    grown: &[u16],
+    data: &[f32],
+    parts: usize,
+    edges: &[(u32, u32, f32)],
+    smooth: f32,
+    labels: &mut [u16],
+    sweeps: usize,
+) {
     let units = |x: f32| (x * UNIT).round() as i32;
     let columns = columns(data, parts, |x| units(*x));
     let mut own: Vec<i32> = labels.iter().enumerate().map(|(i, l)| columns[usize::from(*l)][i]).collect();
@@ -28,7 +42,7 @@ pub(crate) fn expand(
     let mut flow = Flow::new(labels, edges, &weights);
     for _ in 0..sweeps {
         let mut changed = false;
-        for alpha in 0..parts as u16 {
+        for &alpha in grown {
             let column = &columns[usize::from(alpha)];
             for ((excess, label), (new, old)) in flow.excess.iter_mut().zip(&*labels).zip(column.iter().zip(&own)) {
                 *excess = if *label == alpha { 0 } else { new - old };

@@ -112,11 +112,6 @@ impl StatePair<'_> {
         turned_away.max(0.5 * off_plane * off_plane)
     }
 
-    /// Cost of every motion for every point, `[n * motions]`, each judged by itself. The first motion is rest.
-    pub(super) fn plain_costs(&self, to_other: &[Rigid], costs: &LabelCosts) -> Vec<f32> {
-        self.fill_rows(to_other, costs, |k, landing| landing.plain_cost(k == 0, costs))
-    }
-
     /// Where every point lands under every motion, `[n * motions]`.
     pub(super) fn landings(&self, to_other: &[Rigid], costs: &LabelCosts) -> Vec<Landing> {
         self.fill_rows(to_other, costs, |_, landing| landing)

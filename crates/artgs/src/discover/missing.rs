@@ -2,7 +2,7 @@
 //! it may hold the front of a drawer that moves otherwise. Fronts that no motion takes onto a surface show which slide is missing.
 
 use super::Discovery;
-use super::doubts::{DOUBTFUL, doubtful};
+use super::confidence::{DOUBTFUL, doubtful};
 use super::exchanges::landings;
 use super::front::Front;
 use super::front_slides::{STEP, all_lengths};

@@ -23,7 +23,6 @@
 //! # }
 //! ```
 
-mod bodies;
 mod by_energy;
 mod candidates;
 pub(crate) mod cloud;
@@ -34,12 +33,9 @@ mod correct;
 mod cube_votes;
 mod denoise;
 pub(crate) mod diagnosis;
-mod doubts;
 mod enclosure;
 mod exchanges;
 mod extents;
-mod face_motions;
-mod facets;
 mod flatten;
 mod front;
 mod front_slides;
@@ -80,6 +76,7 @@ mod turned_over;
 mod twins;
 pub(crate) mod visibility;
 
+use crate::explain::{ExplainSettings, Problem, Surfels};
 use crate::observer::{Share, within};
 use artgs_core::{Joint, JointAlternative, JointEstimate, PerState, Rigid, State};
 use by_energy::with_parts_by_energy;
@@ -90,7 +87,6 @@ pub use config::DiscoverConfig;
 use config::StepSettings;
 use contradictions::explaining_enough;
 pub use correct::{CorrectError, correct};
-use doubts::{certain_bodies, or_fewer, settled, sure_bodies};
 use exchanges::{exchanged, without_errors, without_surplus};
 use front::Front;
 use glam::{DVec3, Vec3};
@@ -108,7 +104,7 @@ pub use scene::{DepthPicture, Scene, pixel_step};
 use segmentation::Graph;
 use selection::Selection;
 use space_grid::SpaceGrid;
-use std::cell::{OnceCell, RefCell};
+use std::cell::RefCell;
 use std::ops::RangeInclusive;
 pub use support::Support;
 use visibility::Occupancy;
@@ -157,12 +153,6 @@ impl Discovery {
     /// Points that moved for certain and that the parts explain, also those that are contested.
     fn explained(&self) -> f64 {
         self.support.iter().map(|s| s.explained * s.moved).sum()
-    }
-
-    /// True if one of the states shows hardly a point of a part.
-    fn hides_a_part(&self) -> bool {
-        let has = |labels: &Vec<u16>, k: usize| labels.iter().filter(|l| usize::from(**l) == k).count() >= LEAST_MOVED;
-        (1..=self.parts.len()).any(|k| !self.labels.iter().all(|labels| has(labels, k)))
     }
 
     /// Share of `moved` points, those that moved for certain, that the joints of the parts explain without contradiction, each
@@ -256,38 +246,10 @@ fn best_parts(
     let work =
         Refinement { scene, clouds: &clouds, evidence: &evidence, config, settings: &settings, front, begun: &begun };
     let motions = |chosen: Vec<usize>| chosen.into_iter().map(|c| pool[c].motion).collect::<Vec<Rigid>>();
-    let (chosen, other) = selection.best_two(1..=*movable.end());
-    let count = chosen.len();
     let result = |parts: Parts| evidence.result(scene, &clouds, parts, Vec::new(), &pool, &settings);
-    let of_bodies = OnceCell::new();
-    let bodies = || {
-        let find = || {
-            let hypotheses = evidence.search(scene, &clouds, &movable, config, &settings, |search| {
-                search.hypotheses_of_faces(&settings.facets, settings.bodies.hypotheses)
-            });
-            let bodies = settings.bodies.choose(scene, &clouds, &evidence.moved, &hypotheses, &settings.selection);
-            (!bodies.is_empty()).then(|| certain_bodies(bodies, &work, *movable.start(), &result))
-        };
-        of_bodies.get_or_init(find).as_ref()
-    };
-    let by_energy = |found: Discovery| {
-        // An explanation that would be refused, such as one in which nothing rests, is no better one.
-        with_parts_by_energy(&found, &work, &movable, &result)
-            .and_then(|better| explaining_enough(better, &evidence, scene, config).ok())
-            .map_or_else(|| explaining_enough(found, &evidence, scene, config), Ok)
-    };
-    let refined = work.refined(&motions(chosen));
-    if let Some(sure) = sure_bodies(&refined, &work, &movable, &result, &bodies) {
-        return by_energy(sure);
-    }
-    let mut found = work.completed(refined, &movable);
-    if let Some(other) = other {
-        let other = work.parts(&motions(other), &movable);
-        let quality = |parts: &Parts| result(parts.clone()).quality(evidence.total());
-        if movable.contains(&other.parts.len()) && quality(&other) > quality(&found) {
-            found = other;
-        }
-    }
+    let chosen = selection.best(1..=*movable.end());
+    let count = chosen.len();
+    let mut found = work.parts(&motions(chosen), &movable);
     if found.parts.len() < *movable.start() {
         let count = count + movable.start() - found.parts.len();
         let more = work.parts(&motions(selection.best(count..=count)), &movable);
@@ -302,28 +264,43 @@ fn best_parts(
     }
     remaining.borrow_mut().1(1.0);
     let found = evidence.result(scene, &clouds, found, warnings, &pool, &settings);
-    let found = settled(found, &work, &movable, &pool, &result, &bodies);
-    let fewer = |number: usize| work.parts(&motions(selection.best(number..=number)), &movable);
-    // Where depth noise spreads points, several motions that each explain noise can take the place of one that explains all.
-    let numbers = if scene.spreading { *movable.start()..count } else { 0..0 };
-    let found = or_fewer(found, numbers, evidence.total(), &settings.bodies, &|number| result(fewer(number)));
-    let found = if scene.spreading {
-        let found = exchanged(found, &work, &result);
-        let relief = front.map(|front| Relief::of(front, &work));
-        let of_plateaus = relief.as_ref().and_then(|relief| with_plateaus(&found, relief, &movable, &work, &result));
-        let found = of_plateaus.unwrap_or_else(|| {
-            with_missing(without_surplus(found, *movable.start(), &work, &result), &movable, &work, &result)
-        });
-        let found = without_errors(found, *movable.start(), &work, &result);
-        match &relief {
-            Some(relief) => with_handles(found, relief, &movable, &work, &result),
-            None => found,
-        }
-    } else {
-        found
-    };
-    let found = by_energy(found)?;
+    let found = if scene.spreading { of_noisy_points(found, &work, &movable, &result) } else { found };
+    let surfels = Surfels::new(scene, &ExplainSettings::DEFAULT);
+    let mut problem = Problem::new(scene, &surfels, ExplainSettings::DEFAULT);
+    let proposed: Vec<Rigid> = pool.iter().map(|c| c.motion).collect();
+    // An explanation that would be refused, such as one in which nothing rests, is no better one.
+    let found = with_parts_by_energy(&found, (&mut problem, &surfels.clouds), &work, &movable, &proposed, &result)
+        .and_then(|better| explaining_enough(better, &evidence, scene, config).ok())
+        .map_or_else(|| explaining_enough(found, &evidence, scene, config), Ok)?;
+    let found = with_intervals(found, &problem);
     Ok(if scene.spreading { with_doubts_of_oblique(with_doubts_of_narrow(found)) } else { found })
+}
+
+/// What was found, compared with other motions that explain points of which depth noise is larger than the details of parts.
+fn of_noisy_points(
+    found: Discovery,
+    work: &Refinement<'_>,
+    movable: &RangeInclusive<usize>,
+    result: &dyn Fn(Parts) -> Discovery,
+) -> Discovery {
+    let least = *movable.start();
+    let found = exchanged(found, work, result);
+    let relief = work.front.map(|front| Relief::of(front, work));
+    let of_plateaus = relief.as_ref().and_then(|relief| with_plateaus(&found, relief, movable, work, result));
+    let found =
+        of_plateaus.unwrap_or_else(|| with_missing(without_surplus(found, least, work, result), movable, work, result));
+    let found = without_errors(found, least, work, result);
+    match &relief {
+        Some(relief) => with_handles(found, relief, movable, work, result),
+        None => found,
+    }
+}
+
+/// With the interval of each joint.
+fn with_intervals(mut found: Discovery, problem: &Problem<'_>) -> Discovery {
+    let intervals = problem.intervals(&found);
+    found.parts.iter_mut().zip(intervals).for_each(|(part, interval)| part.interval = interval);
+    found
 }
 
 /// What the depth maps of the other state show at the points of each state, and how these are connected.
@@ -385,14 +362,6 @@ impl Evidence {
         State::ALL.map(share).into_iter().fold(0.0, f64::max)
     }
 
-    /// True if so little moved that there are not several bodies that could be confused.
-    fn is_scarce(&self) -> bool {
-        /// Share of all points.
-        const SCARCE: f64 = 0.01;
-        let points: usize = self.occupancy.iter().map(Vec::len).sum();
-        (self.total() as f64) < SCARCE * points as f64
-    }
-
     /// Number of moved points.
     fn total(&self) -> usize {
         self.moved.iter().map(Vec::len).sum()
@@ -418,21 +387,6 @@ impl Evidence {
         const POOL: usize = 120;
         /// Rounds of the search beyond one per part, for parts whose first motion is wrong.
         const EXTRA_ROUNDS: usize = 2;
-        self.search(scene, clouds, movable, config, settings, |search| {
-            search.candidates(movable.end() + EXTRA_ROUNDS, POOL, done)
-        })
-    }
-
-    /// Runs a search for motions.
-    fn search<T>(
-        &self,
-        scene: &Scene,
-        clouds: &PerState<IndexedCloud<'_>>,
-        movable: &RangeInclusive<usize>,
-        config: &DiscoverConfig,
-        settings: &StepSettings,
-        run: impl FnOnce(&Search<'_>) -> T,
-    ) -> T {
         /// Least share of the moved points that a round explains, where the number of parts is not given.
         const LEAST_ROUND: f64 = 0.01;
         let least_round = if movable.start() == movable.end() { config.least_share } else { LEAST_ROUND };
@@ -460,7 +414,7 @@ impl Evidence {
             least_gain: (config.least_share * self.total() as f64).max(LEAST_MOVED as f64),
             least_round: (least_round * self.total() as f64).max(LEAST_MOVED as f64),
         };
-        run(&search)
+        search.candidates(movable.end() + EXTRA_ROUNDS, POOL, done)
     }
 
     /// The result with its confidence, alternatives among the candidates `pool`, and warnings.

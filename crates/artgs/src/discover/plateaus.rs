@@ -2,7 +2,7 @@
 //! length of its slide.
 
 use super::Discovery;
-use super::doubts::DOUBTFUL;
+use super::confidence::DOUBTFUL;
 use super::refinement::{Parts, Refinement};
 use super::relief::{Plateau, Relief};
 use artgs_core::{JointEstimate, JointKind, Rigid};

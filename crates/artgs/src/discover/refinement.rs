@@ -1,7 +1,6 @@
 //! From motions to parts: points are labelled and parts registered in turn, parts that explain next to nothing are
 //! removed, and bodies that move alike are separated.
 
-use super::bodies::Body;
 use super::cloud::{Cloud, IndexedCloud};
 use super::config::StepSettings;
 use super::front::Front;
@@ -41,12 +40,7 @@ impl Refinement<'_> {
     /// share one at first: once they are separated, each is registered by itself, and all points are labelled again with
     /// the motions found then.
     pub(super) fn parts(&self, motions: &[Rigid], movable: &RangeInclusive<usize>) -> Parts {
-        self.completed(self.refined(motions), movable)
-    }
-
-    /// The same, from parts that were refined once.
-    pub(super) fn completed(&self, refined: Parts, movable: &RangeInclusive<usize>) -> Parts {
-        self.aligned(self.separated(refined, movable))
+        self.aligned(self.separated(self.refined(motions), movable))
     }
 
     /// With slides along the direction that they and the front agree on, where depth noise spreads points.
@@ -132,45 +126,8 @@ impl Refinement<'_> {
         let Self { scene, clouds, evidence, config, settings, front, .. } = *self;
         let order = Numbering::ParentsFirst;
         let (parts, labels) =
-            refine_parts(scene, clouds, evidence, motions, &[], slides, &kinds, front, order, config, settings);
+            refine_parts(scene, clouds, evidence, motions, slides, &kinds, front, order, config, settings);
         Parts { parts, labels }
-    }
-
-    /// Parts of bodies, each of which only explains what is in its regions, and the bodies. Those without enough support are
-    /// removed.
-    pub(super) fn of_bodies(&self, mut bodies: Vec<Body>) -> (Parts, Vec<Body>) {
-        let Self { scene, clouds, evidence, config, settings, front, .. } = *self;
-        loop {
-            let motions: Vec<Rigid> = bodies.iter().map(|b| b.motion).collect();
-            let (kinds, order) = (vec![None; motions.len()], Numbering::Kept);
-            let (parts, labels) =
-                refine_parts(scene, clouds, evidence, &motions, &bodies, 0, &kinds, front, order, config, settings);
-            let found = self.aligned(Parts { parts, labels });
-            if let Some((kept, other)) = self.same_body(&found) {
-                join(&mut bodies, kept, other);
-                continue;
-            }
-            let supports = settings.support.of_parts(
-                scene,
-                clouds,
-                &evidence.occupancy,
-                &evidence.samples,
-                &found.labels,
-                &found.parts,
-            );
-            let least_moved = self.least_moved();
-            let mut supported = supports.iter().map(|s| {
-                s.moved >= least_moved
-                    && s.explained >= settings.support.least_explained
-                    && s.stiffness >= settings.support.least_stiffness
-            });
-            let before = bodies.len();
-            bodies.retain(|_| supported.next().unwrap_or(false));
-            // Each round but the last removes a body.
-            if bodies.len() == before {
-                return (found, bodies);
-            }
-        }
     }
 
     /// Parts with these motions and labels, bodies that move alike separated, with their joints and what carries them.
@@ -190,34 +147,6 @@ impl Refinement<'_> {
         let mut parts = carriers.joints(&decided, &kinds);
         parents_first(&mut parts, &mut labels);
         self.aligned(Parts { parts, labels })
-    }
-
-    /// Two parts that move alike and are not apart, the larger one first, where depth noise spreads points: one body of which noise
-    /// made two.
-    fn same_body(&self, found: &Parts) -> Option<(usize, usize)> {
-        /// Places this close are the same, spacings.
-        const SAME: f64 = 0.5;
-        if !self.scene.spreading {
-            return None;
-        }
-        let same = SAME * f64::from(self.scene.lengths.spacing);
-        let size = |k: usize| found.labels.iter().flatten().filter(|l| usize::from(**l) == k + 1).count();
-        let alike = |a: usize, b: usize| {
-            let (m, n) = (found.parts[a].motion, found.parts[b].motion);
-            let near = |p: &glam::Vec3| m.apply(p.as_dvec3()).distance(n.apply(p.as_dvec3())) < same;
-            let points = points_of_part(self.clouds, &found.labels, b as u16 + 1);
-            points[State::START].points.iter().step_by(16).all(near)
-        };
-        let whole = |a: usize, b: usize| {
-            let mut labels = found.labels.as_ref().map(|labels| {
-                labels.iter().map(|l| u16::from([a + 1, b + 1].contains(&usize::from(*l)))).collect::<Vec<u16>>()
-            });
-            let motions = [found.parts[a].motion];
-            self.settings.instances.split(self.scene, &mut labels, &motions, self.front, 2).is_empty()
-        };
-        let pairs = (0..found.parts.len()).flat_map(|a| (0..found.parts.len()).map(move |b| (a, b)));
-        let mut pairs = pairs.filter(|(a, b)| a != b && (size(*a), *b) > (size(*b), *a));
-        pairs.find(|(a, b)| alike(*a, *b) && whole(*a, *b))
     }
 
     /// The part with the least support, if that is too little: few points moved for certain, or other motions explain all
@@ -301,7 +230,6 @@ pub(super) fn refine_parts(
     clouds: &PerState<IndexedCloud<'_>>,
     evidence: &Evidence,
     motions: &[Rigid],
-    bodies: &[Body],
     fixed: usize,
     kinds: &[Option<JointKind>],
     front: Option<Front>,
@@ -316,7 +244,6 @@ pub(super) fn refine_parts(
         graphs: &evidence.graphs,
         known: &evidence.landings,
         occupancy: &evidence.occupancy,
-        bodies,
         costs: settings.label_costs,
         settings: settings.segmentation,
     };
@@ -367,13 +294,6 @@ pub(super) fn refine_parts(
     (parts, labels)
 }
 
-/// Gives the regions of body `other` to body `kept`.
-fn join(bodies: &mut Vec<Body>, kept: usize, other: usize) {
-    let regions = std::mem::take(&mut bodies[other].regions);
-    bodies[kept].regions.extend(regions);
-    bodies.remove(other);
-}
-
 /// Indices of the points of one part in every state.
 pub(super) fn members_of_part(labels: &PerState<Vec<u16>>, part: u16) -> PerState<Vec<usize>> {
     labels.as_ref().map(|labels| (0..labels.len()).filter(|&i| labels[i] == part).collect())
@@ -392,10 +312,7 @@ pub(super) fn points_of_part(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::discover::Cloud;
     use crate::discover::discover;
-    use crate::discover::face_motions::Region;
-    use crate::discover::facets::Facet;
     use crate::discover::test_scene::{cabinet_scene, object_scene, with_refinement};
     use glam::DVec3;
 
@@ -414,49 +331,6 @@ mod tests {
                 again.labels.iter().flatten().zip(first.labels.iter().flatten()).filter(|(a, b)| a != b).count();
             assert!(different * 500 < first.labels.iter().flatten().count(), "{different}");
         });
-    }
-
-    #[test]
-    fn a_body_keeps_its_place_when_an_earlier_one_joins_it() {
-        let facet = Facet { members: Vec::new(), centre: glam::Vec3::ZERO, normal: glam::Vec3::X };
-        let region = Region::around(&Cloud::default(), &facet, State::START, 1.0, 1.0);
-        let body =
-            |x: f64, count: usize| Body { motion: Rigid::shift(glam::DVec3::X * x), regions: vec![region; count] };
-        for (kept, other, expected) in [(2, 0, [1.0, 2.0]), (0, 2, [0.0, 1.0])] {
-            let mut bodies = vec![body(0.0, 1), body(1.0, 1), body(2.0, 1)];
-            join(&mut bodies, kept, other);
-            assert_eq!([0, 1].map(|k| bodies[k].motion.translation.x), expected);
-            assert_eq!(bodies.iter().map(|b| b.regions.len()).sum::<usize>(), 3);
-            assert!(bodies.iter().any(|b| b.regions.len() == 2 && b.motion.translation.x == kept as f64));
-        }
-    }
-
-    #[test]
-    fn pieces_of_one_body_are_the_same_body_only_where_depth_is_noisy() {
-        let config = DiscoverConfig::default();
-        let mut scene = cabinet_scene(16, 96);
-        let found = discover(&scene, 2..=2, &config).unwrap();
-        let mut parts = Parts { parts: found.parts.clone(), labels: found.labels.clone() };
-        parts.parts.push(found.parts[0]);
-        // The third part is one half of the first.
-        let middle = found.middle(1, State::START).as_vec3();
-        for s in State::ALL {
-            let back = found.parts[0].motion.away_from(State::END);
-            for (label, p) in parts.labels[s].iter_mut().zip(&found.clouds[s].points) {
-                let at_start = if s == State::START { *p } else { back.apply(p.as_dvec3()).as_vec3() };
-                if *label == 1 && at_start.z > middle.z {
-                    *label = 3;
-                }
-            }
-        }
-        for spreading in [false, true] {
-            scene.spreading = spreading;
-            with_refinement(&scene, |work| {
-                let same = work.same_body(&parts).map(|(a, b)| (a.min(b), a.max(b)));
-                assert_eq!(same, spreading.then_some((0, 2)));
-                assert_eq!(work.same_body(&Parts { parts: found.parts.clone(), labels: found.labels.clone() }), None);
-            });
-        }
     }
 
     #[test]

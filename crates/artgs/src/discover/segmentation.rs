@@ -1,7 +1,6 @@
 //! Which part each surface point belongs to: what the other state shows under every motion and, where that leaves several
 //! answers, which part the point is connected with.
 
-use super::bodies::Body;
 use super::cloud::{Cloud, IndexedCloud, components};
 use super::enclosure::Enclosure;
 use super::graph_cut;
@@ -183,25 +182,11 @@ pub(super) struct Labelling<'a> {
     pub(super) known: &'a KnownLandings,
     /// What the other state shows at each point.
     pub(super) occupancy: &'a PerState<Vec<Occupancy>>,
-    /// Where each part may be; everywhere if there are none.
-    pub(super) bodies: &'a [Body],
     pub(super) costs: LabelCosts,
     pub(super) settings: SegmentationSettings,
 }
 
 impl Labelling<'_> {
-    /// A part explains nothing outside of its body.
-    fn confine(&self, state: State, motions: &[Rigid], landings: &mut [Landing]) {
-        let points = &self.clouds[state].cloud.points;
-        landings.par_chunks_mut(motions.len() + 1).zip(points).with_min_len(512).for_each(|(row, point)| {
-            for ((body, motion), landing) in self.bodies.iter().zip(motions).zip(&mut row[1..]) {
-                if !body.contains(state, *point, motion) {
-                    *landing = Landing::Empty(1.0);
-                }
-            }
-        });
-    }
-
     /// Adds, for points without evidence that some movable parts enclose, a cost for the movable parts that do not.
     fn add_enclosure_costs(&self, data: &mut [f32], own: &[f32], state: State, motions: &[Rigid]) {
         /// A box grows by this many spacings.
@@ -234,11 +219,8 @@ impl Labelling<'_> {
     /// Part of every point of every state under motions from start to end.
     pub(super) fn labels(&self, motions: &[Rigid]) -> PerState<Vec<u16>> {
         let parts = motions.len() + 1;
-        let landings = PerState::from_fn(|s| {
-            let mut landings = self.known.rows(&self.scene.pair(self.clouds, s), s, motions, &self.costs);
-            self.confine(s, motions, &mut landings);
-            landings
-        });
+        let landings =
+            PerState::from_fn(|s| self.known.rows(&self.scene.pair(self.clouds, s), s, motions, &self.costs));
         let label = |s: State| {
             let own = part_costs(&landings[s], &landings[s.other()], &self.occupancy[s.other()], parts, &self.costs);
             let mut data = own.clone();

@@ -115,16 +115,10 @@ impl Selection {
     /// explanation. Of each number in `count` the best set is searched; the largest number is taken of which every motion
     /// explains enough points that no other one does.
     pub(super) fn best(&self, count: RangeInclusive<usize>) -> Vec<usize> {
-        self.best_two(count).0
-    }
-
-    /// The same, and, where depth noise spreads points, the set that was found motion by motion if it is another one: noise decides
-    /// between sets of nearly the same energy.
-    pub(super) fn best_two(&self, count: RangeInclusive<usize>) -> (Vec<usize>, Option<Vec<usize>>) {
         let table = &self.table;
         let (least, most) = (*count.start(), (*count.end()).min(table.costs.len()));
         if least >= most {
-            return (table.best_set(most, &self.settings), None);
+            return table.best_set(most, &self.settings);
         }
         let (mut chosen, mut supported, mut accepted) = (Vec::new(), Vec::new(), least);
         for number in 1..=most {
@@ -140,14 +134,9 @@ impl Selection {
             }
         }
         let best = table.best_set(accepted, &self.settings);
-        if !self.spreading || supported.len() != accepted {
-            return (best, None);
-        }
-        if !self.is_supported(&best) {
-            return (supported, None);
-        }
-        let is_other = supported.iter().any(|c| !best.contains(c));
-        (best, is_other.then_some(supported))
+        // Of sets of nearly the same energy noise decides.
+        let is_noise = self.spreading && supported.len() == accepted && !self.is_supported(&best);
+        if is_noise { supported } else { best }
     }
 
     /// True if each motion explains enough points that no other one does.
@@ -295,34 +284,6 @@ impl Table {
         };
         let (plain, beyond) = rayon::join(|| set(0), || set(2));
         if beyond.0 < plain.0 { beyond.1 } else { plain.1 }
-    }
-
-    /// A good set of candidates of which each lowers the energy by more than `price`.
-    pub(super) fn worth(&self, price: f64, settings: &SelectionSettings) -> Vec<usize> {
-        let mut chosen = Vec::new();
-        while chosen.len() < self.costs.len() {
-            let mut more = chosen.clone();
-            self.grow(&mut more, chosen.len() + 1);
-            if self.energy(&chosen) - self.energy(&more) < price {
-                break;
-            }
-            chosen = more;
-        }
-        let total = |set: &Vec<usize>| self.energy(set) + price * set.len() as f64;
-        let more = (0..=settings.extras[1]).map(|extra| self.best_set(chosen.len() + extra, settings));
-        let improved = more.min_by(|a, b| total(a).total_cmp(&total(b))).unwrap_or_default();
-        self.without_cheap(improved, price)
-    }
-
-    /// Removes candidates that lower the energy by less than `price`, the one that does least first.
-    fn without_cheap(&self, mut chosen: Vec<usize>, price: f64) -> Vec<usize> {
-        loop {
-            let losses = self.losses(&self.cheapest(&chosen), chosen.len());
-            let least = losses.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
-            let Some((slot, _)) = least.filter(|(_, loss)| **loss < price) else { return chosen };
-            chosen.remove(slot);
-            self.exchange(&mut chosen);
-        }
     }
 
     /// The best set of `count` that was found. Sets are grown greedily, some beyond `count` and from several first
@@ -477,23 +438,5 @@ mod tests {
         let mut both = selection(true).best(1..=2);
         both.sort_unstable();
         assert_eq!(both, [0, 2]);
-    }
-
-    #[test]
-    fn candidates_that_are_not_worth_their_price_are_left_out() {
-        let explains = [[0, 1, 2, 3].as_slice(), &[4, 5, 6], &[7], &[0, 1, 2]];
-        let column = |e: &[usize]| (0..8).map(|i| if e.contains(&i) { 0.0 } else { 2.0 }).collect();
-        let table = Table {
-            rest: vec![1.0; 8],
-            costs: explains.map(column).to_vec(),
-            weights: vec![1.0; 8],
-            confirmed: Vec::new(),
-        };
-        let worth = |price: f64| {
-            let mut chosen = table.worth(price, &SelectionSettings::default());
-            chosen.sort_unstable();
-            chosen
-        };
-        assert_eq!((worth(2.0), worth(0.5), worth(3.5)), (vec![0, 1], vec![0, 1, 2], vec![0]));
     }
 }

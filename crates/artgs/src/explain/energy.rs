@@ -2,12 +2,12 @@
 
 use super::cost::{Context, Cost, Prices, cost, mean_nats};
 use super::evidence::{Look, Seen};
-use super::motion::{Registered, registered};
+use super::motion::{Registered, Residuals, registered};
 use super::noise::Noise;
 use super::settings::ExplainSettings;
 use crate::discover::Cloud;
 use crate::discover::cloud::IndexedCloud;
-use crate::discover::graph_cut::expand;
+use crate::discover::graph_cut::expand_only;
 use crate::discover::scene::Scene;
 use crate::discover::segmentation::GraphSettings;
 use artgs_core::{PerState, Rigid, State};
@@ -29,6 +29,13 @@ impl Explanation {
     /// Nothing moves; for so many surfels of each state.
     pub fn without_parts(surfels: PerState<usize>) -> Self {
         Self { motions: Vec::new(), numbers: Vec::new(), labels: surfels.map(|n| vec![0; n]) }
+    }
+
+    /// With the surfels of part `k` given to part `j`, both from 1.
+    pub(super) fn joined(&self, j: usize, k: usize) -> Self {
+        let mut out = self.clone();
+        out.labels.iter_mut().flatten().filter(|l| usize::from(**l) == k).for_each(|l| *l = j as u16);
+        out.without(k)
     }
 
     /// Without part `k` (from 1); its surfels become static.
@@ -102,6 +109,8 @@ pub struct Problem<'a> {
     pub(super) prices: Prices,
     /// Neighbouring surfels that count as one.
     pub shared: f32,
+    /// Deviation of the distance by which the states disagree where nothing moved, beyond that, scene units.
+    pub(super) common: f32,
     /// How far each surfel is to be believed, 0 to 1: less where views of its own state contradict it.
     weights: PerState<Vec<f32>>,
     known: HashMap<[u64; 7], Evidence>,
@@ -121,9 +130,15 @@ impl<'a> Problem<'a> {
             prices: Prices::measured(&noise, scene.lengths.diagonal),
             shared: noise.iter().map(|n| n.shared).sum::<f32>() / 2.0,
             noise,
+            common: 0.0,
             weights: PerState::default(),
             known: HashMap::new(),
         };
+        problem.common = problem.common_error();
+        for noise in problem.noise.iter_mut() {
+            noise.add(problem.common);
+        }
+        problem.prices = Prices::measured(&problem.noise, scene.lengths.diagonal);
         problem.weights = PerState::from_fn(|s| problem.weights_of(s));
         problem
     }
@@ -220,21 +235,13 @@ impl<'a> Problem<'a> {
         const ROUNDS: usize = 3;
         const SWEEPS: usize = 2;
         let evidence = self.all(&explanation.motions);
+        let parts: Vec<u16> = (0..evidence.len() as u16).collect();
         let (mut best, mut least) = (explanation.clone(), self.terms(explanation).total());
         for round in 0..ROUNDS {
             let begun = least;
             let first = fresh.filter(|_| round == 0);
             for s in State::ALL {
-                let parts = evidence.len();
-                let mut next = best.clone();
-                let mut context = self.context(&best, &evidence, s);
-                context.fresh = first;
-                let mut data = Vec::with_capacity(parts * next.labels[s].len());
-                for i in 0..next.labels[s].len() {
-                    let of = |k: usize| self.cost(&evidence, &context, s, i, k as u16).nats();
-                    data.extend((0..parts).map(|k| self.weights[s][i] * of(k)));
-                }
-                expand(&data, parts, &self.edges[s], self.settings.border, &mut next.labels[s], SWEEPS);
+                let next = self.cut(&best, &evidence, s, &parts, first, SWEEPS);
                 let total = self.terms(&next).total();
                 if total < least - 1e-6 || first.is_some() {
                     (best, least) = (next, total);
@@ -245,6 +252,37 @@ impl<'a> Problem<'a> {
             }
         }
         best
+    }
+
+    /// The same motions with the parts `grown` grown once in each state; `fresh` is one of them that has no surfels yet.
+    pub(super) fn grown(&mut self, explanation: &Explanation, grown: &[u16], fresh: Option<u16>) -> Explanation {
+        let evidence = self.all(&explanation.motions);
+        let mut out = explanation.clone();
+        for s in State::ALL {
+            out = self.cut(&out, &evidence, s, grown, fresh, 1);
+        }
+        out
+    }
+
+    /// With the labels of a state cut again, for which the parts `grown` may take surfels.
+    fn cut(
+        &self,
+        now: &Explanation,
+        evidence: &[Evidence],
+        s: State,
+        grown: &[u16],
+        fresh: Option<u16>,
+        sweeps: usize,
+    ) -> Explanation {
+        let parts = evidence.len();
+        let mut next = now.clone();
+        let mut context = self.context(now, evidence, s);
+        context.fresh = fresh;
+        let of = |i: usize, k: usize| self.weights[s][i] * self.cost(evidence, &context, s, i, k as u16).nats();
+        let surfels = 0..next.labels[s].len();
+        let data: Vec<f32> = surfels.flat_map(|i| (0..parts).map(move |k| (i, k))).map(|(i, k)| of(i, k)).collect();
+        expand_only(grown, &data, parts, &self.edges[s], self.settings.border, &mut next.labels[s], sweeps);
+        next
     }
 
     /// Nats of every surfel.
@@ -266,16 +304,16 @@ impl<'a> Problem<'a> {
         contexts: &PerState<Context>,
         motion: &Rigid,
     ) -> f64 {
-        let mut gain = 0.0;
+        let mut saved = 0.0;
         for s in State::ALL {
             let look = self.look(s, s.other());
             let motion = motion.away_from(s);
             for &i in &asked[s] {
                 let new = cost(&look.seen(i, &motion), 1.0, &contexts[s], &self.prices, &self.settings).nats();
-                gain += f64::from((costs[s][i] - self.weights[s][i] * new).max(0.0));
+                saved += f64::from((costs[s][i] - self.weights[s][i] * new).max(0.0));
             }
         }
-        gain / f64::from(self.shared)
+        saved / f64::from(self.shared)
     }
 
     /// What an explanation says about the surfels of each state.
@@ -315,14 +353,12 @@ impl<'a> Problem<'a> {
     /// The motion of part `part` (from 1), registered to what the views show.
     pub fn registered(&self, explanation: &Explanation, part: usize) -> Registered {
         let members = self.members(explanation, part as u16);
-        registered(
-            self.scene,
-            &self.clouds,
-            &self.noise,
-            self.shared,
-            &members,
-            explanation.motions[part - 1],
-            &self.settings,
-        )
+        registered(&self.residuals(&members), explanation.motions[part - 1])
+    }
+
+    /// Depth residuals of the surfels `members` of a part.
+    pub(super) fn residuals<'b>(&'b self, members: &'b PerState<Vec<usize>>) -> Residuals<'b> {
+        let Self { scene, clouds, noise, shared, settings, .. } = self;
+        Residuals { scene, clouds, noise, shared: *shared, members, settings }
     }
 }

@@ -5,11 +5,13 @@
 //! the numbers that describe the motions. `search` adds and removes parts as long as the energy falls; `proposals` are the motions that it
 //! tries. [`judge`] compares what was found with the truth and with what an adversary finds.
 
+mod common;
 mod cost;
 mod energy;
 mod evidence;
 mod fit;
 mod found;
+mod interval;
 pub mod judge;
 mod motion;
 mod noise;

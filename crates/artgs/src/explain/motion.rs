@@ -19,85 +19,97 @@ pub struct Registered {
     pub information: Matrix6<f64>,
 }
 
-/// Gauss-Newton steps on the depth residuals of the surfels of each state that are `members`, from `motion` on. Hits within a gate
-/// that shrinks from the measuring gate take part. `shared` neighbouring surfels count as one.
-pub(super) fn registered(
-    scene: &Scene,
-    clouds: &PerState<IndexedCloud<'_>>,
-    noise: &PerState<Noise>,
-    shared: f32,
-    members: &PerState<Vec<usize>>,
-    motion: Rigid,
-    settings: &ExplainSettings,
-) -> Registered {
+/// What one surfel says about a twist: `slope * twist` is a distance of which `information` is the inverse variance, and
+/// `pull / information` the measured value.
+pub(super) struct Equation {
+    pub(super) slope: Vector6<f64>,
+    pub(super) information: f64,
+    pub(super) pull: f64,
+}
+
+/// Depth residuals of the surfels of each state that are `members`, of a part.
+pub(super) struct Residuals<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) clouds: &'a PerState<IndexedCloud<'a>>,
+    pub(super) noise: &'a PerState<Noise>,
+    /// Neighbouring surfels that count as one.
+    pub(super) shared: f32,
+    pub(super) members: &'a PerState<Vec<usize>>,
+    pub(super) settings: &'a ExplainSettings,
+}
+
+impl Residuals<'_> {
+    /// Normal equations of a twist after `motion`, as [`Registered::information`]: information, and what it is multiplied with. Hits within
+    /// `gate`, or within the hit deviations if these are more, take part.
+    pub(super) fn equations(&self, motion: &Rigid, gate: f32) -> (Matrix6<f64>, Vector6<f64>) {
+        /// Surfels of a state that take part; the others count by their number.
+        const MOST: usize = 2500;
+        let (mut a, mut b) = (Matrix6::<f64>::zeros(), Vector6::<f64>::zeros());
+        for state in State::ALL {
+            let motion = motion.away_from(state);
+            let members = &self.members[state];
+            let step = members.len().div_ceil(MOST).max(1);
+            let own: Vec<usize> = members.iter().copied().step_by(step).collect();
+            let rows: Vec<Equation> =
+                own.par_iter().with_min_len(64).map(|&i| self.equation(state, i, &motion, gate)).collect();
+            for row in rows {
+                a += row.slope * row.slope.transpose() * (row.information * step as f64);
+                b += row.slope * (row.pull * step as f64);
+            }
+        }
+        (a / f64::from(self.shared), b / f64::from(self.shared))
+    }
+
+    /// What surfel `i` of a state says, which `motion` takes to the other one.
+    pub(super) fn equation(&self, state: State, i: usize, motion: &Rigid, gate: f32) -> Equation {
+        /// Every so many views take part.
+        const VIEWS: usize = 3;
+        let (to, settings) = (state.other(), self.settings);
+        let surfel = Surfel::of(self.clouds[state].cloud, i);
+        let image = surfel.moved(motion);
+        // The twist acts on the place in the end state.
+        let (at, sign) = if state == State::START { (image, 1.0) } else { (surfel, -1.0) };
+        let (p, n) = (at.point.as_dvec3(), at.normal.as_dvec3());
+        let m = p.cross(n);
+        let j = Vector6::new(m.x, m.y, m.z, n.x, n.y, n.z) * sign;
+        let (mut a, mut b, mut count) = (0.0, 0.0, 0.0);
+        for view in self.scene.states[to].views.iter().step_by(VIEWS) {
+            let Some((r, cosine)) = residual(view, &image, settings.facing) else { continue };
+            let deviation = self.noise[to].deviation_at(cosine);
+            if cosine < settings.facing || r.abs() > gate.max(settings.hit * deviation) {
+                continue;
+            }
+            // Depth changes by this much for a shift along the normal.
+            let slope = f64::from(-1.0 / (cosine * stretch(view, image.point)));
+            let weight = f64::from(deviation).powi(-2);
+            a += weight * slope * slope;
+            b += weight * slope * f64::from(r);
+            count += 1.0;
+        }
+        // Views of one surfel are averaged.
+        let each = 1.0 / f64::max(count, 1.0);
+        Equation { slope: j, information: a * each, pull: b * each }
+    }
+}
+
+/// Gauss-Newton steps on the residuals of a part from `motion` on. The gate of hits shrinks from step to step.
+pub(super) fn registered(residuals: &Residuals<'_>, motion: Rigid) -> Registered {
     const STEPS: usize = 8;
-    /// Surfels of a state that take part.
-    const MOST: usize = 2500;
-    /// Every so many views take part.
-    const VIEWS: usize = 3;
     /// The gate shrinks by this factor from step to step.
     const SHRINK: f32 = 0.6;
     /// First gate, a share of the diagonal.
     const GATE: f32 = 0.003;
     /// Standard deviation of the given motion, a share of the diagonal: where the surfels say nothing, it stays.
     const GIVEN: f64 = 0.002;
-    let given = (GIVEN * f64::from(scene.lengths.diagonal)).powi(-2);
-    let middle = middle_of(clouds, members, &motion);
+    let diagonal = residuals.scene.lengths.diagonal;
+    let given = (GIVEN * f64::from(diagonal)).powi(-2);
+    let middle = middle_of(residuals.clouds, residuals.members, &motion);
     let mut out = Registered { motion, information: Matrix6::zeros() };
-    let mut gate = GATE * scene.lengths.diagonal;
+    let mut gate = GATE * diagonal;
     for _ in 0..STEPS {
-        let (mut a, mut b) = (Matrix6::<f64>::zeros(), Vector6::<f64>::zeros());
-        for state in State::ALL {
-            let to = state.other();
-            let motion = out.motion.away_from(state);
-            let own: Vec<usize> =
-                members[state].iter().copied().step_by(members[state].len().div_ceil(MOST).max(1)).collect();
-            let views = &scene.states[to].views;
-            let rows: Vec<(Matrix6<f64>, Vector6<f64>)> = own
-                .par_iter()
-                .with_min_len(64)
-                .map(|&i| {
-                    let surfel = Surfel::of(clouds[state].cloud, i);
-                    let image = surfel.moved(&motion);
-                    // The twist acts on the place in the end state.
-                    let (at, sign) = if state == State::START { (image, 1.0) } else { (surfel, -1.0) };
-                    let (p, n) = (at.point.as_dvec3(), at.normal.as_dvec3());
-                    let m = p.cross(n);
-                    let j = Vector6::new(m.x, m.y, m.z, n.x, n.y, n.z) * sign;
-                    let (mut a, mut b, mut count) = (0.0, 0.0, 0.0);
-                    for view in views.iter().step_by(VIEWS) {
-                        let Some((r, cosine)) = residual(view, &image, settings.facing) else { continue };
-                        let deviation = noise[to].deviation_at(cosine);
-                        if cosine < settings.facing || r.abs() > gate.max(settings.hit * deviation) {
-                            continue;
-                        }
-                        // Depth changes by this much for a shift along the normal.
-                        let slope = f64::from(-1.0 / (cosine * stretch(view, image.point)));
-                        let weight = f64::from(deviation).powi(-2);
-                        a += weight * slope * slope;
-                        b += weight * slope * f64::from(r);
-                        count += 1.0;
-                    }
-                    // Views of one surfel are averaged.
-                    let each = 1.0 / f64::max(count, 1.0);
-                    (j * j.transpose() * (a * each), j * (b * each))
-                })
-                .collect();
-            rows.iter().for_each(|(x, y)| {
-                a += x;
-                b += y;
-            });
-        }
-        out.information = a / f64::from(shared);
-        let (a, b) = with_prior(
-            a / f64::from(shared),
-            b / f64::from(shared),
-            &motion,
-            &out.motion,
-            middle,
-            given,
-            scene.lengths.diagonal.into(),
-        );
+        let (a, b) = residuals.equations(&out.motion, gate);
+        out.information = a;
+        let (a, b) = with_prior(a, b, &motion, &out.motion, middle, given, diagonal.into());
         let Some(x) = a.cholesky().map(|c| c.solve(&b)) else { return out };
         let (omega, v) = (DVec3::new(x[0], x[1], x[2]), DVec3::new(x[3], x[4], x[5]));
         out.motion =

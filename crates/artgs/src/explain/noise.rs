@@ -28,6 +28,11 @@ impl Noise {
         self.deviation[EDGES.iter().take_while(|edge| cosine >= **edge).count()]
     }
 
+    /// Adds an independent error, scene units.
+    pub(super) fn add(&mut self, deviation: f32) {
+        self.deviation.iter_mut().for_each(|own| *own = own.hypot(deviation));
+    }
+
     /// Measures a state.
     pub(super) fn measured(scene: &Scene, cloud: &Cloud, state: State, settings: &ExplainSettings) -> Self {
         /// Every so many surfels are measured.

@@ -1,7 +1,8 @@
 //! The search for the explanation with the lowest energy: motions are proposed, and only the energy decides.
 
+use super::cost::Context;
 use super::energy::{Explanation, Problem};
-use artgs_core::{JointKind, Rigid, State};
+use artgs_core::{JointKind, PerState, Rigid, State};
 use rayon::prelude::*;
 
 /// Settings of the search.
@@ -19,23 +20,60 @@ pub struct SearchSettings {
     pub least_group: usize,
     /// Groups of each state that propose motions.
     pub groups: usize,
+    /// Another part is fitted if the total is at most so many nats higher before. Raising it tries more.
+    pub rough: f64,
     /// Motions that take all surfels of a part to places this close are the same, fractions of the diagonal.
     pub same: f64,
 }
 
 impl Default for SearchSettings {
     fn default() -> Self {
-        Self { rounds: 12, tried: 5, part: 30.0, unhappy: 1.5, least_group: 12, groups: 8, same: 0.002 }
+        Self { rounds: 12, tried: 5, part: 30.0, unhappy: 1.5, least_group: 12, groups: 8, rough: 60.0, same: 0.002 }
+    }
+}
+
+/// Numbers that a motion needs: what hardly turns is a slide.
+fn numbers(motion: &Rigid) -> u8 {
+    let kind = if motion.angle() < 0.01 { JointKind::Prismatic } else { JointKind::Revolute };
+    kind.numbers()
+}
+
+/// At most `count` things with the largest gains above `least`, none of which is the `same` as a better one.
+fn most_promising<T>(mut gains: Vec<(f64, T)>, least: f64, count: usize, same: impl Fn(&T, &T) -> bool) -> Vec<T> {
+    gains.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut out: Vec<T> = Vec::new();
+    for (_, next) in gains.into_iter().take_while(|g| g.0 > least) {
+        if out.len() == count {
+            break;
+        }
+        if !out.iter().any(|other| same(other, &next)) {
+            out.push(next);
+        }
+    }
+    out
+}
+
+impl Explanation {
+    /// With one more part that moves so and has no surfels.
+    fn with(&self, motion: Rigid) -> Self {
+        let mut out = self.clone();
+        out.motions.push(motion);
+        out.numbers.push(numbers(&motion));
+        out
     }
 }
 
 impl Problem<'_> {
-    /// From `start`, adds parts with the motions that unexplained surfels propose, and removes parts, as long as that lowers the total. Parts have distinct motions: bodies that move alike are one part.
-    pub fn searched(&mut self, start: &Explanation, settings: &SearchSettings) -> Explanation {
+    /// From `start`, adds parts with the motions that unexplained surfels propose or that `pool` has, and removes parts, as long as that lowers
+    /// the total. Parts have distinct motions: bodies that move alike are one part.
+    pub fn searched(&mut self, start: &Explanation, pool: &[Rigid], settings: &SearchSettings) -> Explanation {
         let mut best = self.settled(start, settings);
         for _ in 0..settings.rounds {
-            let least = self.total(&best, settings);
-            if let Some(next) = self.with_another(&best, least, settings) {
+            let costs = self.costs(&best);
+            let contexts = self.contexts(&best);
+            let additions = self.additions(&best, &costs, &contexts, pool, settings);
+            let next = self.accepted(&best, &additions, settings);
+            if let Some(next) = next {
                 best = next;
             } else {
                 // Parts are removed last: an addition may be what a wrong part stands for.
@@ -50,6 +88,45 @@ impl Problem<'_> {
         best
     }
 
+    /// Of `others` the explanation with the lowest total; none if it is not lower than that of `now`.
+    fn lowest(
+        &mut self,
+        now: &Explanation,
+        others: Vec<Explanation>,
+        settings: &SearchSettings,
+    ) -> Option<Explanation> {
+        let mut least = self.total(now, settings);
+        let mut next = None;
+        for other in others {
+            let total = self.total(&other, settings);
+            if total < least {
+                (next, least) = (Some(other), total);
+            }
+        }
+        next
+    }
+
+    /// With one more part that moves by one of `motions` and lowers the total, the most promising one first; none if none does.
+    fn accepted(&mut self, now: &Explanation, motions: &[Rigid], settings: &SearchSettings) -> Option<Explanation> {
+        let least = self.total(now, settings);
+        // Before the motion is fitted and all labels are cut.
+        let mut roughly: Vec<(f64, Explanation)> = Vec::new();
+        for motion in motions {
+            let with = now.with(*motion);
+            let fresh = with.motions.len() as u16;
+            let with = self.grown(&with, &[fresh], Some(fresh));
+            roughly.push((self.total(&with, settings), with));
+        }
+        roughly.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (_, with) in roughly.into_iter().take_while(|r| r.0 < least + settings.rough) {
+            let fitted = self.fitted(&with, with.motions.len());
+            if self.total(&fitted, settings) < least {
+                return Some(fitted);
+            }
+        }
+        None
+    }
+
     /// The energy and the price of the parts, nats.
     pub fn total(&mut self, explanation: &Explanation, settings: &SearchSettings) -> f64 {
         self.terms(explanation).total() + settings.part * explanation.motions.len() as f64
@@ -61,45 +138,29 @@ impl Problem<'_> {
         self.relabelled(&distinct)
     }
 
-    /// The explanation with one more part, that of the tried motions with the lowest energy; none if it does not pay.
-    fn with_another(&mut self, now: &Explanation, least: f64, settings: &SearchSettings) -> Option<Explanation> {
-        let costs = self.costs(now);
+    /// The most promising motions of another part.
+    fn additions(
+        &self,
+        now: &Explanation,
+        costs: &PerState<Vec<f32>>,
+        contexts: &PerState<Context>,
+        pool: &[Rigid],
+        settings: &SearchSettings,
+    ) -> Vec<Rigid> {
         let unhappy = costs.as_ref().map(|costs| (0..costs.len()).filter(|&i| costs[i] > settings.unhappy).collect());
-        let mut proposals = self.proposed(&costs, &unhappy, settings);
-        let contexts = self.contexts(now);
-        proposals.extend(self.slides(now, &contexts, &costs, &unhappy, settings));
-        let gains: Vec<f64> = proposals.par_iter().map(|m| self.gain(&costs, &unhappy, &contexts, m)).collect();
-        let mut order: Vec<usize> = (0..proposals.len()).collect();
-        order.sort_by(|a, b| gains[*b].total_cmp(&gains[*a]));
-        let mut tried: Vec<Rigid> = Vec::new();
-        let mut next: Option<(Explanation, f64)> = None;
-        for m in order {
-            if tried.len() == settings.tried || gains[m] < settings.part {
-                break;
-            }
-            if tried.iter().any(|t| self.same_everywhere(t, &proposals[m], settings.same)) {
-                continue;
-            }
-            tried.push(proposals[m]);
-            let with = self.with_part(now, proposals[m]);
-            let with = self.fitted(&with, with.motions.len());
-            let energy = self.total(&with, settings);
-            if next.as_ref().is_none_or(|n| energy < n.1) {
-                next = Some((with, energy));
-            }
-        }
-        next.filter(|n| n.1 < least).map(|n| n.0)
+        let mut proposals = self.proposed(costs, &unhappy, settings);
+        proposals.extend(self.slides(now, contexts, costs, &unhappy, settings));
+        proposals.extend(pool);
+        let gains = proposals.par_iter().map(|m| self.gain(costs, &unhappy, contexts, m));
+        let gains: Vec<(f64, Rigid)> = gains.zip(proposals.par_iter().copied()).collect();
+        let same = |a: &Rigid, b: &Rigid| self.same_everywhere(a, b, settings.same);
+        most_promising(gains, settings.part, settings.tried, same)
     }
 
     /// With one more part that moves so, and the labels that it takes.
     pub(super) fn with_part(&mut self, now: &Explanation, motion: Rigid) -> Explanation {
-        let mut with = now.clone();
-        with.motions.push(motion);
-        // What hardly turns is a slide.
-        let kind = if motion.angle() < 0.01 { JointKind::Prismatic } else { JointKind::Revolute };
-        with.numbers.push(kind.numbers());
-        let fresh = with.motions.len() as u16;
-        self.relabelled_with(&with, Some(fresh))
+        let with = now.with(motion);
+        self.relabelled_with(&with, Some(with.motions.len() as u16))
     }
 
     /// Without parts that do not save their price, the one that saves least first.
@@ -110,35 +171,25 @@ impl Problem<'_> {
     ) -> Explanation {
         let mut best = explanation.clone();
         loop {
-            let least = self.total(&best, settings);
-            let mut next: Option<(Explanation, f64)> = None;
-            for k in 1..=best.motions.len() {
-                let fewer = self.relabelled(&best.without(k));
-                let total = self.total(&fewer, settings);
-                if total < next.as_ref().map_or(least, |n| n.1) {
-                    next = Some((fewer, total));
-                }
-            }
-            let Some((fewer, _)) = next else { return best };
-            best = fewer;
+            let parts: Vec<u16> = (0..best.motions.len() as u16).collect();
+            let fewer = (1..=best.motions.len()).map(|k| self.grown(&best.without(k), &parts, None)).collect();
+            let Some(fewer) = self.lowest(&best, fewer, settings) else { return best };
+            best = self.relabelled(&fewer);
         }
     }
 
-    /// Parts that move alike joined.
-    fn distinct(&self, explanation: &Explanation, settings: &SearchSettings) -> Explanation {
+    /// Parts that move nearly alike joined, where that lowers the total.
+    fn distinct(&mut self, explanation: &Explanation, settings: &SearchSettings) -> Explanation {
+        let same = settings.same * f64::from(self.diagonal());
         let mut out = explanation.clone();
-        let mut k = out.motions.len();
-        while k > 1 {
+        for k in (2..=out.motions.len()).rev() {
             let own = self.members(&out, k as u16);
-            let points = own[State::START].iter().map(|&i| self.clouds[State::START].cloud.points[i].as_dvec3());
-            let points: Vec<_> = points.step_by(4).collect();
-            let same = settings.same * f64::from(self.diagonal());
-            let alike = |m: &Rigid| points.iter().all(|p| m.apply(*p).distance(out.motions[k - 1].apply(*p)) < same);
-            if let Some(j) = (0..k - 1).find(|j| !points.is_empty() && alike(&out.motions[*j])) {
-                out.labels.iter_mut().flatten().filter(|l| usize::from(**l) == k).for_each(|l| *l = j as u16 + 1);
-                out = out.without(k);
-            }
-            k -= 1;
+            let cloud = self.clouds[State::START].cloud;
+            let points: Vec<_> = own[State::START].iter().step_by(4).map(|&i| cloud.points[i].as_dvec3()).collect();
+            let near = |j: usize, p: &glam::DVec3| out.motions[k - 1].apply(*p).distance(out.motions[j - 1].apply(*p));
+            let alike: Vec<usize> = (1..k).filter(|&j| points.iter().all(|p| near(j, p) < same)).collect();
+            let joined = alike.into_iter().map(|j| out.joined(j, k)).collect();
+            out = self.lowest(&out, joined, settings).unwrap_or(out);
         }
         out
     }

@@ -7,7 +7,7 @@ use super::*;
 use crate::discover::DiscoverConfig;
 use crate::discover::scene::{DepthPicture, Scene};
 use crate::evaluate::sample_surface;
-use artgs_core::{PerState, Rigid, State};
+use artgs_core::{Joint, JointKind, PerState, Rigid, State};
 use artgs_synth::{CaptureOptions, Object, object, render_capture};
 use glam::DVec3;
 use rand::SeedableRng;
@@ -19,9 +19,17 @@ const PARTS: usize = 3;
 
 /// A cupboard with two movable parts.
 fn cupboard() -> (Object, Scene) {
+    cupboard_off_by(DVec3::ZERO)
+}
+
+/// The same; the cameras of the end state are stated too far by `off`.
+fn cupboard_off_by(off: DVec3) -> (Object, Scene) {
     let object = object("storage2", 0).unwrap();
     let options = CaptureOptions { views: 20, test_views: 0, size: 120, ..CaptureOptions::default() };
-    let capture = render_capture(&object, &options).unwrap();
+    let mut capture = render_capture(&object, &options).unwrap();
+    for view in &mut capture.states[State::END].train {
+        view.camera.world_to_camera = view.camera.world_to_camera * Rigid::shift(-off);
+    }
     let pictures = PerState::from_fn(|s| {
         let picture = |view| DepthPicture { view, depth: view.depth.as_ref().unwrap() };
         capture.states[s].train.iter().map(picture).collect::<Vec<_>>()
@@ -129,6 +137,34 @@ fn a_motion_is_registered_from_both_states() {
         assert!(!points.is_empty() && after < 0.7 * before, "{part}: {after} of {before}");
         assert!(found.information.cholesky().is_some());
         explanation.motions[part - 1] = right;
+    }
+}
+
+#[test]
+fn what_errors_of_the_states_have_in_common_is_measured_where_nothing_moved() {
+    let common = |off: f64| {
+        let (_, scene) = cupboard_off_by(DVec3::splat(off));
+        let surfels = Surfels::new(&scene, &SETTINGS);
+        f64::from(Problem::new(&scene, &surfels, SETTINGS).common)
+    };
+    // Along each axis the surfaces are off by 1.5 mm.
+    let (none, some) = (common(0.0), common(0.0015));
+    assert!(none < 0.0005 && (0.0008..0.003).contains(&some), "{none} {some}");
+}
+
+#[test]
+fn intervals_of_a_cupboard_hold_the_truth_and_are_small() {
+    let (object, scene) = cupboard();
+    let found = crate::discover::discover(&scene, 2..=2, &DiscoverConfig::default()).unwrap();
+    for (k, part) in found.parts.iter().enumerate() {
+        let interval = part.interval.unwrap();
+        let joint = part.joint_near(&found.parts, found.middle(k + 1, State::START));
+        let truth =
+            (1..PARTS).map(|k| object.start_to_end(k)).find(|m| (m.angle() > 0.1) == (part.motion.angle() > 0.1));
+        let truth = Joint::from_motion(part.kind, &truth.unwrap()).with_origin_near(joint.origin);
+        let tilt = crate::evaluate::axis_angle_deg(joint.axis, truth.axis);
+        assert!(tilt < 2.0 * interval.axis_deg && interval.axis_deg < 1.0, "{part:?}: {tilt}");
+        assert_eq!(interval.position.is_some(), part.kind == JointKind::Revolute);
     }
 }
 

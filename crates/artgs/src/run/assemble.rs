@@ -105,6 +105,7 @@ fn replica(parts: &[JointEstimate], found: Option<&Discovery>, meshes: &PartMesh
     let mut replica = Replica::new(&joints);
     for (part, fitted) in replica.parts[1..].iter_mut().zip(parts) {
         part.confidence = fitted.confidence;
+        part.interval = fitted.interval;
         part.parent = Some(fitted.parent);
     }
     let others = found.map_or(&[][..], |found| found.alternatives.as_slice());

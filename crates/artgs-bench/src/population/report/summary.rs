@@ -32,6 +32,8 @@ pub struct Numbers {
     pub position: Option<Middle>,
     /// Error of the motion, share of the true motion.
     pub motion: Option<Middle>,
+    /// Errors of direction, position and motion that are within their 95 % intervals.
+    pub covered: [Share; 3],
     /// Wall-clock time of a run, seconds.
     pub seconds: Option<Middle>,
     /// The same by sensor.
@@ -153,11 +155,22 @@ fn numbers(rows: &[Row]) -> Numbers {
         axis_deg: Middle::of(&joints.iter().filter_map(|j| j.axis_deg).collect::<Vec<_>>()),
         position: Middle::of(&joints.iter().filter_map(|j| j.position).collect::<Vec<_>>()),
         motion: Middle::of(&joints.iter().filter_map(|j| j.motion).collect::<Vec<_>>()),
+        covered: [
+            covered(joints.iter().map(|j| j.axis_of_interval)),
+            covered(joints.iter().map(|j| j.position_of_interval)),
+            covered(joints.iter().map(|j| j.motion_of_interval)),
+        ],
         seconds: positive(|row| row.seconds),
         seconds_of_sensor: seconds.into_iter().filter_map(of_sensor).collect(),
         cpu_seconds: positive(|row| row.cpu_seconds),
         peak_memory_mib: positive(|row| row.peak_memory_mib),
     }
+}
+
+/// Errors, as shares of the half widths of their intervals, that are within them.
+fn covered(errors: impl Iterator<Item = Option<f64>>) -> Share {
+    let known: Vec<f64> = errors.flatten().collect();
+    Share::among(&known, |error| **error <= 1.0)
 }
 
 /// Causes of refusals and failures, with seeds as ids.

@@ -51,6 +51,8 @@ pub(super) fn headline(summary: &Summary) -> Table {
     if summary.not_made > 0 {
         rows.push(("could not be made, in no other number".into(), counted(summary.not_made, "object")));
     }
+    let covered = summary.numbers.covered.iter().map(share).collect::<Vec<_>>();
+    rows.push(("errors within 95 % intervals: axis; position; motion".into(), covered.join("; ")));
     let programs: Vec<String> = summary.programs.iter().map(|(program, n)| format!("{program} ({n})")).collect();
     rows.push(("program (objects)".into(), if programs.is_empty() { NONE.into() } else { programs.join(", ") }));
     let note = format!(
