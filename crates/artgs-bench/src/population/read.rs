@@ -124,6 +124,9 @@ mod tests {
             axis_deg: Some(0.1),
             position: None,
             motion: Some(1.0 / 3.0),
+            axis_of_interval: Some(0.5),
+            position_of_interval: None,
+            motion_of_interval: Some(1.5),
             confidence: None,
             correct: true,
         };

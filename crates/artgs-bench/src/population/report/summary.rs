@@ -200,6 +200,8 @@ mod tests {
         assert_eq!((found.right, found.joints_right), (Share::new(2, 4), Share::new(1, 4)));
         assert_eq!((found.undecidable.right, found.undecidable.refused), (Share::new(1, 2), 1));
         assert_eq!(found.undecidable.reasons["unseen"], 2);
+        let [axis_in, _, motion_in] = &found.numbers.covered;
+        assert!(axis_in.of > 0 && axis_in.count == axis_in.of && motion_in.count == 0, "{axis_in:?} {motion_in:?}");
         let axis = found.numbers.axis_deg.unwrap();
         // Of the two right decidable objects: 0.5, 0.5, 0.5 and 7.25 degrees.
         assert_eq!((axis.count, axis.median), (4, 0.5));

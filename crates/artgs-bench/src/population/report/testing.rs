@@ -12,6 +12,9 @@ pub(super) fn joint(truth: u32) -> JointRow {
         axis_deg: Some(0.5),
         position: Some(0.01),
         motion: Some(0.02),
+        axis_of_interval: Some(0.5),
+        position_of_interval: Some(0.25),
+        motion_of_interval: Some(1.5),
         confidence: Some(0.8),
         correct: true,
     }
