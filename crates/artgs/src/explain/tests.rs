@@ -147,9 +147,9 @@ fn what_errors_of_the_states_have_in_common_is_measured_where_nothing_moved() {
         let surfels = Surfels::new(&scene, &SETTINGS);
         f64::from(Problem::new(&scene, &surfels, SETTINGS).common)
     };
-    // Along each axis the surfaces are off by 1.5 mm.
+    // Along each axis the surfaces are off by 1.5 mm. Of four pixels the one that agrees best is compared, which makes it smaller.
     let (none, some) = (common(0.0), common(0.0015));
-    assert!(none < 0.0005 && (0.0008..0.003).contains(&some), "{none} {some}");
+    assert!(none < 0.0003 && (0.0005..0.003).contains(&some), "{none} {some}");
 }
 
 #[test]
