@@ -138,7 +138,8 @@ export class Panel {
     }
     if (joint.axis_within !== undefined) {
       // Smaller angles cannot be seen.
-      kind.append(`, axis within ${Math.max(joint.axis_within, 0.1).toFixed(1)}°`);
+      kind.append(`, ±${Math.max(joint.axis_within, 0.1).toFixed(1)}°`);
+      kind.title += ". If its type is right, its axis is within this angle in 95 of 100 cases";
     }
     const head = make("span", { className: "head" }, dot, link.data.name.replaceAll("_", " "), kind, value);
     const ends = make("span", { className: "ends" }, ...joint.limits.map((v) => make("span", {}, readable(joint, v))));
