@@ -79,6 +79,9 @@ fn parts_are_deleted_added_and_given_their_types() {
     write_corrections(&out, &back).unwrap();
     let (again, _) = resume(&capture, &out, &config);
     assert_eq!(kinds(&again), [JointKind::Revolute, JointKind::Prismatic]);
+    // Corrected parts have intervals, those of the baseline none.
+    let intervals = |r: &Replica| r.parts.iter().filter_map(|part| part.interval).count();
+    assert_eq!([&first, &again].map(intervals), [0, 2]);
     assert!((again.joint(2).unwrap().state_values[artgs_core::State::END] - travel).abs() < 0.02 * travel);
 
     // Right joints have a high confidence, wrong ones a low one.

@@ -8,7 +8,8 @@ use super::config::StepSettings;
 use super::joints::JointFit;
 use super::parents::Numbering;
 use super::refinement::{Parts, points_of_part, refine_parts};
-use super::{DiscoverConfig, DiscoverError, Discovery, Evidence, Scene};
+use super::{DiscoverConfig, DiscoverError, Discovery, Evidence, Scene, with_intervals};
+use crate::explain::{ExplainSettings, Problem, Surfels};
 use artgs_core::{JointAlternative, JointEstimate, JointKind, Rigid, State};
 use artgs_io::{CentreEdit, Corrections};
 use glam::{DVec3, Vec3};
@@ -162,10 +163,11 @@ pub fn correct(
     };
     let parts: Vec<JointEstimate> = pieces.numbers.iter().enumerate().map(refined).collect();
     let alternatives = pieces.numbers.iter().map(|part| untouched(found, corrections, *part)).collect();
-    Ok(Discovery {
-        alternatives,
-        ..evidence.result(scene, &clouds, Parts { parts, labels: pieces.labels }, Vec::new(), &pool, &settings)
-    })
+    let corrected =
+        evidence.result(scene, &clouds, Parts { parts, labels: pieces.labels }, Vec::new(), &pool, &settings);
+    let surfels = Surfels::new(scene, &ExplainSettings::DEFAULT);
+    let problem = Problem::new(scene, &surfels, ExplainSettings::DEFAULT);
+    Ok(with_intervals(Discovery { alternatives, ..corrected }, &problem))
 }
 
 /// Alternatives of a part as they were found; none for one whose points or joint are corrected.
