@@ -1,15 +1,17 @@
 //! The command line as people type it.
 
+mod batch;
+#[cfg(feature = "bench")]
+mod bench;
 mod export;
 mod method;
-mod runs;
 mod synth;
 
+pub(crate) use batch::Batch;
+#[cfg(feature = "bench")]
+pub(crate) use bench::{Bench, Parts, Report};
 pub(crate) use export::{CollisionKind, Export, FormatArg};
 pub(crate) use method::{Demo, Earlier, Method, Preset, Reconstruct, RecordingArgs};
-pub(crate) use runs::Batch;
-#[cfg(feature = "bench")]
-pub(crate) use runs::{Bench, Parts, Report};
 pub(crate) use synth::{Synth, SynthLayout, SynthScene, SynthSensor};
 
 use clap::{Args, Parser, Subcommand};

@@ -1,7 +1,7 @@
 //! How far a joint may be off: the information that depth holds about the motion of its part, as intervals of the numbers of the joint.
 
 use super::energy::Problem;
-use super::motion::Residuals;
+use super::motion::{Residuals, slope_of};
 use crate::discover::Discovery;
 use artgs_core::{Joint, JointEstimate, JointInterval, JointKind, PerState, Rigid, State};
 use glam::DVec3;
@@ -68,8 +68,7 @@ fn limited(information: &Matrix6<f64>, places: &[DVec3], common: f64) -> Matrix6
     let mut held = Matrix6::zeros();
     for p in places {
         for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
-            let m = p.cross(axis);
-            let j = Vector6::new(m.x, m.y, m.z, axis.x, axis.y, axis.z);
+            let j = slope_of(*p, axis);
             held += j * j.transpose();
         }
     }
@@ -171,8 +170,7 @@ mod tests {
     /// Information of points that each show the shift along a direction with a deviation.
     fn information(points: &[(DVec3, DVec3)], deviation: f64) -> Matrix6<f64> {
         let row = |(p, n): &(DVec3, DVec3)| {
-            let m = p.cross(*n);
-            let j = Vector6::new(m.x, m.y, m.z, n.x, n.y, n.z);
+            let j = slope_of(*p, *n);
             j * j.transpose() / deviation.powi(2)
         };
         points.iter().map(row).sum()
@@ -217,11 +215,7 @@ mod tests {
         let stated = Spread::of(&joint, &base, &held, carrier.then_some(&carried)).unwrap().interval;
         let slopes: Vec<Vector6<f64>> = numbers_of(&joint).iter().map(|n| twist_of(n, &joint, &base)).collect();
         let slopes = DMatrix::from_fn(6, slopes.len(), |row, column| slopes[column][row]);
-        let rows = DMatrix::from_fn(points.len(), 6, |i, k| {
-            let (p, n) = points[i];
-            let m = p.cross(n);
-            [m.x, m.y, m.z, n.x, n.y, n.z][k]
-        });
+        let rows = DMatrix::from_fn(points.len(), 6, |i, k| slope_of(points[i].0, points[i].1)[k]);
         let design = &rows * &slopes;
         let fit = (design.transpose() * &design).try_inverse().unwrap() * design.transpose();
         let mut inside = [0.0; 3];

@@ -27,6 +27,12 @@ pub(super) struct Equation {
     pub(super) pull: f64,
 }
 
+/// How far a twist about the origin (turn, then shift) moves a place along a direction.
+pub(super) fn slope_of(place: DVec3, direction: DVec3) -> Vector6<f64> {
+    let turn = place.cross(direction);
+    Vector6::new(turn.x, turn.y, turn.z, direction.x, direction.y, direction.z)
+}
+
 /// Depth residuals of the surfels of each state that are `members`, of a part.
 pub(super) struct Residuals<'a> {
     pub(super) scene: &'a Scene,
@@ -70,8 +76,7 @@ impl Residuals<'_> {
         // The twist acts on the place in the end state.
         let (at, sign) = if state == State::START { (image, 1.0) } else { (surfel, -1.0) };
         let (p, n) = (at.point.as_dvec3(), at.normal.as_dvec3());
-        let m = p.cross(n);
-        let j = Vector6::new(m.x, m.y, m.z, n.x, n.y, n.z) * sign;
+        let j = slope_of(p, n) * sign;
         let (mut a, mut b, mut count) = (0.0, 0.0, 0.0);
         for view in self.scene.states[to].views.iter().step_by(VIEWS) {
             let Some((r, cosine)) = residual(view, &image, settings.facing) else { continue };
@@ -150,8 +155,7 @@ fn with_prior(
         let p = middle + offset * ARM * diagonal;
         let wanted = change.apply(p) - p;
         for (axis, w) in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().zip(wanted.to_array()) {
-            let m = p.cross(axis);
-            let j = Vector6::new(m.x, m.y, m.z, axis.x, axis.y, axis.z);
+            let j = slope_of(p, axis);
             a += j * j.transpose() * given / 4.0;
             b += j * (w * given / 4.0);
         }

@@ -1,46 +1,15 @@
-//! Arguments of batches, benchmarks and their reports.
+//! Arguments of benchmarks and of reports.
 
-use super::FormatArg;
-#[cfg(feature = "bench")]
 use super::method::Stop;
-#[cfg(feature = "bench")]
 use super::{SynthSensor, number_in};
-#[cfg(feature = "bench")]
 use crate::device::DeviceChoice;
-#[cfg(feature = "bench")]
 use crate::seeds::Seeds;
 use clap::Args;
-#[cfg(feature = "bench")]
 use clap::ValueEnum;
-#[cfg(feature = "bench")]
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
-#[cfg(feature = "bench")]
 use std::time::Duration;
 
-#[derive(Debug, Args)]
-pub(crate) struct Batch {
-    /// CSV with a header, or JSON with one object per line (.jsonl): `id`, `start` (a capture, or the first recording), `end`
-    /// (the second recording), and options of reconstruct. Relative paths start at its folder
-    pub(crate) manifest: PathBuf,
-    /// Folder for replicas, logs, and a row per capture; if absent, the number of captures is printed
-    #[arg(short, long, value_name = "DIR")]
-    pub(crate) out: Option<PathBuf>,
-    /// Number of the capture, from 0; all of them one after another if absent, and then the table results.jsonl
-    #[arg(long, value_name = "N", requires = "out")]
-    pub(crate) index: Option<usize>,
-    /// Export the replicas: formats, separated by commas
-    #[arg(long, value_name = "LIST", value_enum, value_delimiter = ',')]
-    pub(crate) to: Vec<FormatArg>,
-    /// Run captures again that failed for a reason that remains
-    #[arg(long)]
-    pub(crate) retry_failed: bool,
-    /// Write rows as JSON, one per line
-    #[arg(long)]
-    pub(super) json: bool,
-}
-
-#[cfg(feature = "bench")]
 #[derive(Debug, Args)]
 pub(crate) struct Report {
     /// Folder of a batch, its results.jsonl or rows, or the results.parquet of artgs.ray; or the same of artgs bench population
@@ -60,7 +29,6 @@ pub(crate) struct Report {
     pub(super) json: bool,
 }
 
-#[cfg(feature = "bench")]
 #[derive(Debug, Args)]
 pub(crate) struct Bench {
     /// Suites of procedural objects, captures with their ground truth under `gt`, or folders of such captures; or
@@ -147,7 +115,6 @@ pub(crate) struct Bench {
 }
 
 /// How the runs of a bench know the number of parts.
-#[cfg(feature = "bench")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Parts {
     /// The true number is given
@@ -156,7 +123,6 @@ pub(crate) enum Parts {
     Auto,
 }
 
-#[cfg(feature = "bench")]
 fn pair(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) if !name.is_empty() && !value.is_empty() => Ok((name.into(), value.into())),
@@ -164,19 +130,16 @@ fn pair(text: &str) -> Result<(String, String), String> {
     }
 }
 
-#[cfg(feature = "bench")]
 fn share(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|s| (f64::MIN_POSITIVE..=1.0).contains(s)).ok_or_else(|| "above 0 and at most 1".into())
 }
 
-#[cfg(feature = "bench")]
 fn seconds(text: &str) -> Result<Duration, String> {
     let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0);
     let duration = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
     duration.ok_or_else(|| "a number of seconds above 0".into())
 }
 
-#[cfg(feature = "bench")]
 fn price(text: &str) -> Result<f64, String> {
     number_in(text, 0.0, 1e6)
 }
