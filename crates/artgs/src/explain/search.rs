@@ -10,8 +10,7 @@ use rayon::prelude::*;
 pub struct SearchSettings {
     /// Rounds, in each of which one part is added or some are removed.
     pub rounds: usize,
-    /// Motions of each round with which another part is grown. Raising it finds motions of which little is known before, and wrong
-    /// ones where the energy prefers them to the truth: a laptop that is closed in one state gets a second lid from 8 on.
+    /// Motions of each round whose labels are cut.
     pub tried: usize,
     /// Nats that a part must save beyond the numbers of its motion. Raising it loses small parts.
     pub part: f64,
@@ -150,7 +149,7 @@ impl Problem<'_> {
     ) -> Vec<Rigid> {
         let unhappy = costs.as_ref().map(|costs| (0..costs.len()).filter(|&i| costs[i] > settings.unhappy).collect());
         let mut proposals = self.proposed(costs, &unhappy, settings);
-        proposals.extend(self.slides(now, contexts, costs, &unhappy));
+        proposals.extend(self.slides(now, contexts, costs, &unhappy, settings));
         proposals.extend(pool);
         let gains = proposals.par_iter().map(|m| self.gain(costs, &unhappy, contexts, m));
         let gains: Vec<(f64, Rigid)> = gains.zip(proposals.par_iter().copied()).collect();
@@ -173,9 +172,7 @@ impl Problem<'_> {
         let mut best = explanation.clone();
         loop {
             let parts: Vec<u16> = (0..best.motions.len() as u16).collect();
-            let mut fewer: Vec<Explanation> = (1..=best.motions.len()).map(|k| best.without(k)).collect();
-            // Growing labels may raise the total, removing a part without surfels never does.
-            fewer.extend((0..fewer.len()).map(|k| self.grown(&fewer[k], &parts, None)).collect::<Vec<_>>());
+            let fewer = (1..=best.motions.len()).map(|k| self.grown(&best.without(k), &parts, None)).collect();
             let Some(fewer) = self.lowest(&best, fewer, settings) else { return best };
             best = self.relabelled(&fewer);
         }
