@@ -62,9 +62,6 @@ pub struct CanonicalConfig {
     pub centres: CentreSource,
     /// Where `centres = "moved"` looks for what moved.
     pub centre_states: CentreStates,
-    /// Cluster lengths as they are, as published; otherwise half the longest side of the object counts as 1, which is about the
-    /// size of the paper's objects.
-    pub scene_units: bool,
     /// Most pairs of Gaussians that are matched and averaged.
     pub max_matched: usize,
     /// Which Gaussians are copied as static.
@@ -87,7 +84,6 @@ impl Default for CanonicalConfig {
             random: RandomInit::default(),
             centres: CentreSource::Moved,
             centre_states: CentreStates::Both,
-            scene_units: false,
             max_matched: 5000,
             static_rule: StaticRule::default(),
             centre_ratio: None,
@@ -99,7 +95,7 @@ impl Default for CanonicalConfig {
 }
 
 impl CanonicalConfig {
-    /// As published, but for the states and the unit of centres.
+    /// As published, but for the states and the unit of lengths of centres.
     pub fn paper() -> Self {
         Self { align_quaternions: false, cluster: ClusterConfig::paper(), ..Self::default() }
     }
@@ -191,7 +187,7 @@ fn moved_clusters(
     if moved.len() < parts - 1 {
         return Err(CanonicalError::TooFewPoints { points: moved.len(), clusters: parts - 1 });
     }
-    let scale = 1.0 / length_unit(single, config);
+    let scale = 1.0 / length_unit(single);
     let points: Vec<[f32; 3]> = moved.iter().map(|&(s, i)| single[s].means[i].map(|c| c * scale)).collect();
     let labels = spectral_clusters(&points, parts - 1, &config.cluster, rng)?;
     let mut clusters = PerState::from_fn(|s| if wanted(&s) { vec![0; single[s].len()] } else { Vec::new() });
@@ -199,11 +195,8 @@ fn moved_clusters(
     Ok(clusters)
 }
 
-/// Scene units that count as 1 in clustering.
-fn length_unit(single: &PerState<Splats>, config: &CanonicalConfig) -> f32 {
-    if config.scene_units {
-        return 1.0;
-    }
+/// Scene units that count as 1 in clustering: half the longest side of the object, whose size is then that of the paper's.
+fn length_unit(single: &PerState<Splats>) -> f32 {
     0.5 * single.iter().map(|splats| longest_side(&splats.means)).fold(0.0, f32::max)
 }
 
@@ -214,7 +207,7 @@ fn all_clusters(
     config: &CanonicalConfig,
     rng: &mut Pcg64Mcg,
 ) -> Result<Vec<u16>, CanonicalError> {
-    let scale = if config.scene_units { 1.0 } else { 2.0 / longest_side(&source.means) };
+    let scale = 2.0 / longest_side(&source.means);
     let points: Vec<[f32; 3]> = source.means.iter().map(|p| p.map(|c| c * scale)).collect();
     let labels = spectral_clusters(&points, parts, &config.cluster, rng)?;
     let mut sizes: Vec<(usize, u16)> = (0..parts as u16).map(|k| (0, k)).collect();
@@ -377,8 +370,8 @@ mod tests {
     #[test]
     fn a_part_that_closes_while_another_opens_has_a_centre() {
         let single = opening_and_closing();
-        let with = |centre_states, scene_units| {
-            let config = CanonicalConfig { centre_states, scene_units, max_matched: 300, ..CanonicalConfig::paper() };
+        let with = |centre_states| {
+            let config = CanonicalConfig { centre_states, max_matched: 300, ..CanonicalConfig::paper() };
             canonical_init(&single, 3, &config, &mut Pcg64Mcg::new(1)).unwrap()
         };
         let missed = |c: &Canonical, true_centre: [f32; 3]| {
@@ -386,10 +379,10 @@ mod tests {
             c.centres[1..].iter().map(far).fold(f32::INFINITY, f32::min)
         };
         let places = [[0.19, 0.19, 0.51], [0.79, 0.79, 0.31]];
-        let both = with(CentreStates::Both, false);
+        let both = with(CentreStates::Both);
         assert_eq!(State::ALL.map(|s| both.movable_clusters[s].len()), [400, 400]);
         assert!(places.iter().all(|p| missed(&both, *p) < 1e-3), "{:?}", both.centres);
-        let one = with(CentreStates::One, true);
+        let one = with(CentreStates::One);
         assert!(places.iter().any(|p| missed(&one, *p) > 0.2), "{:?}", one.centres);
     }
 

@@ -70,8 +70,6 @@ pub(super) const CANONICAL: &[Entry] = &[
     words("centres", &["moved", "all", "random"], "Where part centres come from"),
     words("centre_states", &["both", "one"],
         "Whether what moved in both states makes part centres, or that of the state with more motion, as published"),
-    switch("scene_units",
-        "Cluster lengths as they are, as published; otherwise half the longest side of the object counts as 1"),
     whole("max_matched", 1, 20_000, "pairs", "Most pairs of Gaussians that are matched and averaged"),
     number("centre_ratio", 0.0, 1.0, "ratio",
         "`static_rule.ratio` where parts are separated; if absent, 0.05 for more than three parts, otherwise the same"),

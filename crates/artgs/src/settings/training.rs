@@ -121,7 +121,8 @@ pub(super) const PLATEAU: &[Entry] = &[
 #[rustfmt::skip]
 pub(super) const ARTICULATE: &[Entry] = &[
     whole("steps", 0, MOST_STEPS, "steps", "Largest number of steps, one view each"),
-    whole("image_divisor", 1, 1_024, "factor", "Images are made smaller by this integer factor"),
+    whole("image_side", 0, 65_536, "pixels",
+        "Images are made smaller by the integer factor that brings their longer side nearest to this; 0: as they are"),
     words("depth_pick", &["nearest", "median"], "How depth is resampled"),
     whole("sh_every", 0, MOST_STEPS, "steps",
         "The active degree of harmonics rises from 0 by one every so many steps; 0: all at once"),
@@ -135,8 +136,6 @@ pub(super) const ARTICULATE: &[Entry] = &[
     switch("learn_joints", "Improve the motions; otherwise they stay as given"),
     switch("learn_noisy_joints",
         "Improve the motions of found parts whose points are noisy, also without `learn_joints`"),
-    switch("centre_joints",
-        "Optimise motions as seen from the middle of their part; otherwise from the world's origin, as published"),
     whole("centre_after", 0, MOST_STEPS, "steps",
         "The pull of part centres towards their parts (weight in `assign`) acts after this step"),
     number("chamfer", 0.0, 1_000_000.0, "weight",
@@ -144,8 +143,6 @@ pub(super) const ARTICULATE: &[Entry] = &[
     whole("chamfer_after", 0, MOST_STEPS, "steps", "The Chamfer term acts after this step"),
     whole("chamfer_before", 0, MOST_STEPS, "steps", "The Chamfer term acts before this step"),
     switch("chamfer_not_if_prismatic", "No Chamfer term if any part is prismatic"),
-    switch("scene_units",
-        "Take lengths as they are, as published; otherwise half the longest side of the object counts as 1"),
 ];
 
 /// Entries of `LogLinear`.

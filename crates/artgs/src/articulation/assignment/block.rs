@@ -112,11 +112,13 @@ impl Model<'_> {
         [start, start + FEATURES * self.grid.levels()]
     }
 
-    /// Fills a block from at most [`LANES`] points; `coordinates` are the points as the hash grid sees them.
+    /// Fills a block from at most [`LANES`] points; `coordinates` are the points as the hash grid sees them. Where the grid has
+    /// looked them up for training, `looked_up` is the place of the first among those.
     pub(super) fn forward(
         &self,
         points: &[[f32; 3]],
         coordinates: &[[f32; 3]],
+        looked_up: Option<usize>,
         noise: Option<&mut dyn FnMut() -> f32>,
         block: &mut Block,
     ) {
@@ -136,7 +138,7 @@ impl Model<'_> {
         }
         for level in 0..self.grid.levels() {
             let rows = &mut block.input[(start + FEATURES * level) * LANES..];
-            self.grid.encode(level, coordinates, rows, LANES);
+            self.grid.encode(level, coordinates, looked_up, rows, LANES);
         }
         for (lane, x) in coordinates.iter().enumerate() {
             (0..3).for_each(|a| block.input[(end + a) * LANES + lane] = x[a]);

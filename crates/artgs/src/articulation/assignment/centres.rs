@@ -184,6 +184,7 @@ impl PartAssignment {
         coordinates.clear();
         coordinates.extend(means.iter().map(|&x| self.coordinate(x)));
         self.coordinates = coordinates;
+        self.grid.forward(&self.coordinates);
         let (levels, hidden) = (self.grid.levels(), self.config.hidden);
         self.blocks.resize_with(means.len().div_ceil(LANES), || Block::new(parts, levels, hidden));
 
@@ -197,7 +198,7 @@ impl PartAssignment {
         tasks.with_min_len(BLOCKS).enumerate().for_each(|(index, ((block, (points, coordinates)), weights))| {
             let mut noise = seed.map(|seed| gumbel(seed, index));
             let noise = noise.as_mut().map(|draw| draw as &mut dyn FnMut() -> f32);
-            model.forward(points, coordinates, noise, block);
+            model.forward(points, coordinates, Some(index * LANES), noise, block);
             for (lane, row) in weights.chunks_exact_mut(parts).enumerate() {
                 if hard {
                     row.fill(0.0);
@@ -233,7 +234,7 @@ impl PartAssignment {
             let row = 4 * parts + FEATURES * level;
             std::array::from_fn(|f| blocks[i / LANES].input[(row + f) * LANES + i % LANES])
         };
-        self.grid.backward(&self.coordinates, self.active_levels, feature);
+        self.grid.backward(self.active_levels, feature);
         (self.blocks, self.partials) = (blocks, partials);
     }
 
@@ -330,7 +331,7 @@ impl PartAssignment {
             let mut labels = Vec::with_capacity(points.len());
             for points in points.chunks(LANES) {
                 let coordinates: Vec<_> = points.iter().map(|&x| self.coordinate(x)).collect();
-                model.forward(points, &coordinates, None, &mut block);
+                model.forward(points, &coordinates, None, None, &mut block);
                 labels.extend((0..points.len()).map(|lane| block.best(lane) as u16));
             }
             labels

@@ -88,11 +88,12 @@ impl Encoder {
         }
     }
 
-    fn fill(&self, coordinates: &[[f32; 3]], block: &mut Features) {
+    /// `looked_up` as in [`HashGrid::encode`].
+    fn fill(&self, coordinates: &[[f32; 3]], looked_up: Option<usize>, block: &mut Features) {
         block.lanes = coordinates.len();
         let end = FEATURES * self.grid.levels();
         for level in 0..self.grid.levels() {
-            self.grid.encode(level, coordinates, &mut block.input[FEATURES * level * LANES..], LANES);
+            self.grid.encode(level, coordinates, looked_up, &mut block.input[FEATURES * level * LANES..], LANES);
         }
         for (lane, x) in coordinates.iter().enumerate() {
             (0..3).for_each(|a| block.input[(end + a) * LANES + lane] = x[a]);
@@ -105,10 +106,11 @@ impl Encoder {
         let mut coordinates = std::mem::take(&mut self.coordinates);
         coordinates.clear();
         coordinates.extend(means.iter().map(|&x| self.coordinate(x)));
+        self.grid.forward(&coordinates);
         let mut blocks = std::mem::take(&mut self.blocks);
         blocks.resize_with(means.len().div_ceil(LANES), || self.block());
         let tasks = blocks.par_iter_mut().zip(coordinates.par_chunks(LANES)).with_min_len(BLOCKS);
-        tasks.for_each(|(block, points)| self.fill(points, block));
+        tasks.enumerate().for_each(|(index, (block, points))| self.fill(points, Some(index * LANES), block));
         (self.blocks, self.coordinates) = (blocks, coordinates);
     }
 
@@ -117,7 +119,7 @@ impl Encoder {
         let of_block = |points: &[[f32; 3]]| {
             let coordinates: Vec<_> = points.iter().map(|&x| self.coordinate(x)).collect();
             let mut block = self.block();
-            self.fill(&coordinates, &mut block);
+            self.fill(&coordinates, None, &mut block);
             block
         };
         means.par_chunks(LANES).with_min_len(BLOCKS).map(of_block).collect()
@@ -146,7 +148,7 @@ impl Encoder {
         let feature = |level: usize, i: usize| -> [f32; FEATURES] {
             std::array::from_fn(|f| blocks[i / LANES].input[(FEATURES * level + f) * LANES + i % LANES])
         };
-        self.grid.backward(&self.coordinates, active, feature);
+        self.grid.backward(active, feature);
     }
 }
 

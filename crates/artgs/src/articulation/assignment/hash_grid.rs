@@ -1,4 +1,7 @@
-//! Multi-resolution hash encoding of positions (Müller et al. 2022), with an Adam that visits only what was ever used.
+//! Multi-resolution hash encoding of positions (Müller et al. 2022), with an Adam that visits only what was used.
+//!
+//! The tables of the paper are larger than the caches, and neighbouring points have entries far apart. So every level sorts its
+//! lookups by entry once per step: the pass that reads features and the one that updates entries then go through the table in order.
 
 use crate::articulation::adam::{BETA, EPSILON, corrections};
 use rand::RngExt;
@@ -33,43 +36,30 @@ impl Default for HashGridConfig {
 
 /// Factors of the second and third coordinate in the hash of a grid point.
 pub(crate) const PRIMES: [u32; 2] = [2_654_435_761, 805_459_861];
-const UNTOUCHED: u32 = u32::MAX;
 /// Moments below this are set to zero: they would decay into slow denormal numbers.
 pub(crate) const FLUSH: f32 = 1e-30;
 /// Gradients below this are taken for zero: Adam adds 1e-15 to their size before it divides by it.
 pub(crate) const NEGLIGIBLE: f32 = 1e-18;
 /// Steps after which an entry without gradients has come to rest: 0.9 to this power is 5e-8.
 const REST: usize = 160;
-/// Points that are looked up together: a table is larger than the caches, and reading many entries before using any
-/// lets the waits overlap.
-const BATCH: usize = 64;
-
-/// Entries and weights of the eight corners around some points.
-struct Batch {
-    entries: [[u32; 8]; BATCH],
-    weights: [[f32; 8]; BATCH],
-}
+/// Most bits of an entry's index that one pass of sorting looks at: more places to write to than that leave the nearest cache.
+const DIGIT: u32 = 10;
 
 /// One entry of a table. Adam keeps moving an entry after its last gradient; that drift is added where it is read.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Entry {
     /// Features after the update of step `last`.
     value: [f32; FEATURES],
     /// `m / (sqrt(v) + eps)` after that update.
     slope: [f32; FEATURES],
     last: u32,
-    /// Place among the optimised entries.
-    slot: u32,
 }
 
-/// What the optimiser keeps of an entry that ever received a gradient; moments are those of step `last`.
+/// First and second moments of an entry's gradients after the update of its step `last`.
 #[derive(Clone, Copy, Debug, Default)]
 struct Moments {
-    gradient: [f32; FEATURES],
     mean: [f32; FEATURES],
     square: [f32; FEATURES],
-    /// Whether there is a gradient since the last step.
-    fresh: bool,
 }
 
 /// How far Adam carries a parameter after its last gradient, at step `t`: by `-slope total[t]`, with
@@ -101,17 +91,24 @@ impl Drift {
     }
 }
 
-/// One resolution. Moments exist only for entries that ever received a gradient, in order of first use; the others
-/// would stay where they are under Adam. A step visits only the entries with a gradient since the last.
+/// One resolution, with the lookups of the last forward pass.
 #[derive(Clone, Debug)]
 struct Level {
     scale: f32,
     stride: [u32; 2],
     hashed: bool,
     table: Vec<Entry>,
+    /// Of every entry.
     moments: Vec<Moments>,
-    /// Entries with a gradient since the last step.
-    fresh: Vec<u32>,
+    /// `entry << 32 | point << 3 | corner`, ascending.
+    lookups: Vec<u64>,
+    /// Shares of the eight corners of every point.
+    weights: Vec<[f32; 8]>,
+    /// Features of every point; the backward pass puts their gradients over them.
+    features: Vec<[f32; FEATURES]>,
+    /// Entries with a gradient since the last step, ascending.
+    gradients: Vec<(u32, [f32; FEATURES])>,
+    scratch: Vec<u64>,
 }
 
 /// The encoding: `levels` times [`FEATURES`] numbers for every point of space, wrapping around where the table ends.
@@ -148,19 +145,19 @@ impl Level {
         let hashed = dense > most;
         let entries = dense.min(most) as usize;
         let range = config.initial_range;
-        let mut entry = || Entry {
-            value: std::array::from_fn(|_| range * (2.0 * rng.random::<f32>() - 1.0)),
-            slope: [0.0; FEATURES],
-            last: 0,
-            slot: UNTOUCHED,
-        };
+        let mut entry =
+            || Entry { value: std::array::from_fn(|_| range * (2.0 * rng.random::<f32>() - 1.0)), ..Entry::default() };
         Self {
             scale: scale as f32,
             stride: [resolution as u32, (resolution as u32).wrapping_mul(resolution as u32)],
             hashed,
             table: (0..entries).map(|_| entry()).collect(),
-            moments: Vec::new(),
-            fresh: Vec::new(),
+            moments: vec![Moments::default(); entries],
+            lookups: Vec::new(),
+            weights: Vec::new(),
+            features: Vec::new(),
+            gradients: Vec::new(),
+            scratch: Vec::new(),
         }
     }
 
@@ -193,19 +190,8 @@ impl Level {
         (entries, weights)
     }
 
-    /// Looks up at most [`BATCH`] points and brings their entries into the caches.
-    fn look_up(&self, points: impl Iterator<Item = [f32; 3]>, batch: &mut Batch) {
-        let mut seen = 0;
-        for ((point, entries), weights) in points.zip(&mut batch.entries).zip(&mut batch.weights) {
-            (*entries, *weights) = self.corners(point);
-            for &entry in &*entries {
-                seen ^= self.table[entry as usize].last;
-            }
-        }
-        std::hint::black_box(seen);
-    }
-
-    fn features(&self, entries: &[u32; 8], weights: &[f32; 8], drift: &Drift) -> [f32; FEATURES] {
+    fn features(&self, point: [f32; 3], drift: &Drift) -> [f32; FEATURES] {
+        let (entries, weights) = self.corners(point);
         let mut out = [0.0; FEATURES];
         for (&entry, weight) in entries.iter().zip(weights) {
             let value = drift.value(&self.table[entry as usize]);
@@ -214,88 +200,126 @@ impl Level {
         out
     }
 
-    /// Gives optimiser memory to the entries of a point, and brings it into the caches.
-    fn prepare(&mut self, entries: &[u32; 8]) {
-        let mut seen = false;
-        for &index in entries {
-            let entry = &mut self.table[index as usize];
-            if entry.slot == UNTOUCHED {
-                entry.slot = self.moments.len() as u32;
-                self.moments.push(Moments::default());
-            }
-            seen ^= self.moments[entry.slot as usize].fresh;
+    fn forward(&mut self, points: &[[f32; 3]], drift: &Drift) {
+        self.lookups.clear();
+        self.weights.clear();
+        for (i, &point) in points.iter().enumerate() {
+            let (entries, weights) = self.corners(point);
+            self.weights.push(weights);
+            let key = |corner: usize| u64::from(entries[corner]) << 32 | (i << 3 | corner) as u64;
+            self.lookups.extend((0..8).map(key));
         }
-        std::hint::black_box(seen);
+        sort_by_entry(&mut self.lookups, &mut self.scratch, self.table.len());
+        self.features.clear();
+        self.features.resize(points.len(), [0.0; FEATURES]);
+        for &lookup in &self.lookups {
+            let (entry, point, corner) = parts_of(lookup);
+            let (weight, value) = (self.weights[point][corner], drift.value(&self.table[entry]));
+            let out = &mut self.features[point];
+            (0..FEATURES).for_each(|f| out[f] += weight * value[f]);
+        }
     }
 
-    fn accumulate(&mut self, entries: &[u32; 8], weights: &[f32; 8], gradient: [f32; FEATURES]) {
-        for (&index, weight) in entries.iter().zip(weights) {
-            let slot = self.table[index as usize].slot;
-            let sum = &mut self.moments[slot as usize];
-            if !sum.fresh {
-                sum.fresh = true;
-                self.fresh.push(index);
+    fn backward(&mut self, gradient: impl Fn(usize) -> [f32; FEATURES]) {
+        let kept = |v: f32| if v.abs() > NEGLIGIBLE { v } else { 0.0 };
+        self.features.iter_mut().enumerate().for_each(|(i, g)| *g = gradient(i).map(kept));
+        self.gradients.clear();
+        for run in self.lookups.chunk_by(|a, b| a >> 32 == b >> 32) {
+            let mut sum = [0.0; FEATURES];
+            for &lookup in run {
+                let (_, point, corner) = parts_of(lookup);
+                let (weight, g) = (self.weights[point][corner], self.features[point]);
+                (0..FEATURES).for_each(|f| sum[f] += weight * g[f]);
             }
-            (0..FEATURES).for_each(|f| sum.gradient[f] += weight * gradient[f]);
+            if sum != [0.0; FEATURES] {
+                self.gradients.push(((run[0] >> 32) as u32, sum));
+            }
         }
     }
 
     fn table(&self, step: u32, drift: &Drift) -> GridTable {
-        let moments = |entry: &Entry, beta: f64, pick: fn(&Moments) -> [f32; FEATURES]| {
-            let decay = beta.powf(f64::from(step - entry.last)) as f32;
-            self.moments.get(entry.slot as usize).map_or([0.0; FEATURES], |m| pick(m).map(|v| v * decay))
+        let decayed = |beta: f64, pick: fn(&Moments) -> [f32; FEATURES]| {
+            let of = |(entry, moments): (&Entry, &Moments)| {
+                let decay = beta.powf(f64::from(step - entry.last)) as f32;
+                pick(moments).map(|v| v * decay)
+            };
+            self.table.iter().zip(&self.moments).map(of).collect()
         };
         GridTable {
             scale: self.scale,
             stride: self.stride,
             hashed: self.hashed,
             values: self.table.iter().map(|entry| drift.value(entry)).collect(),
-            means: self.table.iter().map(|entry| moments(entry, BETA[0], |m| m.mean)).collect(),
-            squares: self.table.iter().map(|entry| moments(entry, BETA[1], |m| m.square)).collect(),
+            means: decayed(BETA[0], |m| m.mean),
+            squares: decayed(BETA[1], |m| m.square),
         }
     }
 
     /// Puts every entry where a table has it after step `step`.
     fn take_over(&mut self, table: &GridTable, step: u32) {
-        self.moments.clear();
-        self.fresh.clear();
+        self.gradients.clear();
         let read = table.values.iter().zip(&table.means).zip(&table.squares);
-        for (entry, ((&value, &mean), &square)) in self.table.iter_mut().zip(read) {
+        for ((entry, moments), ((&value, &mean), &square)) in self.table.iter_mut().zip(&mut self.moments).zip(read) {
             let slope = std::array::from_fn(|f| mean[f] / (square[f].sqrt() + EPSILON as f32));
-            *entry = Entry { value, slope, last: step, slot: UNTOUCHED };
-            if mean != [0.0; FEATURES] || square != [0.0; FEATURES] {
-                entry.slot = self.moments.len() as u32;
-                self.moments.push(Moments { mean, square, ..Moments::default() });
-            }
+            *entry = Entry { value, slope, last: step };
+            *moments = Moments { mean, square };
         }
     }
 
     fn adam(&mut self, learning_rate: f32, step: u32, correction: [f32; 2], drift: &Drift) {
-        for indices in self.fresh.chunks(BATCH) {
-            let mut seen = false;
-            for &index in indices {
-                seen ^= self.moments[self.table[index as usize].slot as usize].fresh;
-            }
-            std::hint::black_box(seen);
-            for &index in indices {
-                let entry = &mut self.table[index as usize];
-                let moments = &mut self.moments[entry.slot as usize];
-                entry.value = drift.value(entry);
-                moments.update(entry, learning_rate, step, correction);
-            }
+        for &(index, gradient) in &self.gradients {
+            let entry = &mut self.table[index as usize];
+            entry.value = drift.value(entry);
+            self.moments[index as usize].update(entry, gradient, learning_rate, step, correction);
         }
-        self.fresh.clear();
+        self.gradients.clear();
+    }
+}
+
+/// Entry, point and corner of a lookup.
+#[inline]
+fn parts_of(lookup: u64) -> (usize, usize, usize) {
+    ((lookup >> 32) as usize, (lookup as u32 >> 3) as usize, lookup as usize & 7)
+}
+
+/// Stable radix sort by the upper half, which is below `entries`.
+fn sort_by_entry(lookups: &mut Vec<u64>, scratch: &mut Vec<u64>, entries: usize) {
+    let bits = usize::BITS - entries.saturating_sub(1).leading_zeros();
+    // Passes alike in width.
+    let width = bits.div_ceil(bits.div_ceil(DIGIT).max(1)).max(1);
+    scratch.resize(lookups.len(), 0);
+    for shift in (32..32 + bits).step_by(width as usize) {
+        let digit = |lookup: u64| (lookup >> shift) as usize & ((1 << width) - 1);
+        let mut places = [0u32; 1 << DIGIT];
+        lookups.iter().for_each(|&lookup| places[digit(lookup)] += 1);
+        let mut before = 0;
+        for place in &mut places {
+            before += std::mem::replace(place, before);
+        }
+        for &lookup in &*lookups {
+            let place = &mut places[digit(lookup)];
+            scratch[*place as usize] = lookup;
+            *place += 1;
+        }
+        std::mem::swap(lookups, scratch);
     }
 }
 
 impl Moments {
     /// Folds the gradient in and moves the entry, whose value is that of the step before.
     #[inline]
-    fn update(&mut self, entry: &mut Entry, learning_rate: f32, step: u32, correction: [f32; 2]) {
+    fn update(
+        &mut self,
+        entry: &mut Entry,
+        gradient: [f32; FEATURES],
+        learning_rate: f32,
+        step: u32,
+        correction: [f32; 2],
+    ) {
         let decay = BETA.map(|b| (b as f32).powi((step - entry.last) as i32));
         let gain = BETA.map(|b| 1.0 - b as f32);
         for f in 0..FEATURES {
-            let g = self.gradient[f];
+            let g = gradient[f];
             let mean = decay[0] * self.mean[f] + gain[0] * g;
             let square = decay[1] * self.square[f] + gain[1] * g * g;
             let m = if mean.abs() < FLUSH { 0.0 } else { mean };
@@ -303,16 +327,9 @@ impl Moments {
             let (root, eps) = (v.sqrt(), EPSILON as f32);
             entry.value[f] -= learning_rate * (m * correction[0]) / (root * correction[1].sqrt() + eps);
             entry.slope[f] = m / (root + eps);
-            (self.mean[f], self.square[f], self.gradient[f]) = (m, v, 0.0);
+            (self.mean[f], self.square[f]) = (m, v);
         }
         entry.last = step;
-        self.fresh = false;
-    }
-}
-
-impl Batch {
-    fn new() -> Self {
-        Self { entries: [[0; 8]; BATCH], weights: [[0.0; 8]; BATCH] }
     }
 }
 
@@ -329,60 +346,34 @@ impl HashGrid {
 
     /// Features of a level at a point, by trilinear interpolation.
     pub fn features(&self, level: usize, point: [f32; 3]) -> [f32; FEATURES] {
-        let level = &self.levels[level];
-        let (entries, weights) = level.corners(point);
-        level.features(&entries, &weights, &self.drift)
+        self.levels[level].features(point, &self.drift)
     }
 
-    /// Features of a level at some points, one row of `out` per feature, rows `stride` apart.
-    pub fn encode(&self, level: usize, points: &[[f32; 3]], out: &mut [f32], stride: usize) {
+    /// Looks up points for training. Every level is one task, so sums do not depend on the number of threads.
+    pub fn forward(&mut self, points: &[[f32; 3]]) {
+        let drift = &self.drift;
+        self.levels.par_iter_mut().for_each(|level| level.forward(points, drift));
+    }
+
+    /// Features of a level at some points, one row of `out` per feature, rows `stride` apart. Points of the last
+    /// [`forward`](Self::forward), of which `looked_up` is the place of the first, are not looked up again.
+    pub fn encode(&self, level: usize, points: &[[f32; 3]], looked_up: Option<usize>, out: &mut [f32], stride: usize) {
         let level = &self.levels[level];
-        let mut batch = Batch::new();
-        for (c, points) in points.chunks(BATCH).enumerate() {
-            level.look_up(points.iter().copied(), &mut batch);
-            for i in 0..points.len() {
-                let features = level.features(&batch.entries[i], &batch.weights[i], &self.drift);
-                (0..FEATURES).for_each(|f| out[f * stride + c * BATCH + i] = features[f]);
-            }
+        for (i, &point) in points.iter().enumerate() {
+            let features =
+                looked_up.map_or_else(|| level.features(point, &self.drift), |first| level.features[first + i]);
+            (0..FEATURES).for_each(|f| out[f * stride + i] = features[f]);
         }
     }
 
-    /// Entries that ever received a gradient, over all levels.
-    pub fn touched(&self) -> usize {
-        self.levels.iter().map(|l| l.moments.len()).sum()
+    /// Gradients of the first `active` levels: `gradient(level, i)` is that by the features of the `i`-th point of the last
+    /// [`forward`](Self::forward).
+    pub fn backward(&mut self, active: usize, gradient: impl Fn(usize, usize) -> [f32; FEATURES] + Sync) {
+        let levels = self.levels.par_iter_mut().take(active).enumerate();
+        levels.for_each(|(l, level)| level.backward(|i| gradient(l, i)));
     }
 
-    /// Adds up gradients of the first `active` levels: `gradient(level, i)` is that by the features of `points[i]`.
-    /// Every level is one task that takes the points in order.
-    pub fn backward(
-        &mut self,
-        points: &[[f32; 3]],
-        active: usize,
-        gradient: impl Fn(usize, usize) -> [f32; FEATURES] + Sync,
-    ) {
-        self.levels.par_iter_mut().take(active).enumerate().for_each(|(l, level)| {
-            let mut batch = Batch::new();
-            let mut chosen = [(0, [0.0; FEATURES]); BATCH];
-            let mut count = 0;
-            for i in 0..points.len() {
-                let g = gradient(l, i);
-                if g.iter().any(|v| v.abs() > NEGLIGIBLE) {
-                    chosen[count] = (i, g);
-                    count += 1;
-                }
-                if count == BATCH || i + 1 == points.len() {
-                    level.look_up(chosen[..count].iter().map(|c| points[c.0]), &mut batch);
-                    batch.entries[..count].iter().for_each(|entries| level.prepare(entries));
-                    for (k, (_, g)) in chosen[..count].iter().enumerate() {
-                        level.accumulate(&batch.entries[k], &batch.weights[k], *g);
-                    }
-                    count = 0;
-                }
-            }
-        });
-    }
-
-    /// One Adam step with the gradients added up since the last, which are then zero.
+    /// One Adam step with the gradients of the last backward pass, which are then gone.
     pub fn adam_step(&mut self, learning_rate: f32) {
         self.step += 1;
         let correction = corrections(self.step).map(|c| (1.0 / c) as f32);
@@ -424,10 +415,7 @@ impl HashGrid {
     /// Calls `visit(level, entry, gradient)` for every entry with a gradient since the last step.
     pub fn for_each_gradient(&self, mut visit: impl FnMut(usize, usize, [f32; FEATURES])) {
         for (l, level) in self.levels.iter().enumerate() {
-            for &index in &level.fresh {
-                let slot = level.table[index as usize].slot;
-                visit(l, index as usize, level.moments[slot as usize].gradient);
-            }
+            level.gradients.iter().for_each(|&(entry, gradient)| visit(l, entry as usize, gradient));
         }
     }
 }

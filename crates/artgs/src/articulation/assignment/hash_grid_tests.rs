@@ -53,7 +53,8 @@ fn table_gradient_matches_finite_differences_and_inactive_levels_get_none() {
     let mut grid = small();
     let points = points();
     let weight = |l: usize, i: usize| [(i % 7) as f32 - 3.0, (l + i % 3) as f32];
-    grid.backward(&points, 3, weight);
+    grid.forward(&points);
+    grid.backward(3, weight);
     let loss = |grid: &HashGrid| -> f64 {
         let at = |l: usize, i: usize| {
             let (f, w) = (grid.features(l, points[i]), weight(l, i));
@@ -87,7 +88,8 @@ fn lazy_adam_equals_a_dense_one() {
         // Most entries wait for their next gradient for many steps.
         let some = &points[step as usize * 37 % 180..][..20];
         let rate = 1e-2 / f64::from(step);
-        grid.backward(some, 4, |l, i| [(i + l) as f32 - 20.0, 1.0]);
+        grid.forward(some);
+        grid.backward(4, |l, i| [(i + l) as f32 - 20.0, 1.0]);
         let mut gradient = vec![0.0f64; dense.len()];
         grid.for_each_gradient(|l, e, g| {
             if l == 2 {
@@ -113,7 +115,8 @@ fn tables_taken_over_by_another_grid_continue_alike() {
     let (mut grid, points) = (small(), points());
     let train = |grid: &mut HashGrid, steps: std::ops::Range<usize>| {
         for step in steps {
-            grid.backward(&points[step * 37 % 180..][..20], 4, |l, i| [(i + l) as f32 - 20.0, 1.0]);
+            grid.forward(&points[step * 37 % 180..][..20]);
+            grid.backward(4, |l, i| [(i + l) as f32 - 20.0, 1.0]);
             grid.adam_step(1e-2);
         }
     };

@@ -8,14 +8,16 @@ use crate::fit::{
 use artgs_raster::low_level::TRAINING_NEAR;
 use serde::{Deserialize, Serialize};
 
-/// Settings of the joint optimisation. The default is a short run from a good start: fixed labels and joints.
+/// Settings of the joint optimisation. The default is a short run from a good start: fixed labels and joints. In depth and Chamfer
+/// losses and in the learning rates of motions, half the longest side of the object counts as 1, and motions are optimised as seen
+/// from the middle of their part: the published constants are for objects of that size about the world's origin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ArticulateConfig {
     /// Largest number of steps, one view each.
     pub steps: usize,
-    /// Images are made smaller by this integer factor.
-    pub image_divisor: usize,
+    /// Images are made smaller by the integer factor that brings their longer side nearest to this, pixels; 0: as they are.
+    pub image_side: usize,
     /// How depth is resampled.
     pub depth_pick: DepthPick,
     /// The active degree of harmonics rises from 0 by one every so many steps; 0: all at once.
@@ -46,9 +48,6 @@ pub struct ArticulateConfig {
     /// Improve the motions of found parts whose points are noisy, also without `learn_joints`: photos determine motions along
     /// surfaces better than noisy depth.
     pub learn_noisy_joints: bool,
-    /// Optimise motions as seen from the middle of their part; otherwise from the world's origin, as published, where a
-    /// turn also moves a part that is far away.
-    pub centre_joints: bool,
     /// Learning rate of the joint motions; used if `learn_joints`.
     pub joint_rate: LogLinear,
     /// Learning rate of a learnt assignment to parts.
@@ -66,9 +65,6 @@ pub struct ArticulateConfig {
     pub chamfer_before: usize,
     /// ... unless, if this is set, any part is prismatic.
     pub chamfer_not_if_prismatic: bool,
-    /// Take lengths as they are, as published; otherwise half the longest side of the object counts as 1 in depth and
-    /// Chamfer losses and in the learning rates of motions.
-    pub scene_units: bool,
 }
 
 impl ArticulateConfig {
@@ -77,7 +73,7 @@ impl ArticulateConfig {
         let rate = LogLinear { from: 8e-4, to: 1.6e-6, steps: 40_000 };
         Self {
             steps: 20_000,
-            image_divisor: 1,
+            image_side: 0,
             depth_pick: DepthPick::Nearest,
             sh_every: 0,
             random_background: true,
@@ -97,7 +93,6 @@ impl ArticulateConfig {
             rotate_sh: false,
             learn_joints: true,
             learn_noisy_joints: false,
-            centre_joints: false,
             joint_rate: rate,
             assign_rate: rate,
             assign: AssignConfig::default(),
@@ -106,7 +101,6 @@ impl ArticulateConfig {
             chamfer_after: 1000,
             chamfer_before: 5000,
             chamfer_not_if_prismatic: true,
-            scene_units: true,
         }
     }
 
@@ -121,15 +115,10 @@ impl ArticulateConfig {
             random_background: self.random_background,
             with_replacement: self.with_replacement,
             extent,
-            depth_unit: self.length_unit(half_side) as f32,
+            depth_unit: half_side as f32,
             near: (TRAINING_NEAR * half_side) as f32,
             plateau: self.plateau,
         }
-    }
-
-    /// Scene units that count as 1.
-    pub(super) fn length_unit(&self, half_side: f64) -> f64 {
-        if self.scene_units { 1.0 } else { half_side }
     }
 }
 
@@ -148,7 +137,6 @@ impl Default for ArticulateConfig {
             rotate_sh: true,
             learn_joints: false,
             learn_noisy_joints: true,
-            centre_joints: true,
             joint_rate: LogLinear { from: 1e-3, to: 1e-5, steps: 900 },
             assign_rate: LogLinear { from: 5e-3, to: 5e-4, steps: 900 },
             assign: AssignConfig {
@@ -160,7 +148,6 @@ impl Default for ArticulateConfig {
             centre_after: 300,
             chamfer: 0.0,
             chamfer_not_if_prismatic: false,
-            scene_units: false,
             ..Self::paper()
         }
     }

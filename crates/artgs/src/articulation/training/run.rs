@@ -119,7 +119,9 @@ pub fn articulate(
     if views.iter().any(|v| v.is_empty()) {
         return Err(FitError::NoViews);
     }
-    let prepared = |state: State| prepare(views[state], state, config.image_divisor, config.depth_pick);
+    let sides = views.iter().flat_map(|views| views.iter().map(|v| v.size().0.max(v.size().1)));
+    let divisor = divisor(sides.max().unwrap_or(0), config.image_side);
+    let prepared = |state: State| prepare(views[state], state, divisor, config.depth_pick);
     let images: Vec<TrainImage<'_>> = State::ALL.into_iter().flat_map(prepared).collect();
     let half_side = half_side(&images);
     let extent = camera_extent(&images).max(half_side);
@@ -130,6 +132,11 @@ pub fn articulate(
     let plan = RunPlan { steps, plateau, update_always, densify, extent: extent as f32 };
     let state = train(backend.as_mut(), state, &plan, &mut rng, follow)?;
     Ok(finish(state))
+}
+
+/// The integer factor that brings the longer side of an image nearest to `side` pixels; 1 for a side of 0.
+fn divisor(longer: usize, side: usize) -> usize {
+    if side == 0 { 1 } else { ((longer + side / 2) / side).max(1) }
 }
 
 /// Half the longest side of the region that the object fills in either state, scene units. Images are sorted by state.
@@ -147,7 +154,7 @@ pub(super) fn train_state(
     rng: &mut Pcg64Mcg,
 ) -> TrainState {
     let membership = start.membership(config, rng);
-    let middles = if config.centre_joints { start.middles() } else { vec![DVec3::ZERO; start.joints.len()] };
+    let middles = start.middles();
     let slides = start.joints.iter().any(|j| j.model() == MotionModel::Prismatic);
     let wanted = config.chamfer > 0.0 && !(config.chamfer_not_if_prismatic && slides);
     let targets = cd_targets.filter(|_| wanted).map(|points| Arc::new(ChamferTargets::new(points)));
@@ -157,7 +164,7 @@ pub(super) fn train_state(
         learn_joints: config.learn_joints,
         joint_rate: config.joint_rate,
         assign_rate: config.assign_rate,
-        length_unit: config.length_unit(half_side),
+        length_unit: half_side,
         chamfer: config.chamfer,
         chamfer_steps: [config.chamfer_after, config.chamfer_before],
         centre_after: config.centre_after,
@@ -174,5 +181,16 @@ fn finish(state: TrainState) -> Trained {
             Trained { splats: state.splats, labels, joints: articulated.joints() }
         }
         Deformation::None => Trained { labels: vec![0; state.splats.len()], splats: state.splats, joints: Vec::new() },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::divisor;
+
+    #[test]
+    fn images_are_made_smaller_by_the_factor_nearest_to_the_wanted_side() {
+        assert_eq!([800, 256, 240, 96, 0].map(|longer| divisor(longer, 100)), [8, 3, 2, 1, 1]);
+        assert_eq!(divisor(4000, 0), 1);
     }
 }

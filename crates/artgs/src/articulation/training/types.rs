@@ -28,14 +28,14 @@ pub struct TypeConfig {
 }
 
 impl TypeConfig {
-    /// The second stage as published: images of an eighth of the size, colour loss only.
+    /// The second stage as published: colour loss only, images of 100 pixels, an eighth of those of the paper.
     pub fn paper() -> Self {
         let third = ArticulateConfig::paper();
         Self {
             skip: false,
             train: ArticulateConfig {
                 steps: 3000,
-                image_divisor: 8,
+                image_side: 100,
                 loss: LossConfig { depth: 0.0, ..third.loss },
                 assign: AssignConfig { centre_weight: 0.0, ..third.assign },
                 chamfer: 0.0,
