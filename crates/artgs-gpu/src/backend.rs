@@ -6,10 +6,11 @@ mod profile;
 use crate::constants::{CONTROL_WORDS, NEEDED, OVERFLOW};
 use crate::device_image::DeviceImage;
 use crate::kernels::{Kernels, PixelTransfer};
+use crate::published::{chamfer, membership};
 use crate::resident::Resident;
 use crate::scene::ImageBuffers;
 use crate::step::{self, Outcome, PartTerms, Step};
-use crate::{Gpu, GpuError, chamfer, joints, membership};
+use crate::{Gpu, GpuError, joints};
 use artgs::fit::{
     Backend, Deformation, Devices, FitError, LossConfig, LossTerms, Membership, StepStats, TrainConfig, TrainImage,
     TrainState, ViewPlan, psnr_of_mse,
@@ -396,5 +397,5 @@ impl GpuBackend<'_> {
 mod tests;
 
 #[cfg(test)]
-#[path = "membership_tests.rs"]
+#[path = "published/membership_tests.rs"]
 mod membership_tests;

@@ -1,10 +1,10 @@
 //! The source of every kernel, parsed by naga: structs have the layout of the Rust types, bindings the declared uses.
 
-use crate::chamfer::Grid;
 use crate::joints::Joint;
 use crate::kernel::Use;
 use crate::kernels::{Kernels, PixelTransfer};
-use crate::membership::{Layer, Level};
+use crate::published::chamfer::Grid;
+use crate::published::membership::{Layer, Level};
 use crate::scene::{Digit, Flat};
 use crate::shared::{Shared, wgsl};
 use crate::step::{Outcome, PartTerms, Step};

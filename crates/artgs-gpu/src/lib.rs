@@ -2,7 +2,7 @@
 //! on the CPU; each file says which module.
 
 mod backend;
-mod chamfer;
+
 mod constants;
 mod device;
 mod device_image;
@@ -11,7 +11,7 @@ mod kernel;
 mod kernels;
 #[cfg(test)]
 mod layout_tests;
-mod membership;
+mod published;
 mod resident;
 mod scene;
 mod shared;

@@ -1,12 +1,12 @@
 //! Buffers on the device during training, and the calls of a step.
 
-use crate::chamfer::Chamfer;
 use crate::constants::{CONTROL_WORDS, WIDE_GROUP};
 use crate::device_image::DeviceImage;
 use crate::joints::Joints;
 use crate::kernel::Call;
 use crate::kernels::Kernels;
-use crate::membership::{self, LearnedMembership, Shape};
+use crate::published::chamfer::Chamfer;
+use crate::published::membership::{self, LearnedMembership, Shape};
 use crate::scene::{Gaussians, ImageBuffers, Intersections, PLAIN, Program, Size, StepBuffers, backward, forward};
 use crate::{Gpu, GpuError};
 use artgs::fit::{Articulated, Deformation, Membership, TrainState};

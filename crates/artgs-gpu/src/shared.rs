@@ -1,10 +1,10 @@
 //! What the kernels share with Rust: constants, and structs in buffers. Both are written in Rust once; the kernels get them
 //! as WGSL source.
 
-use crate::chamfer::Grid;
 use crate::constants;
 use crate::joints::Joint;
-use crate::membership::{Layer, Level};
+use crate::published::chamfer::Grid;
+use crate::published::membership::{Layer, Level};
 use crate::scene::{Digit, Flat};
 use crate::step::{Outcome, PartTerms, Step};
 

@@ -5,10 +5,10 @@
 //! with): no discovery, the surface points of each state matched and clustered as the paper does with its Gaussians,
 //! general rigid motions that begin at rest and are trained with all else, joint types decided in the end by the turn.
 
-use crate::articulation::AssignKind;
-use crate::canonical::{CanonicalStart, CentreSource};
 use crate::config::{Config, Method};
 use crate::fit::{LogLinear, PlateauConfig};
+use crate::published::AssignKind;
+use crate::published::canonical::{CanonicalStart, CentreSource};
 use crate::run::points::{PartSource, StartSource};
 
 const VARIANTS: [(&str, &str); 8] = [

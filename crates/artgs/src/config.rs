@@ -1,11 +1,12 @@
 //! All settings of a reconstruction in one place; reads and writes TOML.
 
 use crate::align::AlignConfig;
-use crate::articulation::{ArticulateConfig, TypeConfig};
-use crate::canonical::init::CanonicalConfig;
+use crate::articulation::ArticulateConfig;
 use crate::discover::DiscoverConfig;
 use crate::fit::single::SingleConfig;
 use crate::part_count::PartCount;
+use crate::published::TypeConfig;
+use crate::published::canonical::init::CanonicalConfig;
 use crate::registration::RegistrationConfig;
 use crate::run::points::{PartSource, StartConfig};
 use crate::settings;

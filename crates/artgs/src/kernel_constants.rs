@@ -1,9 +1,9 @@
 //! Numbers of training that the kernels of other devices need; they may change with every version.
 
 use crate::articulation::adam;
-use crate::articulation::assignment::{centres, hash_grid};
 use crate::articulation::model::warp;
 use crate::fit::{loss, ssim};
+use crate::published::assignment::{centres, hash_grid};
 
 /// Decay of the first and second moment of motions and membership.
 pub const ADAM_BETA: [f64; 2] = adam::BETA;

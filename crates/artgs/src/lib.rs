@@ -47,7 +47,6 @@
 pub mod ablation;
 pub mod align;
 mod articulation;
-mod canonical;
 pub mod config;
 mod connected;
 pub mod consistency;
@@ -61,6 +60,7 @@ pub mod low_level;
 mod neighbours;
 pub mod observer;
 mod part_count;
+mod published;
 mod random;
 mod registration;
 pub mod run;

@@ -1,10 +1,11 @@
 use super::*;
-use crate::articulation::{AssignConfig, AssignKind, Assignment, MotionModel, MotionParameters};
+use crate::articulation::{MotionModel, MotionParameters};
 use crate::fit::images::{DepthPick, TrainImage};
 use crate::fit::{
     AdamConfig, Articulated, ChamferTargets, DeformConfig, DepthMode, LogLinear, LossConfig, Membership, PlateauConfig,
     RateConfig,
 };
+use crate::published::{AssignConfig, AssignKind, Assignment};
 use artgs_core::{Camera, DepthMap, Intrinsics, PerState, Rigid, Splats, State, View};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};

@@ -1,11 +1,11 @@
 //! Canonical Gaussians of moving parts: rendered at the state of each image, with gradients for the
 //! motions of the parts and for which Gaussian belongs to which.
 
-use super::chamfer::ChamferTargets;
 use super::schedule::LogLinear;
 use crate::articulation::adam::{Adam, corrections};
-use crate::articulation::{Assignment, DualQuaternion, MotionModel, MotionParameters, Skin};
+use crate::articulation::{DualQuaternion, MotionModel, MotionParameters, Skin};
 use crate::articulation::{Warp, WarpGradients, WarpInput};
+use crate::published::{Assignment, ChamferTargets};
 use artgs_core::{Rigid, Splats, State};
 use artgs_raster::{Colors, ShFrames, SplatGrads, SplatView};
 use glam::DVec3;

@@ -1,11 +1,10 @@
 //! Fitting Gaussians to photographs: losses, optimiser, densification, initialisation and the training loop.
 //!
 //! Data flow: `images` and `region` prepare the views, `init` places Gaussians, a `backend` that `devices` made steps them
-//! (`deform`, `loss`, `ssim`, `chamfer`, `adam`), `densify` changes their number, `single` is the loop around, `score` the test.
+//! (`deform`, `loss`, `ssim`, `adam`), `densify` changes their number, `single` is the loop around, `score` the test.
 
 pub(crate) mod adam;
 pub(crate) mod backend;
-pub(crate) mod chamfer;
 pub(crate) mod cpu;
 pub(crate) mod deform;
 pub(crate) mod densify;
@@ -23,9 +22,9 @@ pub(crate) mod ssim;
 pub(crate) mod train;
 pub(crate) mod views;
 
+pub use crate::published::ChamferTargets;
 pub use adam::{AdamConfig, Moments, SplatAdam, SplatRates};
 pub use backend::{Backend, Deformation, PlateauConfig, RateConfig, StepStats, TrainConfig, TrainState};
-pub use chamfer::ChamferTargets;
 pub use cpu::CpuBackend;
 pub use deform::{Articulated, DeformConfig, JointState, Membership};
 pub use densify::{DensifyConfig, DensifyReport, DensifyStats};
@@ -63,7 +62,7 @@ pub enum FitError {
     Start(String),
     /// There is no canonical start.
     #[error("canonical start: {0}")]
-    Canonical(#[from] crate::canonical::CanonicalError),
+    Canonical(#[from] crate::published::canonical::CanonicalError),
     /// The device that trains failed.
     #[error("training device: {0}")]
     Device(String),

@@ -4,12 +4,12 @@
 
 mod align;
 
-use crate::canonical::CanonicalError;
-use crate::canonical::cluster::{ClusterConfig, spectral_clusters};
 use crate::discover::diagnosis::DiagnosisSettings;
 use crate::discover::visibility::Occupancy;
 use crate::discover::{Cloud, DiscoverError, Discovery, Scene, without_parts};
 use crate::evaluate::matching::hungarian;
+use crate::published::canonical::CanonicalError;
+use crate::published::canonical::cluster::{ClusterConfig, spectral_clusters};
 use align::{Fit, middle};
 use artgs_core::{Joint, JointEstimate, JointKind, PerState, Rigid, State};
 use rand::SeedableRng;

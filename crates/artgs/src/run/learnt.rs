@@ -1,13 +1,13 @@
 //! Parts and motions that training learnt, in the form of found ones; and the start of such a training from depth.
 
 use super::points::discs;
-use crate::articulation::training::types::still_start;
 use crate::articulation::{MotionModel, MotionParameters};
 use crate::articulation::{Start, Trained};
-use crate::canonical::{Canonical, CanonicalError, canonical_init};
 use crate::config::Config;
 use crate::discover::Discovery;
 use crate::neighbours::PointTree;
+use crate::published::canonical::{Canonical, CanonicalError, canonical_init};
+use crate::published::types::still_start;
 use artgs_core::{JointEstimate, JointKind, PerState, Rigid};
 use glam::DVec3;
 use rand::SeedableRng;

@@ -23,7 +23,7 @@ mod score;
 mod stages;
 mod summary;
 
-pub use crate::articulation::{PublishedTrace, TraceSample};
+pub use crate::published::{PublishedTrace, TraceSample};
 pub use assemble::DOUBTFUL;
 pub use corrected::{corrections_of, found_parts};
 pub use error::Error;

@@ -1,7 +1,7 @@
 //! Motions of parts: their parameters ([`joints`]), and Gaussians moved by them ([`warp`]), with gradients.
 
 pub(crate) mod joints;
-pub(super) mod quaternion;
+pub(crate) mod quaternion;
 pub(crate) mod warp;
 
 pub use joints::{MotionModel, MotionParameters};

@@ -1,26 +1,26 @@
 //! Quaternions (w, x, y, z) as arrays, for the adjoints that no geometry crate has.
 
-pub(in crate::articulation) type Quat = [f64; 4];
-pub(in crate::articulation) type Vec3 = [f64; 3];
+pub(crate) type Quat = [f64; 4];
+pub(crate) type Vec3 = [f64; 3];
 
-pub(in crate::articulation) fn dot<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
+pub(crate) fn dot<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
     (0..N).map(|i| a[i] * b[i]).sum()
 }
 
-pub(in crate::articulation) fn cross(a: Vec3, b: Vec3) -> Vec3 {
+pub(crate) fn cross(a: Vec3, b: Vec3) -> Vec3 {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-pub(in crate::articulation) fn conjugate(q: Quat) -> Quat {
+pub(crate) fn conjugate(q: Quat) -> Quat {
     [q[0], -q[1], -q[2], -q[3]]
 }
 
-pub(in crate::articulation) fn vector(q: Quat) -> Vec3 {
+pub(crate) fn vector(q: Quat) -> Vec3 {
     [q[1], q[2], q[3]]
 }
 
 /// Hamilton product `a b`. The adjoint of `b -> a b` is `g -> conj(a) g`, that of `a -> a b` is `g -> g conj(b)`.
-pub(in crate::articulation) fn multiply(a: Quat, b: Quat) -> Quat {
+pub(crate) fn multiply(a: Quat, b: Quat) -> Quat {
     [
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
@@ -30,7 +30,7 @@ pub(in crate::articulation) fn multiply(a: Quat, b: Quat) -> Quat {
 }
 
 /// Matrix rows of a unit quaternion.
-pub(in crate::articulation) fn matrix([w, x, y, z]: Quat) -> [Vec3; 3] {
+pub(crate) fn matrix([w, x, y, z]: Quat) -> [Vec3; 3] {
     [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
         [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
@@ -39,7 +39,7 @@ pub(in crate::articulation) fn matrix([w, x, y, z]: Quat) -> [Vec3; 3] {
 }
 
 /// Adjoint of [`matrix`] taken as a polynomial in its four arguments.
-pub(in crate::articulation) fn matrix_vjp([w, x, y, z]: Quat, g: [Vec3; 3]) -> Quat {
+pub(crate) fn matrix_vjp([w, x, y, z]: Quat, g: [Vec3; 3]) -> Quat {
     let [[g00, g01, g02], [g10, g11, g12], [g20, g21, g22]] = g;
     [
         2.0 * (-z * g01 + y * g02 + z * g10 - x * g12 - y * g20 + x * g21),
@@ -50,7 +50,7 @@ pub(in crate::articulation) fn matrix_vjp([w, x, y, z]: Quat, g: [Vec3; 3]) -> Q
 }
 
 /// `v / |v|` and `|v|`; the first axis for the zero vector.
-pub(in crate::articulation) fn normalise<const N: usize>(v: [f64; N]) -> ([f64; N], f64) {
+pub(crate) fn normalise<const N: usize>(v: [f64; N]) -> ([f64; N], f64) {
     let length = dot(v, v).sqrt();
     if length < 1e-300 {
         let mut first = [0.0; N];
@@ -61,7 +61,7 @@ pub(in crate::articulation) fn normalise<const N: usize>(v: [f64; N]) -> ([f64; 
 }
 
 /// Adjoint of [`normalise`] at the unit vector it returned.
-pub(in crate::articulation) fn normalise_vjp<const N: usize>(unit: [f64; N], length: f64, g: [f64; N]) -> [f64; N] {
+pub(crate) fn normalise_vjp<const N: usize>(unit: [f64; N], length: f64, g: [f64; N]) -> [f64; N] {
     let along = dot(unit, g);
     std::array::from_fn(|i| (g[i] - unit[i] * along) / length)
 }

@@ -1,10 +1,10 @@
 //! Settings of the joint optimisation.
 
-use crate::articulation::assignment::AssignConfig;
 use crate::fit::{
     AdamConfig, DensifyConfig, DepthMode, DepthPick, LogLinear, LossConfig, PlateauConfig, RateConfig, SingleConfig,
     TrainConfig,
 };
+use crate::published::assignment::AssignConfig;
 use artgs_raster::low_level::TRAINING_NEAR;
 use serde::{Deserialize, Serialize};
 

@@ -2,13 +2,14 @@
 
 use super::config::ArticulateConfig;
 use super::trained::Trained;
-use crate::articulation::{Assignment, MotionModel, MotionParameters};
+use crate::articulation::{MotionModel, MotionParameters};
 use crate::fit::images::prepare;
 use crate::fit::single::camera_extent;
 use crate::fit::{
     Articulated, ChamferTargets, DeformConfig, Deformation, Devices, FitError, Follow, Membership, Region, RunPlan,
     TrainImage, TrainState, train,
 };
+use crate::published::Assignment;
 use artgs_core::{PerState, Splats, State, View};
 use glam::DVec3;
 use rand::SeedableRng;
@@ -136,7 +137,7 @@ pub fn articulate(
 
 /// The integer factor that brings the longer side of an image nearest to `side` pixels; 1 for a side of 0.
 fn divisor(longer: usize, side: usize) -> usize {
-    if side == 0 { 1 } else { ((longer + side / 2) / side).max(1) }
+    (longer + side / 2).checked_div(side).map_or(1, |factor| factor.max(1))
 }
 
 /// Half the longest side of the region that the object fills in either state, scene units. Images are sorted by state.

@@ -2,7 +2,7 @@
 
 use crate::constants::{CHAMFER, GROUP};
 use crate::kernels::Kernels;
-use crate::membership::constant;
+use crate::published::membership::constant;
 use crate::scene::{Gaussians, Program, Size, StepBuffers};
 use crate::shared::shared_struct;
 use crate::step::Step;

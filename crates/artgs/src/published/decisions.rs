@@ -1,8 +1,8 @@
 //! What the stages of the published method decided, as sentences for people.
 
 use super::trace::PublishedTrace;
-use super::trained::Trained;
 use super::types::TypeConfig;
+use crate::articulation::Trained;
 use artgs_core::{PerState, Splats};
 
 /// Part counts beyond this are not listed one by one.

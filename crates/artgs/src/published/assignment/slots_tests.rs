@@ -1,11 +1,11 @@
 use super::*;
-use crate::articulation::assignment::encoder_testing::{config, hash_input, perceptron, points, seed, softmax_rows};
+use crate::published::assignment::encoder_testing::{config, hash_input, perceptron, points, seed, softmax_rows};
 
 const PARTS: usize = 3;
 const WIDTH: usize = 6;
 
 fn small() -> AssignConfig {
-    AssignConfig { slots: crate::articulation::SlotConfig { width: WIDTH, iterations: 2 }, ..config() }
+    AssignConfig { slots: crate::published::SlotConfig { width: WIDTH, iterations: 2 }, ..config() }
 }
 
 fn module(config: AssignConfig) -> SlotAssignment {

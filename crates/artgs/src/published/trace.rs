@@ -1,8 +1,8 @@
 //! What the stages of the published method decided, kept so that it can be printed, saved and scored afterwards.
 
-use super::trained::Trained;
-use crate::canonical::Canonical;
+use crate::articulation::Trained;
 use crate::fit::{Deformation, Follow, StepStats, TrainState};
+use crate::published::canonical::Canonical;
 use artgs_core::{Rigid, State};
 use glam::DQuat;
 use serde::{Deserialize, Serialize};

@@ -1,11 +1,9 @@
 //! Kinds of joints from a short optimisation of free motions.
 
-use super::config::ArticulateConfig;
-use super::run::{SkinStart, Start, articulate};
-use super::trained::Trained;
-use crate::articulation::{AssignConfig, MotionModel, MotionParameters};
-use crate::canonical::Canonical;
+use super::AssignConfig;
+use crate::articulation::{ArticulateConfig, MotionModel, MotionParameters, SkinStart, Start, Trained, articulate};
 use crate::fit::{Devices, FitError, Follow, LossConfig};
+use crate::published::canonical::Canonical;
 use artgs_core::{PerState, View};
 use glam::DVec3;
 use rand::SeedableRng;

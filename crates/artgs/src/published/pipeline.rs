@@ -1,14 +1,11 @@
 //! The published method from two separately fitted states on.
 
-use super::config::ArticulateConfig;
 use super::decisions;
-use super::run::articulate;
 use super::trace::{PublishedTrace, Sampling};
-use super::trained::Trained;
 use super::types::{TypeConfig, free_motions, models_of, still_start};
-use crate::articulation::MotionModel;
-use crate::canonical::{CanonicalConfig, canonical_init};
+use crate::articulation::{ArticulateConfig, MotionModel, Trained, articulate};
 use crate::fit::{Devices, FitError, Follow};
+use crate::published::canonical::{CanonicalConfig, canonical_init};
 use artgs_core::{PerState, Splats, View};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;

@@ -1,5 +1,5 @@
 use super::*;
-use crate::articulation::assignment::encoder_testing::{config, hash_input, perceptron, points, seed, softmax_rows};
+use crate::published::assignment::encoder_testing::{config, hash_input, perceptron, points, seed, softmax_rows};
 
 const PARTS: usize = 3;
 
