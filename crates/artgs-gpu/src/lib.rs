@@ -2,7 +2,6 @@
 //! on the CPU; each file says which module.
 
 mod backend;
-
 mod constants;
 mod device;
 mod device_image;

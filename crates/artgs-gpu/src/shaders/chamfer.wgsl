@@ -1,5 +1,5 @@
 // One-sided Chamfer distance from moved Gaussians to targets in a uniform grid. Same computation as
-// `artgs::fit::chamfer` and its call in `artgs::fit::deform`: only motions and weights get gradients.
+// `artgs::published::chamfer` and its call in `artgs::fit::deform`: only motions and weights get gradients.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> params: array<f32>;
