@@ -86,6 +86,8 @@ pub(crate) struct Range {
     /// True if the part touches another one at joint value 0, in the direction in which it closes, or if its front is in one plane
     /// with those around it: it was observed closed.
     pub closed: bool,
+    /// What the part meets first where it closes, however narrow.
+    narrow: Option<Found>,
 }
 
 /// Limits of every joint. Entry `i` belongs to link `i`; the base has none. `surfaces` in link frames, metres. `nearer[i]` is the
@@ -105,6 +107,7 @@ pub(crate) fn extend(
     let precision = Precision {
         points: (width * width / (spacing * spacing)).ceil() as usize,
         width: config.contact_rim_share * diagonal,
+        carrier_width: config.contact_rim_share * diagonal,
         overlap: config.overlap_share * diagonal,
     };
     let near = config.closed_share * diagonal;
@@ -151,8 +154,24 @@ struct Flush {
 
 impl Range {
     /// Ends the range that closes where the part is flush, if no contact comes before that. Of a part that is flush nowhere, a limit more than `most` beyond
-    /// what was observed is one of a surface that was not seen well, and the part closes no further than it was seen.
+    /// what was observed is one of a surface that was not seen well, and the part closes no further than it was seen. A narrow contact may
+    /// be two rims that overlap, but not if the part would go on for more than `most` behind it.
     fn close(&mut self, end: usize, flush: Option<Flush>, most: f64) {
+        self.close_behind_rims(end, flush, most);
+        let way = self.limits[end].abs();
+        let rests_on_nothing = self.stops[end] == Stop::Observed;
+        let Some(narrow) = self.narrow.take() else { return };
+        if narrow.way + most >= way && !(rests_on_nothing && narrow.way <= most) {
+            return;
+        }
+        let sign = if end == 0 { -1.0 } else { 1.0 };
+        self.closed |= narrow.source == Source::Contact;
+        self.limits[end] = sign * narrow.way;
+        (self.stops[end], self.sources[end]) = (narrow.stop, narrow.source);
+    }
+
+    /// The same with wide contacts only.
+    fn close_behind_rims(&mut self, end: usize, flush: Option<Flush>, most: f64) {
         let way = self.limits[end].abs();
         match flush {
             Some(flush) if flush.value.abs() + flush.precision < way || self.sources[end] == Source::Assumed => {
@@ -172,6 +191,7 @@ impl Range {
 }
 
 /// How far a joint goes beyond an observed value.
+#[derive(Clone, Debug, PartialEq)]
 struct Found {
     way: f64,
     stop: Stop,
@@ -201,13 +221,20 @@ impl Search<'_> {
             sources: [Source::Observed; 2],
             free: PerState::new(observed, observed),
             closed: false,
+            narrow: None,
         };
         if !self.config.extend_limits {
             return Some(out);
         }
         for (end, sign) in [(0, -1.0), (1, 1.0)] {
             let closes = knows_direction && observed[end] == 0.0;
-            let found = if closes { self.closing(sign) } else { self.opening(observed[end], sign, knows_direction) };
+            let found = match closes {
+                true => {
+                    out.narrow = self.first_closing(sign, &self.with_narrow());
+                    self.closing(sign)
+                }
+                false => self.opening(observed[end], sign, knows_direction),
+            };
             out.limits[end] = observed[end] + sign * found.way;
             (out.stops[end], out.sources[end]) = (found.stop, found.source);
             out.closed |= closes && out.sources[end] == Source::Contact;
@@ -301,9 +328,20 @@ impl Search<'_> {
     }
 
     /// The first contact beyond a joint value, the other joints at the given values.
-    fn contact(&self, values: &[f64], from: f64, way: f64, [own, others]: [Part; 2]) -> Option<Contact> {
+    fn contact(
+        &self,
+        values: &[f64],
+        (from, way): (f64, f64),
+        [own, others]: [Part; 2],
+        precision: &Precision,
+    ) -> Option<Contact> {
         let sweep = Sweep { link: self.link, from, way, own, others };
-        first_contact(self.asset, self.surfaces, values, &sweep, &self.precision)
+        first_contact(self.asset, self.surfaces, values, &sweep, precision)
+    }
+
+    /// The precision with which contacts with the carrier may be narrow.
+    const fn with_narrow(&self) -> Precision {
+        Precision { carrier_width: 0.0, ..self.precision }
     }
 
     fn met(&self, contact: Contact, source: Source) -> Found {
@@ -311,29 +349,33 @@ impl Search<'_> {
         Found { way: contact.way, stop: Stop::Contact(name), source }
     }
 
-    /// The way from 0 to the first contact in the direction in which the part closes. The side of a part that presses against its
-    /// frame is often hidden: the closed mesh counts too. Only surfaces that were seen show that a part is closed.
+    /// The way from 0 to where the part closes.
     fn closing(&self, sign: f64) -> Found {
-        let span = self.span();
-        let most = match self.kind() {
-            JointKind::Prismatic => self.length(),
-            JointKind::Revolute => self.config.widest_turn - span,
-            // The length of a thread is not visible.
-            JointKind::Screw => 0.0,
-        };
-        let zero = vec![0.0; self.asset.links.len()];
-        let most = sign * most.max(0.0);
-        let seen = self.contact(&zero, 0.0, most, [Part::Seen; 2]);
-        let closed = self.contact(&zero, 0.0, most, [Part::All, Part::Seen]);
-        if let Some(first) = [seen, closed].into_iter().flatten().min_by(|a, b| a.way.total_cmp(&b.way)) {
-            let is_near = |contact: Contact| contact.way * self.reach() <= self.near;
-            let source = if seen.is_some_and(is_near) { Source::Contact } else { Source::Inferred };
-            return self.met(first, source);
+        if let Some(found) = self.first_closing(sign, &self.precision) {
+            return found;
         }
         match self.uncrossed(self.assumed(), 0.0, sign) {
             found if found.way > 0.0 => found,
             _ => Found { way: 0.0, stop: Stop::Observed, source: Source::Observed },
         }
+    }
+
+    /// The first contact beyond 0 in the direction in which the part closes. The side of a part that presses against its frame is often
+    /// hidden: the closed mesh counts too. Only surfaces that were seen show that a part is closed.
+    fn first_closing(&self, sign: f64, precision: &Precision) -> Option<Found> {
+        let most = match self.kind() {
+            JointKind::Prismatic => self.length(),
+            JointKind::Revolute => self.config.widest_turn - self.span(),
+            // The length of a thread is not visible.
+            JointKind::Screw => 0.0,
+        };
+        let zero = vec![0.0; self.asset.links.len()];
+        let way = (0.0, sign * most.max(0.0));
+        let seen = self.contact(&zero, way, [Part::Seen; 2], precision);
+        let closed = self.contact(&zero, way, [Part::All, Part::Seen], precision);
+        let first = [seen, closed].into_iter().flatten().min_by(|a, b| a.way.total_cmp(&b.way))?;
+        let is_near = |contact: Contact| contact.way * self.reach() <= self.near;
+        Some(self.met(first, if seen.is_some_and(is_near) { Source::Contact } else { Source::Inferred }))
     }
 
     /// The way from a joint value until a contact, until a slide loses its support, or as far as is assumed. Only what was seen
@@ -353,7 +395,7 @@ impl Search<'_> {
             }
         };
         let zero = vec![0.0; self.asset.links.len()];
-        match self.contact(&zero, from, sign * most, [Part::Seen; 2]) {
+        match self.contact(&zero, (from, sign * most), [Part::Seen; 2], &self.with_narrow()) {
             Some(contact) => {
                 let met = self.met(contact, Source::Contact);
                 // Between the observed value and the contact, nothing but an assumption says that the way is free.
@@ -387,8 +429,8 @@ impl Search<'_> {
         let values = self.asset.observed(state);
         let at = values[self.link];
         let parts = [Part::Seen; 2];
-        let below = self.contact(&values, at, lower - at, parts).map_or(lower, |met| at - met.way);
-        let above = self.contact(&values, at, upper - at, parts).map_or(upper, |met| at + met.way);
+        let below = self.contact(&values, (at, lower - at), parts, &self.precision).map_or(lower, |met| at - met.way);
+        let above = self.contact(&values, (at, upper - at), parts, &self.precision).map_or(upper, |met| at + met.way);
         [below.clamp(lower, at.max(lower)), above.clamp(at.min(upper), upper)]
     }
 
@@ -470,13 +512,17 @@ mod tests {
     /// Two side walls and a back, a drawer between them that is open by `out` at value 0 and
     /// was seen up to value `open`, a door before its left neighbour;
     /// everything opens along -Y.
-    fn cabinet([out, open]: [f64; 2]) -> (Asset, Vec<Surface>) {
+    fn cabinet(drawer: [f64; 2]) -> (Asset, Vec<Surface>) {
+        cabinet_with_front(drawer, 0.48)
+    }
+
+    /// The same with a front of the drawer that is this wide to both sides: the gap between the walls is 0.45 wide.
+    fn cabinet_with_front([out, open]: [f64; 2], wide: f64) -> (Asset, Vec<Surface>) {
         let mut base = cuboid([-0.5, 0.0, 0.0], [-0.45, 1.0, 1.0]);
         base.append(&cuboid([0.45, 0.0, 0.0], [0.5, 1.0, 1.0]));
         base.append(&cuboid([-0.45, 0.95, 0.0], [0.45, 1.0, 1.0]));
         let mut drawer = cuboid([-0.4, 0.0, 0.0], [0.4, 0.8, 0.4]);
-        // A front that overlaps the walls.
-        drawer.append(&cuboid([-0.48, -0.02, 0.0], [0.48, 0.0, 0.4]));
+        drawer.append(&cuboid([-wide, -0.02, 0.0], [wide, 0.0, 0.4]));
         let door = cuboid([0.0, -0.04, 0.0], [0.95, 0.0, 0.4]);
         let links = vec![
             AssetLink { name: "base".into(), ..AssetLink::default() },
@@ -490,6 +536,18 @@ mod tests {
     fn ranges(drawer: [f64; 2], config: &PhysicalConfig) -> Vec<Option<Range>> {
         let (asset, surfaces) = cabinet(drawer);
         extend(&asset, &surfaces, &[None, Some(State::START), Some(State::START)], 1.7, config)
+    }
+
+    #[test]
+    fn a_front_between_walls_closes_until_it_is_flush_though_its_rims_overlap_them() {
+        // Seen open by 3 cm or flush, but for an overlap with the walls of 4 mm.
+        for out in [0.03, -0.02] {
+            let (asset, surfaces) = cabinet_with_front([out, 0.3], 0.454);
+            let found = extend(&asset, &surfaces, &[None, Some(State::START), None], 1.7, &PhysicalConfig::default());
+            let drawer = found[1].clone().unwrap();
+            assert!((drawer.limits[0] + out + 0.02).abs() < 2e-3, "{drawer:?}");
+            assert_eq!((&drawer.stops[0], drawer.closed), (&Stop::Flush("base".into()), out < 0.0));
+        }
     }
 
     #[test]
@@ -556,13 +614,16 @@ mod tests {
             sources: [source, Source::Observed],
             free: PerState::new([0.0; 2], [0.0; 2]),
             closed: false,
+            narrow: None,
         };
-        let closed = |limit: f64, source: Source, flush: Option<f64>| {
+        let closed_with = |narrow: Option<f64>, limit: f64, source: Source, flush: Option<f64>| {
             let flush = flush.map(|value| Flush { value, link: "base".into(), precision: 0.03, closed: false });
-            let mut range = range(limit, source);
+            let found = |way| Found { way, stop: Stop::Contact("frame".into()), source: Source::Inferred };
+            let mut range = Range { narrow: narrow.map(found), ..range(limit, source) };
             range.close(0, flush, 0.26);
             range.limits[0]
         };
+        let closed = |limit: f64, source: Source, flush: Option<f64>| closed_with(None, limit, source, flush);
         // A contact just behind the flush place, before it, and far behind it.
         assert_eq!(closed(-0.72, Source::Inferred, Some(-0.7)), -0.72);
         assert_eq!(closed(-0.5, Source::Inferred, Some(-0.7)), -0.5);
@@ -573,6 +634,12 @@ mod tests {
         // Contacts of parts that are flush nowhere.
         assert_eq!(closed(-0.2, Source::Inferred, None), -0.2);
         assert_eq!(closed(-0.9, Source::Inferred, None), 0.0);
+        // A narrow contact shortly before a wide one or a flush place, far before them, and alone.
+        assert_eq!(closed_with(Some(0.1), -0.2, Source::Inferred, None), -0.2);
+        assert_eq!(closed_with(Some(0.1), -0.5, Source::Inferred, Some(-0.2)), -0.2);
+        assert_eq!(closed_with(Some(0.1), -1.5, Source::Inferred, Some(-1.5)), -0.1);
+        assert_eq!(closed_with(Some(0.1), -0.78, Source::Assumed, None), -0.1);
+        assert_eq!(closed_with(Some(0.1), -0.5, Source::Inferred, Some(0.0)), 0.0);
     }
 
     #[test]

@@ -3,8 +3,8 @@
 //! Sampled points of each surface are moved against the triangles of the other one, both ways round. A point is stopped where it
 //! enters the other surface from outside, if both normals oppose the motion: points that slide along a surface, or leave
 //! one that measurement let them overlap with, are not. A contact is where stopped points stand for a meaningful area, so that
-//! noise stops nothing. Frames that stop a part can be narrow. Between parts of which neither carries the other, the area must also be
-//! wide: their rims overlap by a voxel where they pass each other.
+//! noise stops nothing. The area must also be wide: rims overlap by a voxel where parts pass each other. Frames that stop a part can be
+//! narrow, so whoever asks decides how wide contacts with the carrier are.
 
 use crate::convert::{from_parry, to_parry};
 use crate::decompose::Observed;
@@ -100,6 +100,8 @@ pub(crate) struct Precision {
     pub points: usize,
     /// Width, metres, of the area around each of them in both directions across the motion, if the other link is not the carrier.
     pub width: f64,
+    /// The same where the other link is the carrier.
+    pub carrier_width: f64,
     /// Overlap at the beginning of the way, metres, that counts as a contact there.
     pub overlap: f64,
 }
@@ -170,7 +172,7 @@ pub(crate) fn first_contact(
             let other_from_own: Vec<Rigid> = poses.map(|at| at[other].inverse() * at[own]).collect();
             let pair = [(&surfaces[own], sweep.own), (&surfaces[other], sweep.others)];
             let is_carrier = asset.links[sweep.link].parent == Some(other);
-            let width = if is_carrier { 0.0 } else { precision.width };
+            let width = if is_carrier { precision.carrier_width } else { precision.width };
             let met = first_of_pair(pair, &other_from_own, (precision.points, width));
             let Some(met) = met.map(|steps| (steps * step - before).max(0.0)) else { continue };
             if best.is_none_or(|best| met < best.way) {

@@ -2,7 +2,7 @@ use super::*;
 use artgs_core::{AssetJoint, AssetLink, PerState};
 
 const SPACING: f64 = 5e-3;
-const PRECISION: Precision = Precision { points: 10, width: 8e-3, overlap: 6e-3 };
+const PRECISION: Precision = Precision { points: 10, width: 8e-3, carrier_width: 0.0, overlap: 6e-3 };
 
 fn cuboid(low: DVec3, high: DVec3) -> Mesh {
     Mesh::cuboid(low.as_vec3().to_array(), high.as_vec3().to_array())
