@@ -155,7 +155,7 @@ struct Flush {
 impl Range {
     /// Ends the range that closes where the part is flush, if no contact comes before that. Of a part that is flush nowhere, a limit more than `most` beyond
     /// what was observed is one of a surface that was not seen well, and the part closes no further than it was seen. A narrow contact may
-    /// be two rims that overlap, but not if the part would go on for more than `most` behind it.
+    /// be two rims that overlap, but not if the part would move by more than `most` behind it.
     fn close(&mut self, end: usize, flush: Option<Flush>, most: f64) {
         self.close_behind_rims(end, flush, most);
         let way = self.limits[end].abs();

@@ -4,7 +4,7 @@
 //! enters the other surface from outside, if both normals oppose the motion: points that slide along a surface, or leave
 //! one that measurement let them overlap with, are not. A contact is where stopped points stand for a meaningful area, so that
 //! noise stops nothing. The area must also be wide: rims overlap by a voxel where parts pass each other. Frames that stop a part can be
-//! narrow, so whoever asks decides how wide contacts with the carrier are.
+//! narrow, so the caller decides how wide contacts with the carrier are.
 
 use crate::convert::{from_parry, to_parry};
 use crate::decompose::Observed;
