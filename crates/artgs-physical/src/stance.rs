@@ -119,7 +119,7 @@ pub(crate) fn extend(
             (0..asset.links.len()).map(|link| nearer[link].and_then(|_| search(link).flush(&ranges))).collect();
         for (link, flush) in flush.into_iter().enumerate().filter(|(link, _)| nearer[*link].is_some()) {
             if let Some((range, end)) = ranges[link].as_mut().zip(search(link).closing_end()) {
-                range.close(end, flush, search(link).most_unseen());
+                range.close(end, flush, search(link).most_unseen(), precision.overlap / search(link).reach());
             }
         }
     }
@@ -155,13 +155,15 @@ struct Flush {
 impl Range {
     /// Ends the range that closes where the part is flush, if no contact comes before that. Of a part that is flush nowhere, a limit more than `most` beyond
     /// what was observed is one of a surface that was not seen well, and the part closes no further than it was seen. A narrow contact may
-    /// be two rims that overlap, but not if the part would move by more than `most` behind it.
-    fn close(&mut self, end: usize, flush: Option<Flush>, most: f64) {
+    /// be two rims that overlap, but not if the part would move by more than `most` behind it; one that comes at most `alike` before a wide
+    /// contact or a flush place is the beginning of it.
+    fn close(&mut self, end: usize, flush: Option<Flush>, most: f64, alike: f64) {
         self.close_behind_rims(end, flush, most);
         let way = self.limits[end].abs();
         let rests_on_nothing = self.stops[end] == Stop::Observed;
         let Some(narrow) = self.narrow.take() else { return };
-        if narrow.way + most >= way && !(rests_on_nothing && narrow.way <= most) {
+        let is_same = (0.0..=alike).contains(&(way - narrow.way));
+        if narrow.way + most >= way && !is_same && !(rests_on_nothing && narrow.way <= most) {
             return;
         }
         let sign = if end == 0 { -1.0 } else { 1.0 };
@@ -620,7 +622,7 @@ mod tests {
             let flush = flush.map(|value| Flush { value, link: "base".into(), precision: 0.03, closed: false });
             let found = |way| Found { way, stop: Stop::Contact("frame".into()), source: Source::Inferred };
             let mut range = Range { narrow: narrow.map(found), ..range(limit, source) };
-            range.close(0, flush, 0.26);
+            range.close(0, flush, 0.26, 0.02);
             range.limits[0]
         };
         let closed = |limit: f64, source: Source, flush: Option<f64>| closed_with(None, limit, source, flush);
@@ -634,7 +636,9 @@ mod tests {
         // Contacts of parts that are flush nowhere.
         assert_eq!(closed(-0.2, Source::Inferred, None), -0.2);
         assert_eq!(closed(-0.9, Source::Inferred, None), 0.0);
-        // A narrow contact shortly before a wide one or a flush place, far before them, and alone.
+        // A narrow contact before a wide one or a flush place, at its beginning, far before it, and alone.
+        assert_eq!(closed_with(Some(0.19), -0.2, Source::Inferred, None), -0.19);
+        assert_eq!(closed_with(Some(0.21), -0.5, Source::Inferred, Some(-0.2)), -0.2);
         assert_eq!(closed_with(Some(0.1), -0.2, Source::Inferred, None), -0.2);
         assert_eq!(closed_with(Some(0.1), -0.5, Source::Inferred, Some(-0.2)), -0.2);
         assert_eq!(closed_with(Some(0.1), -1.5, Source::Inferred, Some(-1.5)), -0.1);
