@@ -175,8 +175,8 @@ pub struct PhysicalConfig {
     pub least_support: f64,
     /// Distance between the points of a surface that are swept for contacts.
     pub sample_share: f64,
-    /// Least width of a contact between parts of which neither carries the other, in each direction across the motion: their rims
-    /// overlap by a voxel. Set on one procedural object with voxels of 0.45 % of the diagonal, tested on four others.
+    /// Least width of a contact between parts of which neither carries the other, and of one that closes a part on its carrier, in each
+    /// direction across the motion: rims overlap by a voxel. Set on one procedural object with voxels of 0.45 % of the diagonal, tested on four others.
     pub contact_rim_share: f64,
     /// Side of a square as large as the smallest contact: less is noise. This and the next two are calibrated on the replicas of
     /// ten procedural objects with voxels of 0.45 % of the diagonal.
