@@ -86,8 +86,6 @@ pub(crate) struct Range {
     /// True if the part touches another one at joint value 0, in the direction in which it closes, or if its front is in one plane
     /// with those around it: it was observed closed.
     pub closed: bool,
-    /// What the part meets first where it closes, however narrow.
-    narrow: Option<Found>,
 }
 
 /// Limits of every joint. Entry `i` belongs to link `i`; the base has none. `surfaces` in link frames, metres. `nearer[i]` is the
@@ -119,7 +117,10 @@ pub(crate) fn extend(
             (0..asset.links.len()).map(|link| nearer[link].and_then(|_| search(link).flush(&ranges))).collect();
         for (link, flush) in flush.into_iter().enumerate().filter(|(link, _)| nearer[*link].is_some()) {
             if let Some((range, end)) = ranges[link].as_mut().zip(search(link).closing_end()) {
-                range.close(end, flush, search(link).most_unseen(), precision.overlap / search(link).reach());
+                let search = search(link);
+                let closing = if end == 0 { -1.0 } else { 1.0 };
+                let narrow = search.first_closing(closing, &search.with_narrow());
+                range.close(end, flush, narrow, [search.most_unseen(), precision.overlap / search.reach()]);
             }
         }
     }
@@ -154,14 +155,14 @@ struct Flush {
 
 impl Range {
     /// Ends the range that closes where the part is flush, if no contact comes before that. Of a part that is flush nowhere, a limit more than `most` beyond
-    /// what was observed is one of a surface that was not seen well, and the part closes no further than it was seen. A narrow contact may
+    /// what was observed is one of a surface that was not seen well, and the part closes no further than it was seen. The first contact, `narrow`, may
     /// be two rims that overlap, but not if the part would move by more than `most` behind it; one that comes at most `alike` before a wide
     /// contact or a flush place is the beginning of it.
-    fn close(&mut self, end: usize, flush: Option<Flush>, most: f64, alike: f64) {
+    fn close(&mut self, end: usize, flush: Option<Flush>, narrow: Option<Found>, [most, alike]: [f64; 2]) {
         self.close_behind_rims(end, flush, most);
         let way = self.limits[end].abs();
         let rests_on_nothing = self.stops[end] == Stop::Observed;
-        let Some(narrow) = self.narrow.take() else { return };
+        let Some(narrow) = narrow else { return };
         let is_same = (0.0..=alike).contains(&(way - narrow.way));
         if narrow.way + most >= way && !is_same && !(rests_on_nothing && narrow.way <= most) {
             return;
@@ -193,7 +194,6 @@ impl Range {
 }
 
 /// How far a joint goes beyond an observed value.
-#[derive(Clone, Debug, PartialEq)]
 struct Found {
     way: f64,
     stop: Stop,
@@ -223,20 +223,13 @@ impl Search<'_> {
             sources: [Source::Observed; 2],
             free: PerState::new(observed, observed),
             closed: false,
-            narrow: None,
         };
         if !self.config.extend_limits {
             return Some(out);
         }
         for (end, sign) in [(0, -1.0), (1, 1.0)] {
             let closes = knows_direction && observed[end] == 0.0;
-            let found = match closes {
-                true => {
-                    out.narrow = self.first_closing(sign, &self.with_narrow());
-                    self.closing(sign)
-                }
-                false => self.opening(observed[end], sign, knows_direction),
-            };
+            let found = if closes { self.closing(sign) } else { self.opening(observed[end], sign, knows_direction) };
             out.limits[end] = observed[end] + sign * found.way;
             (out.stops[end], out.sources[end]) = (found.stop, found.source);
             out.closed |= closes && out.sources[end] == Source::Contact;
@@ -616,13 +609,12 @@ mod tests {
             sources: [source, Source::Observed],
             free: PerState::new([0.0; 2], [0.0; 2]),
             closed: false,
-            narrow: None,
         };
         let closed_with = |narrow: Option<f64>, limit: f64, source: Source, flush: Option<f64>| {
             let flush = flush.map(|value| Flush { value, link: "base".into(), precision: 0.03, closed: false });
             let found = |way| Found { way, stop: Stop::Contact("frame".into()), source: Source::Inferred };
-            let mut range = Range { narrow: narrow.map(found), ..range(limit, source) };
-            range.close(0, flush, 0.26, 0.02);
+            let mut range = range(limit, source);
+            range.close(0, flush, narrow.map(found), [0.26, 0.02]);
             range.limits[0]
         };
         let closed = |limit: f64, source: Source, flush: Option<f64>| closed_with(None, limit, source, flush);
