@@ -2,7 +2,7 @@
 
 use crate::args::{Bench, Parts};
 use crate::commands::{Style, use_threads};
-use crate::device::{self, DeviceChoice};
+use crate::device;
 use crate::failure::Failure;
 use crate::output::say;
 use crate::population;
@@ -12,6 +12,7 @@ use crate::suites::{self, Photos};
 use anyhow::{Context, anyhow};
 use artgs::Config;
 use artgs::evaluate::Lpips;
+use artgs::fit::DeviceChoice;
 use artgs_bench::{
     Circumstances, Collected, Event, Files, Finished, Item, Options, Outcome, RunName, Source, Tools, Variant, counted,
     items_of_folder, measure, paper, stages::measure_stages,

@@ -1,7 +1,7 @@
 //! `artgs check`: whether the exports of a replica open and move.
 
 #[cfg(feature = "check")]
-pub(crate) use built_in::{check, checked, run};
+pub(crate) use built_in::{check, run};
 
 use crate::failure::Failure;
 use crate::output::Report;
@@ -49,7 +49,7 @@ mod built_in {
     }
 
     /// The check that is asked for.
-    pub(crate) fn checked(args: &Check) -> Result<Checked, Failure> {
+    fn checked(args: &Check) -> Result<Checked, Failure> {
         let run = RunFolder::new(&args.out);
         // Refused before the check, which takes a while.
         let files = args.report.as_deref().map(forms).transpose()?.unwrap_or_default();

@@ -2,17 +2,14 @@
 
 use crate::args::{Cli, Command, Inspect};
 use crate::failure::Failure;
-use crate::folder::load_capture;
-use crate::memory::{self, Plan};
 use crate::output::{Report, say};
-use crate::recordings::{self, RecordingSummary, Source};
-use crate::{agreement, demo, device, evaluate, export, reconstruct, settings, synth, view};
+use crate::{demo, device, evaluate, export, reconstruct, recordings, settings, synth, view};
 use anyhow::Context;
-use artgs::consistency::{check_capture, check_recording};
+use artgs::prepare::{self, Inspected};
 use artgs_core::State;
-use serde_json::{Value, json};
+use artgs_io::recording::RecordingFormat;
+use serde_json::json;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
 
 /// How results are shown.
 #[derive(Clone, Copy, Debug)]
@@ -54,63 +51,29 @@ pub(crate) fn execute(command: &Command, style: Style) -> Result<(), Failure> {
 
 /// Describes a capture, or each of one or two recordings.
 fn inspect(args: &Inspect, style: Style) -> Result<(), Failure> {
-    let inspected = described(args)?;
-    let refused: Vec<String> =
-        inspected.iter().filter(|i| i.is_refused).map(|i| i.path.display().to_string()).collect();
+    let inspected = inspected(args)?;
     match &inspected[..] {
-        [Inspected { report, is_capture: true, .. }] => report.show(style.json)?,
-        _ if style.json => {
-            let reports: Value = inspected.into_iter().map(|i| i.report.json).collect();
-            say(format!("{reports:#}"))?;
-        }
-        _ => inspected.iter().try_for_each(|i| say(format!("{}\n{}", i.path.display(), i.report.text)))?,
+        [one] if one.is_capture() => Report::new(one)?.show(style.json)?,
+        all if style.json => say(format!("{:#}", json!(all)))?,
+        all => all.iter().try_for_each(|one| say(format!("{}\n{one}", one.path().display())))?,
     }
+    let refused: Vec<String> =
+        inspected.iter().filter(|one| one.is_refused()).map(|one| one.path().display().to_string()).collect();
     if refused.is_empty() {
         return Ok(());
     }
     Err(Failure::bad(format!("{}: artgs reconstruct refuses this input for the errors above", refused.join(" and "))))
 }
 
-/// What `inspect` says about a capture or a recording.
-pub(crate) struct Inspected {
-    path: PathBuf,
-    is_capture: bool,
-    pub(crate) report: Report,
-    /// True if `reconstruct` refuses it.
-    is_refused: bool,
-}
-
-/// The description of a capture, or of each recording.
-pub(crate) fn described(args: &Inspect) -> Result<Vec<Inspected>, Failure> {
-    let source = Source::new(&args.capture);
-    if let Ok(Source::Capture(folder)) = source {
-        recordings::require_none(&args.recording, &folder)?;
-        let capture = load_capture(&folder)?;
-        let found = check_capture(&capture);
-        let mut report = Report::new(&artgs_io::summarize(&capture))?;
-        report.text.push_str(&agreement::described(&found));
-        report.json["consistency"] = json!(found);
-        let needed = Plan::unlimited(&folder);
-        report.text.push_str(&format!("memory            about {} to reconstruct\n", memory::size(needed as f64)));
-        report.json["memory_bytes"] = json!(needed);
-        let is_refused = agreement::are_refusals(&found.findings());
-        return Ok(vec![Inspected { path: folder, is_capture: true, report, is_refused }]);
+/// The description of a capture, or of each recording; unlike a reconstruction, also of one recording.
+pub(crate) fn inspected(args: &Inspect) -> Result<Vec<Inspected>, Failure> {
+    if let [path] = &args.capture[..]
+        && RecordingFormat::of(path).is_some()
+    {
+        let files = recordings::of_state(path, State::START, &args.recording)?;
+        return Ok(vec![Inspected::recording(&files).map_err(Failure::of)?]);
     }
-    let paths = match source {
-        Ok(Source::Recordings(paths)) => paths.into_iter().collect(),
-        _ => args.capture.clone(),
-    };
-    let mut reports = Vec::new();
-    for (path, state) in paths.iter().zip(State::ALL) {
-        let recording = recordings::load_state(path, state, &args.recording)?;
-        let found = check_recording(recording.frames.iter().map(|f| &f.view));
-        let mut report = Report::new(&RecordingSummary::new(&recording))?;
-        report.text.push_str(&agreement::described_recording(&found, path));
-        report.json["consistency"] = json!(found);
-        let is_refused = agreement::are_refusals(&found.findings(""));
-        reports.push(Inspected { path: path.clone(), is_capture: false, report, is_refused });
-    }
-    Ok(reports)
+    prepare::inspect(&recordings::input(&args.capture, &args.recording)?).map_err(Failure::of)
 }
 
 /// Sizes the thread pool that everything shares: at most four threads per processor.

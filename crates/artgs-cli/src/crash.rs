@@ -24,7 +24,7 @@ pub(crate) fn guarded(run: impl FnOnce() -> u8) -> u8 {
     panic::catch_unwind(AssertUnwindSafe(run)).unwrap_or(CODE)
 }
 
-/// To be called once in a process of something else: panics are not printed, but become the text of a [`CallError`](crate::CallError).
+/// To be called once in a process of something else: panics are not printed, but become the error of [`caught`].
 pub fn describe_panics() {
     panic::set_hook(Box::new(|panic| {
         if !is_expected() {
@@ -36,7 +36,7 @@ pub fn describe_panics() {
 }
 
 /// Does something that may panic; the error is the line about the panic, and its exit code.
-pub(crate) fn caught<T>(run: impl FnOnce() -> T) -> Result<T, (String, u8)> {
+pub fn caught<T>(run: impl FnOnce() -> T) -> Result<T, (String, u8)> {
     panic::catch_unwind(AssertUnwindSafe(run)).map_err(|_| {
         let noted = NOTED.lock().unwrap_or_else(PoisonError::into_inner).take();
         (noted.unwrap_or_else(|| "artgs itself failed".into()), CODE)

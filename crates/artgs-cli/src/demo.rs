@@ -3,14 +3,16 @@
 use crate::args::Demo;
 use crate::commands::{Style, use_threads};
 use crate::device;
-use crate::evaluate::score;
-use crate::export;
+use crate::evaluate::scored;
 use crate::failure::Failure;
-use crate::folder::{self, load_capture};
+use crate::folder;
 use crate::output::{say, write_json};
 use crate::reconstruct::Job;
 use crate::settings::configure;
+use crate::{export, progress};
 use artgs::observer::NullObserver;
+use artgs::run::Comparison;
+use artgs::{Input, Request};
 use artgs_io::RunFolder;
 use artgs_io::run_folder::load_json;
 use artgs_physical::export::ExportOptions;
@@ -32,15 +34,17 @@ pub(crate) fn run(args: &Demo, style: Style) -> Result<(), Failure> {
     let device = device::choose(args.method.device, &config)?;
     check_folder(&args.out)?;
     let found = Found::at(&capture, &options)?;
-    let _lock = folder::prepare(&run, args.earlier, "artgs demo", style)?;
+    let output = folder::open(run.clone(), args.earlier, "artgs demo", style)?;
     if !(args.earlier.resume && found == Found::Same) {
         write_cabinet(&capture, &options).map_err(anyhow::Error::from)?;
     }
-    let loaded = load_capture(&capture)?;
-    let resume = args.earlier.resume;
-    let job = Job { capture: &loaded, run: &run, config: &config, resume, device: &device, style, before: &[] };
+    let request = Request { config, ..Request::new(Input::Capture(capture.clone())) };
+    let prepared = request.prepare(progress::renderer(style).as_mut()).map_err(Failure::of)?;
+    let job = Job::new(prepared, &run, output.resumes(), device, style);
     let summary = job.reconstruct(&mut NullObserver)?;
-    let scores = score(&run, Some(&capture.join("gt")), None)?;
+    let truth = capture.join("gt");
+    let with = Comparison { ground_truth: Some(&truth), ..Comparison::default() };
+    let scores = scored(&run, &with, &mut |_| ())?;
     write_json(&args.out.join("scores.json"), &scores)?;
     let options = ExportOptions { capture: Some(capture.clone()), ..ExportOptions::default() };
     let exported = export::export_locked(&run, &options, style)?;

@@ -5,89 +5,18 @@ use crate::failure::Failure;
 use crate::gpu;
 use crate::output::Report;
 use artgs::Config;
-use artgs::config::Method;
-use artgs::fit::{Cpu, Devices, WithFallback};
-use artgs::observer::{Event, Observer};
+use artgs::fit::{Chosen, Cpu, DeviceChoice, Devices};
 use serde::Serialize;
 use serde_json::json;
-use std::fmt;
-use std::str::FromStr;
-
-/// What is asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum DeviceChoice {
-    /// A graphics processor that is not software and trains faster, as long as it works, else the processor.
-    Auto,
-    Cpu,
-    /// The one of this number in the list, or the most capable one, software included.
-    Gpu(Option<usize>),
-}
-
-impl FromStr for DeviceChoice {
-    type Err = &'static str;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            "cpu" => Ok(Self::Cpu),
-            "gpu" => Ok(Self::Gpu(None)),
-            _ => {
-                let index = text.strip_prefix("gpu:").and_then(|n| n.parse().ok());
-                index.map(|n| Self::Gpu(Some(n))).ok_or("auto, cpu, gpu, or gpu:N as `artgs devices` counts them")
-            }
-        }
-    }
-}
-
-impl fmt::Display for DeviceChoice {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        match self {
-            Self::Auto => f.write_str("auto"),
-            Self::Cpu => f.write_str("cpu"),
-            Self::Gpu(None) => f.write_str("gpu"),
-            Self::Gpu(Some(index)) => write!(f, "gpu:{index}"),
-        }
-    }
-}
-
-/// What a run trains on.
-#[derive(Debug)]
-pub(crate) struct Chosen {
-    pub(crate) devices: Box<dyn Devices>,
-    /// Names it, and why it was chosen if the user did not; none where nothing is trained.
-    pub(crate) description: Option<String>,
-}
-
-impl Chosen {
-    fn new(devices: Box<dyn Devices>, why: &str) -> Self {
-        let description = Some(format!("device: {}{why}", devices.name()));
-        Self { devices, description }
-    }
-
-    /// Reports which it is.
-    pub(crate) fn announce(&self, observer: &mut dyn Observer) {
-        self.description.iter().for_each(|text| observer.event(Event::note(text)));
-    }
-}
 
 /// Opens the device for a run with these settings.
 pub(crate) fn choose(choice: DeviceChoice, config: &Config) -> Result<Chosen, Failure> {
-    if config.method == Method::Registration {
-        return Ok(Chosen { devices: Box::new(Cpu), description: None });
-    }
-    open(choice)
+    if config.trains() { open(choice) } else { Ok(Chosen::none()) }
 }
 
 /// Opens a device.
 pub(crate) fn open(choice: DeviceChoice) -> Result<Chosen, Failure> {
-    match choice {
-        DeviceChoice::Cpu => Ok(Chosen::new(Box::new(Cpu), "")),
-        DeviceChoice::Gpu(index) => Ok(Chosen::new(gpu::open(index).map_err(Failure::bad)?, "")),
-        DeviceChoice::Auto => Ok(match gpu::open_if_fast() {
-            Ok(gpu) => Chosen::new(Box::new(WithFallback::new(gpu)), ""),
-            Err(reason) => Chosen::new(Box::new(Cpu), &format!(", as {reason}")),
-        }),
-    }
+    gpu::open(choice).map_err(Failure::bad)
 }
 
 /// A graphics processor of the list.
@@ -178,16 +107,6 @@ mod tests {
             timestamps: true,
             can_train: true,
             lacks: None,
-        }
-    }
-
-    #[test]
-    fn choices_read_back_as_they_are_written() {
-        for text in ["auto", "cpu", "gpu", "gpu:0", "gpu:12"] {
-            assert_eq!(text.parse::<DeviceChoice>().unwrap().to_string(), text);
-        }
-        for text in ["", "GPU", "gpu:", "gpu:-1", "gpu:one", "cuda", "cpu:0"] {
-            assert!(text.parse::<DeviceChoice>().unwrap_err().contains("artgs devices"), "{text}");
         }
     }
 

@@ -3,16 +3,14 @@
 use crate::args::{CollisionKind, Export};
 use crate::commands::{Style, use_threads};
 use crate::failure::Failure;
-use crate::folder::{load_capture, lock, photos_of, require_replica};
 use crate::output::{Report, note};
 use crate::progress;
 use artgs::observer::{Event, Observer};
-use artgs_core::{Capture, UpSource, Upward};
 use artgs_io::RunFolder;
 use artgs_io::asset::{Provenance, WriteOptions};
-use artgs_physical::Up;
-use artgs_physical::export::{CollisionSource, ExportError, ExportEvent, ExportOptions, ExportStep, upward};
-use std::path::Path;
+use artgs_physical::export::{
+    CollisionSource, ExportError, ExportEvent, ExportOptions, ExportStep, export_run, export_with_photos,
+};
 use std::time::Instant;
 
 pub(crate) fn run(args: &Export, style: Style) -> Result<(), Failure> {
@@ -26,20 +24,14 @@ pub(crate) fn run(args: &Export, style: Style) -> Result<(), Failure> {
 }
 
 /// Exports, and reports what was decided; `remark` gets what is unexpected.
-pub(crate) fn report(args: &Export, style: Style, remark: &mut dyn FnMut(&str)) -> Result<Report, Failure> {
+fn report(args: &Export, style: Style, remark: &mut dyn FnMut(&str)) -> Result<Report, Failure> {
     let run = RunFolder::new(&args.out);
-    options(args, None).config().map_err(failure)?;
-    require_replica(&run)?;
-    let up = upward(&run, args.up).map_err(failure)?;
-    let options = options(args, Some(up));
-    options.config().map_err(failure)?;
-    if up.source == UpSource::Assumed {
-        remark(&format!("up is assumed to be {} of the capture; --up gives another direction", options.up));
-    }
-    let lock = lock(&run, "artgs export", style)?;
-    let report = export_with(&run, &options, remark, observer(style).as_mut());
-    drop(lock);
-    report
+    let mut shown = observer(style);
+    let mut steps = Steps::new(shown.as_mut());
+    let report = export_run(&run, options(args), args.up, "artgs export", |event| steps.watch(event, remark));
+    let report = report.map_err(failure)?;
+    steps.end();
+    Report::new(&report)
 }
 
 /// Shows the steps, but not between other JSON.
@@ -49,15 +41,15 @@ fn observer(style: Style) -> Box<dyn Observer> {
 }
 
 /// What the flags ask for.
-fn options(args: &Export, up: Option<Upward>) -> ExportOptions {
+fn options(args: &Export) -> ExportOptions {
     let defaults = ExportOptions::default();
     ExportOptions {
         formats: if args.to.is_empty() { defaults.formats } else { args.to.iter().map(|format| format.0).collect() },
         name: args.name.clone(),
         capture: args.capture.clone(),
         scale: args.scale,
-        up: up.and_then(|up| Up::towards(up.direction)).or(args.up).unwrap_or_default(),
-        up_known: up,
+        up: args.up.unwrap_or_default(),
+        up_known: None,
         density: args.density.iter().filter(|(part, _)| part.is_none()).map(|(_, density)| *density).next_back(),
         densities: args.density.iter().filter_map(|(part, density)| Some((part.clone()?, *density))).collect(),
         mass: args.mass,
@@ -90,24 +82,9 @@ fn options(args: &Export, up: Option<Upward>) -> ExportOptions {
 
 /// Writes the formats into a folder that is locked and reports what was decided.
 pub(crate) fn export_locked(run: &RunFolder, options: &ExportOptions, style: Style) -> Result<Report, Failure> {
-    export_with(run, options, &mut |text| note(text, style), observer(style).as_mut())
-}
-
-fn export_with(
-    run: &RunFolder,
-    options: &ExportOptions,
-    remark: &mut dyn FnMut(&str),
-    shown: &mut dyn Observer,
-) -> Result<Report, Failure> {
-    options.config().map_err(failure)?;
-    require_replica(run)?;
-    let capture = capture(run, options.capture.as_deref(), remark)?;
-    let mut steps = Steps::new(shown);
-    let report = artgs_physical::export::export(run, options, capture.as_ref(), |event| match event {
-        ExportEvent::Warning(warning) => remark(warning),
-        ExportEvent::Begins(step) => steps.begin(step),
-        ExportEvent::Written(done, all) => steps.written(done, all),
-    });
+    let mut shown = observer(style);
+    let mut steps = Steps::new(shown.as_mut());
+    let report = export_with_photos(run, options, |event| steps.watch(event, &mut |text| note(text, style)));
     let report = report.map_err(failure)?;
     steps.end();
     Report::new(&report)
@@ -122,6 +99,14 @@ struct Steps<'a> {
 impl<'a> Steps<'a> {
     fn new(shown: &'a mut dyn Observer) -> Self {
         Self { shown, current: None }
+    }
+
+    fn watch(&mut self, event: ExportEvent<'_>, remark: &mut dyn FnMut(&str)) {
+        match event {
+            ExportEvent::Warning(warning) => remark(warning),
+            ExportEvent::Begins(step) => self.begin(step),
+            ExportEvent::Written(done, all) => self.written(done, all),
+        }
     }
 
     fn begin(&mut self, step: ExportStep) {
@@ -144,27 +129,14 @@ impl<'a> Steps<'a> {
 
 fn failure(error: ExportError) -> Failure {
     match error {
-        ExportError::Setting { name, value } => Failure::bad(format!("--{name} is {value}; give a number above 0")),
+        ExportError::Setting { name, value, range: [least, most] } => {
+            Failure::bad(format!("--{name} is {value}; give a number from {least} to {most}"))
+        }
+        ExportError::Name(_) => {
+            Failure::bad(format!("--{}", error.to_string().trim_start_matches('`').replacen('`', "", 1)))
+        }
         ExportError::Front(_) => Failure::bad(format!("--front: {error}")),
         error if error.is_bad_input() => Failure::bad_input(error),
         error => Failure::failed(error),
     }
-}
-
-/// The photos of the replica: in the folder that the user named, or else where the run found them.
-fn capture(run: &RunFolder, named: Option<&Path>, remark: &mut dyn FnMut(&str)) -> Result<Option<Capture>, Failure> {
-    let photos = match named {
-        Some(folder) => Some(load_capture(folder)?),
-        None => photos_of(run, None).and_then(|folder| load_capture(&folder).ok()),
-    };
-    match &photos {
-        Some(capture) if artgs::run::made_from(run, capture) == Some(false) => {
-            remark("the capture is not the one the replica was made of: textures may not fit");
-        }
-        None => {
-            remark("the photos are not where they were: textures hold the colours of the meshes; see --capture");
-        }
-        Some(_) => {}
-    }
-    Ok(photos)
 }

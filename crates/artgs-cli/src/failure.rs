@@ -1,6 +1,10 @@
 //! What a command failed with, and its exit code.
 
 use crate::output::printable;
+use artgs::Error;
+use artgs::fit::FitError;
+use artgs::prepare::{InputError, MemoryError};
+use artgs::run::OutputError;
 use std::fmt::{self, Display};
 
 /// Why a command did not finish.
@@ -32,6 +36,29 @@ impl Failure {
     /// Any other error.
     pub(crate) fn failed(error: impl Into<anyhow::Error>) -> Self {
         Self::Failed(error.into())
+    }
+
+    /// An error of the library with the options that are its remedy.
+    pub(crate) fn of(error: Error) -> Self {
+        Self::bad(match &error {
+            Error::Contradiction(what) => format!("{what}\n--force-input uses the capture as it is"),
+            Error::Memory(MemoryError::Allowed { .. }) => format!("--memory: {error}"),
+            Error::NoInput(InputError::OneState { .. }) => format!("{error}: artgs reconstruct CLOSED OPEN -o OUT"),
+            Error::Output(OutputError::IsFile(_) | OutputError::Foreign(_)) => format!("{error} to -o"),
+            Error::Output(OutputError::Earlier(folder)) => {
+                let shown = folder.display();
+                format!("{shown} holds an earlier run; add --resume to continue it, or --force to discard it")
+            }
+            Error::Output(OutputError::Photos { photos, stages }) => {
+                let (photos, stages) = (photos.display(), stages.display());
+                format!("{photos} is inside {stages}, which --force removes; give another folder to -o")
+            }
+            Error::Fit(FitError::Device(_)) => {
+                return Self::Failed(anyhow::anyhow!("{error}; with --device auto training would continue on the CPU"));
+            }
+            _ if error.is_bad_input() => return Self::bad_input(error),
+            _ => return Self::failed(error),
+        })
     }
 
     /// 2 for bad input, 3 for a failed check, 75 where a retry makes sense, 130 for an interruption, else 1.

@@ -1,9 +1,7 @@
-//! The program `artgs` as a library: [`process()`] is the program, [`command()`] is one command line in a process of something else,
-//! and [`call()`] is one command without a terminal, for bindings to other languages.
+//! The program `artgs` as a library: [`process()`] is the program, [`command()`] is one command line in a process of something else.
 //!
 //! Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 3 a check failed, 70 an error in the program, 75 a later retry makes sense, 130 interrupted.
 
-mod agreement;
 mod args;
 mod batch;
 #[cfg(feature = "bench")]
@@ -14,14 +12,12 @@ mod crash;
 mod demo;
 mod device;
 mod doubts;
-mod embedded;
 mod evaluate;
 mod export;
 mod failure;
 mod folder;
 mod gpu;
 mod live;
-mod memory;
 mod object_box;
 mod output;
 mod pace;
@@ -46,6 +42,6 @@ mod synth;
 mod view;
 mod view_recording;
 
-pub use crash::describe_panics;
-pub use embedded::{CallError, Done, call};
+pub use crash::{caught, describe_panics};
 pub use process::{command, process};
+pub use view::replica_page;

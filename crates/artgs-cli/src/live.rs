@@ -38,7 +38,7 @@ impl Observer for PageObserver {
 pub(crate) const FINAL_STATE: Duration = Duration::from_secs(5);
 
 /// Reconstructs with a page that follows the run and its end.
-pub(crate) fn reconstruct(job: &Job<'_>) -> Result<Report, Failure> {
+pub(crate) fn reconstruct(job: &Job) -> Result<Report, Failure> {
     let live = Arc::new(Live::new(&job.run.name(), Placement::default()));
     let server = Server::bind_live(Arc::clone(&live), None).map_err(Failure::failed)?;
     announce(&server.url(), true, job.style)?;

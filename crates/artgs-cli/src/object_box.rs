@@ -1,15 +1,15 @@
 //! The box of the object: as `--box` states it, and the file in which the page of a recording saves it.
 
 use crate::failure::Failure;
-use crate::recordings::Source;
+use artgs::Input;
 use artgs::align::ObjectBox;
 use artgs_io::run_folder::load_json;
 use artgs_io::{BoxBounds, FileError};
 use std::path::{Path, PathBuf};
 
 /// The box of `--box`, which only recordings have: six numbers, or a file.
-pub(crate) fn given(text: &str, source: &Source) -> Result<ObjectBox, Failure> {
-    if let Source::Capture(folder) = source {
+pub(crate) fn given(text: &str, input: &Input) -> Result<ObjectBox, Failure> {
+    if let Input::Capture(folder) = input {
         return Err(Failure::bad(format!(
             "--box selects the object in two recordings; {} is one capture, whose masks select it",
             folder.display()
@@ -64,10 +64,9 @@ fn require_writable(path: &Path) -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use artgs_core::PerState;
 
-    fn recordings() -> Source {
-        Source::Recordings(PerState::new("a".into(), "b".into()))
+    fn recordings() -> Input {
+        Input::new(&["a", "b"]).unwrap()
     }
 
     #[test]
@@ -80,7 +79,7 @@ mod tests {
         for text in ["-0.5,0,0.1,1,2,3", named] {
             let found = given(text, &recordings()).unwrap();
             assert_eq!((found.lower().to_array(), found.upper().to_array()), (bounds.lower, bounds.upper), "{text}");
-            assert!(given(text, &Source::Capture("x".into())).is_err());
+            assert!(given(text, &Input::Capture("x".into())).is_err());
         }
         let wrong = |text: &str, parts: &[&str]| {
             let error = given(text, &recordings()).unwrap_err();

@@ -1,13 +1,15 @@
 //! Runs that are started from a page: what corrections change is computed again, with the settings of the folder.
 
-use crate::device::{self, DeviceChoice};
+use crate::device;
 use crate::failure::Failure;
-use crate::folder::{load_capture, lock, photos_of};
+use crate::folder::{lock, photos_of};
 use crate::live::{FINAL_STATE, PageObserver};
 use crate::reconstruct::Job;
 use crate::settings::settings_of;
 use crate::view::{announce, page_of, stopped};
 use crate::{commands::Style, export, output};
+use artgs::Prepared;
+use artgs::fit::DeviceChoice;
 use artgs_io::{FolderLock, RunFolder};
 use artgs_physical::export::ExportOptions;
 use artgs_view::{Live, Page, Placement, Rerun, Server};
@@ -57,10 +59,8 @@ fn rerun(
     // Before the run, which removes exports of a replica that it replaces.
     let options = ExportOptions::of_last_export(run).map_err(Failure::bad_input)?;
     let device = device::choose(device, &config)?;
-    let capture = load_capture(photos)?;
-    let job = Job { capture: &capture, run, config: &config, resume: true, device: &device, style, before: &[] };
-    job.reconstruct(&mut PageObserver(Arc::clone(live)))?;
-    run.save_capture_folder(photos).map_err(Failure::failed)?;
+    let prepared = Prepared::saved(photos, config).map_err(Failure::of)?;
+    Job::new(prepared, run, true, device, style).reconstruct(&mut PageObserver(Arc::clone(live)))?;
     live.stage_started(EXPORT);
     let begun = std::time::Instant::now();
     export::export_locked(run, &options, style)?;
@@ -71,19 +71,22 @@ fn rerun(
 /// `artgs reconstruct --stop-after discover --view`: the page follows the first stages, shows what they found, takes
 /// corrections and continues the run. `choice` is the choice that the device of the job was opened for. `lock` is that of the
 /// folder; what the page starts later locks it again.
-pub(crate) fn find_parts(job: &Job<'_>, photos: &Path, choice: DeviceChoice, lock: FolderLock) -> Result<(), Failure> {
-    let Job { run, style, .. } = *job;
+pub(crate) fn find_parts(job: &Job, choice: DeviceChoice, lock: FolderLock) -> Result<(), Failure> {
+    let Job { run, style, .. } = job;
+    let (style, photos) = (*style, job.photos());
     let mut page = Page::empty(&run.name());
     page.place(Placement::default());
+    let rerun = photos.as_deref().map(|photos| boxed_rerun(run, photos, choice, style));
+    let rerun = rerun.ok_or_else(|| "the images are in memory only".to_string());
     let server = Server::bind(page, None, Some(run.root().into())).map_err(Failure::failed)?;
-    let server = Arc::new(server.with_rerun(Ok(boxed_rerun(run, photos, choice, style))));
+    let server = Arc::new(server.with_rerun(rerun));
     let stop = stopped(&server)?;
     let failed = Mutex::new(None);
     let lock = Mutex::new(Some(lock));
     let first = |live: &Arc<Live>| {
         let found = job.find_parts(&mut PageObserver(Arc::clone(live)));
         lock.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let shown = found.and_then(|_| page_of(run, Some(photos), style));
+        let shown = found.and_then(|_| page_of(run, photos.as_deref(), style));
         shown.map_err(|failure| {
             let message = failure.to_string();
             failed.lock().unwrap_or_else(PoisonError::into_inner).replace((failure, Arc::clone(live)));

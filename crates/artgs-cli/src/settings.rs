@@ -6,8 +6,7 @@ use crate::failure::Failure;
 use crate::output::Report;
 use artgs::settings::Listing;
 use artgs::{Config, PartCount, ablation};
-use artgs_io::{RunFolder, without_mark};
-use std::path::Path;
+use artgs_io::RunFolder;
 
 /// The preset, changed by the variant, overridden by the file, overridden by the flags. `true_parts` is the number of parts
 /// if the capture is known; it is used where parts cannot be counted.
@@ -22,8 +21,7 @@ pub(crate) fn configure(method: &Method, true_parts: Option<usize>) -> Result<Co
         config = ablation::apply(variant, config).map_err(|e| Failure::bad(with_variants(&e)))?;
     }
     if let Some(file) = &method.config {
-        let text = text_of(file).map_err(|reason| Failure::bad(format!("{}: {reason}", file.display())))?;
-        config = config.overridden_by(&text).map_err(|e| Failure::bad(format!("{}: {e}", file.display())))?;
+        config = config.overridden_by_file(file).map_err(Failure::bad)?;
     }
     config.parts = method.parts.unwrap_or(config.parts);
     config.seed = method.seed.unwrap_or(config.seed);
@@ -32,13 +30,6 @@ pub(crate) fn configure(method: &Method, true_parts: Option<usize>) -> Result<Co
     }
     config.check().and_then(|()| config.check_part_count()).map_err(Failure::bad)?;
     Ok(config)
-}
-
-/// The text of a configuration file.
-fn text_of(file: &Path) -> Result<String, String> {
-    let bytes = std::fs::read(file).map_err(|e| e.to_string())?;
-    let text = String::from_utf8(without_mark(&bytes)?.to_vec());
-    text.map_err(|e| format!("is no text in UTF-8 (byte {}); save it as UTF-8", e.utf8_error().valid_up_to() + 1))
 }
 
 /// The error, with all variants if there is none of the given name.

@@ -8,14 +8,14 @@ use crate::output::say;
 use anyhow::Context;
 use artgs_core::JointKind;
 use artgs_io::recording::RecordingFormat;
-use artgs_synth::population::{Device, RandomCapture, RandomInfo, RandomOptions, random_info, write_random};
-use artgs_synth::recording::{Sensor, recording_info, write_recorded_object};
+use artgs_synth::population::{Device, RandomCapture, RandomInfo, RandomOptions, write_random};
+use artgs_synth::recording::{Sensor, write_recorded_object};
+use artgs_synth::target::{Kind, TargetError, require_free, targets};
 use artgs_synth::{
-    CaptureOptions, Layout, ObjectInfo, RecordingCaptureOptions, SUITES, SynthError, capture_info, objects, suite,
-    write_object,
+    CaptureOptions, Layout, ObjectInfo, RecordingCaptureOptions, SUITES, SynthError, objects, write_object,
 };
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// What is made of every object.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,12 +40,11 @@ impl Job {
         }
     }
 
-    /// True if a job of this kind wrote the folder, so that it may replace the files.
-    fn wrote(&self, folder: &Path) -> bool {
+    fn kind(&self) -> Kind {
         match self {
-            Self::Capture(_) => capture_info(folder).is_some(),
-            Self::Recording(..) => recording_info(folder).is_some(),
-            Self::Random(..) => random_info(folder).is_some(),
+            Self::Capture(_) => Kind::Capture,
+            Self::Recording(..) => Kind::Recording,
+            Self::Random(..) => Kind::Random,
         }
     }
 }
@@ -64,11 +63,11 @@ pub(crate) fn run(args: &Synth, style: Style) -> Result<(), Failure> {
     let (Some(out), false) = (&args.out, args.list) else { return list(style) };
     let (job, targets) = match (args.random, &args.what) {
         (Some(seed), _) => (random(seed, args)?, vec![("random object", out.clone())]),
-        (None, Some(what)) => (job(args)?, targets(what, out)?),
+        (None, Some(what)) => (job(args)?, targets(what, out).map_err(|error| refused(&error))?),
         (None, None) => return list(style),
     };
     for (_, folder) in &targets {
-        check(&job, folder, args.force)?;
+        require_free(job.kind(), folder, args.force).map_err(|error| refused(&error))?;
     }
     for (name, folder) in &targets {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
@@ -207,47 +206,13 @@ fn room(args: &Synth, sensor: Sensor) -> Result<Job, Failure> {
     Ok(Job::Recording(options, format))
 }
 
-/// Objects to make and their folders.
-fn targets(what: &str, out: &Path) -> Result<Vec<(&'static str, PathBuf)>, Failure> {
-    if let Some(info) = objects().iter().find(|info| info.name == what) {
-        return Ok(vec![(info.name, out.to_path_buf())]);
-    }
-    let Some(names) = suite(what) else {
-        let objects: Vec<&str> = objects().iter().map(|info| info.name).collect();
-        return Err(Failure::bad(format!(
-            "there is no object or suite `{what}`; suites: {}; objects: {}",
-            SUITES.join(", "),
-            objects.join(", ")
-        )));
-    };
-    Ok(names.into_iter().map(|name| (name, out.join(name))).collect())
-}
-
-/// Refuses a folder with files that `artgs synth` did not write.
-fn check(job: &Job, folder: &Path, force: bool) -> Result<(), Failure> {
-    let shown = folder.display();
-    if folder.exists() && !folder.is_dir() {
-        return Err(Failure::bad(format!("{shown} is a file; give a folder to -o")));
-    }
-    // A run that was killed at its first writes leaves nothing else.
-    let unfinished = |entry: std::io::Result<std::fs::DirEntry>| {
-        entry.is_ok_and(|entry| entry.file_name().to_string_lossy().starts_with(".artgs"))
-    };
-    let empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.all(unfinished));
-    if empty || job.wrote(folder) {
-        return Ok(());
-    }
-    // A capture among files of another one would be a mixture.
-    let taken = ["start", "end", "gt"].into_iter().find(|name| folder.join(name).exists());
-    if let Some(name) = taken {
-        return Err(Failure::bad(format!("{shown} holds `{name}` of another capture; give another folder to -o")));
-    }
-    if force {
-        return Ok(());
-    }
-    Err(Failure::bad(format!(
-        "{shown} holds files that artgs synth did not write; give an empty folder to -o, or add --force to write among them"
-    )))
+/// What is wrong with a target, with the options that are the remedy.
+fn refused(error: &TargetError) -> Failure {
+    Failure::bad(match error {
+        TargetError::Unknown { .. } => error.to_string(),
+        TargetError::Foreign(_) => format!("{error} to -o, or add --force to write among them"),
+        _ => format!("{error} to -o"),
+    })
 }
 
 fn kinds(info: &ObjectInfo) -> String {
@@ -285,6 +250,7 @@ fn list(style: Style) -> Result<(), Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use artgs_synth::population::random_info;
     use clap::Parser;
 
     fn args_of(line: &str) -> Synth {
@@ -302,26 +268,6 @@ mod tests {
             Job::Random(3, options) => Ok(options.device),
             other => panic!("{other:?}"),
         }
-    }
-
-    #[test]
-    fn foreign_folders_are_refused_and_own_ones_are_not() {
-        let dir = tempfile::tempdir().unwrap();
-        let options = CaptureOptions { views: 2, test_views: 0, size: 16, ..CaptureOptions::default() };
-        let job = Job::Capture(options);
-        check(&job, dir.path(), false).unwrap();
-        check(&job, &dir.path().join("missing"), false).unwrap();
-        let file = dir.path().join("thesis.tex");
-        std::fs::write(&file, "x").unwrap();
-        let failure = check(&job, dir.path(), false).unwrap_err();
-        assert!(failure.exit_code() == 2 && failure.to_string().contains("--force"), "{failure}");
-        assert!(check(&job, &file, true).is_err());
-        check(&job, dir.path(), true).unwrap();
-        let own = dir.path().join("own");
-        write_object("blade", &options, &own).unwrap();
-        check(&job, &own, false).unwrap();
-        let recording = Job::Recording(RecordingCaptureOptions::default(), RecordingFormat::Tum);
-        assert!(check(&recording, &own, true).is_err(), "a capture of another kind is not replaced");
     }
 
     #[test]
@@ -379,13 +325,5 @@ mod tests {
         let (what, _) = Job::Random(6, options).write("random object", dir.path()).unwrap();
         let found = random_info(dir.path()).unwrap();
         assert_eq!(what, format!("seed 6: {}, K = 2, sensor exact", found.category));
-    }
-
-    #[test]
-    fn a_suite_makes_a_folder_per_object() {
-        let paris = targets("paris", Path::new("x")).unwrap();
-        assert_eq!((paris.len(), &paris[9].1), (10, &PathBuf::from("x/storage")));
-        assert_eq!(targets("storage", Path::new("x")).unwrap(), [("storage", PathBuf::from("x"))]);
-        assert_eq!(targets("sofa", Path::new("x")).unwrap_err().exit_code(), 2);
     }
 }

@@ -4,7 +4,7 @@ use crate::args::View;
 use crate::commands::Style;
 use crate::export::export_locked;
 use crate::failure::Failure;
-use crate::folder::{load_capture, lock, photos_of};
+use crate::folder::{load_capture, lock, photos_of, require_replica};
 use crate::output::{note, say};
 use crate::recordings::given_option;
 use crate::{object_box, rerun, view_recording};
@@ -17,7 +17,7 @@ use artgs_io::recording::RecordingFormat;
 use artgs_io::{BoxBounds, RunFolder};
 use artgs_physical::Up;
 use artgs_physical::export::ExportOptions;
-use artgs_view::{CameraView, Cloud, FoundJoint, Page, Placement, Server, export_page};
+use artgs_view::{CameraView, Cloud, FoundJoint, Page, Placement, Server, export_page, page_html};
 use glam::DVec3;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -63,6 +63,16 @@ pub(crate) fn run(args: &View, style: Style) -> Result<(), Failure> {
     let stop = stopped(&server)?;
     server.run(&stop);
     Ok(())
+}
+
+/// The page of a replica, which loads nothing. The error is what the program prints, and its exit code.
+pub fn replica_page(folder: &Path) -> Result<String, (String, u8)> {
+    const STYLE: Style = Style { json: false, quiet: true, silent: true };
+    let run = RunFolder::new(folder);
+    let made = require_replica(&run)
+        .and_then(|()| page_of(&run, None, STYLE))
+        .and_then(|page| page_html(&page.shared(false)).map_err(Failure::bad_input));
+    made.map_err(|failure| (failure.to_string(), failure.exit_code()))
 }
 
 /// Writes a page that can be given to others, and says what it has.

@@ -12,6 +12,7 @@ use artgs_core::capture::OBJECT_ALPHA;
 use artgs_core::{State, View};
 use artgs_io::BoxBounds;
 use artgs_io::image_io::write_rgb;
+use artgs_io::recording::load_recording;
 use artgs_io::summary::visual_center;
 use artgs_view::{Cloud, Page, Placement, SceneBox};
 use glam::{DQuat, DVec2, DVec3};
@@ -28,7 +29,8 @@ const REACH: f64 = 0.5;
 
 /// `saved`: the box that was saved for the recording.
 pub(crate) fn page(path: &Path, args: &RecordingArgs, saved: Option<BoxBounds>, style: Style) -> Result<Page, Failure> {
-    let recording = recordings::load_state(path, State::START, args)?;
+    let files = recordings::of_state(path, State::START, args)?;
+    let recording = load_recording(&files.path, &files.options).map_err(Failure::bad_input)?;
     recording.warnings.iter().for_each(|warning| note(warning, style));
     let masks = recording.has_masks();
     let views: Vec<View> = recording.frames.into_iter().map(|frame| frame.view).collect();

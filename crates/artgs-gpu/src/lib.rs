@@ -2,6 +2,7 @@
 //! on the CPU; each file says which module.
 
 mod backend;
+mod choice;
 mod constants;
 mod device;
 mod device_image;
@@ -20,5 +21,6 @@ mod testing;
 mod trial;
 
 pub use backend::{GpuBackend, GpuDevices};
+pub use choice::open;
 pub use device::{Adapter, Gpu, GpuError, Kind, adapters};
 pub use trial::{Scene, Trial, trial};

@@ -2,7 +2,7 @@
 
 use artgs::fit::{Cpu, Devices};
 use artgs::observer::NullObserver;
-use artgs::{Config, Reconstruction};
+use artgs::{Config, Prepared, Reconstruction};
 use artgs_core::{Capture, State};
 use artgs_gpu::{Gpu, GpuDevices, GpuError};
 use artgs_io::RunFolder;
@@ -45,10 +45,10 @@ fn config() -> Config {
 fn joints_and_renderings_are_those_of_the_cpu() {
     let Some(devices) = device() else { return };
     let root = tempfile::tempdir().expect("a temporary folder");
-    let capture = cabinet(&root.path().join("capture"));
+    let prepared = Prepared::as_is(cabinet(&root.path().join("capture"))).with_config(config());
     let run = |name: &str, devices: &dyn Devices| {
         let out = root.path().join(name);
-        let reconstruction = Reconstruction { config: config(), devices, ..Reconstruction::new(&capture) };
+        let reconstruction = Reconstruction { devices, ..Reconstruction::new(&prepared) };
         let made = reconstruction.run_in(&RunFolder::new(out), &mut NullObserver).expect("it runs");
         (made.summary, made.replica)
     };

@@ -13,9 +13,10 @@
 //! | `exports/FORMAT/*`, `exports/export.json` | exported files, and what the export decided |
 
 use crate::asset::Format;
+use crate::capture::fingerprint;
 use crate::error::read_bytes;
 use crate::{FileError, read_mesh_ply, read_splat_ply, write_atomic, write_mesh_ply, write_splat_ply};
-use artgs_core::{Mesh, PerState, Replica, Splats, State};
+use artgs_core::{Capture, Mesh, PerState, Replica, Splats, State};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs;
@@ -260,6 +261,28 @@ impl RunFolder {
         Some(PathBuf::from(text.trim_end_matches('\n')))
     }
 
+    /// True if the run was made from this capture; none if its folder does not say.
+    pub fn is_of(&self, capture: &Capture) -> Option<bool> {
+        let mark = fs::read_to_string(self.capture_fingerprint()).ok()?;
+        Some(mark == fingerprint(capture))
+    }
+
+    /// Refuses a folder without a replica, and says how to get one.
+    pub fn require_replica(&self) -> Result<(), NoReplica> {
+        let folder = || self.root().to_path_buf();
+        if self.has_replica() {
+            Ok(())
+        } else if self.root().is_file() {
+            Err(NoReplica::File(folder()))
+        } else if !self.root().is_dir() {
+            Err(NoReplica::NoFolder(folder()))
+        } else if self.stage("").is_dir() {
+            Err(NoReplica::Unfinished(folder()))
+        } else {
+            Err(NoReplica::Other(folder()))
+        }
+    }
+
     /// Writes `replica.json` and its meshes: those of every part, and the whole object. Meshes of an earlier replica with
     /// more parts are removed.
     pub fn save_replica<'m>(
@@ -315,6 +338,23 @@ impl RunFolder {
         let (splats, labels) = read_splat_ply(&path)?;
         Ok((splats, labels.ok_or_else(|| FileError::malformed(&path, "property `part` is missing"))?))
     }
+}
+
+/// Why a folder has no replica.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NoReplica {
+    /// It is a file.
+    #[error("{}: is a file; give the folder that artgs reconstruct wrote", .0.display())]
+    File(PathBuf),
+    /// It does not exist.
+    #[error("{}: no such folder; give the folder that artgs reconstruct wrote", .0.display())]
+    NoFolder(PathBuf),
+    /// Its run is not finished.
+    #[error("{shown}: its run stopped before there was a replica; artgs reconstruct CAPTURE -o {shown} --resume continues it", shown = .0.display())]
+    Unfinished(PathBuf),
+    /// It was not written by a run.
+    #[error("{}: there is no replica.json here; artgs reconstruct makes one", .0.display())]
+    Other(PathBuf),
 }
 
 /// Writes a value as JSON with a final line break.

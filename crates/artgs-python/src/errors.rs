@@ -1,10 +1,65 @@
-//! Errors as Python exceptions, with the message of the command.
+//! Errors as Python exceptions.
 
-use artgs_cli::CallError;
+use artgs::Error;
+use artgs::prepare::{InputError, MemoryError};
+use artgs::run::OutputError;
 use pyo3::prelude::*;
 use std::fmt::Display;
 
-/// The exception for the exit code of a command; the classes are those of `artgs._errors`.
+/// Why a call did not finish: the message, and the exit code that the program ends with for the same reason.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct CallError {
+    message: String,
+    exit_code: u8,
+}
+
+impl CallError {
+    /// The user interrupted it.
+    pub(crate) fn interrupted() -> Self {
+        Self { message: "interrupted".into(), exit_code: 130 }
+    }
+
+    /// Something that the caller must change.
+    pub(crate) fn input(message: impl Display) -> Self {
+        Self { message: message.to_string(), exit_code: 2 }
+    }
+
+    /// Anything else.
+    pub(crate) fn failed(message: impl Display) -> Self {
+        Self { message: message.to_string(), exit_code: 1 }
+    }
+
+    /// An error of the program itself.
+    pub(crate) fn internal(message: impl Display) -> Self {
+        Self { message: message.to_string(), exit_code: 70 }
+    }
+}
+
+/// A message with an exit code of the program.
+impl From<(String, u8)> for CallError {
+    fn from((message, exit_code): (String, u8)) -> Self {
+        Self { message, exit_code }
+    }
+}
+
+/// An error of the library with the arguments that are its remedy.
+impl From<Error> for CallError {
+    fn from(error: Error) -> Self {
+        Self::input(match &error {
+            Error::Contradiction(what) => format!("{what}\n`force_input=True` uses the capture as it is"),
+            Error::Memory(MemoryError::Allowed { .. }) => format!("`memory`: {error}"),
+            Error::NoInput(InputError::OneState { .. }) => format!("{error}: reconstruct(closed, open, out=...)"),
+            Error::Output(OutputError::Earlier(folder)) => {
+                let shown = folder.display();
+                format!("{shown} holds an earlier run; `resume=True` continues it, `force=True` discards it")
+            }
+            _ if error.is_bad_input() => error.to_string(),
+            _ => return Self::failed(error),
+        })
+    }
+}
+
+/// The exception of an error; the classes are those of `artgs._errors`.
 pub(crate) fn exception(py: Python<'_>, error: &CallError) -> PyErr {
     let made =
         py.import("artgs._errors").and_then(|m| m.getattr("of_exit_code")?.call1((error.exit_code, &error.message)));
@@ -13,5 +68,5 @@ pub(crate) fn exception(py: Python<'_>, error: &CallError) -> PyErr {
 
 /// The exception for something that the caller must change.
 pub(crate) fn bad_input(py: Python<'_>, message: impl Display) -> PyErr {
-    exception(py, &CallError { message: message.to_string(), exit_code: 2 })
+    exception(py, &CallError::input(message))
 }

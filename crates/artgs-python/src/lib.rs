@@ -4,13 +4,18 @@
 mod arrays;
 mod capture;
 mod errors;
+mod objects;
+mod program;
+mod replica;
+mod run;
+mod settings;
 mod work;
 
 use pyo3::prelude::*;
 
 #[pymodule]
 mod _native {
-    use super::{arrays, capture, work};
+    use super::{arrays, capture, objects, program, replica, run};
     use pyo3::prelude::*;
 
     #[pymodule_export]
@@ -18,7 +23,13 @@ mod _native {
     #[pymodule_export]
     use capture::Capture;
     #[pymodule_export]
-    use work::{call, command};
+    use objects::synth;
+    #[pymodule_export]
+    use program::command;
+    #[pymodule_export]
+    use replica::{check, evaluate, export, page};
+    #[pymodule_export]
+    use run::{discover, inspect, reconstruct};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -1,12 +1,8 @@
-//! Commands in a thread of their own, while the calling thread handles signals and callbacks.
+//! Work in a thread of its own, while the calling thread handles signals and callbacks.
 
-use crate::capture::Capture;
-use crate::errors::exception;
-use artgs::observer::{Event, Observer};
-use artgs_cli::{CallError, Done};
+use crate::errors::{CallError, exception};
+use artgs::observer::{Event, Observer, until_stopped};
 use pyo3::prelude::*;
-use std::ffi::OsString;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -18,19 +14,19 @@ const PERIOD: Duration = Duration::from_millis(50);
 const STACK: usize = 8 << 20;
 
 /// What the thread that works sends.
-enum Message {
+enum Message<T> {
     /// JSON of an event.
     Event(String),
-    Done(Done),
+    Done(Result<T, CallError>),
 }
 
 /// Sends events; nothing if nobody wants them.
-struct Forward {
-    sender: Sender<Message>,
+struct Forward<T> {
+    sender: Sender<Message<T>>,
     wanted: bool,
 }
 
-impl Observer for Forward {
+impl<T> Observer for Forward<T> {
     fn event(&mut self, event: Event) {
         if self.wanted
             && let Ok(text) = serde_json::to_string(&event)
@@ -41,46 +37,39 @@ impl Observer for Forward {
     }
 }
 
-/// Executes a command of `artgs` and returns its result as JSON. `words` follow the name of the program. `capture` replaces the folder
-/// that they name; `callback` gets each event as JSON. Ctrl-C ends the command at its next event, a second Ctrl-C returns at once.
-#[pyfunction]
-#[pyo3(signature = (words, capture=None, callback=None, threads=None))]
-pub(crate) fn call(
+/// Does some work with the interpreter released, on `threads` threads or all. `callback` gets each event as JSON. Ctrl-C ends the
+/// work at its next event, a second Ctrl-C returns at once.
+pub(crate) fn work<T: Send + 'static>(
     py: Python<'_>,
-    words: Vec<OsString>,
-    capture: Option<Bound<'_, Capture>>,
     callback: Option<Bound<'_, PyAny>>,
     threads: Option<usize>,
-) -> PyResult<String> {
-    let given = capture.map(|capture| Arc::clone(&capture.get().0));
+    act: impl FnOnce(&mut dyn Observer) -> Result<T, CallError> + Send + 'static,
+) -> PyResult<T> {
     let stop = Arc::new(AtomicBool::new(false));
     let (sender, receiver) = channel();
     let (flag, wanted) = (Arc::clone(&stop), callback.is_some());
-    let work = move || {
+    let begin = move || {
         let mut forward = Forward { sender: sender.clone(), wanted };
-        let given = given.map(|capture| (*capture).clone());
+        let until = || until_stopped(&flag, &mut forward, act).unwrap_or_else(|| Err(CallError::interrupted()));
         // Threads of a pool that all calls share would be missing in a process that was forked.
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).stack_size(STACK).build();
         let done = match pool {
-            Ok(pool) => pool.install(|| artgs_cli::call(&words, given, &mut forward, &flag)),
-            Err(error) => Err(CallError { message: format!("cannot start threads: {error}"), exit_code: 1 }),
+            Ok(pool) => pool.install(|| artgs_cli::caught(until)).unwrap_or_else(|error| Err(error.into())),
+            Err(error) => Err(CallError::failed(format!("cannot start threads: {error}"))),
         };
         let _ = sender.send(Message::Done(done));
     };
-    std::thread::Builder::new().name("artgs".into()).stack_size(STACK).spawn(work)?;
-    match wait(py, receiver, callback, &stop)? {
-        Ok(value) => Ok(value.to_string()),
-        Err(error) => Err(exception(py, &error)),
-    }
+    std::thread::Builder::new().name("artgs".into()).stack_size(STACK).spawn(begin)?;
+    wait(py, receiver, callback, &stop)?.map_err(|error| exception(py, &error))
 }
 
 /// Waits for the end of the work. The first exception of the callback or of a signal handler stops it.
-fn wait(
+fn wait<T: Send>(
     py: Python<'_>,
-    mut receiver: Receiver<Message>,
+    mut receiver: Receiver<Message<T>>,
     callback: Option<Bound<'_, PyAny>>,
     stop: &AtomicBool,
-) -> PyResult<Done> {
+) -> PyResult<Result<T, CallError>> {
     let mut raised = None;
     loop {
         let next = &mut receiver;
@@ -89,8 +78,8 @@ fn wait(
             (Ok(Message::Done(done)), _) => return raised.map_or(Ok(done), Err),
             (Ok(Message::Event(text)), Some(callback)) if raised.is_none() => callback.call1((text,)).map(drop),
             (Err(RecvTimeoutError::Disconnected), _) => {
-                let message = "the thread of the command has ended without a result".into();
-                return raised.map_or(Ok(Err(CallError { message, exit_code: 70 })), Err);
+                let ended = CallError::internal("the thread of the work has ended without a result");
+                return raised.map_or(Ok(Err(ended)), Err);
             }
             _ => Ok(()),
         };
@@ -102,11 +91,4 @@ fn wait(
             raised = Some(error);
         }
     }
-}
-
-/// Executes a command line as the program does, on the streams of the process, and returns its exit code. `program` executes
-/// `artgs` when it is started.
-#[pyfunction]
-pub(crate) fn command(py: Python<'_>, program: PathBuf, words: Vec<OsString>) -> u8 {
-    py.detach(|| artgs_cli::command(&program, words))
 }

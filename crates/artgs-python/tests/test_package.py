@@ -103,16 +103,11 @@ def test_poses_lead_from_one_state_to_the_other(replica: artgs.Replica) -> None:
         replica.posed([0.0, 0.0, 0.0])
 
 
-def test_errors_have_the_text_of_the_command(tmp_path: Path, capture: Path, replica: artgs.Replica) -> None:
+def test_errors_of_files_have_the_text_of_the_command(tmp_path: Path, replica: artgs.Replica) -> None:
     cases: list[tuple[list[object], Callable[[], object]]] = [
         (["reconstruct", "absent", "-o", tmp_path / "x"], lambda: artgs.reconstruct("absent", out=tmp_path / "x")),
-        (
-            ["reconstruct", capture, "-o", tmp_path / "x", "--parts", "1"],
-            lambda: artgs.reconstruct(capture, out=tmp_path / "x", parts=1),
-        ),
-        (["reconstruct", capture, "-o", replica.path], lambda: artgs.reconstruct(capture, out=replica.path)),
         (["evaluate", replica.path, "--gt", "absent"], lambda: replica.evaluate("absent")),
-        (["export", replica.path, "--to", "dxf"], lambda: replica.export("dxf")),
+        (["export", "absent"], lambda: artgs.Replica("absent", replica._record).export()),  # pyright: ignore[reportPrivateUsage]
         (["inspect", "absent"], lambda: artgs.inspect("absent")),
     ]
     for words, call in cases:
@@ -121,11 +116,49 @@ def test_errors_have_the_text_of_the_command(tmp_path: Path, capture: Path, repl
             call()
         assert expected.returncode == raised.value.exit_code == 2
         assert str(raised.value).splitlines()[0] in expected.stderr, expected.stderr
+    assert not (tmp_path / "x").exists()
     assert issubclass(artgs.InputError, ValueError) and issubclass(artgs.RunError, RuntimeError)
     with pytest.raises(artgs.InputError, match="there is no part 'lid'; there are base, part_1"):
         replica.mesh("lid")
     with pytest.raises(artgs.InputError, match="replica.json"):
         artgs.load(tmp_path)
+
+
+def test_errors_name_the_arguments_of_python(tmp_path: Path, capture: Path, replica: artgs.Replica) -> None:
+    out = tmp_path / "x"
+    wrong: dict[str, tuple[dict[str, Any], str]] = {
+        "parts": ({"parts": 1}, "`parts`: .*counts the static part"),
+        "range": ({"parts": (8, 3)}, "`parts`"),
+        "setting": ({"config": {"surface": {"resolution": -1.0}}}, "`config`: .*resolution"),
+        "unknown": ({"config": {"surfaces": {}}}, "`config`: .*surfaces"),
+        "preset": ({"preset": "magic"}, "`preset` is \"magic\"; there are default, paper"),
+        "device": ({"device": "cuda"}, "`device` is \"cuda\"; give auto, cpu"),
+        "memory": ({"memory": "much"}, "`memory` is \"much\""),
+        "little": ({"memory": "10MiB"}, "`memory`: 10.0 MiB of memory are allowed"),
+        "box": ({"box": [0, 0, 0, 1, 1, 1]}, "a box selects the object in two recordings"),
+        "frames": ({"frames": 5}, "`frames` is for the recordings of two states"),
+        "both": ({"resume": True, "force": True}, "'resume' cannot be used with 'force'"),
+        "earlier": ({"out": replica.path}, "holds an earlier run; `resume=True` continues it, `force=True` discards it"),
+    }
+    for given, words in wrong.values():
+        with pytest.raises(artgs.InputError, match=words):
+            artgs.reconstruct(capture, **({"out": out, "progress": False} | given))
+    assert not out.exists()
+    with pytest.raises(TypeError, match="a setting is a"):
+        artgs.reconstruct(capture, out=out, config={"seed": object()}, progress=False)
+    for given, words in [
+        ({"formats": "dxf"}, "there is no format `dxf`"),
+        ({"scale": 1e30}, "`scale` is 1e30; give a number from"),
+        ({"up": "down"}, "`up`: `down` is no direction"),
+        ({"front": "back"}, "`front`: no front is called `back`"),
+        ({"collision": "spheres"}, "`collision`: no collision is called"),
+    ]:
+        with pytest.raises(artgs.InputError, match=words):
+            replica.export(**given, progress=False)
+    with pytest.raises(artgs.InputError, match="there is no object or suite `sofa`"):
+        artgs.synth("sofa", out)
+    with pytest.raises(artgs.InputError, match="give `ground_truth`"):
+        replica.evaluate()
 
 
 def test_replicas_survive_pickling(work: Path, replica: artgs.Replica) -> None:

@@ -18,6 +18,7 @@ pub mod recording;
 mod render;
 mod replace;
 mod shape;
+pub mod target;
 #[cfg(test)]
 mod tests;
 mod trace;

@@ -27,4 +27,4 @@ pub use scene::{
     Scene, SceneAlternative, SceneBox, SceneCamera, SceneCloud, SceneJoint, SceneLink, SceneMesh, SceneRerun,
 };
 pub use server::{Rerun, Server};
-pub use single::export_page;
+pub use single::{export_page, page_html};

@@ -21,8 +21,13 @@ const code = await new Response(new Blob([packed]).stream().pipeThrough(new Deco
 await import(URL.createObjectURL(new Blob([code], { type: "text/javascript" })));
 </script>"#;
 
-/// Writes a page with embedded style, script, scene and files (gzip, base 64), textures as JPEG. It can be opened from disk.
+/// Writes a page that can be opened from disk; see [`page_html`].
 pub fn export_page(page: &Page, file: &Path) -> Result<(), ViewError> {
+    Ok(write_atomic(file, page_html(page)?.as_bytes())?)
+}
+
+/// A page with embedded style, script, scene and files (gzip, base 64), textures as JPEG: it loads nothing.
+pub fn page_html(page: &Page) -> Result<String, ViewError> {
     let mut page = page.clone();
     page.scene.corrections = false;
     page.scene.rerun = None;
@@ -34,19 +39,18 @@ pub fn export_page(page: &Page, file: &Path) -> Result<(), ViewError> {
         match photo.and_then(|texture| Some((smaller(&bytes)?, texture))) {
             Some((jpeg, texture)) => {
                 *texture = name.replace(".png", ".jpg");
-                data += &element(texture, &jpeg, file)?;
+                data += &element(texture, &jpeg)?;
             }
-            None => data += &element(name, &bytes, file)?,
+            None => data += &element(name, &bytes)?,
         }
     }
-    data += &element("scene.json", page.scene_json()?.as_bytes(), file)?;
-    data += &element("viewer.js", SCRIPT.as_bytes(), file)?;
+    data += &element("scene.json", page.scene_json()?.as_bytes())?;
+    data += &element("viewer.js", SCRIPT.as_bytes())?;
     // A meta element does not support frame-ancestors; scripts and styles are inline here.
     let policy = POLICY.replace("; frame-ancestors 'none'", "").replace("'self'", "'unsafe-inline'");
     let head = format!("<meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\">\n<style>{STYLE}</style>");
     let code = data + START;
-    let html = HTML.replacen(LINK, &head, 1).replacen(CODE, &code, 1);
-    Ok(write_atomic(file, html.as_bytes())?)
+    Ok(HTML.replacen(LINK, &head, 1).replacen(CODE, &code, 1))
 }
 
 /// A texture as JPEG; none if that is no smaller, or if it cannot be read.
@@ -60,8 +64,8 @@ fn smaller(png: &[u8]) -> Option<Vec<u8>> {
 }
 
 /// An inert script element that contains a file.
-fn element(name: &str, bytes: &[u8], page: &Path) -> Result<String, FileError> {
-    let fail = |source| FileError::Write { path: page.into(), source };
+fn element(name: &str, bytes: &[u8]) -> Result<String, FileError> {
+    let fail = |source| FileError::Write { path: name.into(), source };
     let mut encoder = GzEncoder::new(Vec::new(), Compression::default());
     encoder.write_all(bytes).map_err(fail)?;
     let packed = STANDARD.encode(encoder.finish().map_err(fail)?);

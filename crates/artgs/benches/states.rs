@@ -1,8 +1,8 @@
 //! Parts and joints of two states of a random object, and the alignment of two recordings of an object in a room.
 
-use artgs::Reconstruction;
 use artgs::align::{AlignConfig, align};
 use artgs::observer::NullObserver;
+use artgs::{Prepared, Reconstruction};
 use artgs_core::Capture;
 use artgs_synth::population::random_object;
 use artgs_synth::recording::Sensor;
@@ -24,7 +24,8 @@ fn capture(seed: u64) -> Capture {
 #[divan::bench(args = [11, 5, 7], sample_count = 3)]
 fn discovery(bencher: Bencher<'_, '_>, seed: u64) {
     let capture = capture(seed);
-    bencher.bench_local(|| Reconstruction::new(&capture).find_parts(&mut NullObserver));
+    let prepared = Prepared::as_is(capture);
+    bencher.bench_local(|| Reconstruction::new(&prepared).find_parts(&mut NullObserver));
 }
 
 /// 2 x 40 frames of 320 x 240 pixels.

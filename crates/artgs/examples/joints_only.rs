@@ -1,20 +1,22 @@
 //! Joints only: discovery without training and meshes, a second or two per capture.
 //!
-//! `cargo run --example joints_only -- CAPTURE` reads a folder of photos with depth.
+//! `cargo run --example joints_only -- CAPTURE` reads a folder of photos with depth, with two paths the recordings of both states.
 
 #![allow(clippy::print_stdout, reason = "an example prints")]
 
-use artgs::Reconstruction;
-use artgs::observer::NullObserver;
+use artgs::prelude::*;
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
-use std::path::Path;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let capture = match std::env::args().nth(1) {
-        Some(folder) => artgs_io::load_capture(Path::new(&folder))?,
-        None => cabinet_capture(&CabinetOptions { views: 20, size: 120, ..CabinetOptions::default() })?.0,
+    let paths: Vec<String> = std::env::args().skip(1).collect();
+    let input = if paths.is_empty() {
+        let options = CabinetOptions { views: 20, size: 120, ..CabinetOptions::default() };
+        Input::Images(cabinet_capture(&options)?.0)
+    } else {
+        Input::new(&paths)?
     };
-    let found = Reconstruction::new(&capture).find_parts(&mut NullObserver)?;
+    let prepared = Request::new(input).prepare(&mut NullObserver)?;
+    let found = Reconstruction::new(&prepared).find_parts(&mut NullObserver)?;
     for (i, (part, joint)) in found.parts.iter().zip(found.joints()).enumerate() {
         let confidence = part.confidence.map_or("unknown".into(), |c| format!("{c:.2}"));
         let carrier = if part.parent == 0 { "the static part".into() } else { format!("part {}", part.parent) };

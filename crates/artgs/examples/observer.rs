@@ -37,7 +37,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut config = Config { parts: 3.into(), ..Config::default() };
     config.articulate.steps = 40;
     config.surface.resolution = 80.0;
-    let made = Reconstruction { config, ..Reconstruction::new(&capture) }.compute(&mut Printer::default())?;
+    let prepared = Request { config, ..Request::new(Input::Images(capture)) }.prepare(&mut NullObserver)?;
+    let made = Reconstruction::new(&prepared).compute(&mut Printer::default())?;
     println!("{}", made.summary);
     Ok(())
 }

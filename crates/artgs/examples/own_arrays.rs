@@ -2,9 +2,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example prints")]
 
-use artgs::Reconstruction;
-use artgs::observer::NullObserver;
-use artgs_core::{Camera, Capture, DepthMap, Intrinsics, PerState, View};
+use artgs::prelude::*;
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 
 /// An image as other programs hold it.
@@ -35,7 +33,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         views.map(|(i, image)| view(&format!("image {i}"), image)).collect()
     });
     let capture = Capture::new(views);
-    let found = Reconstruction::new(&capture).find_parts(&mut NullObserver)?;
+    let prepared = Request::new(Input::Images(capture)).prepare(&mut NullObserver)?;
+    let found = Reconstruction::new(&prepared).find_parts(&mut NullObserver)?;
     println!("{} movable parts", found.parts.len());
     Ok(())
 }

@@ -4,9 +4,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example prints")]
 
-use artgs::observer::NullObserver;
-use artgs::{Config, Reconstruction};
-use artgs_core::State;
+use artgs::prelude::*;
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 use std::path::Path;
 
@@ -15,7 +13,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (capture, _) = cabinet_capture(&CabinetOptions { views: 20, size: 96, ..CabinetOptions::default() })?;
     let config =
         Config::default().overridden_by("parts = 3\n[articulate]\nsteps = 60\n[surface]\nresolution = 80.0")?;
-    let made = Reconstruction { config, ..Reconstruction::new(&capture) }.compute(&mut NullObserver)?;
+    let prepared = Request { config, ..Request::new(Input::Images(capture)) }.prepare(&mut NullObserver)?;
+    let made = Reconstruction::new(&prepared).compute(&mut NullObserver)?;
     let canonical = made.part_splats(PART).ok_or("the baseline has no Gaussians")?;
     // From the canonical state, midway between the states, to each of them. Colours turn with the part.
     let half = made.replica.world_motion(PART).power(0.5);

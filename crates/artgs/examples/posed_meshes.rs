@@ -4,8 +4,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example prints")]
 
-use artgs::observer::NullObserver;
-use artgs::{Config, Reconstruction};
+use artgs::prelude::*;
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 use std::path::PathBuf;
 
@@ -16,7 +15,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // The baseline trains no Gaussians: seconds instead of minutes.
     let mut config = Config { parts: 3.into(), ..Config::registration() };
     config.surface.resolution = 120.0;
-    let made = Reconstruction { config, ..Reconstruction::new(&capture) }.compute(&mut NullObserver)?;
+    let prepared = Request { config, ..Request::new(Input::Images(capture)) }.prepare(&mut NullObserver)?;
+    let made = Reconstruction::new(&prepared).compute(&mut NullObserver)?;
     for step in 0..=4 {
         let share = f64::from(step) / 4.0;
         // Index 0 is the static part, whose value is ignored.

@@ -11,8 +11,10 @@ use crate::registration::RegistrationConfig;
 use crate::run::points::{PartSource, StartConfig};
 use crate::settings;
 use crate::surface::SurfaceConfig;
+use artgs_io::without_mark;
 use serde::{Deserialize, Serialize};
 use std::fmt::Display;
+use std::path::{Path, PathBuf};
 
 /// How parts and joints are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -70,6 +72,14 @@ pub enum ConfigError {
     /// An unknown field, or a value of the wrong type.
     #[error("{0}")]
     Field(String),
+    /// A file of settings cannot be used.
+    #[error("{}: {reason}", file.display())]
+    File {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// The number of parts is neither given nor found.
     #[error(
         "{0} needs --parts K (or `parts` in the configuration): it cannot find the number of parts; K counts the static \
@@ -120,9 +130,28 @@ impl Config {
         Self { method: Method::Registration, ..Self::default() }
     }
 
+    /// True if Gaussians are trained.
+    pub fn trains(&self) -> bool {
+        self.method != Method::Registration
+    }
+
     /// These settings with those replaced that the TOML text gives.
     pub fn overridden_by(&self, text: &str) -> Result<Self, ConfigError> {
-        let changes: toml::Table = text.parse()?;
+        self.overridden_with(text.parse()?)
+    }
+
+    /// The same with the TOML text of a file; every error names the file.
+    pub fn overridden_by_file(&self, file: &Path) -> Result<Self, ConfigError> {
+        let named = |reason: String| ConfigError::File { file: file.into(), reason };
+        let bytes = std::fs::read(file).map_err(|e| named(e.to_string()))?;
+        let bytes = without_mark(&bytes).map_err(|reason| named(reason.into()))?;
+        let text = std::str::from_utf8(bytes)
+            .map_err(|e| named(format!("is no text in UTF-8 (byte {}); save it as UTF-8", e.valid_up_to() + 1)))?;
+        self.overridden_by(text).map_err(|e| named(e.to_string()))
+    }
+
+    /// The same with settings that were parsed already.
+    pub fn overridden_with(&self, changes: toml::Table) -> Result<Self, ConfigError> {
         let mut table = toml::Table::try_from(self)?;
         merge(&mut table, changes);
         settings::check(&table)?;

@@ -1,13 +1,14 @@
 //! Two captures of an articulated object, one per state, to a replica: rigid parts, joints, Gaussians and meshes.
 //!
-//! [`Reconstruction`] runs the whole method, in a folder that can be resumed ([`Reconstruction::run`]) or in memory
-//! ([`Reconstruction::compute`]):
+//! A [`Request`] names the input: a folder of images, the recordings of two states, or images in memory. [`Request::prepare`] reads, checks
+//! and aligns it, and a [`Reconstruction`] runs the stages on what is [`Prepared`], in a folder that can be resumed
+//! ([`Reconstruction::run`]) or in memory ([`Reconstruction::compute`]):
 //!
 //! ```
 //! use artgs::prelude::*;
 //! use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 //!
-//! // Here a rendered cabinet with a door and a drawer; `artgs_io::load_capture` reads a folder of photos.
+//! // Here a rendered cabinet with a door and a drawer; `Input::new(&["closed", "open"])` are files.
 //! let options = CabinetOptions { views: 20, test_views: 0, size: 96, ..CabinetOptions::default() };
 //! let (capture, _ground_truth) = cabinet_capture(&options)?;
 //!
@@ -15,7 +16,9 @@
 //! let mut config = Config { parts: 3.into(), ..Config::default() };
 //! config.articulate.steps = 20;
 //! config.surface.resolution = 60.0;
-//! let made = Reconstruction { config, ..Reconstruction::new(&capture) }.compute(&mut NullObserver)?;
+//! let request = Request { config, ..Request::new(Input::Images(capture)) };
+//! let prepared = request.prepare(&mut NullObserver)?;
+//! let made = Reconstruction::new(&prepared).compute(&mut NullObserver)?;
 //!
 //! let kind = |part| made.replica.joint(part).map(|joint| joint.kind);
 //! assert!([kind(1), kind(2)].contains(&Some(JointKind::Revolute)));
@@ -60,6 +63,7 @@ pub mod low_level;
 mod neighbours;
 pub mod observer;
 mod part_count;
+pub mod prepare;
 mod published;
 mod random;
 mod registration;
@@ -71,12 +75,13 @@ mod trimmed;
 
 pub use config::Config;
 pub use part_count::{PartCount, PartCountError};
+pub use prepare::{Input, Prepared, Request};
 pub use run::{Error, Reconstructed, Reconstruction, SavedReplica, Summary, load};
 
 /// What most programs need: `use artgs::prelude::*;`.
 pub mod prelude {
     pub use crate::observer::{Event, NullObserver, Observer};
-    pub use crate::{Config, Error, Reconstructed, Reconstruction, SavedReplica};
+    pub use crate::{Config, Error, Input, PartCount, Prepared, Reconstructed, Reconstruction, Request, SavedReplica};
     pub use artgs_core::{
         Camera, Capture, DepthMap, Intrinsics, Joint, JointKind, Mesh, PerState, Replica, Rigid, State, View,
     };

@@ -5,7 +5,7 @@ mod common;
 use artgs::fit::Cpu;
 use artgs::observer::{Event, NullObserver};
 use artgs::run::{corrections_of, found_parts};
-use artgs::{Config, Reconstruction};
+use artgs::{Config, Prepared, Reconstruction};
 use artgs_core::{Capture, JointKind, PartClass, Replica};
 use artgs_io::{CentreEdit, ClassMark, Corrections, JointMark, RunFolder, read_replica, write_corrections};
 use artgs_synth::cabinet::{CabinetOptions, write_cabinet};
@@ -33,15 +33,15 @@ fn parts_are_deleted_added_and_given_their_types() {
     config.surface.resolution = 120.0;
     // Parts can be viewed before the other stages run.
     let run = RunFolder::new(&out);
-    let reconstruction = |config: &Config| Reconstruction { config: config.clone(), ..Reconstruction::new(&capture) };
-    let found = reconstruction(&config).find_parts_in(&run, &mut NullObserver).unwrap();
+    let prepared = |config: &Config| Prepared::as_is(capture.clone()).with_config(config.clone());
+    let found = Reconstruction::new(&prepared(&config)).find_parts_in(&run, &mut NullObserver).unwrap();
     assert!(found.parts.len() == 2 && !run.has_replica());
     assert!(found.parts.iter().all(|part| part.confidence.unwrap() > 0.9), "{:?}", found.parts);
     let read = found_parts(&run).unwrap();
     assert_eq!((read.labels, read.parts.len()), (found.labels, 2));
     let learnt = Config { parts: 3.into(), ..Config::paper_scaled(0.1).unwrap() };
     let other = RunFolder::new(root.path().join("b"));
-    let refused = reconstruction(&learnt).find_parts_in(&other, &mut NullObserver).unwrap_err();
+    let refused = Reconstruction::new(&prepared(&learnt)).find_parts_in(&other, &mut NullObserver).unwrap_err();
     assert!(refused.is_bad_input() && refused.to_string().contains("learnt"), "{refused}");
     let (_, made) = resume(&capture, &out, &config);
     assert_eq!(made, ["surface", "assemble"]);

@@ -4,7 +4,7 @@ mod common;
 
 use artgs::fit::{Backend, Cpu, Devices, FitError, TrainConfig, TrainImage, WithFallback};
 use artgs::observer::{Event, NullObserver};
-use artgs::{Config, Reconstruction, Summary};
+use artgs::{Config, Prepared, Reconstruction, Summary};
 use artgs_core::{Capture, State};
 use artgs_io::RunFolder;
 use artgs_io::run_folder::load_json;
@@ -142,14 +142,18 @@ fn the_same_is_computed_in_memory() {
     let capture = cabinet(&root.path().join("capture"));
     let mut config = Config { parts: 3.into(), ..Config::registration() };
     config.surface.resolution = 100.0;
-    let preparation = vec![("align".to_string(), 1000.0)];
-    let reconstruction = Reconstruction { config, preparation: preparation.clone(), ..Reconstruction::new(&capture) };
+    let mut prepared = Prepared::as_is(capture).with_config(config);
+    prepared.before.push(Event::finished("align", 1000.0, false));
+    let reconstruction = Reconstruction::new(&prepared);
     let (disk, saved) = (RunFolder::new(root.path().join("disk")), RunFolder::new(root.path().join("saved")));
     let replica = reconstruction.run(disk.root(), &mut NullObserver).unwrap();
     let computed = reconstruction.compute(&mut NullObserver).unwrap();
     assert_eq!(computed.replica, replica);
     let summary = &computed.summary;
-    assert!(summary.seconds[0] == preparation[0] && (1000.0..2000.0).contains(&summary.total_seconds), "{summary}");
+    assert!(
+        summary.seconds[0] == ("align".to_string(), 1000.0) && (1000.0..2000.0).contains(&summary.total_seconds),
+        "{summary}"
+    );
     computed.save(&saved).unwrap();
     for file in ["replica.json", "config.toml", "meshes/start/part_2.ply", "meshes/end/whole.ply"] {
         assert!(fs::read(disk.root().join(file)).unwrap() == fs::read(saved.root().join(file)).unwrap(), "{file}");

@@ -1,8 +1,8 @@
 //! Two drawers with the same motion, found as one part, are split by a person and registered separately.
 
-use artgs::Reconstruction;
 use artgs::discover::{CorrectError, DepthPicture, DiscoverConfig, Discovery, Scene, correct};
 use artgs::observer::NullObserver;
+use artgs::{Prepared, Reconstruction};
 use artgs_core::{Capture, JointKind, PerState, State, View};
 use artgs_io::{CentreEdit, Corrections, CutPlane, JointMark, MarkedJoint};
 use artgs_synth::{CaptureOptions, Object, object, render_capture};
@@ -33,8 +33,9 @@ fn twins() -> (Capture, Object, Discovery, CutPlane) {
     let twins = object("twin_drawers", 0).expect("the object exists");
     let options = CaptureOptions { views: 24, test_views: 0, size: 112, ..CaptureOptions::default() };
     let capture = render_capture(&twins, &options).expect("it is rendered");
-    let found =
-        Reconstruction::new(&capture).with_parts(2).find_parts(&mut NullObserver).expect("the drawers are found");
+    let found = Reconstruction::new(&Prepared::as_is(capture.clone()).with_parts(2))
+        .find_parts(&mut NullObserver)
+        .expect("the drawers are found");
     assert_eq!(found.parts.len(), 1);
     let [lower, upper] = [1, 2].map(|part| true_centre(&twins, part));
     let plane = CutPlane { point: (0.5 * (lower + upper)).to_array(), normal: (upper - lower).to_array() };

@@ -4,7 +4,7 @@ mod common;
 
 use artgs::fit::Cpu;
 use artgs::observer::{Event, NullObserver};
-use artgs::{Config, PartCount, Reconstruction};
+use artgs::{Config, PartCount, Prepared, Reconstruction};
 use artgs_core::{Capture, State};
 use artgs_io::{RunFolder, read_replica};
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
@@ -51,7 +51,7 @@ fn a_still_object_becomes_one_static_part() {
         };
         assert!(!events.iter().any(found_again), "{name}");
     }
-    let found = Reconstruction::new(&capture).find_parts(&mut NullObserver).unwrap();
+    let found = Reconstruction::new(&Prepared::as_is(capture.clone())).find_parts(&mut NullObserver).unwrap();
     assert!(found.parts.is_empty() && found.labels.iter().flatten().all(|label| *label == 0));
     assert!(!found.clouds[State::START].is_empty() && found.warnings.len() == 1);
 }

@@ -1,8 +1,8 @@
 //! Parts with screws and parts that other parts carry, from photos with depth to the joints of the replica.
 
-use artgs::Reconstruction;
 use artgs::discover::{DepthPicture, DiscoverConfig, Discovery, Scene, correct};
 use artgs::observer::NullObserver;
+use artgs::{Prepared, Reconstruction};
 use artgs_core::{Capture, Joint, JointKind, State};
 use artgs_io::{Corrections, JointMark};
 use artgs_synth::{CaptureOptions, Object, object, render_capture};
@@ -12,8 +12,9 @@ fn found(name: &str, movable: usize) -> (Object, Capture, Discovery) {
     let object = object(name, 0).expect("an object of the catalogue");
     let options = CaptureOptions { views: 24, test_views: 0, size: 200, ..CaptureOptions::default() };
     let capture: Capture = render_capture(&object, &options).expect("the object is drawn");
-    let found =
-        Reconstruction::new(&capture).with_parts(movable + 1).find_parts(&mut NullObserver).expect("parts are found");
+    let found = Reconstruction::new(&Prepared::as_is(capture.clone()).with_parts(movable + 1))
+        .find_parts(&mut NullObserver)
+        .expect("parts are found");
     (object, capture, found)
 }
 

@@ -2,8 +2,8 @@
 
 use super::method::Stop;
 use super::{SynthSensor, number_in};
-use crate::device::DeviceChoice;
 use crate::seeds::Seeds;
+use artgs::fit::DeviceChoice;
 use clap::Args;
 use clap::ValueEnum;
 use std::num::NonZeroUsize;

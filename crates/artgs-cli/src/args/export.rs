@@ -1,6 +1,5 @@
 //! Arguments of `artgs export`.
 
-use super::number_in;
 use artgs_io::asset::{Actuators, Format, Frames, Provenance, SpzVersion};
 use artgs_physical::Up;
 use artgs_physical::export::{ExportOptions, FrontAxis};
@@ -20,10 +19,10 @@ pub(crate) struct Export {
     #[arg(long, value_name = "DIR")]
     pub(crate) capture: Option<PathBuf>,
     /// Name of the object in the files
-    #[arg(long, default_value = ExportOptions::NAME, value_parser = object_name)]
+    #[arg(long, default_value = ExportOptions::NAME)]
     pub(crate) name: String,
     /// Metres per unit of the capture
-    #[arg(long, value_name = "M", default_value_t = 1.0, value_parser = metres_per_unit)]
+    #[arg(long, value_name = "M", default_value_t = 1.0)]
     pub(crate) scale: f64,
     /// Which way is up in the capture: x, -x, y, -y, z, -z, or a direction such as 0.1,0,0.99; if absent, as the recordings state or
     /// their floor and walls say; z for captures
@@ -64,22 +63,22 @@ pub(crate) struct Export {
     #[arg(long, value_name = "KG|PART=KG", value_parser = density)]
     pub(crate) density: Vec<(Option<String>, f64)>,
     /// Kilograms of all parts together
-    #[arg(long, value_name = "KG", value_parser = mass)]
+    #[arg(long, value_name = "KG")]
     pub(crate) mass: Option<f64>,
     /// What parts collide with
     #[arg(long, value_enum, default_value_t = CollisionKind::Hulls)]
     pub(crate) collision: CollisionKind,
     /// Convex pieces per link at most; 400 if absent
-    #[arg(long, value_name = "N", value_parser = hulls)]
+    #[arg(long, value_name = "N")]
     pub(crate) hulls: Option<u32>,
     /// Joints go from one observed state to the other and no further
     #[arg(long)]
     pub(crate) observed_limits: bool,
     /// Triangles per link for drawing, at most about this many; 20000 if absent
-    #[arg(long, value_name = "N", value_parser = triangles)]
+    #[arg(long, value_name = "N")]
     pub(crate) triangles: Option<usize>,
     /// Millimetres per texel of the textures; as in the photos if absent
-    #[arg(long, value_name = "MM", value_parser = texel)]
+    #[arg(long, value_name = "MM")]
     pub(crate) texel: Option<f64>,
     /// Number of threads; all cores if absent
     #[arg(long, value_name = "N")]
@@ -123,20 +122,10 @@ pub(crate) enum CollisionKind {
     None,
 }
 
-/// Scales between micrometres and kilometres.
-fn metres_per_unit(text: &str) -> Result<f64, String> {
-    number_in(text, 1e-6, 1e3)
-}
-
-/// Densities from foam to the heaviest metal.
+/// A density, or one of a part.
 fn density(text: &str) -> Result<(Option<String>, f64), String> {
     let (part, number) = text.split_once('=').map_or((None, text), |(part, number)| (Some(part.to_string()), number));
-    Ok((part, number_in(number, 1.0, 25_000.0)?))
-}
-
-/// Masses from a gram to a ship.
-fn mass(text: &str) -> Result<f64, String> {
-    number_in(text, 1e-3, 1e6)
+    Ok((part, number.parse().map_err(|_| format!("`{number}` is not a number"))?))
 }
 
 fn actuators(text: &str) -> Result<Actuators, String> {
@@ -154,19 +143,6 @@ fn package(text: &str) -> Result<String, String> {
     if valid { Ok(text.into()) } else { Err("lower case letters, digits, `_` and `-`, a letter first".into()) }
 }
 
-/// Names that a file can have.
-fn object_name(text: &str) -> Result<String, String> {
-    let usable =
-        text.chars().count() <= 100 && text.chars().any(char::is_alphanumeric) && !text.chars().any(char::is_control);
-    if usable { Ok(text.into()) } else { Err("1 to 100 characters, one of them a letter or digit".into()) }
-}
-
-/// Numbers of convex pieces with which engines are still fast.
-fn hulls(text: &str) -> Result<u32, String> {
-    let number = text.parse().ok().filter(|n| (1..=1000).contains(n));
-    number.ok_or_else(|| "a whole number from 1 to 1000".into())
-}
-
 /// A text that says something.
 fn stated(text: &str) -> Result<String, String> {
     if text.trim().is_empty() { Err("a text that is not empty".into()) } else { Ok(text.trim().into()) }
@@ -174,14 +150,4 @@ fn stated(text: &str) -> Result<String, String> {
 
 fn wikidata(text: &str) -> Result<String, String> {
     if Provenance::is_item(text) { Ok(text.into()) } else { Err("the letter Q and a number, such as Q42177".into()) }
-}
-
-fn texel(text: &str) -> Result<f64, String> {
-    number_in(text, 1e-2, 1e3)
-}
-
-/// Numbers of triangles that can show something.
-fn triangles(text: &str) -> Result<usize, String> {
-    let number = text.parse().ok().filter(|n| (4..=100_000_000).contains(n));
-    number.ok_or_else(|| "a whole number from 4 to 100000000".into())
 }

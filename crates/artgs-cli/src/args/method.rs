@@ -1,6 +1,6 @@
 //! Arguments of reconstructions: input, method, devices, limits.
 
-use crate::device::DeviceChoice;
+use artgs::fit::DeviceChoice;
 use artgs::{PartCount, PartCountError};
 use bytesize::ByteSize;
 use clap::{Args, ValueEnum};
@@ -130,6 +130,16 @@ pub(crate) struct Earlier {
     /// Discard an earlier run in the folder
     #[arg(long, conflicts_with = "resume")]
     pub(crate) force: bool,
+}
+
+impl From<Earlier> for artgs::run::Earlier {
+    fn from(Earlier { resume, force }: Earlier) -> Self {
+        match (resume, force) {
+            (true, _) => Self::Resume,
+            (_, true) => Self::Discard,
+            _ => Self::Refuse,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

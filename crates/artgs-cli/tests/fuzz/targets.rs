@@ -221,7 +221,8 @@ fn corrections(dir: &Path) {
 fn corrected_run(dir: &Path) {
     let capture = load_capture(&dir.join("capture")).unwrap();
     let config = Config { parts: artgs::PartCount::Auto, ..Config::default() };
-    let reconstruction = artgs::Reconstruction { config, resume: true, ..artgs::Reconstruction::new(&capture) };
+    let prepared = artgs::Prepared::as_is(capture).with_config(config);
+    let reconstruction = artgs::Reconstruction { resume: true, ..artgs::Reconstruction::new(&prepared) };
     let run = RunFolder::new(dir.join("out"));
     let Some(found) = found_parts(&run) else { panic!("the seed has no parts") };
     if let Ok(Some(corrections)) = artgs_io::read_corrections(run.root())

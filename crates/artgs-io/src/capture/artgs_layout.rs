@@ -2,8 +2,9 @@
 
 use super::CaptureError;
 use super::json::{Object, key_error, number, positive, text};
-use super::pose::world_to_camera;
+use super::pose::{exact, world_to_camera};
 use super::views::{Entry, Focal, Lens};
+use super::write::EXACT_POSE;
 use artgs_core::State;
 use serde_json::Value;
 use std::path::{Component, Path, PathBuf};
@@ -58,8 +59,9 @@ pub(super) fn entries(
         if number(frame, &place, "time")?.is_some_and(|t| (t - state.index() as f64).abs() > 1e-6) {
             wrong_time.push(index);
         }
+        let pose = world_to_camera(pose, &place, "transform_matrix")?;
         entries.push(Entry {
-            world_to_camera: world_to_camera(pose, &place, "transform_matrix")?,
+            world_to_camera: exact(frame.get(EXACT_POSE), &pose).unwrap_or(pose),
             depth: find_depth(dir, &image, text(frame, &place, "depth_path")?, &place)?,
             derived: listed_depth(dir, text(frame, &place, "derived_depth_path")?, "derived_depth_path", &place)?,
             sort_key: listed.into(),

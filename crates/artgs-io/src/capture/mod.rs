@@ -9,17 +9,21 @@
 mod artgs_layout;
 mod check;
 mod error;
+mod fingerprint;
 mod images;
 pub(crate) mod json;
 mod paris_layout;
 pub(crate) mod pose;
+mod stored;
 mod timed;
 mod views;
 mod write;
 
 pub use error::CaptureError;
+pub use fingerprint::fingerprint;
 pub use images::{CameraAxes, PosedImage, capture_of_images};
 pub use pose::opengl_pose;
+pub use stored::as_stored;
 pub use write::write_capture;
 
 use crate::image_io::LARGEST;
@@ -29,7 +33,7 @@ use std::path::{Path, PathBuf};
 use views::Entry;
 
 /// Training or held-out views.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Split {
     Train,
     Test,

@@ -32,6 +32,17 @@ pub(crate) fn world_to_camera(value: &Value, place: &str, key: &str) -> Result<R
     Ok(Rigid::from_matrix(block * flip, translation).inverse())
 }
 
+/// The pose that a frame states beside its matrix, to the last bit, as runs write it; none if it is not that of the matrix, which somebody may
+/// have changed.
+pub(super) fn exact(stated: Option<&Value>, of_matrix: &Rigid) -> Option<Rigid> {
+    /// Rounding of a matrix, relative to the distance of the camera from the origin.
+    const ROUNDING: f64 = 1e-9;
+    let exact: Rigid = serde_json::from_value(stated?.clone()).ok()?;
+    let apart = exact.translation.distance(of_matrix.translation) / (1.0 + of_matrix.translation.length());
+    let turned = 1.0 - exact.rotation.dot(of_matrix.rotation).abs();
+    (apart.max(turned) < ROUNDING && exact.rotation.is_normalized()).then_some(exact)
+}
+
 /// Camera-to-world matrix with OpenGL axes (y up, looks down -z), rows first, as in capture files.
 pub fn opengl_pose(camera: &Camera) -> [[f64; 4]; 4] {
     let pose = camera.world_to_camera.inverse();

@@ -189,41 +189,48 @@ fn decode(dir: &Path, entry: &Entry, training: bool, longest_side: u32) -> Resul
         Some(path) => depth_map(dir, entry, path, masked.then_some(&pixels), width, height).map(Some),
         None => Ok(None),
     };
-    let (mut depth, mut derived) = (read(&entry.depth, true)?, read(&entry.derived, false)?);
+    let (depth, derived) = (read(&entry.depth, true)?, read(&entry.derived, false)?);
     let largest_alpha = pixels.iter().map(|p| p[3]).max().unwrap_or(0);
-    let empty = largest_alpha == 0;
-    let (size, reduced) = ((width, height), reduced_size(width, height, longest_side));
-    let mut intrinsics = entry.lens.intrinsics(width, height);
+    let intrinsics = entry.lens.intrinsics(width, height);
     if let Some(fault) = fault(&intrinsics) {
         return Err(entry.fail(fault));
     }
-    let mut rgba = pixels;
-    if reduced != size {
-        let whole = std::mem::take(&mut rgba);
-        rgba = reduced_rgba(&whole, size, reduced);
-        [&mut depth, &mut derived].into_iter().flatten().for_each(|map| *map = map.select(nearest(size, reduced)));
-        for (pixel, from) in rgba.iter_mut().zip(nearest(size, reduced)) {
-            // A mean of the object and of what hides it is no background.
-            if whole[from][3] == HIDDEN_ALPHA && pixel[3] < OBJECT_ALPHA {
-                pixel[3] = HIDDEN_ALPHA;
-            }
-        }
-        derived = derived.map(|map| {
-            without(
-                &map,
-                nearest(size, reduced)
-                    .zip(&rgba)
-                    .map(|(from, pixel)| whole[from][3] < OBJECT_ALPHA && pixel[3] >= OBJECT_ALPHA),
-            )
-        });
-        intrinsics = intrinsics.resized(reduced.0, reduced.1);
-    }
-    if let (Some(depth), Some(map)) = (&depth, &derived) {
-        derived = Some(without(map, depth.counts().iter().map(|count| *count > 0)));
-    }
     let camera = Camera { intrinsics, world_to_camera: entry.world_to_camera };
-    let view = View { name: entry.image.display().to_string(), camera, rgba, depth, derived };
-    Ok(Decoded { view, size, has_alpha, was_16_bit, empty, largest_alpha })
+    let view = View { name: entry.image.display().to_string(), camera, rgba: pixels, depth, derived };
+    let view = where_unmeasured(reduced(view, longest_side));
+    Ok(Decoded { view, size: (width, height), has_alpha, was_16_bit, empty: largest_alpha == 0, largest_alpha })
+}
+
+/// A view with images of at most `longest_side` pixels.
+pub(super) fn reduced(view: View, longest_side: u32) -> View {
+    let Intrinsics { width, height, .. } = view.camera.intrinsics;
+    let (size, to) = ((width, height), reduced_size(width, height, longest_side));
+    if to == size {
+        return view;
+    }
+    let View { name, camera, rgba: whole, mut depth, mut derived } = view;
+    let mut rgba = reduced_rgba(&whole, size, to);
+    [&mut depth, &mut derived].into_iter().flatten().for_each(|map| *map = map.select(nearest(size, to)));
+    for (pixel, from) in rgba.iter_mut().zip(nearest(size, to)) {
+        // A mean of the object and of what hides it is no background.
+        if whole[from][3] == HIDDEN_ALPHA && pixel[3] < OBJECT_ALPHA {
+            pixel[3] = HIDDEN_ALPHA;
+        }
+    }
+    derived = derived.map(|map| {
+        let beside = |(from, pixel): (usize, &[u8; 4])| whole[from][3] < OBJECT_ALPHA && pixel[3] >= OBJECT_ALPHA;
+        without(&map, nearest(size, to).zip(&rgba).map(beside))
+    });
+    let camera = Camera { intrinsics: camera.intrinsics.resized(to.0, to.1), ..camera };
+    View { name, camera, rgba, depth, derived }
+}
+
+/// A view whose derived depth has nothing where depth was measured.
+pub(super) fn where_unmeasured(mut view: View) -> View {
+    if let (Some(depth), Some(map)) = (&view.depth, &view.derived) {
+        view.derived = Some(without(map, depth.counts().iter().map(|count| *count > 0)));
+    }
+    view
 }
 
 /// Depth without that of the pixels that are true.

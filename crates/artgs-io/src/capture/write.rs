@@ -12,6 +12,9 @@ use std::path::Path;
 /// File with the motions from the worlds of recordings into that of the capture.
 const FRAMES_FILE: &str = "frames.json";
 
+/// Key of the pose of a frame to the last bit: the matrix is that of other programs and rounds it.
+pub(super) const EXACT_POSE: &str = "world_to_camera";
+
 /// Content of [`FRAMES_FILE`].
 #[derive(Serialize, Deserialize)]
 struct Frames {
@@ -25,22 +28,16 @@ struct Frames {
     up: Option<Upward>,
 }
 
-/// Writes the training and held-out views of a capture into `dir`. [`load_capture`](super::load_capture) reads the same
-/// colours and cameras; depth is rounded to counts of one size, 1/65534 of the largest depth.
+/// Writes the training and held-out views of a capture into `dir`. [`load_capture`](super::load_capture) reads what
+/// [`as_stored`](super::as_stored) returns.
 pub fn write_capture(dir: &Path, capture: &Capture) -> Result<(), FileError> {
-    let views = || capture.states.iter().flat_map(|s| s.train.iter().chain(&s.test));
-    // Of a background that was not measured only matters that it is there: its depth is cut off at the largest other one.
-    let largest_of = |view: &View| view.any_depth().map_or(0.0, |depth| depth.iter().fold(0.0_f32, f32::max));
-    let largest = views().map(largest_of).fold(0.0_f32, f32::max);
-    let scale = if largest > 0.0 { f64::from(u16::MAX - 1) / f64::from(largest) } else { 1.0 };
-    // A round number keeps files readable.
-    let scale = if scale > 10.0 { scale.floor() } else { scale };
+    let scale = depth_scale(capture);
     for (state, views) in capture.states.enumerate() {
         for (split, views) in [("train", &views.train), ("test", &views.test)] {
             if views.is_empty() {
                 continue;
             }
-            let folder = format!("{}/{split}", state.name());
+            let folder = folder_of(state, split);
             let numbered: Vec<(usize, &View)> = views.iter().enumerate().collect();
             numbered.par_iter().try_for_each(|(i, view)| write_view(dir, &folder, *i, view, scale))?;
             let frames: Vec<Value> = numbered.iter().map(|(i, view)| frame(&folder, *i, view, state)).collect();
@@ -81,14 +78,49 @@ fn write_json(path: &Path, value: &Value) -> Result<(), FileError> {
 
 fn write_view(dir: &Path, folder: &str, index: usize, view: &View, scale: f64) -> Result<(), FileError> {
     let (width, height) = (view.camera.intrinsics.width, view.camera.intrinsics.height);
-    write_rgba(&dir.join(format!("{folder}/rgba/{index:04}.png")), width, height, &view.rgba)?;
-    let count =
-        |z: f32| if z > 0.0 { (f64::from(z) * scale).round().clamp(1.0, f64::from(u16::MAX)) as u16 } else { 0 };
+    write_rgba(&dir.join(image_path(folder, index)), width, height, &view.rgba)?;
     for (kind, depth) in depths(view) {
-        let counts = DepthMap::new(depth.iter().map(count).collect(), scale as f32);
-        write_depth(&dir.join(depth_path(folder, kind, index)), width, height, &counts)?;
+        write_depth(&dir.join(depth_path(folder, kind, index)), width, height, &counted(depth, scale))?;
     }
     Ok(())
+}
+
+/// Folder of the images of a state and split, relative to the capture.
+pub(super) fn folder_of(state: State, split: &str) -> String {
+    format!("{}/{split}", state.name())
+}
+
+/// Path of an image, relative to the capture.
+pub(super) fn image_path(folder: &str, index: usize) -> String {
+    format!("{folder}/rgba/{index:04}.png")
+}
+
+/// Counts of depth per scene unit in the files of a capture: those of its depth maps if all have the same, else such that the largest
+/// depth has 65534.
+pub(super) fn depth_scale(capture: &Capture) -> f64 {
+    let views = || capture.states.iter().flat_map(|s| s.train.iter().chain(&s.test));
+    let mut units = views().flat_map(depths).map(|(_, depth)| depth.per_unit());
+    if let Some(first) = units.next()
+        && units.all(|unit| unit == first)
+    {
+        return f64::from(first);
+    }
+    // Of a background that was not measured only matters that it is there: its depth is cut off at the largest other one.
+    let largest_of = |view: &View| view.any_depth().map_or(0.0, |depth| depth.iter().fold(0.0_f32, f32::max));
+    let largest = views().map(largest_of).fold(0.0_f32, f32::max);
+    let scale = if largest > 0.0 { f64::from(u16::MAX - 1) / f64::from(largest) } else { 1.0 };
+    // A round number keeps files readable.
+    if scale > 10.0 { scale.floor() } else { f64::from(scale as f32) }
+}
+
+/// Depth in counts of another size.
+pub(super) fn counted(depth: &DepthMap, scale: f64) -> DepthMap {
+    if depth.per_unit() == scale as f32 {
+        return depth.clone();
+    }
+    let count =
+        |z: f32| if z > 0.0 { (f64::from(z) * scale).round().clamp(1.0, f64::from(u16::MAX)) as u16 } else { 0 };
+    DepthMap::new(depth.iter().map(count).collect(), scale as f32)
 }
 
 /// Depth maps of a view, with the names of their folders.
@@ -109,12 +141,13 @@ fn lens(view: &View) -> Value {
 
 fn frame(folder: &str, index: usize, view: &View, state: State) -> Value {
     let mut frame = lens(view);
-    frame["file_path"] = format!("{folder}/rgba/{index:04}.png").into();
+    frame["file_path"] = image_path(folder, index).into();
     for (kind, _) in depths(view) {
         frame[format!("{kind}_path")] = depth_path(folder, kind, index).into();
     }
     frame["time"] = json!(state.index() as f64);
     frame["transform_matrix"] = json!(opengl_pose(&view.camera));
+    frame[EXACT_POSE] = json!(view.camera.world_to_camera);
     frame["recorded_as"] = view.name.as_str().into();
     frame
 }

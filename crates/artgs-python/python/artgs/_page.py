@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import os
 import sys
 import tempfile
 import webbrowser
@@ -16,10 +15,7 @@ from artgs import _native
 
 def page_of(folder: Path) -> str:
     """The page of a replica, HTML."""
-    with tempfile.TemporaryDirectory() as made:
-        file = Path(made) / "page.html"
-        _native.call(["view", f"--export={file}", "--", os.fspath(folder)])
-        return file.read_text(encoding="utf-8")
+    return _native.page(folder)
 
 
 def show(folder: Path, height: int) -> None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -60,24 +59,31 @@ def reconstruct(
     """
     if resume and force:
         raise InputError("the argument 'resume' cannot be used with 'force'")
-    with tempfile.TemporaryDirectory() as scratch:
-        options = _method(out, parts, config, Path(scratch)) | {
-            "device": device,
-            "preset": preset,
-            "seed": seed,
-            "format": format,
-            "frames": frames,
-            "every": every,
-            "intrinsics": None if intrinsics is None else ",".join(map(str, intrinsics)),
-            "depth-unit": depth_unit,
-            "camera-axes": camera_axes,
-            "memory": memory,
-            "box": _box(box),
-        }
-        words = [f"--poses={os.fspath(file)}" for file in poses]
-        flags = {"--resume": resume, "--force": force, "--force-input": force_input, "--invert-poses": invert_poses}
-        words += [flag for flag, given in flags.items() if given]
-        _execute(start, end, options, words, progress, threads)
+    recording: _native.RecordingArguments = {
+        "format": format,
+        "frames": frames,
+        "every": every,
+        "intrinsics": intrinsics,
+        "poses": list(poses),
+        "depth_unit": depth_unit,
+        "camera_axes": camera_axes,
+        "invert_poses": invert_poses,
+    }
+    arguments: _native.RunArguments = {
+        "out": out,
+        "parts": parts,
+        "config": _settings(config),
+        "preset": preset,
+        "seed": seed,
+        "device": device,
+        "resume": resume,
+        "force": force,
+        "force_input": force_input,
+        "memory": memory,
+        "box": _box(box),
+        "recording": recording,
+    }
+    _native.reconstruct(_source(start, end), end, arguments, receiver(progress), threads)
     return Replica(out)
 
 
@@ -88,26 +94,60 @@ def discover(
     out: PathLike,
     parts: int | str | tuple[int, int] | None = None,
     config: PathLike | Settings | None = None,
+    device: str = "auto",
     progress: Progress = True,
+    preset: Literal["default", "paper", "registration"] = "default",
     seed: int | None = None,
     threads: int | None = None,
     force: bool = False,
+    box: Sequence[float] | PathLike | None = None,
+    format: str | None = None,
+    frames: int | None = None,
+    every: int | None = None,
+    intrinsics: tuple[float, float, float, float] | None = None,
+    poses: Sequence[PathLike] = (),
+    depth_unit: str | None = None,
+    camera_axes: str | None = None,
+    invert_poses: bool = False,
+    memory: str | None = None,
+    force_input: bool = False,
 ) -> dict[str, Any]:
     """Finds parts and joints and stops before training, so that they can be corrected. Returns what ``artgs reconstruct --stop-after
-    discover --json`` prints: ``parts`` are the movable ones, part 1 first. Arguments are those of `reconstruct`, which with the same arguments and ``resume=True`` makes the replica.
+    discover --json`` prints: ``parts`` are the movable ones, part 1 first. Arguments are those of `reconstruct`,
+    which with the same arguments and ``resume=True`` makes the replica.
 
     >>> settings = {"articulate": {"steps": 20}, "surface": {"resolution": 60.0}}
     >>> found = artgs.discover(capture_folder, out=folder / "found", config=settings, progress=False)
     >>> sorted(part["type"] for part in found["parts"])
     ['prismatic', 'revolute']
     """
-    with tempfile.TemporaryDirectory() as scratch:
-        options = _method(out, parts, config, Path(scratch)) | {
-            "seed": seed,
-        }
-        words = ["--stop-after=discover", *(["--force"] if force else [])]
-        found: dict[str, Any] = json.loads(_execute(start, end, options, words, progress, threads))
-        return found
+    recording: _native.RecordingArguments = {
+        "format": format,
+        "frames": frames,
+        "every": every,
+        "intrinsics": intrinsics,
+        "poses": list(poses),
+        "depth_unit": depth_unit,
+        "camera_axes": camera_axes,
+        "invert_poses": invert_poses,
+    }
+    arguments: _native.RunArguments = {
+        "out": out,
+        "parts": parts,
+        "config": _settings(config),
+        "preset": preset,
+        "seed": seed,
+        "device": device,
+        "resume": False,
+        "force": force,
+        "force_input": force_input,
+        "memory": memory,
+        "box": _box(box),
+        "recording": recording,
+    }
+    text = _native.discover(_source(start, end), end, arguments, receiver(progress), threads)
+    found: dict[str, Any] = json.loads(text)
+    return found
 
 
 def inspect(start: PathLike, end: PathLike | None = None) -> list[dict[str, Any]]:
@@ -116,8 +156,7 @@ def inspect(start: PathLike, end: PathLike | None = None) -> list[dict[str, Any]
     >>> artgs.inspect(capture_folder)[0]["consistency"]["states"][0]["agreement"] > 0.8
     True
     """
-    words = ["inspect", "--", os.fspath(start), *([] if end is None else [os.fspath(end)])]
-    reports: list[dict[str, Any]] = json.loads(_native.call(words))
+    reports: list[dict[str, Any]] = json.loads(_native.inspect([start] if end is None else [start, end]))
     return reports
 
 
@@ -137,82 +176,32 @@ def synth(
     >>> artgs.synth("storage2", folder / "small", views=4, test_views=0, size=64).name
     'small'
     """
-    options = {"out": os.fspath(out), "views": views, "test-views": test_views, "size": size, "seed": seed}
-    words = ["synth", *(f"--{key}={value}" for key, value in options.items() if value is not None)]
-    words += [f"--noise={setting}" for setting in noise] + (["--force"] if force else [])
-    _native.call([*words, "--", what])
+    arguments: _native.SynthArguments = {
+        "views": views,
+        "test_views": test_views,
+        "size": size,
+        "seed": seed,
+        "noise": list(noise),
+        "force": force,
+    }
+    _native.synth(what, out, arguments)
     return Path(out)
 
 
-def _method(
-    out: PathLike, parts: int | str | tuple[int, int] | None, config: PathLike | Settings | None, scratch: Path
-) -> dict[str, object]:
-    return {
-        "out": os.fspath(out),
-        "parts": "..".join(map(str, parts)) if isinstance(parts, tuple) else parts,
-        "config": _config_file(config, scratch),
-    }
-
-
-def _execute(
-    start: PathLike | Capture,
-    end: PathLike | None,
-    options: Mapping[str, object],
-    words: list[str],
-    progress: Progress,
-    threads: int | None,
-) -> str:
-    """Calls ``artgs reconstruct`` with options that are not None and further words, and returns its result as JSON."""
-    words = ["reconstruct", *(f"--{key}={value}" for key, value in options.items() if value is not None), *words]
-    native, sources = _sources(start, end)
+def _source(start: PathLike | Capture, end: PathLike | None) -> PathLike | _native.Capture:
+    """A path, or the images of a capture that was made in memory."""
     # Drivers of Mesa otherwise ask a display which device is best, and complain where there is none.
     os.environ.setdefault("NODEVICE_SELECT", "1")
-    return _native.call([*words, "--", *sources], native, receiver(progress), threads)
-
-
-def _sources(start: PathLike | Capture, end: PathLike | None) -> tuple[_native.Capture | None, list[str]]:
     if not isinstance(start, Capture):
-        return None, [os.fspath(start), *([] if end is None else [os.fspath(end)])]
+        return start
     if end is not None:
         raise InputError("a capture holds both states; give it alone")
-    if start.path is not None:
-        return None, [os.fspath(start.path)]
-    return start._native, ["arrays"]  # pyright: ignore[reportPrivateUsage]
+    return start._native if start.path is None else start.path  # pyright: ignore[reportPrivateUsage]
 
 
-def _box(box: Sequence[float] | PathLike | None) -> str | None:
-    if box is None or isinstance(box, str):
-        return box
-    if isinstance(box, os.PathLike):
-        return os.fspath(box)
-    return ",".join(str(float(value)) for value in box)
+def _box(box: Sequence[float] | PathLike | None) -> list[float] | PathLike | None:
+    return box if box is None or isinstance(box, (str, os.PathLike)) else [float(value) for value in box]
 
 
-def _config_file(config: PathLike | Settings | None, scratch: Path) -> str | None:
-    if not isinstance(config, Mapping):
-        return None if config is None else os.fspath(config)
-    file = scratch / "settings.toml"
-    file.write_text(to_toml(config), encoding="utf-8")
-    return str(file)
-
-
-def to_toml(settings: Settings) -> str:
-    """Settings as TOML."""
-    sections: dict[str, Any] = {key: value for key, value in settings.items() if isinstance(value, Mapping)}
-    lines = [f"{json.dumps(key)} = {_value(value)}" for key, value in settings.items() if key not in sections]
-    for section, values in sections.items():
-        lines.append(f"[{json.dumps(section)}]")
-        lines += [f"{json.dumps(key)} = {_value(value)}" for key, value in _items(values)]
-    return "\n".join(lines) + "\n"
-
-
-def _items(values: Any) -> Iterable[tuple[str, Any]]:
-    return sorted(dict(values).items())
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{json.dumps(key)} = {_value(inner)}" for key, inner in _items(value)) + " }"
-    if type(value) in (list, tuple):
-        return "[" + ", ".join(map(_value, value)) + "]"
-    return json.dumps(value)
+def _settings(config: PathLike | Settings | None) -> PathLike | dict[str, Any] | None:
+    return dict(config) if isinstance(config, Mapping) else config

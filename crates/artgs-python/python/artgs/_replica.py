@@ -216,19 +216,22 @@ class Replica:
         >>> replica.export(["urdf", "mjcf"], triangles=2000, progress=False)["scale"]
         1.0
         """
-        words = ["export"]
-        if formats is not None:
-            words += ["--to", formats if isinstance(formats, str) else ",".join(formats)]
-        options: dict[str, Any] = {"name": name, "capture": capture, "scale": scale, "up": up, "front": front}
-        options |= {"mass": mass, "collision": collision, "triangles": triangles, "texel": texel}
-        words += [f"--{key}={value}" for key, value in options.items() if value is not None]
-        if isinstance(density, Mapping):
-            words += [f"--density={part}={value}" for part, value in density.items()]
-        elif density is not None:
-            words.append(f"--density={density}")
-        if observed_limits:
-            words.append("--observed-limits")
-        report: dict[str, Any] = self._call(words, progress=progress, threads=threads)
+        names = [] if formats is None else formats.split(",") if isinstance(formats, str) else list(formats)
+        arguments: _native.ExportArguments = {
+            "formats": names,
+            "name": name,
+            "capture": capture,
+            "scale": scale,
+            "up": up,
+            "front": front,
+            "mass": mass,
+            "density": dict(density) if isinstance(density, Mapping) else density,
+            "collision": collision,
+            "observed_limits": observed_limits,
+            "triangles": triangles,
+            "texel": texel,
+        }
+        report: dict[str, Any] = json.loads(_native.export(self.path, arguments, receiver(progress), threads))
         return report
 
     def check(self, *, threads: int | None = None) -> Check:
@@ -238,8 +241,8 @@ class Replica:
         >>> [all(joint["reached"]) for joint in found.report["joints"]]
         [True, True]
         """
-        fields = self._call(["check"], threads=threads)
-        return Check(fields["passed"], fields["report"])
+        passed, report = _native.check(self.path, threads)
+        return Check(passed, json.loads(report))
 
     def evaluate(
         self,
@@ -254,10 +257,7 @@ class Replica:
         >>> scores["joints"]["axis_angle_deg"] < 1.0
         True
         """
-        words = ["evaluate"]
-        words += [f"--gt={os.fspath(ground_truth)}"] if ground_truth is not None else []
-        words += [f"--capture={os.fspath(capture)}"] if capture is not None else []
-        scores: dict[str, Any] = self._call(words, threads=threads)
+        scores: dict[str, Any] = json.loads(_native.evaluate(self.path, ground_truth, capture, threads))
         return scores
 
     def page(self) -> str:
@@ -267,10 +267,6 @@ class Replica:
     def show(self, height: int = 600) -> None:
         """Shows the viewer: in a notebook below the cell, else in a browser. The page is self-contained."""
         _page.show(self.path, height)
-
-    def _call(self, words: list[str], *, progress: Progress = False, threads: int | None = None) -> Any:
-        words = [*words, "--", os.fspath(self.path)]
-        return json.loads(_native.call(words, callback=receiver(progress), threads=threads))
 
     def __repr__(self) -> str:
         joints = ", ".join(_described(part) for part in self.movable)

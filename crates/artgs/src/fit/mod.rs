@@ -5,6 +5,7 @@
 
 pub(crate) mod adam;
 pub(crate) mod backend;
+mod choice;
 pub(crate) mod cpu;
 pub(crate) mod deform;
 pub(crate) mod densify;
@@ -25,6 +26,7 @@ pub(crate) mod views;
 pub use crate::published::ChamferTargets;
 pub use adam::{AdamConfig, Moments, SplatAdam, SplatRates};
 pub use backend::{Backend, Deformation, PlateauConfig, RateConfig, StepStats, TrainConfig, TrainState};
+pub use choice::{Chosen, DeviceChoice};
 pub use cpu::CpuBackend;
 pub use deform::{Articulated, DeformConfig, JointState, Membership};
 pub use densify::{DensifyConfig, DensifyReport, DensifyStats};

@@ -33,7 +33,7 @@ impl Run<'_> {
             |_| None,
             |run| {
                 let rotate = run.config.articulate.rotate_sh;
-                let capture = run.what.capture;
+                let capture = run.capture;
                 run.summary.parts = fitted.parts.len() + 1;
                 percent(run.observer, "assemble")(0.0);
                 let preview = fitted.trained.as_ref().map(|trained| {
@@ -62,7 +62,7 @@ impl Run<'_> {
                 Ok(result)
             },
         )?;
-        let before: f64 = self.what.preparation.iter().map(|(_, seconds)| seconds).sum();
+        let before: f64 = self.what.prepared.seconds().map(|(_, seconds)| seconds).sum();
         self.summary.total_seconds = before + self.begun.elapsed().as_secs_f64();
         self.summary.peak_memory_mib = peak_memory_mib();
         if let Some(folder) = self.folder {

@@ -1,17 +1,52 @@
 //! Why a run stopped.
 
+use super::output::OutputError;
+use crate::align::AlignError;
 use crate::config::ConfigError;
 use crate::discover::{CorrectError, DiscoverError};
+use crate::evaluate::PictureError;
 use crate::fit::FitError;
+use crate::prepare::{InputError, MemoryError};
 use crate::registration::RegistrationError;
 use crate::surface::SurfaceError;
-use artgs_io::FileError;
 use artgs_io::replica::ReplicaFileError;
+use artgs_io::run_folder::NoReplica;
+use artgs_io::{CaptureError, FileError, RecordingError};
 
 /// Why a run stopped.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
+    /// What was named is no input.
+    #[error(transparent)]
+    NoInput(#[from] InputError),
+    /// A capture cannot be read.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// A recording cannot be read.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The states of a capture do not overlap, for this reason.
+    #[error("{0}")]
+    Apart(String),
+    /// Views or states contradict each other; `Request::force_input` uses them as they are.
+    #[error("{0}")]
+    Contradiction(String),
+    /// Recordings cannot be aligned.
+    #[error(transparent)]
+    Align(#[from] AlignError),
+    /// The images do not fit into the memory.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
+    /// Held-out photos cannot be compared.
+    #[error(transparent)]
+    Pictures(#[from] PictureError),
+    /// There is no replica in a folder.
+    #[error(transparent)]
+    NoReplica(#[from] NoReplica),
+    /// The folder of the run cannot be used.
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// A replica and a ground truth of different units or places.
     #[error(
         "the replica fills {replica}, the ground truth {truth} at the start: they do not meet or differ more than 20 times in \
@@ -60,12 +95,22 @@ impl Error {
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::PartsLearnt
+            | Self::NoInput(_)
+            | Self::Capture(_)
+            | Self::Recording(_)
+            | Self::Apart(_)
+            | Self::Contradiction(_)
+            | Self::Align(_)
+            | Self::Memory(_)
+            | Self::NoReplica(_)
+            | Self::Pictures(_)
             | Self::Elsewhere { .. }
             | Self::Config(_)
             | Self::Discover(_)
             | Self::Corrections(_)
             | Self::Correct(_)
             | Self::Registration(_) => true,
+            Self::Output(error) => error.is_bad_input(),
             // A full disk is no fault of the replica.
             Self::Replica(error) => !matches!(error, ReplicaFileError::File(FileError::Write { .. })),
             Self::Fit(_) | Self::Surface(_) | Self::File(_) => false,

@@ -1,7 +1,8 @@
 //! Hashes of what stages read: the capture, the settings, the version of the program.
 
 use crate::config::Config;
-use artgs_core::{Capture, View};
+use artgs_core::Capture;
+use artgs_io::capture::fingerprint;
 use artgs_io::run_folder::{RunFolder, load_json, save_json};
 use artgs_io::{FileError, write_atomic};
 use std::collections::BTreeMap;
@@ -12,12 +13,6 @@ use twox_hash::XxHash3_64;
 const BEFORE_TRAINING: [&str; 6] = ["parts", "seed", "method", "align", "discover", "registration"];
 /// Sections that training reads as well.
 const TRAINING: [&str; 5] = ["single", "start", "canonical", "types", "articulate"];
-
-/// True if a run's folder was made from this capture; none if it does not record its capture.
-pub fn made_from(folder: &RunFolder, capture: &Capture) -> Option<bool> {
-    let mark = std::fs::read_to_string(folder.capture_fingerprint()).ok()?;
-    Some(mark == fingerprint(capture))
-}
 
 /// Keys of the stages of a run. A saved result is valid if its key is still the same.
 pub(super) struct StageKeys {
@@ -85,36 +80,6 @@ impl StageKeys {
     }
 }
 
-/// Hash of everything that the training views hold: names, cameras, pixels and depth.
-fn fingerprint(capture: &Capture) -> String {
-    let mut hash = XxHash3_64::new();
-    capture.states.iter().flat_map(|s| &s.train).for_each(|view| add(view, &mut hash));
-    format!("{:016x}\n", hash.finish())
-}
-
-fn add(view: &View, hash: &mut XxHash3_64) {
-    hash.write(view.name.as_bytes());
-    let (pose, k) = (&view.camera.world_to_camera, &view.camera.intrinsics);
-    let numbers =
-        pose.rotation.to_array().into_iter().chain(pose.translation.to_array()).chain([k.fx, k.fy, k.cx, k.cy]);
-    numbers.for_each(|x| hash.write(&x.to_le_bytes()));
-    hash.write(&k.width.to_le_bytes());
-    hash.write(&k.height.to_le_bytes());
-    hash.write(view.rgba.as_flattened());
-    for depth in [&view.depth, &view.derived].into_iter().flatten() {
-        hash.write(&depth.per_unit().to_le_bytes());
-        let mut bytes = Vec::with_capacity(2 * CHUNK);
-        for counts in depth.counts().chunks(CHUNK) {
-            bytes.clear();
-            counts.iter().for_each(|count| bytes.extend_from_slice(&count.to_le_bytes()));
-            hash.write(&bytes);
-        }
-    }
-}
-
-/// Depth values that are hashed at once.
-const CHUNK: usize = 8192;
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -123,29 +88,6 @@ mod tests {
 
     fn capture() -> Capture {
         cabinet_capture(&CabinetOptions { views: 3, size: 32, ..CabinetOptions::default() }).unwrap().0
-    }
-
-    #[test]
-    fn every_number_of_a_capture_changes_its_hash() {
-        let right = fingerprint(&capture());
-        assert_eq!(right, fingerprint(&capture()));
-        let changes: [fn(&mut View); 5] = [
-            |v| v.rgba[77][1] ^= 1,
-            |v| v.camera.intrinsics.fy *= 1.0 + 1e-12,
-            |v| v.camera.intrinsics.cx += 1e-9,
-            |v| v.camera.world_to_camera.rotation = v.camera.world_to_camera.rotation.inverse(),
-            |v| {
-                v.depth = v
-                    .depth
-                    .as_ref()
-                    .map(|d| artgs_core::DepthMap::nearest(&d.iter().map(|z| 0.9 * z).collect::<Vec<_>>()))
-            },
-        ];
-        for (i, change) in changes.into_iter().enumerate() {
-            let mut other = capture();
-            change(&mut other.states[State::END].train[1]);
-            assert_ne!(right, fingerprint(&other), "change {i}");
-        }
     }
 
     #[test]

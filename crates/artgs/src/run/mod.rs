@@ -5,13 +5,16 @@
 
 mod assemble;
 mod checkpoint;
+mod compare;
 mod corrected;
 mod error;
 mod fingerprint;
 mod following;
+mod found;
 mod fusion;
 mod learnt;
 mod lettering;
+mod output;
 pub(crate) mod points;
 pub(crate) mod preview;
 mod reconstruction;
@@ -25,9 +28,11 @@ mod summary;
 
 pub use crate::published::{PublishedTrace, TraceSample};
 pub use assemble::DOUBTFUL;
+pub use compare::{Compared, Comparison, compare};
 pub use corrected::{corrections_of, found_parts};
 pub use error::Error;
-pub use fingerprint::made_from;
+pub use found::FoundReport;
+pub use output::{Earlier, Output, OutputError, lock};
 pub use points::{PartSource, StartConfig, StartSource};
 pub use preview::Preview;
 pub use reconstruction::{Reconstruction, finds_parts};

@@ -5,51 +5,41 @@ use super::{Error, FittedParts, Reconstructed};
 use crate::config::{Config, Method};
 use crate::discover::Discovery;
 use crate::fit::{Cpu, Devices};
-use crate::observer::Observer;
-use crate::part_count::PartCount;
+use crate::observer::{JsonLines, Observer, Tee};
+use crate::prepare::Prepared;
 use crate::run::points::PartSource;
 use crate::surface::PartMeshes;
-use artgs_core::{Capture, Replica};
+use artgs_core::Replica;
+use artgs_io::FileError;
 use artgs_io::run_folder::RunFolder;
 use std::path::PathBuf;
 
-/// What to reconstruct and how.
-#[derive(Clone, Debug)]
+/// The stages of a run on a prepared capture.
+#[derive(Clone, Copy, Debug)]
 pub struct Reconstruction<'a> {
-    /// Photos of both states.
-    pub capture: &'a Capture,
-    /// All settings. The default method finds the number of parts unless `parts` gives it; the others need it.
-    pub config: Config,
+    /// Photos of both states, and all settings.
+    pub prepared: &'a Prepared,
     /// What trains.
     pub devices: &'a dyn Devices,
     /// Take stages that an earlier run saved in the same folder, and apply its `corrections.json`.
     pub resume: bool,
-    /// Names and wall-clock seconds of what was done for this run before it, such as the alignment of two recordings. They are part of
-    /// [`Summary::seconds`](super::Summary) and of its total.
-    pub preparation: Vec<(String, f64)>,
 }
 
 impl<'a> Reconstruction<'a> {
-    /// The default method on the processor, from the start. It finds the number of parts.
-    pub fn new(capture: &'a Capture) -> Self {
-        Self { capture, config: Config::default(), devices: &Cpu, resume: false, preparation: Vec::new() }
+    /// On the processor, from the start.
+    pub fn new(prepared: &'a Prepared) -> Self {
+        Self { prepared, devices: &Cpu, resume: false }
     }
 
-    /// The same with a known number of parts, or bounds of it; it counts the static part.
-    pub fn with_parts(mut self, parts: impl Into<PartCount>) -> Self {
-        self.config.parts = parts.into();
-        self
-    }
-
-    /// Runs all stages, saves each in the folder `out` when it is finished, and writes the replica there. The same seed
-    /// on the same machine gives the same files, as far as its devices do.
+    /// Runs all stages, saves each in the folder `out` when it is finished, and writes the replica there, with the events of the run and
+    /// where the photos are. The same seed on the same machine gives the same files, as far as its devices do.
     pub fn run(&self, out: impl Into<PathBuf>, observer: &mut dyn Observer) -> Result<Replica, Error> {
         Ok(self.run_in(&RunFolder::new(out), observer)?.replica)
     }
 
     /// Like [`Reconstruction::run`]; returns everything that was computed.
     pub fn run_in(&self, folder: &RunFolder, observer: &mut dyn Observer) -> Result<Reconstructed, Error> {
-        self.compute_with(Some(folder), observer)
+        self.logged(folder, observer, |observer| self.compute_with(Some(folder), observer))
     }
 
     /// Runs all stages in memory: no file is read or written. The result is the one that [`Reconstruction::run`] gives
@@ -58,10 +48,38 @@ impl<'a> Reconstruction<'a> {
         self.compute_with(None, observer)
     }
 
+    /// Does something in a folder, which gets the photos and the events, and a note where the capture is refused.
+    fn logged<T>(
+        &self,
+        folder: &RunFolder,
+        observer: &mut dyn Observer,
+        act: impl FnOnce(&mut dyn Observer) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        self.check()?;
+        folder.create()?;
+        self.prepared.save_photos(folder)?;
+        let path = folder.events();
+        let failed = |source| FileError::Write { path: path.clone(), source };
+        let mut log = JsonLines::append(&path).map_err(failed)?;
+        self.prepared.before.iter().for_each(|event| log.event(event.clone()));
+        let result = act(&mut Tee(&mut log, observer));
+        if let Err(error) = &result
+            && error.is_bad_input()
+            && !self.resume
+        {
+            // The refusal itself matters more than a note of it.
+            let _ = folder.note_refusal(&error.to_string());
+        }
+        let logged = log.finish().map_err(failed);
+        let result = result?;
+        logged?;
+        Ok(result)
+    }
+
     fn compute_with(&self, folder: Option<&RunFolder>, observer: &mut dyn Observer) -> Result<Reconstructed, Error> {
         self.check()?;
         let mut run = Run::open(self, folder, observer)?;
-        match self.config.method {
+        match self.prepared.config.method {
             Method::Discover => {
                 let depths = run.depths()?;
                 let found = run.discover(&depths)?;
@@ -96,16 +114,16 @@ impl<'a> Reconstruction<'a> {
     /// The same, saved in a folder for `found_parts` and for a run that resumes. Corrections are applied by that run,
     /// not here.
     pub fn find_parts_in(&self, folder: &RunFolder, observer: &mut dyn Observer) -> Result<Discovery, Error> {
-        self.find_parts_with(Some(folder), observer)
+        self.logged(folder, observer, |observer| self.find_parts_with(Some(folder), observer))
     }
 
     fn find_parts_with(&self, folder: Option<&RunFolder>, observer: &mut dyn Observer) -> Result<Discovery, Error> {
         self.check()?;
-        if !finds_parts(&self.config) {
+        if !finds_parts(&self.prepared.config) {
             return Err(Error::PartsLearnt);
         }
         let mut run = Run::open(self, folder, observer)?;
-        if self.config.method == Method::Registration {
+        if self.prepared.config.method == Method::Registration {
             let depths = run.captured_depths()?;
             return run.register(&depths);
         }
@@ -133,8 +151,8 @@ impl<'a> Reconstruction<'a> {
     }
 
     fn check(&self) -> Result<(), Error> {
-        self.config.check()?;
-        Ok(self.config.check_part_count()?)
+        self.prepared.config.check()?;
+        Ok(self.prepared.config.check_part_count()?)
     }
 }
 

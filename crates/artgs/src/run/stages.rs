@@ -15,7 +15,7 @@ use crate::observer::{Event, Observer, percent, within};
 use crate::published::{PaperConfig, paper_pipeline};
 use crate::registration::{RegistrationError, register_parts};
 use crate::surface::PartMeshes;
-use artgs_core::{DepthMap, JointEstimate, PerState, Splats, State, View};
+use artgs_core::{Capture, DepthMap, JointEstimate, PerState, Splats, State, View};
 use artgs_io::run_folder::{RunFolder, save_json};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -31,6 +31,7 @@ type ChamferPoints = PerState<Vec<[f32; 3]>>;
 /// A run in progress.
 pub(super) struct Run<'a> {
     pub(super) what: &'a Reconstruction<'a>,
+    pub(super) capture: &'a Capture,
     pub(super) config: &'a Config,
     pub(super) folder: Option<&'a RunFolder>,
     /// True as long as the saved results of stages are still valid.
@@ -50,19 +51,22 @@ impl<'a> Run<'a> {
         folder: Option<&'a RunFolder>,
         observer: &'a mut dyn Observer,
     ) -> Result<Self, Error> {
+        let prepared = what.prepared;
+        let (capture, config) = (&prepared.capture, &prepared.config);
         let resume = what.resume && folder.is_some();
         let mut times = StageTimes::new();
         if let Some(folder) = folder {
             if what.resume {
                 times = checkpoint::load_times(folder);
             }
-            folder.save_config(&what.config.to_toml()?)?;
+            folder.save_config(&config.to_toml()?)?;
         }
-        times.extend(what.preparation.iter().cloned());
-        let keys = StageKeys::new(folder, what.capture, &what.config, resume)?;
-        let (begun, summary) = (Instant::now(), Summary { seconds: what.preparation.clone(), ..Summary::default() });
-        let mut run = Self { what, config: &what.config, folder, reuse: resume, observer, begun, summary, times, keys };
-        what.capture.warnings.iter().for_each(|w| run.warn(w.clone()));
+        times.extend(prepared.seconds());
+        let keys = StageKeys::new(folder, capture, config, resume)?;
+        let (begun, summary) =
+            (Instant::now(), Summary { seconds: prepared.seconds().collect(), ..Summary::default() });
+        let mut run = Self { what, capture, config, folder, reuse: resume, observer, begun, summary, times, keys };
+        capture.warnings.iter().for_each(|w| run.warn(w.clone()));
         Ok(run)
     }
 
@@ -126,7 +130,7 @@ impl<'a> Run<'a> {
     }
 
     fn train_views(&self) -> PerState<&'a [View]> {
-        PerState::from_fn(|state| &self.what.capture.states[state].train[..])
+        PerState::from_fn(|state| &self.capture.states[state].train[..])
     }
 
     /// Gaussians of each state alone.
@@ -134,7 +138,7 @@ impl<'a> Run<'a> {
         self.stage("single", checkpoint::load_single, |run| {
             let (config, devices) = (&run.config.single, run.what.devices);
             let mut fit = |state: State| {
-                let views = &run.what.capture.states[state].train;
+                let views = &run.capture.states[state].train;
                 let seed = run.config.seed.wrapping_mul(2).wrapping_add(state.index() as u64);
                 let follow = Following::new(run.observer, devices, &mut run.summary.warnings, "single");
                 fit_single(views, config, seed, devices, &mut follow.of_two(state, config.steps))
@@ -355,7 +359,7 @@ fn nothing_explained(found: Discovery) -> Discovery {
 }
 
 fn views_of<'a>(what: &Reconstruction<'a>) -> PerState<&'a [View]> {
-    PerState::from_fn(|state| &what.capture.states[state].train[..])
+    PerState::from_fn(|state| &what.prepared.capture.states[state].train[..])
 }
 
 /// Training views of both states with their depth.

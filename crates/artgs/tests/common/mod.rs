@@ -2,7 +2,7 @@
 
 use artgs::fit::Devices;
 use artgs::observer::Observer;
-use artgs::{Config, Error, Reconstruction, Summary};
+use artgs::{Config, Error, Prepared, Reconstruction, Summary};
 use artgs_core::Capture;
 use artgs_io::RunFolder;
 use std::path::Path;
@@ -16,6 +16,7 @@ pub(crate) fn reconstruct(
     devices: &dyn Devices,
     observer: &mut dyn Observer,
 ) -> Result<Summary, Error> {
-    let reconstruction = Reconstruction { config: config.clone(), devices, resume, ..Reconstruction::new(capture) };
+    let prepared = Prepared::as_is(capture.clone()).with_config(config.clone());
+    let reconstruction = Reconstruction { prepared: &prepared, devices, resume };
     Ok(reconstruction.run_in(&RunFolder::new(out), observer)?.summary)
 }

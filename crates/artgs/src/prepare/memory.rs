@@ -1,10 +1,10 @@
 //! Memory of a reconstruction: predicted from the sizes of the images before they are read, and kept within a limit.
 
-use crate::failure::Failure;
+use super::Input;
+use artgs_core::{Capture, View};
 use artgs_io::capture::{CaptureOptions, ImageSizes, image_sizes};
 use artgs_io::recording::RecordingOptions;
 use bytesize::ByteSize;
-use std::path::Path;
 use sysinfo::System;
 
 /// Memory without any image, bytes: surfaces, Gaussians, meshes.
@@ -37,79 +37,114 @@ const OF_AVAILABLE: f64 = 0.9;
 /// Images are not reduced further, pixels.
 const SMALLEST_SIDE: u32 = 160;
 
+/// Too little memory.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MemoryError {
+    /// Of what the caller allows.
+    #[error("{allowed} of memory are allowed, at least {needed} are needed; allow more, or use fewer images")]
+    Allowed {
+        /// The limit.
+        allowed: String,
+        /// With the smallest images.
+        needed: String,
+    },
+    /// Of what the machine has.
+    #[error("{free} of memory are free, at least {needed} are needed; use fewer images, or a machine with more memory")]
+    Free {
+        /// What there is.
+        free: String,
+        /// With the smallest images.
+        needed: String,
+    },
+}
+
 /// What a run may and will take.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Plan {
+pub struct Plan {
     /// Largest width or height of an image, pixels.
-    pub(crate) longest_side: u32,
+    pub longest_side: u32,
     /// Predicted peak, bytes.
-    pub(crate) predicted: u64,
+    pub predicted: u64,
     /// Largest memory of one volume of the surfaces, MiB; none: the setting.
-    pub(crate) volume_mib: Option<usize>,
+    pub volume_mib: Option<usize>,
     reduced: bool,
 }
 
 impl Plan {
-    /// For the images of a capture. `stated` is the limit of the user; none: what the system, or the container that the
-    /// program runs in, has left.
-    pub(crate) fn of_capture(folder: &Path, stated: Option<ByteSize>) -> Result<Self, Failure> {
-        // A folder that is no capture is refused with the reason when it is loaded.
-        let sizes = image_sizes(folder).unwrap_or_default();
+    /// For a run on the threads of this pool. `allowed` is the limit of the caller, bytes; none: what the system, or the container
+    /// that the program runs in, has left.
+    pub fn new(input: &Input, allowed: Option<u64>) -> Result<Self, MemoryError> {
         let threads = rayon::current_num_threads();
-        let predict = |side: u32| predicted(&sizes, side, threads);
-        Self::within(predict, CaptureOptions::default().longest_side, stated)
-    }
-
-    /// Predicted peak of a capture without a limit, bytes.
-    pub(crate) fn unlimited(folder: &Path) -> u64 {
-        let sizes = image_sizes(folder).unwrap_or_default();
-        predicted(&sizes, CaptureOptions::default().longest_side, rayon::current_num_threads()) as u64
-    }
-
-    /// For two recordings, of which at most `frames` images each are used.
-    pub(crate) fn of_recordings(frames: usize, stated: Option<ByteSize>) -> Result<Self, Failure> {
-        /// Height of an image relative to its width: that of the cameras of phones.
-        const SHAPE: f64 = 0.75;
-        let threads = rayon::current_num_threads() as f64;
-        let predict = |side: u32| {
-            let pixels = SHAPE * f64::from(side).powi(2);
-            FIXED + PER_RECORDED_PIXEL * pixels * 2.0 * frames as f64 + PER_RENDERED_PIXEL * pixels * threads
+        let of_sizes = |sizes: ImageSizes| {
+            let predict = |side: u32| predicted(&sizes, side, threads);
+            Self::within(predict, CaptureOptions::default().longest_side, allowed)
         };
-        Self::within(predict, RecordingOptions::default().longest_side, stated)
+        match input {
+            // A folder that is no capture is refused with the reason when it is loaded.
+            Input::Capture(folder) => of_sizes(image_sizes(folder).unwrap_or_default()),
+            Input::Images(capture) => of_sizes(sizes_of(capture)),
+            Input::Recordings(files) => {
+                let frames = files.iter().map(|f| f.options.frames).max().unwrap_or(0);
+                let predict = |side: u32| predicted_of_recordings(frames, side, threads);
+                Self::within(predict, RecordingOptions::default().longest_side, allowed)
+            }
+        }
     }
 
-    fn within(predict: impl Fn(u32) -> f64, largest: u32, stated: Option<ByteSize>) -> Result<Self, Failure> {
-        let limit = stated.map(|b| b.as_u64() as f64).or_else(available).unwrap_or(f64::INFINITY);
+    fn within(predict: impl Fn(u32) -> f64, largest: u32, allowed: Option<u64>) -> Result<Self, MemoryError> {
+        let limit = allowed.map(|bytes| bytes as f64).or_else(available).unwrap_or(f64::INFINITY);
         let mut side = largest;
         while predict(side) > limit {
             // Smaller in steps of 5 %.
             side = side * 19 / 20;
             if side < SMALLEST_SIDE {
                 let (needed, has) = (size(predict(SMALLEST_SIDE)), size(limit));
-                let remedy = "use fewer images, or a machine with more memory";
-                return Err(Failure::bad(match stated {
-                    Some(_) => format!("--memory {has}: at least {needed} are needed; allow more, or use fewer images"),
-                    None => format!("{has} of memory are free, at least {needed} are needed; {remedy}"),
-                }));
+                return Err(match allowed {
+                    Some(_) => MemoryError::Allowed { allowed: has, needed },
+                    None => MemoryError::Free { free: has, needed },
+                });
             }
         }
         let predicted = predict(side);
         let free_mib = |_| ((limit - predicted).max(0.0) / f64::from(1 << 20)) as usize;
-        let volume_mib = stated.map(free_mib).map(|mib| mib.max(128));
+        let volume_mib = allowed.map(free_mib).map(|mib| mib.max(128));
         Ok(Self { longest_side: side, predicted: predicted as u64, volume_mib, reduced: side < largest })
     }
 
     /// What is to be said if images are reduced.
-    pub(crate) fn notice(&self) -> Option<String> {
+    pub fn notice(&self) -> Option<String> {
         let (side, needed) = (self.longest_side, size(self.predicted as f64));
         let text = || format!("images are reduced to {side} pixels, so that about {needed} of memory suffice");
         self.reduced.then(text)
     }
 }
 
+/// Predicted peak of a run without a limit, bytes.
+pub(super) fn unlimited(sizes: &ImageSizes) -> u64 {
+    predicted(sizes, CaptureOptions::default().longest_side, rayon::current_num_threads()) as u64
+}
+
+/// Sizes of the images of a capture in memory.
+pub(super) fn sizes_of(capture: &Capture) -> ImageSizes {
+    let size = |view: &View| (view.camera.intrinsics.width, view.camera.intrinsics.height);
+    let states = || capture.states.iter();
+    ImageSizes {
+        train: states().flat_map(|s| s.train.iter().map(size)).collect(),
+        test: states().flat_map(|s| s.test.iter().map(size)).collect(),
+    }
+}
+
 /// Bytes as people read them.
-pub(crate) fn size(bytes: f64) -> String {
+pub(super) fn size(bytes: f64) -> String {
     ByteSize::b(bytes.max(0.0) as u64).display().iec().to_string()
+}
+
+/// Peak memory of a run on recordings of at most `frames` images each, reduced to `side`, bytes.
+fn predicted_of_recordings(frames: usize, side: u32, threads: usize) -> f64 {
+    /// Height of an image relative to its width: that of the cameras of phones.
+    const SHAPE: f64 = 0.75;
+    let pixels = SHAPE * f64::from(side).powi(2);
+    FIXED + PER_RECORDED_PIXEL * pixels * 2.0 * frames as f64 + PER_RENDERED_PIXEL * pixels * threads as f64
 }
 
 /// Peak memory of a run on images reduced to `side`, bytes.
@@ -158,21 +193,18 @@ mod tests {
     #[test]
     fn images_are_reduced_until_they_fit() {
         let sizes = photos(200);
-        let plan = Plan::within(|side| predicted(&sizes, side, 2), 1600, Some(ByteSize::gib(2))).unwrap();
-        assert!(plan.predicted <= ByteSize::gib(2).as_u64() && plan.reduced, "{plan:?}");
+        let plan = Plan::within(|side| predicted(&sizes, side, 2), 1600, Some(2 << 30)).unwrap();
+        assert!(plan.predicted <= 2 << 30 && plan.reduced, "{plan:?}");
         assert!((500..1000).contains(&plan.longest_side), "{plan:?}");
-        let ample = Plan::within(|side| predicted(&sizes, side, 2), 1600, Some(ByteSize::gib(64))).unwrap();
+        let ample = Plan::within(|side| predicted(&sizes, side, 2), 1600, Some(64 << 30)).unwrap();
         assert!(ample.longest_side == 1600 && !ample.reduced);
     }
 
     #[test]
     fn too_little_memory_is_refused() {
         let sizes = photos(16);
-        let failure = Plan::within(|side| predicted(&sizes, side, 2), 1600, Some(ByteSize::mib(100))).unwrap_err();
-        let text = failure.to_string();
-        assert!(
-            failure.exit_code() == 2 && text.contains("--memory 100.0 MiB") && text.contains("fewer images"),
-            "{text}"
-        );
+        let error = Plan::within(|side| predicted(&sizes, side, 2), 1600, Some(100 << 20)).unwrap_err();
+        let text = error.to_string();
+        assert!(text.starts_with("100.0 MiB") && text.contains("fewer images"), "{text}");
     }
 }

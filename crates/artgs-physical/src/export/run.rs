@@ -1,0 +1,79 @@
+//! The export of a run's folder: its lock, its photos, which way is up.
+
+use super::{ExportError, ExportEvent, ExportOptions, export};
+use crate::Up;
+use artgs_core::{Capture, UpSource, Upward};
+use artgs_io::export_report::ExportReport;
+use artgs_io::folder_lock::FolderLock;
+use artgs_io::{RunFolder, load_capture};
+use glam::DVec3;
+use std::path::Path;
+
+/// Exports the replica in a folder with the photos of its run, while nobody else writes there; `command` is what others read meanwhile.
+/// The object is upright: `up` is the given direction, or what the run found out.
+pub fn export_run(
+    folder: &RunFolder,
+    options: ExportOptions,
+    up: Option<Up>,
+    command: &str,
+    mut watch: impl FnMut(ExportEvent<'_>),
+) -> Result<ExportReport, ExportError> {
+    options.config()?;
+    folder.require_replica()?;
+    let known = upward(folder, up)?;
+    let options =
+        ExportOptions { up: Up::towards(known.direction).or(up).unwrap_or_default(), up_known: Some(known), ..options };
+    options.config()?;
+    if known.source == UpSource::Assumed {
+        let text = format!("up is assumed to be {} of the capture; --up gives another direction", options.up);
+        watch(ExportEvent::Warning(&text));
+    }
+    let lock = FolderLock::take(folder.root(), command)?;
+    if let Some(notice) = lock.notice() {
+        watch(ExportEvent::Warning(&notice.to_string()));
+    }
+    folder.remove_leftovers().map_err(ExportError::Output)?;
+    export_with_photos(folder, &options, watch)
+}
+
+/// Exports with the photos that the options name, or else those of the run, where there are any. The folder is locked by the caller.
+pub fn export_with_photos(
+    folder: &RunFolder,
+    options: &ExportOptions,
+    mut watch: impl FnMut(ExportEvent<'_>),
+) -> Result<ExportReport, ExportError> {
+    options.config()?;
+    folder.require_replica()?;
+    let photos = photos(folder, options.capture.as_deref())?;
+    let odd = match &photos {
+        Some(capture) if folder.is_of(capture) == Some(false) => {
+            Some("the capture is not the one the replica was made of: textures may not fit")
+        }
+        Some(_) => None,
+        None => Some("the photos are not where they were: textures hold the colours of the meshes; see --capture"),
+    };
+    odd.into_iter().for_each(|text| watch(ExportEvent::Warning(text)));
+    export(folder, options, photos.as_ref(), watch)
+}
+
+/// The photos of the replica: in the folder that the user named, or else where the run found them.
+fn photos(folder: &RunFolder, named: Option<&Path>) -> Result<Option<Capture>, ExportError> {
+    match named {
+        Some(photos) => Ok(Some(load_capture(photos)?)),
+        None => Ok(folder.capture_folder().filter(|photos| photos.is_dir()).and_then(|p| load_capture(&p).ok())),
+    }
+}
+
+/// Which way is up in the world of a run's replica: as given, or as its reconstruction found out. An error where neither is
+/// certain.
+pub fn upward(folder: &RunFolder, given: Option<Up>) -> Result<Upward, ExportError> {
+    if let Some(up) = given {
+        return Ok(Upward { direction: up.direction(), source: UpSource::Option, confidence: 1.0 });
+    }
+    let replica = artgs_io::read_replica(folder.root())?;
+    match replica.up {
+        Some(up) if up.is_certain() => Ok(up),
+        Some(_) => Err(ExportError::UnknownUp),
+        None => Ok(Upward { direction: DVec3::Z, source: UpSource::Assumed, confidence: Upward::CERTAIN }),
+    }
+}
