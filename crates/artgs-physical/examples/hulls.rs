@@ -1,6 +1,6 @@
 //! Prints the convex pieces of the given meshes.
 #![allow(clippy::print_stdout, reason = "an example")]
-use artgs_physical::decompose::{DecomposeOptions, decompose};
+use artgs_physical::collision::decompose::{DecomposeOptions, decompose};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     for file in std::env::args().skip(1) {

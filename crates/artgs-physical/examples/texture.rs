@@ -8,7 +8,7 @@
 use anyhow::{Context, Result};
 use artgs_core::{Camera, Capture, Mesh, Replica, State, Texture, TexturedMesh, View};
 use artgs_physical::PhysicalConfig;
-use artgs_physical::bake::visible;
+use artgs_physical::looks::bake::visible;
 use artgs_physical::looks::surfaces;
 use glam::{DVec3, Vec2, Vec3};
 use std::fmt::Write;
@@ -120,7 +120,7 @@ fn over_grey([r, g, b, a]: [u8; 4]) -> [u8; 3] {
 /// Renders the meshes with texture or in grey; the inside of surfaces is magenta.
 fn draw(camera: &Camera, meshes: &[TexturedMesh], textured: bool) -> Vec<[u8; 3]> {
     let plain: Vec<&Mesh> = meshes.iter().map(|m| &m.mesh).collect();
-    let color = |hit: &artgs_physical::bake::Hit| -> [u8; 3] {
+    let color = |hit: &artgs_physical::looks::bake::Hit| -> [u8; 3] {
         let mesh = &meshes[hit.mesh];
         let t = mesh.mesh.triangles[hit.triangle].map(|v| v as usize);
         let mix3 = |of: &[[f32; 3]]| (0..3).map(|k| Vec3::from_array(of[t[k]]) * hit.weights[k]).sum::<Vec3>();

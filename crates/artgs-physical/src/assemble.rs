@@ -1,21 +1,23 @@
 //! Converts parts in the capture's frame to links in link frames: units, upward axis, zero pose, names, hulls, masses, limits.
 
-use crate::apart::links_apart;
-use crate::clearance::{Clearance, Pieces, Spacing, clear, deepest, uncovered};
+use crate::collision::apart::links_apart;
+use crate::collision::clearance::{Clearance, Pieces, Spacing, clear, deepest, uncovered};
+use crate::collision::decompose::solid::Solid;
+use crate::collision::decompose::{
+    DecomposeOptions, Decomposer, decompose_solid, decompose_with, patches, seen_points,
+};
+use crate::collision::hull::Hull;
+use crate::collision::islands::{remove_lost, without_islands};
+use crate::collision::motions::{PairMotions, RelativeMotion, arm, pair_motions, stances};
+use crate::collision::redundant::without_redundant;
 use crate::config::{Collision, PhysicalConfig};
-use crate::decompose::solid::Solid;
-use crate::decompose::{DecomposeOptions, Decomposer, decompose_solid, decompose_with, patches, seen_points};
+use crate::describe::semantics;
 use crate::describe::{Described, describe, diagonal, to_identifier};
 use crate::export::ExportStep;
-use crate::hull::Hull;
-use crate::islands::{remove_lost, without_islands};
+use crate::limits::sweep::Surface;
+use crate::limits::{Range, extend};
 use crate::looks::{PartSurface, Seen, Wall};
 use crate::mass::{inertial, walls};
-use crate::motions::{PairMotions, RelativeMotion, arm, pair_motions, stances};
-use crate::redundant::without_redundant;
-use crate::semantics;
-use crate::stance::{Range, extend};
-use crate::sweep::Surface;
 use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, Replica, Rigid, State, TexturedMesh};
 use glam::DVec3;
 use rayon::prelude::*;

@@ -1,8 +1,8 @@
 //! Builds an asset from a replica.
 
 use crate::assemble::{Decisions, assemble};
+use crate::collision::decompose::Decomposer;
 use crate::config::PhysicalConfig;
-use crate::decompose::Decomposer;
 use crate::export::ExportStep;
 use crate::looks::{PartSurface, surfaces};
 use artgs_core::{Asset, Capture, Mesh, Replica, Rigid, Splats};
@@ -29,7 +29,7 @@ pub(crate) struct BuiltAsset {
     pub surfaces: Vec<PartSurface>,
 }
 
-/// Builds an asset. With a capture, textures are baked from its training views. Convex pieces come from [`crate::decompose`], or from
+/// Builds an asset. With a capture, textures are baked from its training views. Convex pieces come from [`crate::collision::decompose`], or from
 /// `decomposer` if given; an error is that of the decomposer. `begins` gets the steps.
 pub(crate) fn build(
     name: &str,

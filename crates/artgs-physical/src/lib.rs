@@ -1,34 +1,15 @@
 //! Adds what simulators need to a replica: closed meshes, textures, convex hulls, masses, joint limits.
 
-mod apart;
 mod assemble;
-pub mod bake;
 mod build;
-mod clearance;
-mod coacd;
+pub mod collision;
 mod config;
 mod convert;
-pub mod decompose;
 mod describe;
 pub mod export;
-mod flush;
-mod fused;
-mod hull;
-mod islands;
+mod limits;
 pub mod looks;
 mod mass;
-mod motions;
-mod passage;
-mod portrait;
-mod redundant;
-mod repair;
-mod semantics;
-mod shade;
-mod simplify;
-mod spread;
-mod stance;
-mod sweep;
 mod topology;
-mod unwrap;
 
 pub use config::{Collision, Front, GivenClass, PhysicalConfig, Up};

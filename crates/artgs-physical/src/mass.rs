@@ -1,6 +1,6 @@
 //! Mass, centre of mass and inertia of a surface, solid or as a shell.
 
-use crate::decompose::solid::Solid;
+use crate::collision::decompose::solid::Solid;
 use crate::looks::Wall;
 use crate::topology::{bounds, corners, points};
 use artgs_core::{Inertial, Mesh};

@@ -3,6 +3,7 @@
 mod date;
 mod error;
 mod options;
+mod portrait;
 mod report;
 mod run;
 
@@ -12,14 +13,14 @@ pub use run::{export_run, export_with_photos, upward};
 
 use crate::GivenClass;
 use crate::build::{BuiltAsset, Parts, build};
-use crate::coacd;
-use crate::portrait::portrait;
+use crate::collision::coacd;
 use artgs_core::{Capture, Mesh, State, odd_size};
 use artgs_io::asset::{Format, Provenance, WriteOptions, check_asset};
 use artgs_io::export_report::ExportReport;
 use artgs_io::run_folder::load_text;
 use artgs_io::{Corrections, FileError, RunFolder, read_corrections};
 use date::today;
+use portrait::portrait;
 use report::report;
 
 /// Exports the replica in a folder into its folder `exports`. Textures are baked from the training views of `capture`,
@@ -41,7 +42,7 @@ pub fn export(
     let parts = Parts { replica: &replica, meshes: &meshes, splats: splats.as_deref() };
     let by_coacd = |mesh: &Mesh| coacd::decompose(mesh);
     let decomposer =
-        (options.collision == CollisionSource::Coacd).then_some(&by_coacd as &crate::decompose::Decomposer);
+        (options.collision == CollisionSource::Coacd).then_some(&by_coacd as &crate::collision::decompose::Decomposer);
     let mut begins = |step| watch(ExportEvent::Begins(step));
     let built = build(&options.name, &parts, capture, &config, decomposer, &mut begins).map_err(ExportError::Build)?;
     let warnings = built.surfaces.iter().flat_map(|surface| &surface.warnings);

@@ -2,7 +2,7 @@
 
 use super::ExportOptions;
 use crate::build::BuiltAsset;
-use crate::stance::{Range, Stop};
+use crate::limits::{Range, Stop};
 use artgs_core::{JointInterval, JointKind, Replica, State};
 use artgs_io::asset::Format;
 use artgs_io::export_report::{ExportReport, HandleReport, LinkReport, RequestedOptions};

@@ -1,9 +1,10 @@
 //! What a replica is before anything is added to it: states that are nearer to being closed, link frames, classes and names of the links, and the
 //! object's frame with its front along -Y.
 
+pub(crate) mod semantics;
+
 use crate::config::{Front, PhysicalConfig};
-use crate::semantics;
-use crate::stance::{NARROWEST, nearer_state};
+use crate::limits::{NARROWEST, nearer_state};
 use crate::topology::{bounds, points};
 use artgs_core::{
     Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, PartSemantics, PerState, Replica, Rigid, State, TexturedMesh,

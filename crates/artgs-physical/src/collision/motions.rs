@@ -1,7 +1,7 @@
 //! Relative motions of pairs of links over all poses in which they must not collide.
 
-use crate::hull::Hull;
-use crate::stance::Range;
+use crate::collision::hull::Hull;
+use crate::limits::Range;
 use crate::topology::points;
 use artgs_core::{Asset, AssetJoint, JointKind, Mesh, Rigid, State};
 use glam::DVec3;

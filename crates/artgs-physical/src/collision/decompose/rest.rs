@@ -4,7 +4,7 @@ use super::slabs::Slabs;
 use super::solid::{Sample, Solid};
 use super::union::stays_within;
 use super::{DecomposeOptions, Pieces};
-use crate::hull::Hull;
+use crate::collision::hull::Hull;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -150,7 +150,7 @@ fn best_cut(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::decompose::tests::OPTIONS;
+    use crate::collision::decompose::tests::OPTIONS;
 
     /// Points on a strip 1.1 m long with this profile, 6 mm apart.
     fn strip(profile: &[[f64; 2]]) -> Vec<DVec3> {

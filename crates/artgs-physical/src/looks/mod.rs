@@ -1,17 +1,26 @@
 //! Prepares fused part meshes for display and mass computation: closed, simplified, textured from the photos.
 
-use crate::bake::{BakeOptions, BakeView, JUMP, Photo, bake, depth_of, equalise};
+pub mod bake;
+pub(crate) mod fused;
+mod passage;
+pub(crate) mod repair;
+pub(crate) mod shade;
+pub(crate) mod simplify;
+pub(crate) mod spread;
+pub(crate) mod unwrap;
+
 use crate::config::PhysicalConfig;
 use crate::convert::{from_parry, pose, to_parry};
 use crate::describe::diagonal;
-use crate::fused::Fused;
-use crate::passage::{Passage, carved, freed};
-use crate::repair::{RepairOptions, mean_edge, repair};
-use crate::shade::{CREASE, with_normals};
-use crate::simplify::{Original, SurfaceError, smoothed};
-use crate::spread::spread;
+use crate::looks::bake::{BakeOptions, BakeView, JUMP, Photo, bake, depth_of, equalise};
+use crate::looks::fused::Fused;
+use crate::looks::passage::{Passage, carved, freed};
+use crate::looks::repair::{RepairOptions, mean_edge, repair};
+use crate::looks::shade::{CREASE, with_normals};
+use crate::looks::simplify::{Original, SurfaceError, smoothed};
+use crate::looks::spread::spread;
+use crate::looks::unwrap::{UnwrapOptions, unwrap};
 use crate::topology::{bounds, points};
-use crate::unwrap::{UnwrapOptions, unwrap};
 use artgs_core::{Camera, Capture, DepthMap, Joint, Mesh, PerState, Replica, State, TexturedMesh, View};
 use artgs_io::export_report::Evidence;
 use glam::DVec3;

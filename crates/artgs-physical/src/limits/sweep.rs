@@ -6,10 +6,10 @@
 //! noise stops nothing. The area must also be wide: rims overlap by a voxel where parts pass each other. Frames that stop a part can be
 //! narrow, so the caller decides how wide contacts with the carrier are.
 
+use crate::collision::decompose::Observed;
+use crate::collision::decompose::solid::{Sample, Solid};
 use crate::convert::{from_parry, to_parry};
-use crate::decompose::Observed;
-use crate::decompose::solid::{Sample, Solid};
-use crate::repair::trimesh;
+use crate::looks::repair::trimesh;
 use crate::topology::{corners, refine};
 use artgs_core::{Asset, JointKind, Mesh, Rigid};
 use glam::{DVec2, DVec3};

@@ -127,6 +127,6 @@ fn a_long_strip_with_an_angle_is_patched_by_few_long_pieces() {
     let longest = |hull: &Hull| (hull.bounds()[1] - hull.bounds()[0]).max_element();
     assert!(hulls.iter().map(longest).fold(0.0, f64::max) > 0.5);
     assert!(protrusion(&hulls, &mesh) < 2.0 * tolerance);
-    let holds = crate::clearance::covering(&hulls, tolerance);
+    let holds = crate::collision::clearance::covering(&hulls, tolerance);
     assert!(solid.samples(0.01, false).iter().all(|s| holds(&s.point)));
 }

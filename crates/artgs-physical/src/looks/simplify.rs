@@ -1,7 +1,7 @@
 //! Mesh simplification with a measured error.
 
-use crate::repair::trimesh;
-use crate::spread::spread;
+use crate::looks::repair::trimesh;
+use crate::looks::spread::spread;
 use crate::topology::{open_edges, point, split_to_manifold};
 use artgs_core::Mesh;
 use glam::DVec3;
@@ -106,7 +106,7 @@ fn collapsed(mesh: &Mesh, budget: usize, max_error: f64) -> Mesh {
     let indices = mesh.triangles.as_flattened();
     let kept = meshopt::simplify(indices, &adapter, 3 * budget, max_error as f32, options, None);
     let closed = open_edges(&mesh.triangles) == 0;
-    let mut simpler = crate::repair::reduced(mesh, kept.as_chunks::<3>().0);
+    let mut simpler = crate::looks::repair::reduced(mesh, kept.as_chunks::<3>().0);
     // Thin parts may have collapsed.
     if closed && open_edges(&simpler.triangles) > 0 {
         simpler = split_to_manifold(&simpler, 1e-3);
@@ -178,7 +178,7 @@ impl Around {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::repair::welded;
+    use crate::looks::repair::welded;
     use crate::topology::corners;
     use crate::topology::testing::{open_box, sphere};
 

@@ -7,7 +7,7 @@
 //! surface of the carrier belongs to something behind it.
 
 use crate::convert::{from_parry, to_parry};
-use crate::fused::Fused;
+use crate::looks::fused::Fused;
 use crate::topology::{bounds, corners, cross, points};
 use artgs_core::{Joint, JointKind, Mesh, Rigid, State};
 use glam::DVec3;

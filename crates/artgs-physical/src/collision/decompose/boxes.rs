@@ -4,7 +4,7 @@
 use super::DecomposeOptions;
 use super::solid::Solid;
 use super::union::stays_within;
-use crate::hull::Hull;
+use crate::collision::hull::Hull;
 use glam::DVec3;
 
 /// The box around a piece if no corner of it is farther than the tolerance from the piece and from the solid, else the piece.

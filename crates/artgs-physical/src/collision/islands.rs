@@ -1,9 +1,9 @@
 //! Pieces of a movable part that are apart from the rest of it and through which another part passes: they belong to something else.
 
-use crate::clearance::covering;
+use crate::collision::clearance::covering;
+use crate::collision::hull::Hull;
 use crate::convert::to_parry;
-use crate::hull::Hull;
-use crate::repair::trimesh;
+use crate::looks::repair::trimesh;
 use crate::topology::{Sets, cross};
 use artgs_core::{AssetLink, Mesh, TexturedMesh};
 use glam::DVec3;

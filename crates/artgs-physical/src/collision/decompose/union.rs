@@ -3,7 +3,7 @@
 use super::slabs::Slabs;
 use super::solid::Solid;
 use super::{DecomposeOptions, Pieces};
-use crate::hull::Hull;
+use crate::collision::hull::Hull;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::cmp::Ordering;

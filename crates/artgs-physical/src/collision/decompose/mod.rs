@@ -10,7 +10,7 @@ mod slabs;
 pub(crate) mod solid;
 mod union;
 
-use crate::hull::Hull;
+use crate::collision::hull::Hull;
 use artgs_core::Mesh;
 use glam::DVec3;
 use solid::Solid;
@@ -147,7 +147,7 @@ fn axes(regions: &[regions::Region]) -> Vec<DVec3> {
 struct Pieces {
     hulls: Vec<Hull>,
     boxes: Vec<[DVec3; 2]>,
-    planes: Vec<Vec<crate::hull::Plane>>,
+    planes: Vec<Vec<crate::collision::hull::Plane>>,
 }
 
 impl Pieces {

@@ -1,7 +1,7 @@
 //! The surface that is decomposed: distances, rays and samples.
 
 use crate::convert::to_parry;
-use crate::repair::welded;
+use crate::looks::repair::welded;
 use crate::topology::{bounds, corners};
 use artgs_core::{Inside, Mesh};
 use glam::DVec3;

@@ -94,8 +94,8 @@ fn collect(mesh: &TexturedMesh, atlas: &Atlas) -> Unwrapped {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::repair::welded;
-    use crate::shade::{CREASE, with_normals};
+    use crate::looks::repair::welded;
+    use crate::looks::shade::{CREASE, with_normals};
     use crate::topology::testing::{open_box, sphere};
     use glam::{DVec3, Vec2};
 

@@ -1,9 +1,9 @@
 use super::gains::Gain;
 use super::*;
-use crate::repair::welded;
-use crate::shade::{CREASE, with_normals};
+use crate::looks::repair::welded;
+use crate::looks::shade::{CREASE, with_normals};
+use crate::looks::unwrap::{UnwrapOptions, unwrap};
 use crate::topology::testing::open_box;
-use crate::unwrap::{UnwrapOptions, unwrap};
 use artgs_core::{Camera, DepthMap, Intrinsics};
 use glam::DVec3;
 
@@ -141,7 +141,7 @@ fn equalised(factor: impl Fn(usize, DVec3) -> f64) -> (TexturedMesh, Baked, [u32
     let photos = prepared(&cameras, &images);
     let mut views = [seen_by(&cameras, &photos)];
     let options = BakeOptions::at_resolution(0.01);
-    equalise(&mut views, &[crate::spread::spread(&cube, 2000)], &[options]);
+    equalise(&mut views, &[crate::looks::spread::spread(&cube, 2000)], &[options]);
     let changed = views[0].iter().any(|view| view.gain != Gain::default());
     let done = bake(&mesh, size, &views[0], &Mesh::default(), &options);
     (mesh, done, size, changed)

@@ -1,7 +1,7 @@
 //! Cuts with known results.
 
 use super::*;
-use crate::motions::{Stance, pair_motions};
+use crate::collision::motions::{Stance, pair_motions};
 
 const SPACING: Spacing = Spacing {
     gap: 2e-3,

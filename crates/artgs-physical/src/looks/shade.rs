@@ -50,7 +50,7 @@ pub(crate) fn with_normals(mesh: &Mesh, crease: f64) -> TexturedMesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::repair::welded;
+    use crate::looks::repair::welded;
     use crate::topology::testing::{open_box, sphere};
     use glam::Vec3;
 

@@ -6,7 +6,7 @@ use super::slabs::Slabs;
 use super::solid::Solid;
 use super::union::stays_within;
 use super::{DecomposeOptions, Pieces};
-use crate::hull::Hull;
+use crate::collision::hull::Hull;
 use crate::topology::{corners, twins};
 use glam::{DVec2, DVec3};
 

@@ -1,7 +1,7 @@
 //! Where parts are flush: the front of a slide in one plane with the front of its carrier, or with the fronts of closed parts beside
 //! it; a panel that turns, on the face of its carrier.
 
-use crate::sweep::Surface;
+use crate::limits::sweep::Surface;
 use artgs_core::{Asset, JointKind};
 use glam::{DVec2, DVec3};
 use std::f64::consts::FRAC_PI_2;
@@ -167,7 +167,7 @@ fn lies_on(part: &[[f64; 2]; 3], carrier: &[[f64; 2]; 3], layer: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::decompose::solid::Solid;
+    use crate::collision::decompose::solid::Solid;
     use artgs_core::{AssetJoint, AssetLink, Mesh, PerState};
 
     fn surface(low: [f32; 3], high: [f32; 3]) -> Surface {
