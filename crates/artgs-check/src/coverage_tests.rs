@@ -1,4 +1,5 @@
 use super::*;
+use crate::model::Shape;
 use crate::model::{Model, Motion};
 use artgs_core::{JointKind, Mesh, Rigid};
 use rapier3d::parry::transformation::try_convex_hull;

@@ -1,11 +1,11 @@
 //! Drops balls and boxes into drawers and onto shelves: they have to stay there.
 
+use crate::CheckOptions;
 use crate::model::{Model, bounds};
 use crate::observed::Observed;
 use crate::places::{self, Place};
 use crate::poses::{Scene, pose, vector};
 use crate::report::DropFinding;
-use crate::{CheckOptions, coverage};
 use artgs_core::{JointKind, Rigid};
 use glam::DVec3;
 use rapier3d::prelude::*;
@@ -25,7 +25,7 @@ pub(crate) fn link(
     model: &Model,
     scene: &Scene,
     index: usize,
-    seen: &[Option<coverage::Drawn>],
+    seen: &[Option<crate::drawn::Drawn>],
     observed: Option<&Observed>,
     options: &CheckOptions,
 ) -> Option<DropFinding> {
@@ -37,14 +37,14 @@ pub(crate) fn link(
     let poses = model.poses(&values);
     let places: Vec<Place> = places::of(link, &poses[index], observed).into_iter().take(MOST).collect();
     let room = |p: DVec3| -> f64 {
-        let free = |(drawn, at): (&Option<coverage::Drawn>, &Rigid)| {
+        let free = |(drawn, at): (&Option<crate::drawn::Drawn>, &Rigid)| {
             let to_link = at.inverse();
             drawn.as_ref()?.ray(to_link.apply(p + DVec3::Z * 1e-3), to_link.turn(DVec3::Z), HIGHEST + RADIUS)
         };
         seen.iter().zip(&poses).filter_map(free).fold(HIGHEST + RADIUS, f64::min)
     };
     let is_free = |p: DVec3| {
-        let far = |(drawn, at): (&Option<coverage::Drawn>, &Rigid)| {
+        let far = |(drawn, at): (&Option<crate::drawn::Drawn>, &Rigid)| {
             drawn.as_ref().map_or(f64::INFINITY, |drawn| drawn.signed(at.inverse().apply(p)))
         };
         seen.iter().zip(&poses).all(|pair| far(pair) > 1.2 * RADIUS)

@@ -1,7 +1,7 @@
 //! Puts fingers into the gaps between handles and what they are fixed to: no hull may be there.
 
 use crate::CheckOptions;
-use crate::coverage::Drawn;
+use crate::drawn::Drawn;
 use crate::model::Model;
 use crate::poses::{Scene, signed};
 use crate::report::FingerFinding;

@@ -13,6 +13,7 @@ mod balance;
 mod chain_tests;
 mod compare;
 mod coverage;
+mod drawn;
 mod drive;
 mod drop;
 mod finger;
@@ -163,7 +164,7 @@ fn physics(
         })
         .collect();
     let lost = |name: &str| exported.links.iter().find(|l| l.name == name).map_or(0, |l| l.lost_pieces);
-    let drawn: Vec<_> = model.links.par_iter().map(|link| coverage::Drawn::new(&link.visuals)).collect();
+    let drawn: Vec<_> = model.links.par_iter().map(|link| drawn::Drawn::new(&link.visuals)).collect();
     let compared = |i: usize| {
         let (link, hulls) = (&model.links[i], &scene.hulls[i]);
         let passing = passing::Passing::of(model, &drawn, i);

@@ -1,6 +1,6 @@
 //! Places of a link through which another one passes: no hull can be there.
 
-use crate::coverage::Drawn;
+use crate::drawn::Drawn;
 use crate::model::{Link, Model, bounds};
 use artgs_core::{Rigid, State};
 use glam::DVec3;

@@ -1,18 +1,19 @@
 //! `artgs bench`: many runs as child processes of this program, and their report.
 
 use crate::args::{Bench, Parts};
-use crate::commands::{Style, use_threads};
 use crate::device;
 use crate::failure::Failure;
+use crate::interrupt;
 use crate::output::say;
 use crate::population;
-use crate::process;
 use crate::seeds::Seeds;
+use crate::started;
+use crate::style::Style;
 use crate::suites::{self, Photos};
+use crate::threads::use_threads;
 use anyhow::{Context, anyhow};
 use artgs::Config;
 use artgs::evaluate::Lpips;
-use artgs::fit::DeviceChoice;
 use artgs_bench::{
     Circumstances, Collected, Event, Files, Finished, Item, Options, Outcome, RunName, Source, Tools, Variant, counted,
     items_of_folder, measure, paper, stages::measure_stages,
@@ -21,7 +22,6 @@ use serde_json::{Value, json};
 use std::io::{self, Write};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 pub(crate) fn run(args: &Bench, style: Style) -> Result<(), Failure> {
     use_threads(args.threads)?;
@@ -32,8 +32,8 @@ pub(crate) fn run(args: &Bench, style: Style) -> Result<(), Failure> {
     let (items, variants) = (items(args)?, variants(args)?);
     // Fails now instead of in every run.
     device::open(args.device)?;
-    let program = process::program().context("cannot find the path of this program")?.to_path_buf();
-    let stop = watched()?;
+    let program = started::program().context("cannot find the path of this program")?.to_path_buf();
+    let stop = interrupt::watched()?;
     let report = |event: Event<'_>| show(&event, style);
     let lpips = args.lpips.as_deref().map(Lpips::load).transpose().map_err(Failure::bad)?;
     let tools = Tools { program, measure: Arc::new(move |run, capture| measure(run, capture, lpips.as_ref())) };
@@ -72,19 +72,11 @@ fn write_stages(args: &Bench, items: &[Item], all: &Collected, style: Style) -> 
             Err(_) => {}
         }
     }
-    let page = artgs_bench::stages::write_stages(&args.out, &process::line(), &runs).map_err(anyhow::Error::from)?;
+    let page = artgs_bench::stages::write_stages(&args.out, &started::line(), &runs).map_err(anyhow::Error::from)?;
     if !style.quiet && !style.json {
         say(format!("measures of the stages of {} in {}", counted(runs.len(), "run"), page.display()))?;
     }
     Ok(())
-}
-
-/// Becomes true at Ctrl-C and when the process is to end.
-pub(crate) fn watched() -> Result<Arc<AtomicBool>, Failure> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("cannot watch for Ctrl-C")?;
-    Ok(stop)
 }
 
 /// Runs of every object; options of a population are refused.
@@ -106,11 +98,6 @@ fn parts_given(args: &Bench) -> bool {
     args.parts != Some(Parts::Auto)
 }
 
-/// The device as `artgs reconstruct` reads it; none if it is to choose.
-pub(crate) fn device_of(args: &Bench) -> Option<String> {
-    Some(args.device).filter(|d| *d != DeviceChoice::Auto).map(|d| d.to_string())
-}
-
 fn options(args: &Bench, seeds: u64) -> Options {
     Options {
         out: args.out.clone(),
@@ -120,7 +107,7 @@ fn options(args: &Bench, seeds: u64) -> Options {
         threads: args.threads.map(Into::into),
         parts_given: parts_given(args),
         stop_after_discover: args.stop_after.is_some(),
-        device: device_of(args),
+        device: args.named_device(),
         force: args.force,
         retry_failed: args.retry_failed,
     }
@@ -129,7 +116,7 @@ fn options(args: &Bench, seeds: u64) -> Options {
 fn circumstances(args: &Bench) -> Circumstances {
     let cores = || std::thread::available_parallelism().map_or(1, Into::into);
     Circumstances {
-        command: process::line(),
+        command: started::line(),
         threads: args.threads.map_or_else(cores, Into::into),
         jobs: args.jobs.get(),
         parts_given: parts_given(args),

@@ -25,10 +25,10 @@ impl Checked {
 mod built_in {
     use super::Checked;
     use crate::args::Check;
-    use crate::commands::Style;
     use crate::failure::Failure;
     use crate::folder::require_replica;
     use crate::output::Report;
+    use crate::style::Style;
     use artgs_check::{CheckOptions, CheckReport};
     use artgs_io::RunFolder;
     use artgs_io::run_folder::save_json;

@@ -1,14 +1,15 @@
 //! `artgs demo`: capture, replica, exports and scores of a procedural cabinet, in one folder.
 
 use crate::args::Demo;
-use crate::commands::{Style, use_threads};
 use crate::device;
 use crate::evaluate::scored;
 use crate::failure::Failure;
 use crate::folder;
+use crate::job::Job;
 use crate::output::{say, write_json};
-use crate::reconstruct::Job;
 use crate::settings::configure;
+use crate::style::Style;
+use crate::threads::use_threads;
 use crate::{export, progress};
 use artgs::observer::NullObserver;
 use artgs::run::Comparison;

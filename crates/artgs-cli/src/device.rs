@@ -1,12 +1,11 @@
 //! `--device`: where training runs, and `artgs devices`: where it could.
 
-use crate::commands::Style;
 use crate::failure::Failure;
-use crate::gpu;
+use crate::gpu::{self, Listed};
 use crate::output::Report;
+use crate::style::Style;
 use artgs::Config;
 use artgs::fit::{Chosen, Cpu, DeviceChoice, Devices};
-use serde::Serialize;
 use serde_json::json;
 
 /// Opens the device for a run with these settings.
@@ -17,22 +16,6 @@ pub(crate) fn choose(choice: DeviceChoice, config: &Config) -> Result<Chosen, Fa
 /// Opens a device.
 pub(crate) fn open(choice: DeviceChoice) -> Result<Chosen, Failure> {
     gpu::open(choice).map_err(Failure::bad)
-}
-
-/// A graphics processor of the list.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Listed {
-    pub(crate) index: usize,
-    pub(crate) name: String,
-    pub(crate) kind: String,
-    pub(crate) interface: String,
-    pub(crate) driver: String,
-    /// Bytes.
-    pub(crate) largest_buffer: u64,
-    pub(crate) subgroup: Option<[u32; 2]>,
-    pub(crate) timestamps: bool,
-    pub(crate) can_train: bool,
-    pub(crate) lacks: Option<String>,
 }
 
 /// `artgs devices`.

@@ -1,9 +1,10 @@
 //! `artgs evaluate`: scores of a replica.
 
 use crate::args::Evaluate;
-use crate::commands::{Style, use_threads};
 use crate::failure::Failure;
 use crate::output::{Report, note, write_json};
+use crate::style::Style;
+use crate::threads::use_threads;
 use artgs::evaluate::Lpips;
 use artgs::run::{Comparison, compare};
 use artgs_io::RunFolder;

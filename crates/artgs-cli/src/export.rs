@@ -1,10 +1,11 @@
 //! `artgs export`: a replica as files of simulators, browsers and renderers.
 
 use crate::args::{CollisionKind, Export};
-use crate::commands::{Style, use_threads};
 use crate::failure::Failure;
 use crate::output::{Report, note};
 use crate::progress;
+use crate::style::Style;
+use crate::threads::use_threads;
 use artgs::observer::{Event, Observer};
 use artgs_io::RunFolder;
 use artgs_io::asset::{Provenance, WriteOptions};

@@ -1,9 +1,9 @@
 //! What a command failed with, and its exit code.
 
-use crate::output::printable;
+use crate::printable::printable;
 use artgs::Error;
 use artgs::fit::FitError;
-use artgs::prepare::{InputError, MemoryError};
+use artgs::prepare::{InputError, MemoryError, PrepareError};
 use artgs::run::OutputError;
 use std::fmt::{self, Display};
 
@@ -39,11 +39,16 @@ impl Failure {
     }
 
     /// An error of the library with the options that are its remedy.
-    pub(crate) fn of(error: Error) -> Self {
+    pub(crate) fn of(error: impl Into<Error>) -> Self {
+        let error = error.into();
         Self::bad(match &error {
-            Error::Contradiction(what) => format!("{what}\n--force-input uses the capture as it is"),
-            Error::Memory(MemoryError::Allowed { .. }) => format!("--memory: {error}"),
-            Error::NoInput(InputError::OneState { .. }) => format!("{error}: artgs reconstruct CLOSED OPEN -o OUT"),
+            Error::Prepare(PrepareError::Contradiction(what)) => {
+                format!("{what}\n--force-input uses the capture as it is")
+            }
+            Error::Prepare(PrepareError::Memory(MemoryError::Allowed { .. })) => format!("--memory: {error}"),
+            Error::Prepare(PrepareError::Input(InputError::OneState { .. })) => {
+                format!("{error}: artgs reconstruct CLOSED OPEN -o OUT")
+            }
             Error::Output(OutputError::IsFile(_) | OutputError::Foreign(_)) => format!("{error} to -o"),
             Error::Output(OutputError::Earlier(folder)) => {
                 let shown = folder.display();

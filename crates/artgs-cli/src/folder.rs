@@ -1,9 +1,9 @@
 //! Folders of runs and captures: locked, read, and refused in the words of the command line.
 
 use crate::args::Earlier;
-use crate::commands::Style;
 use crate::failure::Failure;
 use crate::output::note;
+use crate::style::Style;
 use artgs::run::{Output, OutputError};
 use artgs_core::Capture;
 use artgs_io::folder_lock::LockNotice;
@@ -12,21 +12,21 @@ use std::path::{Path, PathBuf};
 
 /// Locks a folder that exists: nobody else writes into it as long as the value exists. Removes what a killed process left.
 pub(crate) fn lock(run: &RunFolder, command: &str, style: Style) -> Result<FolderLock, Failure> {
-    let lock = artgs::run::lock(run, command).map_err(|error| Failure::of(error.into()))?;
+    let lock = artgs::run::lock(run, command).map_err(Failure::of)?;
     mention(lock.notice(), style);
     Ok(lock)
 }
 
 /// Locks a folder that exists, of any content.
 pub(crate) fn lock_any(folder: &Path, command: &str, style: Style) -> Result<FolderLock, Failure> {
-    let lock = FolderLock::take(folder, command).map_err(|error| Failure::of(OutputError::from(error).into()))?;
+    let lock = FolderLock::take(folder, command).map_err(|error| Failure::of(OutputError::from(error)))?;
     mention(lock.notice(), style);
     Ok(lock)
 }
 
 /// Makes a folder ready for a run and locks it.
 pub(crate) fn open(run: RunFolder, earlier: Earlier, command: &str, style: Style) -> Result<Output, Failure> {
-    let output = Output::open(run, earlier.into(), command).map_err(|error| Failure::of(error.into()))?;
+    let output = Output::open(run, earlier.into(), command).map_err(Failure::of)?;
     mention(output.notice(), style);
     Ok(output)
 }

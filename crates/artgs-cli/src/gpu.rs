@@ -2,9 +2,27 @@
 
 pub(crate) use support::{NONE_LISTED, SUPPORTED, adapters, open, silence_drivers};
 
+use serde::Serialize;
+
+/// A graphics processor of the list.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Listed {
+    pub(crate) index: usize,
+    pub(crate) name: String,
+    pub(crate) kind: String,
+    pub(crate) interface: String,
+    pub(crate) driver: String,
+    /// Bytes.
+    pub(crate) largest_buffer: u64,
+    pub(crate) subgroup: Option<[u32; 2]>,
+    pub(crate) timestamps: bool,
+    pub(crate) can_train: bool,
+    pub(crate) lacks: Option<String>,
+}
+
 #[cfg(feature = "gpu")]
 mod support {
-    use crate::device::Listed;
+    use super::Listed;
     use artgs_gpu::Adapter;
     pub(crate) use artgs_gpu::open;
 
@@ -47,7 +65,7 @@ mod support {
 
 #[cfg(not(feature = "gpu"))]
 mod support {
-    use crate::device::Listed;
+    use super::Listed;
     use artgs::fit::{Chosen, Cpu, DeviceChoice};
 
     /// True if this program can train on graphics processors.

@@ -6,6 +6,7 @@ mod args;
 mod batch;
 #[cfg(feature = "bench")]
 mod bench;
+mod browser;
 mod check;
 mod commands;
 mod crash;
@@ -17,13 +18,21 @@ mod export;
 mod failure;
 mod folder;
 mod gpu;
+mod inspect;
+#[cfg(feature = "bench")]
+mod interrupt;
+mod job;
 mod live;
 mod object_box;
 mod output;
 mod pace;
+#[cfg(feature = "bench")]
+mod page_file;
+mod pages;
 mod parts_table;
 #[cfg(feature = "bench")]
 mod population;
+mod printable;
 mod process;
 mod progress;
 mod reconstruct;
@@ -36,12 +45,15 @@ mod rerun;
 #[cfg(feature = "bench")]
 mod seeds;
 mod settings;
+mod started;
+mod style;
 #[cfg(feature = "bench")]
 mod suites;
 mod synth;
+mod threads;
 mod view;
 mod view_recording;
 
 pub use crash::{caught, describe_panics};
+pub use pages::replica_page;
 pub use process::{command, process};
-pub use view::replica_page;

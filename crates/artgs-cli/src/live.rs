@@ -1,9 +1,9 @@
 //! `artgs reconstruct --view`: training in the browser while it runs.
 
+use crate::browser::announce;
 use crate::failure::Failure;
+use crate::job::Job;
 use crate::output::Report;
-use crate::reconstruct::Job;
-use crate::view::announce;
 use artgs::observer::{Event, Observer, Snapshot};
 use artgs_view::{Live, Placement, Server};
 use std::sync::Arc;

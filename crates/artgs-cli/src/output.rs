@@ -1,12 +1,12 @@
 //! Standard output and standard error. A reader that has gone away (`artgs inspect X | head`) is no error.
 
-use crate::commands::Style;
 use crate::failure::Failure;
+use crate::printable::printable;
+use crate::style::Style;
 use anyhow::Context;
 use artgs_io::run_folder::save_json;
 use serde::Serialize;
 use serde_json::{Value, json};
-use std::borrow::Cow;
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
@@ -35,22 +35,6 @@ pub(crate) fn write_json(path: &Path, report: &Report) -> Result<(), Failure> {
     save_json(path, &report.json).map_err(Failure::failed)
 }
 
-/// A text without codes that a terminal would obey, as names of files may hold them: control characters, except line breaks
-/// and tabs, and marks that change the direction of writing are written as `\u001b`. JSON reads that as the same character.
-pub(crate) fn printable(text: &str) -> Cow<'_, str> {
-    let is_code = |c: char| {
-        (c.is_control() && c != '\n' && c != '\t') || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
-    };
-    if !text.contains(is_code) {
-        return Cow::Borrowed(text);
-    }
-    let mut out = String::with_capacity(text.len() + 16);
-    for c in text.chars() {
-        if is_code(c) { out.push_str(&format!("\\u{:04x}", u32::from(c))) } else { out.push(c) }
-    }
-    Cow::Owned(out)
-}
-
 /// A line on standard output.
 pub(crate) fn say(text: impl Display) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
@@ -77,18 +61,4 @@ pub(crate) fn error(failure: &Failure, json: bool) {
         let _ = say(json!({ "event": "error", "message": failure.to_string() }));
     }
     let _ = writeln!(io::stderr(), "error: {}", printable(&failure.to_string()));
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn terminal_codes_are_written_as_text() {
-        assert_eq!(printable("a b\tc\nd"), "a b\tc\nd");
-        assert_eq!(printable("x\u{1b}[2J\u{7f}\u{9b}y\u{202e}z\r"), "x\\u001b[2J\\u007f\\u009by\\u202ez\\u000d");
-        let json = json!({ "name": "a\u{9b}b" }).to_string();
-        let read: Value = serde_json::from_str(&printable(&json)).unwrap();
-        assert_eq!(read["name"], "a\u{9b}b");
-    }
 }

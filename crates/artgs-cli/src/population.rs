@@ -1,13 +1,13 @@
 //! `artgs bench population`: random objects one by one, as child processes of this program.
 
 use crate::args::{Bench, Parts};
-use crate::bench::{device_of, watched};
-use crate::commands::Style;
 use crate::device;
 use crate::failure::Failure;
+use crate::interrupt;
 use crate::output::say;
-use crate::process;
 use crate::seeds::Seeds;
+use crate::started;
+use crate::style::Style;
 use anyhow::{Context, anyhow};
 use artgs_bench::counted;
 use artgs_bench::population::report::Summary;
@@ -38,8 +38,8 @@ pub(crate) fn run(args: &Bench, style: Style) -> Result<(), Failure> {
     let options = options(args)?;
     // Fails now instead of in every run.
     device::open(args.device)?;
-    let program = process::program().context("cannot find the path of this program")?;
-    let stop = watched()?;
+    let program = started::program().context("cannot find the path of this program")?;
+    let stop = interrupt::watched()?;
     let finished = population::run(&options, program, &stop, &|event| show(&event, style))
         .map_err(|e| if e.is_bad_input() { Failure::BadInput(e.into()) } else { Failure::Failed(e.into()) })?;
     conclude(&finished, style)?;
@@ -98,7 +98,7 @@ fn options(args: &Bench) -> Result<Options, Failure> {
         timeout: args.timeout,
         jobs: args.jobs.get(),
         threads: args.threads.map(Into::into),
-        device: device_of(args),
+        device: args.named_device(),
         keep: args.keep,
         force: args.force,
         retry_failed: args.retry_failed,

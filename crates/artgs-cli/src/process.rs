@@ -1,20 +1,11 @@
 //! A command line from its words to its exit code.
 
 use crate::args::Cli;
-use crate::{commands, crash, gpu, output};
+use crate::{commands, crash, gpu, output, started};
 use clap::Parser;
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
-use std::sync::OnceLock;
-
-/// How the program was started.
-struct Started {
-    program: PathBuf,
-    words: Vec<OsString>,
-}
-
-static STARTED: OnceLock<Started> = OnceLock::new();
 
 /// The program `artgs`, with the words that the process was started with.
 pub fn process() -> ExitCode {
@@ -31,8 +22,8 @@ pub fn process() -> ExitCode {
 /// in a process, which afterwards ends.
 pub fn command(program: &Path, words: Vec<OsString>) -> u8 {
     crash::guarded(|| {
-        let started = STARTED.get_or_init(|| Started { program: program.into(), words });
-        let cli = match Cli::try_parse_from(&started.words) {
+        let words = started::note(program, words);
+        let cli = match Cli::try_parse_from(words) {
             Ok(cli) => cli,
             Err(error) => {
                 // A reader that has gone away is no error.
@@ -49,34 +40,4 @@ pub fn command(program: &Path, words: Vec<OsString>) -> u8 {
             }
         }
     })
-}
-
-/// The program that is running.
-pub(crate) fn program() -> Option<&'static Path> {
-    STARTED.get().map(|started| started.program.as_path())
-}
-
-/// The command as a shell reads it back.
-#[cfg(feature = "bench")]
-pub(crate) fn line() -> String {
-    let words = STARTED.get().into_iter().flat_map(|started| started.words.iter().skip(1));
-    let words = words.map(|word| quoted(&word.to_string_lossy()));
-    std::iter::once("artgs".to_string()).chain(words).collect::<Vec<_>>().join(" ")
-}
-
-/// A word as a shell reads it back.
-#[cfg(feature = "bench")]
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,:+".contains(c);
-    if !word.is_empty() && word.chars().all(plain) { word.into() } else { format!("'{}'", word.replace('\'', "'\\''")) }
-}
-
-#[cfg(all(test, feature = "bench"))]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn words_come_back_from_a_shell() {
-        assert_eq!(["a/b-c.d=e", "a b", "", "it's"].map(quoted), ["a/b-c.d=e", "'a b'", "''", "'it'\\''s'"]);
-    }
 }

@@ -1,9 +1,9 @@
 //! How a run is shown while it goes: a bar on a terminal, else a line every few seconds, or JSON, or warnings only.
 //! No colours anywhere, so there is nothing for `NO_COLOR` to switch off.
 
-use crate::commands::Style;
-use crate::output::printable;
 use crate::pace::Pace;
+use crate::printable::printable;
+use crate::style::Style;
 use artgs::observer::{Event, JsonLines, NullObserver, Observer};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::BTreeSet;

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// What the user named: one capture folder with both states, or one recording of each state.
 pub(crate) fn input(paths: &[PathBuf], args: &RecordingArgs) -> Result<Input, Failure> {
-    let input = Input::new(paths).map_err(|error| Failure::of(error.into()))?;
+    let input = Input::new(paths).map_err(Failure::of)?;
     match &input {
         Input::Capture(folder) => match given_option(args).filter(|_| is_capture(folder)) {
             Some(option) => Err(for_recordings(option)),

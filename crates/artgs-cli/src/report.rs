@@ -1,19 +1,18 @@
 //! `artgs report`: a page about the results of a batch; `report_population` makes that of a population.
 
 use crate::args::Report;
-use crate::commands::Style;
 use crate::failure::Failure;
 use crate::output::say;
-use crate::process;
+use crate::page_file::page_file;
 use crate::report_population;
+use crate::started;
+use crate::style::Style;
 use artgs_bench::batch::{self, Cause, Origin, Retry, Row, Summary};
 use artgs_bench::population::report::is_population;
 use artgs_io::write_atomic;
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// Name of the page in a folder.
-const PAGE: &str = "report.html";
 /// Causes that the terminal shows.
 const SHOWN: usize = 5;
 
@@ -31,7 +30,7 @@ pub(crate) fn run(args: &Report, style: Style) -> Result<(), Failure> {
     let before: Option<Vec<Row>> = args.before.as_deref().map(|table| read(table).map(|(rows, _)| rows)).transpose()?;
     let summary = Summary::new(&rows, before.as_deref(), args.cpu_price);
     let file = page_file(args.out.as_deref(), &base);
-    let page = batch::page(&rows, &summary, &Origin { command: process::line(), base });
+    let page = batch::page(&rows, &summary, &Origin { command: started::line(), base });
     write_atomic(&file, page.as_bytes()).map_err(Failure::failed)?;
     if style.json {
         return say(json!({ "event": "result", "html": file, "summary": summary }));
@@ -41,16 +40,6 @@ pub(crate) fn run(args: &Report, style: Style) -> Result<(), Failure> {
 
 fn check_exists(table: &Path) -> Result<(), Failure> {
     if table.exists() { Ok(()) } else { Err(Failure::bad(format!("{}: No such file or folder", table.display()))) }
-}
-
-/// The file of the page.
-pub(crate) fn page_file(out: Option<&Path>, base: &Path) -> PathBuf {
-    let is_page = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("html"));
-    match out {
-        None => base.join(PAGE),
-        Some(out) if is_page(out) && !out.is_dir() => out.into(),
-        Some(folder) => folder.join(PAGE),
-    }
 }
 
 fn described(summary: &Summary, file: &Path) -> String {

@@ -1,11 +1,11 @@
 //! `artgs report` of the table of a population: a page, and its tables as Markdown.
 
 use crate::args::Report;
-use crate::commands::Style;
 use crate::failure::Failure;
 use crate::output::{note, say};
-use crate::process;
-use crate::report::page_file;
+use crate::page_file::page_file;
+use crate::started;
+use crate::style::Style;
 use artgs_bench::population::report::{self, Origin, Summary};
 use artgs_bench::population::{Row, read_rows};
 use artgs_io::write_atomic;
@@ -23,7 +23,7 @@ pub(crate) fn run(args: &Report, style: Style) -> Result<(), Failure> {
     let html = page_file(args.out.as_deref(), &base);
     let markdown = html.with_extension("md");
     check_free(&markdown)?;
-    let origin = Origin { command: process::line(), base };
+    let origin = Origin { command: started::line(), base };
     let page = report::page(&rows, &summary, &origin);
     write_atomic(&html, page.as_bytes()).map_err(Failure::failed)?;
     write_atomic(&markdown, report::markdown(&summary, &origin).as_bytes()).map_err(Failure::failed)?;

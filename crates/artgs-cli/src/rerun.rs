@@ -1,13 +1,15 @@
 //! Runs that are started from a page: what corrections change is computed again, with the settings of the folder.
 
+use crate::browser::{announce, stopped};
 use crate::device;
 use crate::failure::Failure;
 use crate::folder::{lock, photos_of};
+use crate::job::Job;
 use crate::live::{FINAL_STATE, PageObserver};
-use crate::reconstruct::Job;
+use crate::pages::page_of;
 use crate::settings::settings_of;
-use crate::view::{announce, page_of, stopped};
-use crate::{commands::Style, export, output};
+use crate::style::Style;
+use crate::{export, output};
 use artgs::Prepared;
 use artgs::fit::DeviceChoice;
 use artgs_io::{FolderLock, RunFolder};

@@ -1,9 +1,9 @@
 //! The settings of a run, from the flags of the command line and from the folder of an earlier run; `artgs settings`.
 
 use crate::args::{Method, Preset};
-use crate::commands::Style;
 use crate::failure::Failure;
 use crate::output::Report;
+use crate::style::Style;
 use artgs::settings::Listing;
 use artgs::{Config, PartCount, ablation};
 use artgs_io::RunFolder;

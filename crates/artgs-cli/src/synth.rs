@@ -1,10 +1,11 @@
 //! `artgs synth`: captures of procedural objects.
 
 use crate::args::{Synth, SynthLayout, SynthScene, SynthSensor};
-use crate::commands::{Style, use_threads};
 use crate::failure::Failure;
 use crate::folder;
 use crate::output::say;
+use crate::style::Style;
+use crate::threads::use_threads;
 use anyhow::Context;
 use artgs_core::JointKind;
 use artgs_io::recording::RecordingFormat;

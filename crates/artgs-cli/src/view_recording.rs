@@ -1,11 +1,11 @@
 //! The page of a recording of one state: its cameras, its surface points, and the box of the object.
 
 use crate::args::RecordingArgs;
-use crate::commands::Style;
 use crate::failure::Failure;
 use crate::output::note;
+use crate::pages::{camera_views, name_of};
 use crate::recordings;
-use crate::view::{camera_views, name_of};
+use crate::style::Style;
 use anyhow::Context;
 use artgs::align::ObjectBox;
 use artgs_core::capture::OBJECT_ALPHA;

@@ -2,22 +2,23 @@
 
 use crate::collision::apart::links_apart;
 use crate::collision::clearance::{Clearance, Pieces, Spacing, clear, deepest, uncovered};
-use crate::collision::decompose::solid::Solid;
 use crate::collision::decompose::{
     DecomposeOptions, Decomposer, decompose_solid, decompose_with, patches, seen_points,
 };
-use crate::collision::hull::Hull;
 use crate::collision::islands::{remove_lost, without_islands};
 use crate::collision::motions::{PairMotions, RelativeMotion, arm, pair_motions, stances};
 use crate::collision::redundant::without_redundant;
 use crate::config::{Collision, PhysicalConfig};
 use crate::describe::semantics;
-use crate::describe::{Described, describe, diagonal, to_identifier};
-use crate::export::ExportStep;
+use crate::describe::{Described, describe, to_identifier};
+use crate::geometry::hull::Hull;
+use crate::geometry::solid::Solid;
+use crate::geometry::topology::diagonal;
 use crate::limits::sweep::Surface;
 use crate::limits::{Range, extend};
 use crate::looks::{PartSurface, Seen, Wall};
 use crate::mass::{inertial, walls};
+use crate::step::ExportStep;
 use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, Replica, Rigid, State, TexturedMesh};
 use glam::DVec3;
 use rayon::prelude::*;

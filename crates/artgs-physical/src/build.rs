@@ -3,8 +3,8 @@
 use crate::assemble::{Decisions, assemble};
 use crate::collision::decompose::Decomposer;
 use crate::config::PhysicalConfig;
-use crate::export::ExportStep;
 use crate::looks::{PartSurface, surfaces};
+use crate::step::ExportStep;
 use artgs_core::{Asset, Capture, Mesh, Replica, Rigid, Splats};
 
 /// Parts of a replica folder.

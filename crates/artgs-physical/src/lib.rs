@@ -4,12 +4,12 @@ mod assemble;
 mod build;
 pub mod collision;
 mod config;
-mod convert;
 mod describe;
 pub mod export;
+pub mod geometry;
 mod limits;
 pub mod looks;
 mod mass;
-mod topology;
+mod step;
 
 pub use config::{Collision, Front, GivenClass, PhysicalConfig, Up};

@@ -1,8 +1,8 @@
 //! Mass, centre of mass and inertia of a surface, solid or as a shell.
 
-use crate::collision::decompose::solid::Solid;
+use crate::geometry::solid::Solid;
+use crate::geometry::topology::{bounds, corners, points};
 use crate::looks::Wall;
-use crate::topology::{bounds, corners, points};
 use artgs_core::{Inertial, Mesh};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;

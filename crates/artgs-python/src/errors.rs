@@ -1,7 +1,7 @@
 //! Errors as Python exceptions.
 
 use artgs::Error;
-use artgs::prepare::{InputError, MemoryError};
+use artgs::prepare::{InputError, MemoryError, PrepareError};
 use artgs::run::OutputError;
 use pyo3::prelude::*;
 use std::fmt::Display;
@@ -46,9 +46,13 @@ impl From<(String, u8)> for CallError {
 impl From<Error> for CallError {
     fn from(error: Error) -> Self {
         Self::input(match &error {
-            Error::Contradiction(what) => format!("{what}\n`force_input=True` uses the capture as it is"),
-            Error::Memory(MemoryError::Allowed { .. }) => format!("`memory`: {error}"),
-            Error::NoInput(InputError::OneState { .. }) => format!("{error}: reconstruct(closed, open, out=...)"),
+            Error::Prepare(PrepareError::Contradiction(what)) => {
+                format!("{what}\n`force_input=True` uses the capture as it is")
+            }
+            Error::Prepare(PrepareError::Memory(MemoryError::Allowed { .. })) => format!("`memory`: {error}"),
+            Error::Prepare(PrepareError::Input(InputError::OneState { .. })) => {
+                format!("{error}: reconstruct(closed, open, out=...)")
+            }
             Error::Output(OutputError::Earlier(folder)) => {
                 let shown = folder.display();
                 format!("{shown} holds an earlier run; `resume=True` continues it, `force=True` discards it")
@@ -56,6 +60,12 @@ impl From<Error> for CallError {
             _ if error.is_bad_input() => error.to_string(),
             _ => return Self::failed(error),
         })
+    }
+}
+
+impl From<PrepareError> for CallError {
+    fn from(error: PrepareError) -> Self {
+        Error::from(error).into()
     }
 }
 

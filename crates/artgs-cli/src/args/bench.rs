@@ -114,6 +114,13 @@ pub(crate) struct Bench {
     pub(super) json: bool,
 }
 
+impl Bench {
+    /// The device as `artgs reconstruct` reads it; none if it is to choose.
+    pub(crate) fn named_device(&self) -> Option<String> {
+        Some(self.device).filter(|d| *d != DeviceChoice::Auto).map(|d| d.to_string())
+    }
+}
+
 /// How the runs of a bench know the number of parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Parts {

@@ -5,10 +5,10 @@ mod row;
 mod worker;
 
 use crate::args::Batch;
-use crate::commands::Style;
 use crate::failure::Failure;
 use crate::output::say;
-use crate::process;
+use crate::started;
+use crate::style::Style;
 use anyhow::{Context, anyhow};
 use artgs_io::write_atomic;
 use manifest::Entry;
@@ -33,7 +33,7 @@ pub(crate) fn run(args: &Batch, style: Style) -> Result<(), Failure> {
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("cannot watch for Ctrl-C")?;
     let formats = args.to.iter().map(|format| format.0.name()).collect::<Vec<_>>().join(",");
     let worker = Worker {
-        program: process::program().context("cannot find the path of this program")?,
+        program: started::program().context("cannot find the path of this program")?,
         out,
         formats: Some(formats.as_str()).filter(|formats| !formats.is_empty()),
         retry_failed: args.retry_failed,

@@ -5,8 +5,8 @@
 //! which a cut would waste much is split by it instead: what is beyond the cut can be cut otherwise. A slide is tested as one
 //! volume, which is convex for a convex piece; a hinge is tested in many poses. Pieces only shrink, so the process terminates.
 
-use crate::collision::hull::{Hull, Plane, pose};
 use crate::collision::motions::{PairMotions, RelativeMotion};
+use crate::geometry::hull::{Hull, Plane, pose};
 use artgs_core::Rigid;
 use glam::DVec3;
 use parry3d_f64::bounding_volume::{Aabb, BoundingVolume as _};

@@ -1,10 +1,10 @@
 //! Pieces of a movable part that are apart from the rest of it and through which another part passes: they belong to something else.
 
 use crate::collision::clearance::covering;
-use crate::collision::hull::Hull;
-use crate::convert::to_parry;
-use crate::looks::repair::trimesh;
-use crate::topology::{Sets, cross};
+use crate::geometry::convert::to_parry;
+use crate::geometry::convert::trimesh;
+use crate::geometry::hull::Hull;
+use crate::geometry::topology::{Sets, cross};
 use artgs_core::{AssetLink, Mesh, TexturedMesh};
 use glam::DVec3;
 use parry3d::query::PointQueryWithLocation as _;
@@ -128,8 +128,8 @@ mod tests {
             [[-2.0, 1.0], [1.1, 1.2], [1.3, 1.4]].map(|[low, high]| Mesh::cuboid([low, 0.0, 0.0], [high, 0.1, 0.1]));
         let mut mesh = Mesh::default();
         boxes.iter().for_each(|part| mesh.append(part));
-        let hull = |of: &Mesh| Hull::of(&crate::topology::points(of).collect::<Vec<_>>(), 1e-3).unwrap();
-        let middle = |of: &Mesh| crate::topology::points(of).sum::<DVec3>() / 8.0;
+        let hull = |of: &Mesh| Hull::of(&crate::geometry::topology::points(of).collect::<Vec<_>>(), 1e-3).unwrap();
+        let middle = |of: &Mesh| crate::geometry::topology::points(of).sum::<DVec3>() / 8.0;
         let front = |of: &Mesh| middle(of) + DVec3::new(0.0, 0.05, 0.0);
         let before: Vec<DVec3> = boxes.iter().map(front).collect();
         // Of the third box no point was observed.

@@ -4,7 +4,6 @@ pub(crate) mod apart;
 pub(crate) mod clearance;
 pub(crate) mod coacd;
 pub mod decompose;
-pub(crate) mod hull;
 pub(crate) mod islands;
 pub(crate) mod motions;
 pub(crate) mod redundant;

@@ -1,8 +1,8 @@
 //! Relative motions of pairs of links over all poses in which they must not collide.
 
-use crate::collision::hull::Hull;
+use crate::geometry::hull::Hull;
+use crate::geometry::topology::points;
 use crate::limits::Range;
-use crate::topology::points;
 use artgs_core::{Asset, AssetJoint, JointKind, Mesh, Rigid, State};
 use glam::DVec3;
 use std::collections::BTreeSet;

@@ -1,7 +1,7 @@
 //! Convex pieces that cover nothing alone: what they cover, others cover too.
 
 use crate::collision::clearance::covering;
-use crate::collision::hull::Hull;
+use crate::geometry::hull::Hull;
 use glam::DVec3;
 use rayon::prelude::*;
 

@@ -4,8 +4,8 @@
 pub(crate) mod semantics;
 
 use crate::config::{Front, PhysicalConfig};
+use crate::geometry::topology::{bounds, diagonal, points};
 use crate::limits::{NARROWEST, nearer_state};
-use crate::topology::{bounds, points};
 use artgs_core::{
     Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, PartSemantics, PerState, Replica, Rigid, State, TexturedMesh,
 };
@@ -151,12 +151,6 @@ fn nearer_state_of(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<S
     let mean_motion = distances.sum::<f64>() / end.vertices.len().max(1) as f64;
     let significant = (SIGNIFICANT * diagonal(meshes)).min(SIGNIFICANT_OF_MOTION * mean_motion);
     nearer_state(PerState::new(meshes[part], &end), PerState::new(meshes[parent], meshes[parent]), significant)
-}
-
-/// Diagonal of the box around all meshes.
-pub(crate) fn diagonal(meshes: &[&Mesh]) -> f64 {
-    let boxes = meshes.iter().filter_map(|m| bounds(m));
-    boxes.reduce(|[l, h], [low, high]| [l.min(low), h.max(high)]).map_or(0.0, |[low, high]| low.distance(high))
 }
 
 /// Unique names that are valid in every format: of the class where the replica has none of its own, unless `keep`.

@@ -1,6 +1,6 @@
 //! Why nothing was exported, and what happens during an export.
 
-use super::FrontAxis;
+use super::{ExportStep, FrontAxis};
 use artgs_io::asset::Format;
 use artgs_io::folder_lock::LockError;
 use artgs_io::replica::ReplicaFileError;
@@ -84,29 +84,4 @@ pub enum ExportEvent<'a> {
     Begins(ExportStep),
     /// So many formats of all are written.
     Written(usize, usize),
-}
-
-/// A step of an export.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ExportStep {
-    /// Closed and textured meshes.
-    Surfaces,
-    /// Masses and joint limits.
-    Limits,
-    /// Convex pieces.
-    Hulls,
-    /// Files.
-    Write,
-}
-
-impl ExportStep {
-    /// Name for people.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Surfaces => "surfaces",
-            Self::Limits => "limits",
-            Self::Hulls => "hulls",
-            Self::Write => "write",
-        }
-    }
 }

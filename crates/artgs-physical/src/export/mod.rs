@@ -7,7 +7,8 @@ mod portrait;
 mod report;
 mod run;
 
-pub use error::{ExportError, ExportEvent, ExportStep};
+pub use crate::step::ExportStep;
+pub use error::{ExportError, ExportEvent};
 pub use options::{CollisionSource, ExportOptions, FrontAxis};
 pub use run::{export_run, export_with_photos, upward};
 

@@ -167,7 +167,7 @@ fn lies_on(part: &[[f64; 2]; 3], carrier: &[[f64; 2]; 3], layer: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::collision::decompose::solid::Solid;
+    use crate::geometry::solid::Solid;
     use artgs_core::{AssetJoint, AssetLink, Mesh, PerState};
 
     fn surface(low: [f32; 3], high: [f32; 3]) -> Surface {

@@ -1,6 +1,6 @@
 //! The state in which a part is nearer to being closed.
 
-use crate::collision::hull::Hull;
+use crate::geometry::hull::Hull;
 use artgs_core::{Mesh, PerState, State};
 use glam::DVec3;
 

@@ -6,11 +6,11 @@
 //! noise stops nothing. The area must also be wide: rims overlap by a voxel where parts pass each other. Frames that stop a part can be
 //! narrow, so the caller decides how wide contacts with the carrier are.
 
-use crate::collision::decompose::Observed;
-use crate::collision::decompose::solid::{Sample, Solid};
-use crate::convert::{from_parry, to_parry};
-use crate::looks::repair::trimesh;
-use crate::topology::{corners, refine};
+use crate::geometry::Observed;
+use crate::geometry::convert::trimesh;
+use crate::geometry::convert::{from_parry, to_parry};
+use crate::geometry::solid::{Sample, Solid};
+use crate::geometry::topology::{corners, refine};
 use artgs_core::{Asset, JointKind, Mesh, Rigid};
 use glam::{DVec2, DVec3};
 use parry3d::query::{PointQueryWithLocation as _, Ray, RayCullingMode};

@@ -1,6 +1,6 @@
 //! Fused meshes of parts with their shapes for distances and rays, each built once.
 
-use crate::looks::repair::trimesh;
+use crate::geometry::convert::trimesh;
 use artgs_core::Mesh;
 use parry3d::shape::TriMesh;
 use std::sync::{Arc, OnceLock};

@@ -10,8 +10,9 @@ pub(crate) mod spread;
 pub(crate) mod unwrap;
 
 use crate::config::PhysicalConfig;
-use crate::convert::{from_parry, pose, to_parry};
-use crate::describe::diagonal;
+use crate::geometry::convert::{from_parry, pose, to_parry};
+use crate::geometry::topology::diagonal;
+use crate::geometry::topology::{bounds, points};
 use crate::looks::bake::{BakeOptions, BakeView, JUMP, Photo, bake, depth_of, equalise};
 use crate::looks::fused::Fused;
 use crate::looks::passage::{Passage, carved, freed};
@@ -20,7 +21,6 @@ use crate::looks::shade::{CREASE, with_normals};
 use crate::looks::simplify::{Original, SurfaceError, smoothed};
 use crate::looks::spread::spread;
 use crate::looks::unwrap::{UnwrapOptions, unwrap};
-use crate::topology::{bounds, points};
 use artgs_core::{Camera, Capture, DepthMap, Joint, Mesh, PerState, Replica, State, TexturedMesh, View};
 use artgs_io::export_report::Evidence;
 use glam::DVec3;
@@ -353,7 +353,7 @@ fn texel_density(views: &[BakeView], mesh: &Mesh) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::topology::testing::open_box;
+    use crate::geometry::topology::testing::open_box;
     use artgs_core::Intrinsics;
 
     #[test]

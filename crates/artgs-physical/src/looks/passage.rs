@@ -6,9 +6,9 @@
 //! either, such as the edge of a door that hardly moves beside its hinge. A surface of the part that passes through an observed
 //! surface of the carrier belongs to something behind it.
 
-use crate::convert::{from_parry, to_parry};
+use crate::geometry::convert::{from_parry, to_parry};
+use crate::geometry::topology::{bounds, corners, cross, points};
 use crate::looks::fused::Fused;
-use crate::topology::{bounds, corners, cross, points};
 use artgs_core::{Joint, JointKind, Mesh, Rigid, State};
 use glam::DVec3;
 use parry3d::query::{PointQueryWithLocation as _, Ray, RayCast as _, RayCullingMode};
@@ -297,7 +297,7 @@ fn pierces(p: DVec3, ways: &[Rigid], surface: &TriMesh, voxel: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::topology::refine;
+    use crate::geometry::topology::refine;
     use artgs_core::PerState;
 
     /// A door of 60 x 4 x 90 cm with its hinge at the left edge, that opens by 90 degrees.

@@ -1,6 +1,6 @@
 //! Vertex normals with creases.
 
-use crate::topology::{NONE, Sets, corner_angle, corners, cross, ends, next, twins};
+use crate::geometry::topology::{NONE, Sets, corner_angle, corners, cross, ends, next, twins};
 use artgs_core::{Mesh, TexturedMesh};
 use glam::DVec3;
 
@@ -50,8 +50,8 @@ pub(crate) fn with_normals(mesh: &Mesh, crease: f64) -> TexturedMesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::looks::repair::welded;
-    use crate::topology::testing::{open_box, sphere};
+    use crate::geometry::topology::testing::{open_box, sphere};
+    use crate::geometry::weld::welded;
     use glam::Vec3;
 
     #[test]

@@ -1,8 +1,8 @@
 //! Mesh simplification with a measured error.
 
-use crate::looks::repair::trimesh;
+use crate::geometry::convert::trimesh;
+use crate::geometry::topology::{open_edges, point, split_to_manifold};
 use crate::looks::spread::spread;
-use crate::topology::{open_edges, point, split_to_manifold};
 use artgs_core::Mesh;
 use glam::DVec3;
 use meshopt::{SimplifyOptions, VertexDataAdapter};
@@ -178,9 +178,9 @@ impl Around {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::looks::repair::welded;
-    use crate::topology::corners;
-    use crate::topology::testing::{open_box, sphere};
+    use crate::geometry::topology::corners;
+    use crate::geometry::topology::testing::{open_box, sphere};
+    use crate::geometry::weld::welded;
 
     #[test]
     fn a_sphere_is_simplified_within_the_error_it_states() {

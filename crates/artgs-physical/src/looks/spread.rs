@@ -1,6 +1,6 @@
 //! Points spread evenly over a surface.
 
-use crate::topology::{corners, cross};
+use crate::geometry::topology::{corners, cross};
 use artgs_core::Mesh;
 use glam::DVec3;
 
@@ -31,7 +31,7 @@ pub(crate) fn spread(mesh: &Mesh, count: usize) -> Vec<[DVec3; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::topology::testing::open_box;
+    use crate::geometry::topology::testing::open_box;
 
     #[test]
     fn sides_get_points_by_their_area() {

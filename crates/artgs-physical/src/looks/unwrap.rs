@@ -94,9 +94,9 @@ fn collect(mesh: &TexturedMesh, atlas: &Atlas) -> Unwrapped {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::looks::repair::welded;
+    use crate::geometry::topology::testing::{open_box, sphere};
+    use crate::geometry::weld::welded;
     use crate::looks::shade::{CREASE, with_normals};
-    use crate::topology::testing::{open_box, sphere};
     use glam::{DVec3, Vec2};
 
     /// Area of every triangle in texels, and how many triangles own each texel whose centre is well inside of them.
@@ -130,7 +130,7 @@ mod tests {
             let (areas, owners) = layout(&flat);
             assert!(owners.iter().all(|o| o.len() <= 1), "{} charts", flat.charts);
             for (t, area) in flat.mesh.mesh.triangles.iter().zip(&areas) {
-                let real = 0.5 * crate::topology::cross(&flat.mesh.mesh, *t).length() * 1e4;
+                let real = 0.5 * crate::geometry::topology::cross(&flat.mesh.mesh, *t).length() * 1e4;
                 assert!((f64::from(*area) / real - 1.0).abs() < tolerance, "{area} for {real}");
             }
             assert_eq!(flat.mesh.normals.len(), flat.mesh.uvs.len());

@@ -1,14 +1,14 @@
 //! What the consistency check found, as errors and warnings; single views that contradict the others are removed.
 
+use super::PrepareError;
 use crate::consistency::{Consistency, Finding, check_aligned, check_capture, check_recording};
-use crate::run::Error;
 use artgs_core::{Capture, PerState, Recording, State};
 use artgs_io::{CaptureError, CaptureOptions, load_capture_with};
 use std::path::Path;
 
 /// Refuses a capture whose views or states contradict each other, and removes single views that contradict the others, unless
 /// `forced`; warnings go to the capture.
-pub(super) fn require(capture: &mut Capture, forced: bool) -> Result<(), Error> {
+pub(super) fn require(capture: &mut Capture, forced: bool) -> Result<(), PrepareError> {
     let found = check_capture(capture);
     capture.warnings.extend(accepted(found.findings(), forced)?);
     for (state, own) in found.states.enumerate() {
@@ -18,7 +18,7 @@ pub(super) fn require(capture: &mut Capture, forced: bool) -> Result<(), Error> 
 }
 
 /// Refuses recordings whose frames contradict each other, and removes single ones, unless `forced`; warnings go to the recordings.
-pub(super) fn require_recordings(recordings: &mut PerState<Recording>, forced: bool) -> Result<(), Error> {
+pub(super) fn require_recordings(recordings: &mut PerState<Recording>, forced: bool) -> Result<(), PrepareError> {
     for state in State::ALL {
         let found = check_recording(recordings[state].frames.iter().map(|f| &f.view));
         let findings = found.findings(&format!("the recording of the {} state", state.name()));
@@ -30,20 +30,20 @@ pub(super) fn require_recordings(recordings: &mut PerState<Recording>, forced: b
 }
 
 /// Refuses aligned recordings of different objects, unless `forced`; warnings go to the capture.
-pub(super) fn require_one_object(capture: &mut Capture, forced: bool) -> Result<(), Error> {
+pub(super) fn require_one_object(capture: &mut Capture, forced: bool) -> Result<(), PrepareError> {
     capture.warnings.extend(accepted(check_aligned(capture), forced)?);
     Ok(())
 }
 
 /// Reads the capture in a folder. Where its states do not overlap because the poses or depths of one are wrong, the error says what
 /// is wrong with them.
-pub fn load_capture(folder: &Path, options: &CaptureOptions) -> Result<Capture, Error> {
+pub fn load_capture(folder: &Path, options: &CaptureOptions) -> Result<Capture, PrepareError> {
     load_capture_with(folder, options).map_err(|error| {
         let apart = CaptureOptions { apart: true, ..*options };
         let is_apart = matches!(error, CaptureError::NoOverlap(_));
         let capture = is_apart.then(|| load_capture_with(folder, &apart).ok()).flatten();
         let cause = capture.and_then(|capture| refusal(&capture));
-        cause.map_or_else(|| Error::Capture(error), Error::Apart)
+        cause.map_or_else(|| PrepareError::Capture(error), PrepareError::Apart)
     })
 }
 
@@ -62,10 +62,10 @@ pub(super) fn refusals(findings: &[Finding]) -> impl Iterator<Item = &str> {
 }
 
 /// Warnings, those of refusals included if they are `forced`.
-fn accepted(findings: Vec<Finding>, forced: bool) -> Result<Vec<String>, Error> {
+fn accepted(findings: Vec<Finding>, forced: bool) -> Result<Vec<String>, PrepareError> {
     let refused: Vec<String> = refusals(&findings).map(|text| format!("{}.", text.trim_end_matches('.'))).collect();
     if !refused.is_empty() && !forced {
-        return Err(Error::Contradiction(refused.join("\n")));
+        return Err(PrepareError::Contradiction(refused.join("\n")));
     }
     let text = |finding| match finding {
         Finding::Refused(text) | Finding::Warning(text) => text,

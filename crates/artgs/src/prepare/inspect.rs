@@ -1,9 +1,9 @@
 //! What an input is, before it is used: a capture, or each recording.
 
+use super::PrepareError;
 use super::agreement::{load_capture, refusals};
 use super::{Input, RecordingFiles, memory};
 use crate::consistency::{Consistency, Finding, StateConsistency, check_capture, check_recording};
-use crate::run::Error;
 use artgs_core::{Capture, Recording};
 use artgs_io::capture::{ImageSizes, image_sizes};
 use artgs_io::recording::load_recording;
@@ -39,7 +39,7 @@ enum What {
 }
 
 /// Describes a capture, or each of two recordings.
-pub fn inspect(input: &Input) -> Result<Vec<Inspected>, Error> {
+pub fn inspect(input: &Input) -> Result<Vec<Inspected>, PrepareError> {
     match input {
         Input::Capture(folder) => {
             let capture = load_capture(folder, &CaptureOptions::default())?;
@@ -60,7 +60,7 @@ impl Inspected {
     }
 
     /// The description of one recording.
-    pub fn recording(files: &RecordingFiles) -> Result<Self, Error> {
+    pub fn recording(files: &RecordingFiles) -> Result<Self, PrepareError> {
         let recording = load_recording(&files.path, &files.options)?;
         let consistency = check_recording(recording.frames.iter().map(|f| &f.view));
         let what = What::Recording { summary: RecordingSummary::new(&recording), consistency };

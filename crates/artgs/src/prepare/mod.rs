@@ -1,15 +1,17 @@
 //! From files or images to a capture that the stages can use: read, checked, corrected, aligned, reduced to the memory there is.
 //!
-//! [`Request`] says what to reconstruct and how, [`Request::prepare`] makes it [`Prepared`], and a [`Reconstruction`] runs the stages on
+//! [`Request`] says what to reconstruct and how, [`Request::prepare`] makes it [`Prepared`], and a [`Reconstruction`](crate::Reconstruction) runs the stages on
 //! that. Every front door (program, Python, batches, pages) takes these steps, so the same input gives the same replica.
 
 mod agreement;
+mod error;
 mod input;
 mod inspect;
 mod memory;
 mod recordings;
 
 pub use agreement::load_capture;
+pub use error::PrepareError;
 pub use input::{Input, InputError, RecordingFiles};
 pub use inspect::{Inspected, inspect};
 pub use memory::{MemoryError, Plan};
@@ -18,8 +20,8 @@ use crate::align::{AlignReport, Correction, ObjectBox, correct};
 use crate::config::Config;
 use crate::observer::{Event, Observer, Tee};
 use crate::part_count::PartCount;
-use crate::run::{Earlier, Error, Output, Reconstruction};
-use artgs_core::{Capture, Replica};
+use artgs_core::Capture;
+use artgs_io::FileError;
 use artgs_io::capture::{CaptureOptions, as_stored, write_capture};
 use artgs_io::run_folder::{RunFolder, remove_folder, save_json};
 use serde::Serialize;
@@ -53,7 +55,7 @@ impl Request {
     }
 
     /// Reads the input, refuses what cannot be used, aligns recordings, and corrects poses. Writes nothing.
-    pub fn prepare(self, observer: &mut dyn Observer) -> Result<Prepared, Error> {
+    pub fn prepare(self, observer: &mut dyn Observer) -> Result<Prepared, PrepareError> {
         let Self { input, mut config, object_box, memory, force_input } = self;
         config.check()?;
         config.check_part_count()?;
@@ -98,16 +100,6 @@ impl Request {
         };
         Ok(Prepared { capture, config, photos, before })
     }
-
-    /// Makes the replica in the folder `out`, which must be new or empty, on the processor. [`Request::prepare`] and
-    /// [`Reconstruction`] are its steps.
-    pub fn run(self, out: impl Into<PathBuf>, observer: &mut dyn Observer) -> Result<Replica, Error> {
-        let folder = RunFolder::new(out);
-        Output::check(&folder, Earlier::Refuse, Some(&self.input))?;
-        let prepared = self.prepare(observer)?;
-        let output = Output::open(folder, Earlier::Refuse, "a program that uses artgs")?;
-        Ok(Reconstruction::new(&prepared).run_in(output.folder(), observer)?.replica)
-    }
 }
 
 /// A capture that stages can use, with the settings for it.
@@ -149,7 +141,7 @@ impl Prepared {
     }
 
     /// The capture in a folder that an earlier run has prepared.
-    pub fn saved(folder: &Path, config: Config) -> Result<Self, Error> {
+    pub fn saved(folder: &Path, config: Config) -> Result<Self, PrepareError> {
         let capture = load_capture(folder, &CaptureOptions::default())?;
         Ok(Self { config, photos: Photos::Folder(folder.into()), ..Self::as_is(capture) })
     }
@@ -174,7 +166,7 @@ impl Prepared {
     }
 
     /// Writes images that no other folder has into the folder of the run, and notes where the images are.
-    pub(crate) fn save_photos(&self, run: &RunFolder) -> Result<(), Error> {
+    pub(crate) fn save_photos(&self, run: &RunFolder) -> Result<(), FileError> {
         let folder = match &self.photos {
             Photos::Folder(folder) => folder.clone(),
             Photos::Run(report) => {
@@ -187,7 +179,7 @@ impl Prepared {
             }
             Photos::Unsaved => return Ok(()),
         };
-        Ok(run.save_capture_folder(&folder)?)
+        run.save_capture_folder(&folder)
     }
 
     /// The folder with the images: of the input, or where `run` saves them; none for images in memory.
@@ -202,6 +194,6 @@ impl Prepared {
 
 /// A capture that differs from its files, as it will be read from those that the run writes: depth in files is rounded, and a later run
 /// on them must see the same numbers.
-fn changed(capture: Capture, report: Report, longest_side: u32) -> Result<(Capture, Photos), Error> {
+fn changed(capture: Capture, report: Report, longest_side: u32) -> Result<(Capture, Photos), PrepareError> {
     Ok((as_stored(capture, longest_side)?, Photos::Run(Box::new(report))))
 }

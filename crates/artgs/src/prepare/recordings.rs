@@ -1,20 +1,20 @@
 //! Recordings of phones and depth cameras: read, and aligned into one capture.
 
+use super::PrepareError;
 use super::input::{RecordingFiles, require_two};
 use crate::align::{AlignReport, ObjectBox, align_with_progress};
 use crate::config::Config;
 use crate::observer::{Event, Observer, percent};
-use crate::run::Error;
 use artgs_core::{Capture, PerState, Recording, State, Upward};
 use artgs_io::recording::{RecordingOptions, load_recording};
 use std::time::Instant;
 
 /// Reads the recording of each state, with images of at most `longest_side` pixels.
-pub(super) fn load(files: PerState<RecordingFiles>, longest_side: u32) -> Result<PerState<Recording>, Error> {
+pub(super) fn load(files: PerState<RecordingFiles>, longest_side: u32) -> Result<PerState<Recording>, PrepareError> {
     require_two(&files)?;
     let read = |RecordingFiles { path, options }| {
         let longest_side = options.longest_side.min(longest_side);
-        load_recording(&path, &RecordingOptions { longest_side, ..options }).map_err(Error::from)
+        load_recording(&path, &RecordingOptions { longest_side, ..options }).map_err(PrepareError::from)
     };
     files.map(read).transpose()
 }
@@ -25,7 +25,7 @@ pub(super) fn aligned(
     config: &Config,
     object_box: Option<&ObjectBox>,
     observer: &mut dyn Observer,
-) -> Result<(Capture, AlignReport), Error> {
+) -> Result<(Capture, AlignReport), PrepareError> {
     let begun = Instant::now();
     observer.event(Event::started("align"));
     let (mut capture, report) = {

@@ -1,43 +1,24 @@
 //! Why a run stopped.
 
 use super::output::OutputError;
-use crate::align::AlignError;
 use crate::config::ConfigError;
 use crate::discover::{CorrectError, DiscoverError};
 use crate::evaluate::PictureError;
 use crate::fit::FitError;
-use crate::prepare::{InputError, MemoryError};
+use crate::prepare::{InputError, PrepareError};
 use crate::registration::RegistrationError;
 use crate::surface::SurfaceError;
+use artgs_io::FileError;
 use artgs_io::replica::ReplicaFileError;
 use artgs_io::run_folder::NoReplica;
-use artgs_io::{CaptureError, FileError, RecordingError};
 
 /// Why a run stopped.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// What was named is no input.
+    /// The input cannot be used.
     #[error(transparent)]
-    NoInput(#[from] InputError),
-    /// A capture cannot be read.
-    #[error(transparent)]
-    Capture(#[from] CaptureError),
-    /// A recording cannot be read.
-    #[error(transparent)]
-    Recording(#[from] RecordingError),
-    /// The states of a capture do not overlap, for this reason.
-    #[error("{0}")]
-    Apart(String),
-    /// Views or states contradict each other; `Request::force_input` uses them as they are.
-    #[error("{0}")]
-    Contradiction(String),
-    /// Recordings cannot be aligned.
-    #[error(transparent)]
-    Align(#[from] AlignError),
-    /// The images do not fit into the memory.
-    #[error(transparent)]
-    Memory(#[from] MemoryError),
+    Prepare(#[from] PrepareError),
     /// Held-out photos cannot be compared.
     #[error(transparent)]
     Pictures(#[from] PictureError),
@@ -90,18 +71,18 @@ pub enum Error {
     Replica(#[from] ReplicaFileError),
 }
 
+impl From<InputError> for Error {
+    fn from(error: InputError) -> Self {
+        PrepareError::from(error).into()
+    }
+}
+
 impl Error {
     /// True if the user has to change the capture, the settings or the command.
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::PartsLearnt
-            | Self::NoInput(_)
-            | Self::Capture(_)
-            | Self::Recording(_)
-            | Self::Apart(_)
-            | Self::Contradiction(_)
-            | Self::Align(_)
-            | Self::Memory(_)
+            | Self::Prepare(_)
             | Self::NoReplica(_)
             | Self::Pictures(_)
             | Self::Elsewhere { .. }

@@ -1,12 +1,12 @@
 //! The method in one call, on disk or in memory, and its three parts alone.
 
 use super::stages::Run;
-use super::{Error, FittedParts, Reconstructed};
+use super::{Earlier, Error, FittedParts, Output, Reconstructed};
 use crate::config::{Config, Method};
 use crate::discover::Discovery;
 use crate::fit::{Cpu, Devices};
 use crate::observer::{JsonLines, Observer, Tee};
-use crate::prepare::Prepared;
+use crate::prepare::{Prepared, Request};
 use crate::run::points::PartSource;
 use crate::surface::PartMeshes;
 use artgs_core::Replica;
@@ -153,6 +153,18 @@ impl<'a> Reconstruction<'a> {
     fn check(&self) -> Result<(), Error> {
         self.prepared.config.check()?;
         Ok(self.prepared.config.check_part_count()?)
+    }
+}
+
+impl Request {
+    /// Makes the replica in the folder `out`, which must be new or empty, on the processor. [`Request::prepare`] and
+    /// [`Reconstruction`] are its steps.
+    pub fn run(self, out: impl Into<PathBuf>, observer: &mut dyn Observer) -> Result<Replica, Error> {
+        let folder = RunFolder::new(out);
+        Output::check(&folder, Earlier::Refuse, Some(&self.input))?;
+        let prepared = self.prepare(observer)?;
+        let output = Output::open(folder, Earlier::Refuse, "a program that uses artgs")?;
+        Ok(Reconstruction::new(&prepared).run_in(output.folder(), observer)?.replica)
     }
 }
 

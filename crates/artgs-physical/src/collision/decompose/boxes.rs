@@ -2,9 +2,9 @@
 //! four corners of a face only: things sink into a floor whose face has more.
 
 use super::DecomposeOptions;
-use super::solid::Solid;
 use super::union::stays_within;
-use crate::collision::hull::Hull;
+use crate::geometry::hull::Hull;
+use crate::geometry::solid::Solid;
 use glam::DVec3;
 
 /// The box around a piece if no corner of it is farther than the tolerance from the piece and from the solid, else the piece.

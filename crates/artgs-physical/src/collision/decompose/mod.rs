@@ -7,13 +7,13 @@ mod regions;
 mod rest;
 mod sheets;
 mod slabs;
-pub(crate) mod solid;
 mod union;
 
-use crate::collision::hull::Hull;
+use crate::geometry::Observed;
+use crate::geometry::hull::Hull;
+use crate::geometry::solid::Solid;
 use artgs_core::Mesh;
 use glam::DVec3;
-use solid::Solid;
 
 /// Settings of [`decompose`]; lengths in units of the mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,10 +47,6 @@ pub(crate) fn decompose_with(mesh: &Mesh, other: &Decomposer, options: &Decompos
     hulls.sort_by(|a, b| b.volume().total_cmp(&a.volume()));
     Ok(hulls)
 }
-
-/// Whether a point of a mesh was observed. What was not, such as the inner side of a wall that was seen from one side, needs
-/// no piece of its own, but floors do: things are put on them.
-pub type Observed<'a> = dyn Fn(DVec3) -> bool + Sync + 'a;
 
 /// Convex pieces that together cover what was observed of a surface, and large flat regions of the rest, largest first.
 pub fn decompose(mesh: &Mesh, observed: &Observed, options: &DecomposeOptions) -> Vec<Hull> {
@@ -119,7 +115,8 @@ pub(crate) fn seen_points(solid: &Solid, observed: &Observed, spacing: f64) -> V
 /// True for regions that were observed.
 fn is_seen(solid: &Solid, region: &regions::Region) -> bool {
     const SEEN: f64 = 0.2;
-    let area = |t: &u32| 0.5 * crate::topology::cross(&solid.mesh, solid.mesh.triangles[*t as usize]).length();
+    let area =
+        |t: &u32| 0.5 * crate::geometry::topology::cross(&solid.mesh, solid.mesh.triangles[*t as usize]).length();
     let seen: f64 = region.triangles.iter().filter(|t| solid.seen[**t as usize]).map(area).sum();
     seen > SEEN * region.area
 }
@@ -147,7 +144,7 @@ fn axes(regions: &[regions::Region]) -> Vec<DVec3> {
 struct Pieces {
     hulls: Vec<Hull>,
     boxes: Vec<[DVec3; 2]>,
-    planes: Vec<Vec<crate::collision::hull::Plane>>,
+    planes: Vec<Vec<crate::geometry::hull::Plane>>,
 }
 
 impl Pieces {

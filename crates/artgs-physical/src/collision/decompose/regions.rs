@@ -1,6 +1,6 @@
 //! Flat regions of a surface.
 
-use crate::topology::{NONE, corners, cross, points, twins};
+use crate::geometry::topology::{NONE, corners, cross, points, twins};
 use artgs_core::Mesh;
 use glam::DVec3;
 

@@ -1,10 +1,10 @@
 //! What is not flat: groups of surface points, split by planes until their hulls follow the surface.
 
 use super::slabs::Slabs;
-use super::solid::{Sample, Solid};
 use super::union::stays_within;
 use super::{DecomposeOptions, Pieces};
-use crate::collision::hull::Hull;
+use crate::geometry::hull::Hull;
+use crate::geometry::solid::{Sample, Solid};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -21,7 +21,8 @@ pub(super) fn add(
     const MOST: f64 = 250_000.0;
     /// Samples that are grouped and split at most: hulls of many points are slow.
     const MOST_OPEN: usize = 40_000;
-    let area: f64 = solid.mesh.triangles.iter().map(|t| 0.5 * crate::topology::cross(&solid.mesh, *t).length()).sum();
+    let area: f64 =
+        solid.mesh.triangles.iter().map(|t| 0.5 * crate::geometry::topology::cross(&solid.mesh, *t).length()).sum();
     let spacing = (0.5 * options.tolerance).max((area / MOST).sqrt());
     let slabs = Slabs::new(pieces, near);
     let covered = |s: &Sample| slabs.cover(s.point) || behind > 0.0 && slabs.cover(s.point - s.normal * behind);

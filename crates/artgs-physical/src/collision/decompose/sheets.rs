@@ -3,11 +3,11 @@
 use super::mask::{Mask, cover, holds};
 use super::regions::Region;
 use super::slabs::Slabs;
-use super::solid::Solid;
 use super::union::stays_within;
 use super::{DecomposeOptions, Pieces};
-use crate::collision::hull::Hull;
-use crate::topology::{corners, twins};
+use crate::geometry::hull::Hull;
+use crate::geometry::solid::Solid;
+use crate::geometry::topology::{corners, twins};
 use glam::{DVec2, DVec3};
 
 /// A grid in the plane of a region.
@@ -86,7 +86,7 @@ fn axes(solid: &Solid, region: &Region, twins: &[u32]) -> (DVec3, DVec3) {
         let p = corners(&solid.mesh, solid.mesh.triangles[*t as usize]);
         for k in 0..3 {
             let twin = twins[(3 * t) as usize + k];
-            if twin != crate::topology::NONE && own.contains(&(twin / 3)) {
+            if twin != crate::geometry::topology::NONE && own.contains(&(twin / 3)) {
                 continue;
             }
             let edge = p[(k + 1) % 3] - p[k];

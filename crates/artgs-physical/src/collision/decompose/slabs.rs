@@ -51,7 +51,7 @@ impl<'a> Slabs<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::collision::hull::Hull;
+    use crate::geometry::hull::Hull;
 
     #[test]
     fn pieces_near_a_point_are_those_of_a_search_through_all() {

@@ -1,9 +1,9 @@
 //! Joins pieces whose common hull fills little that neither of them does.
 
 use super::slabs::Slabs;
-use super::solid::Solid;
 use super::{DecomposeOptions, Pieces};
-use crate::collision::hull::Hull;
+use crate::geometry::hull::Hull;
+use crate::geometry::solid::Solid;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::cmp::Ordering;
@@ -24,7 +24,7 @@ impl Needed {
         /// Samples of the whole surface at most.
         const MOST: f64 = 250_000.0;
         let area: f64 =
-            solid.mesh.triangles.iter().map(|t| 0.5 * crate::topology::cross(&solid.mesh, *t).length()).sum();
+            solid.mesh.triangles.iter().map(|t| 0.5 * crate::geometry::topology::cross(&solid.mesh, *t).length()).sum();
         let spacing = options.tolerance.max((area / MOST).sqrt());
         let samples = solid.samples(spacing, false).into_iter().map(|s| (s.point, if s.seen { OBSERVED } else { 1 }));
         Self { samples: samples.collect(), area: spacing * spacing }

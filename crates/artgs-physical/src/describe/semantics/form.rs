@@ -1,6 +1,6 @@
 //! Measures of a part that its class follows from: extents along its joint, how it lies against the part that carries it.
 
-use crate::topology::corners;
+use crate::geometry::topology::corners;
 use artgs_core::{AssetJoint, AssetLink, JointKind, Mesh, Rigid, State};
 use glam::DVec3;
 

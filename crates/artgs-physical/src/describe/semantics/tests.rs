@@ -1,5 +1,5 @@
 use crate::describe::describe;
-use crate::topology::bounds;
+use crate::geometry::topology::bounds;
 use crate::{Front, GivenClass, PhysicalConfig};
 use artgs_core::{HingeSide, PartClass, Replica, Rigid, State};
 use artgs_synth::{object, objects, suite};

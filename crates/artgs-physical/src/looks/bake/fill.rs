@@ -1,7 +1,7 @@
 //! Colours of texels that no view sees, or only beside edges.
 
 use super::atlas::Texel;
-use crate::looks::repair::trimesh;
+use crate::geometry::convert::trimesh;
 use artgs_core::Mesh;
 use glam::{DVec3, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};

@@ -1,9 +1,9 @@
 use super::gains::Gain;
 use super::*;
-use crate::looks::repair::welded;
+use crate::geometry::topology::testing::open_box;
+use crate::geometry::weld::welded;
 use crate::looks::shade::{CREASE, with_normals};
 use crate::looks::unwrap::{UnwrapOptions, unwrap};
-use crate::topology::testing::open_box;
 use artgs_core::{Camera, DepthMap, Intrinsics};
 use glam::DVec3;
 
@@ -42,7 +42,7 @@ fn photos(cameras: &[Camera], wrong: Option<usize>) -> Vec<(Vec<[u8; 4]>, DepthM
         let hits = visible(camera, &[&cube]);
         let color = |h: &Option<Hit>| {
             let Some(h) = h else { return [0; 4] };
-            let [a, b, c] = crate::topology::corners(&cube, cube.triangles[h.triangle]);
+            let [a, b, c] = crate::geometry::topology::corners(&cube, cube.triangles[h.triangle]);
             let [u, v, w] = h.weights.map(f64::from);
             let normal = (b - a).cross(c - a).normalize();
             let mut rgb = board(a * u + b * v + c * w - normal * 1e-3);
@@ -127,7 +127,7 @@ fn equalised(factor: impl Fn(usize, DVec3) -> f64) -> (TexturedMesh, Baked, [u32
     for (i, ((rgba, _), camera)) in images.iter_mut().zip(&cameras).enumerate() {
         for (pixel, hit) in rgba.iter_mut().zip(visible(camera, &[&cube])) {
             let Some(hit) = hit else { continue };
-            let [a, b, c] = crate::topology::corners(&cube, cube.triangles[hit.triangle]);
+            let [a, b, c] = crate::geometry::topology::corners(&cube, cube.triangles[hit.triangle]);
             let factor = factor(i, (b - a).cross(c - a).normalize());
             let [r, g, b, a] = *pixel;
             *pixel = [

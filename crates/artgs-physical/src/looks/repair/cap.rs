@@ -1,10 +1,10 @@
 //! Caps: triangulations of rims.
 
 use super::loops::{Flat, flatten};
-use super::thicken::trimesh;
 use super::{Obstacles, RepairOptions};
-use crate::convert::to_parry;
-use crate::topology::{components, corners, cross, ends, point, twins};
+use crate::geometry::convert::to_parry;
+use crate::geometry::convert::trimesh;
+use crate::geometry::topology::{components, corners, cross, ends, point, twins};
 use artgs_core::Mesh;
 use glam::{DVec2, DVec3};
 use parry3d::math::Vector;
@@ -315,7 +315,7 @@ fn ear_quality(i: usize, ring: &[Corner], left: &[usize], hole: &[u32], flat: &F
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::topology::testing::open_box;
+    use crate::geometry::topology::testing::open_box;
 
     #[test]
     fn a_cap_that_passes_through_the_surface_loses_what_is_before_it() {

@@ -1,6 +1,6 @@
 //! Rims of holes.
 
-use crate::topology::{NONE, ends, point, twins};
+use crate::geometry::topology::{NONE, ends, point, twins};
 use artgs_core::Mesh;
 use glam::{DMat3, DVec2, DVec3};
 

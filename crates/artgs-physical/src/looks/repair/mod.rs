@@ -9,10 +9,9 @@ mod clean;
 mod loops;
 mod thicken;
 
-pub(crate) use clean::{reduced, welded};
-pub(crate) use thicken::trimesh;
+pub(crate) use clean::reduced;
 
-use crate::topology::{open_edges, refine, signed_volume, split_to_manifold};
+use crate::geometry::topology::{open_edges, refine, signed_volume, split_to_manifold};
 use artgs_core::Mesh;
 use glam::DVec3;
 use parry3d::math::Pose3;
@@ -83,7 +82,7 @@ pub(crate) struct Repaired {
 /// Mean length of the mesh's edges, scene units; 0 without triangles.
 pub(crate) fn mean_edge(mesh: &Mesh) -> f64 {
     let lengths = mesh.triangles.iter().flat_map(|t| {
-        let [a, b, c] = crate::topology::corners(mesh, *t);
+        let [a, b, c] = crate::geometry::topology::corners(mesh, *t);
         [a.distance(b), b.distance(c), c.distance(a)]
     });
     lengths.sum::<f64>() / (3 * mesh.triangles.len()).max(1) as f64

@@ -1,5 +1,6 @@
 use super::*;
-use crate::topology::testing::{open_box, sphere};
+use crate::geometry::convert::trimesh;
+use crate::geometry::topology::testing::{open_box, sphere};
 
 const EDGE: f64 = 0.1;
 
@@ -91,7 +92,7 @@ fn jagged_concave_rims_are_capped() {
     // A letter U without a top face and without some triangles at the rim.
     let mut mesh = open_box(DVec3::new(9.0, 9.0, 1.0), 90, [true, true, true, true, true, true]);
     let gone = |m: &Mesh, t: &[u32; 3]| {
-        let c = crate::topology::corners(m, *t).iter().sum::<DVec3>() / 3.0;
+        let c = crate::geometry::topology::corners(m, *t).iter().sum::<DVec3>() / 3.0;
         let removed = ((c.x * 7.0).sin() + (c.y * 9.0).cos()) * 0.2;
         c.z > 0.9 && (c.x - 4.5).abs().max((c.y - 4.5).abs()) < 3.0 + removed && !((c.x - 4.5).abs() < 1.0 && c.y > 4.0)
     };

@@ -1,7 +1,8 @@
 //! Shells: adds an inner side to open components.
 
 use super::{Obstacles, Others};
-use crate::topology::{NONE, components, ends, point, twins, vertex_normals};
+use crate::geometry::convert::trimesh;
+use crate::geometry::topology::{NONE, components, ends, point, twins, vertex_normals};
 use artgs_core::Mesh;
 use glam::DVec3;
 use parry3d::math::Vector;
@@ -142,10 +143,4 @@ fn lower_to_neighbours(at: &mut [f64], triangles: &[[u32; 3]]) {
             t.iter().for_each(|v| at[*v as usize] = at[*v as usize].min(1.5 * lowest));
         }
     }
-}
-
-/// For ray casts and distances; none without triangles.
-pub(crate) fn trimesh(mesh: &Mesh) -> Option<TriMesh> {
-    let vertices = mesh.vertices.iter().map(|v| Vector::from_array(*v)).collect();
-    TriMesh::new(vertices, mesh.triangles.clone()).ok()
 }

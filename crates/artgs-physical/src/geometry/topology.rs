@@ -308,6 +308,12 @@ pub(crate) fn corner_angle(p: [DVec3; 3], k: usize) -> f64 {
     u.cross(v).length().atan2(u.dot(v))
 }
 
+/// Diagonal of the box around all meshes.
+pub(crate) fn diagonal(meshes: &[&Mesh]) -> f64 {
+    let boxes = meshes.iter().filter_map(|m| bounds(m));
+    boxes.reduce(|[l, h], [low, high]| [l.min(low), h.max(high)]).map_or(0.0, |[low, high]| low.distance(high))
+}
+
 #[cfg(test)]
 pub(crate) mod testing {
     use super::*;
@@ -372,7 +378,7 @@ mod tests {
 
     #[test]
     fn long_edges_are_halved_and_nothing_opens() {
-        let mut block = crate::looks::repair::welded(&open_box(DVec3::new(1.0, 2.0, 0.3), 1, [true; 6]), 1e-6);
+        let mut block = crate::geometry::weld::welded(&open_box(DVec3::new(1.0, 2.0, 0.3), 1, [true; 6]), 1e-6);
         refine(&mut block, 0.2);
         let lengths = (0..3 * block.triangles.len() as u32).map(|h| {
             let [a, b] = ends(&block.triangles, h).map(|v| point(&block, v));
@@ -384,15 +390,15 @@ mod tests {
 
     #[test]
     fn two_boxes_that_touch_along_an_edge_come_apart() {
-        let one = crate::looks::repair::welded(&open_box(DVec3::ONE, 1, [true; 6]), 1e-6);
+        let one = crate::geometry::weld::welded(&open_box(DVec3::ONE, 1, [true; 6]), 1e-6);
         assert_eq!((one.vertices.len(), open_edges(&one.triangles)), (8, 0));
         let mut two = one.clone();
         two.append(&one.moved(&artgs_core::Rigid::shift(DVec3::new(1.0, 1.0, 0.0))));
-        let touching = crate::looks::repair::welded(&two, 1e-6);
+        let touching = crate::geometry::weld::welded(&two, 1e-6);
         assert_eq!((touching.vertices.len(), open_edges(&touching.triangles)), (14, 1));
         let apart = split_to_manifold(&touching, 1e-3);
         assert_eq!((apart.vertices.len(), open_edges(&apart.triangles)), (16, 0));
-        assert_eq!(open_edges(&crate::looks::repair::welded(&apart, 1e-6).triangles), 0, "also when welded again");
+        assert_eq!(open_edges(&crate::geometry::weld::welded(&apart, 1e-6).triangles), 0, "also when welded again");
         assert!((signed_volume(&apart) - 2.0).abs() < 0.02);
         let parts = components(&twins(&apart));
         assert!(parts.iter().all(|p| *p == parts[0] || *p == 12) && parts[0] == 0);

@@ -35,7 +35,7 @@ fn has_hull(points: &[parry3d::math::Vec3], volume: f64) -> bool {
     /// Least share of the volume.
     const LEAST: f64 = 0.8;
     let Ok((points, faces)) = parry3d::transformation::try_convex_hull(points) else { return false };
-    let at = |i: u32| crate::convert::from_parry(points[i as usize] - points[0]);
+    let at = |i: u32| crate::geometry::convert::from_parry(points[i as usize] - points[0]);
     let found: f64 = faces.iter().map(|f| at(f[0]).dot(at(f[1]).cross(at(f[2]))) / 6.0).sum();
     found > LEAST * volume && parry3d::shape::ConvexPolyhedron::from_convex_mesh(points, &faces).is_some()
 }
@@ -143,7 +143,7 @@ impl Hull {
     /// middle and in another order: importers move and sort them.
     fn is_hull_in_single_precision(&self) -> bool {
         let [low, high] = self.bounds();
-        let moved = |by: DVec3| self.points.iter().map(move |p| crate::convert::to_parry(*p - by));
+        let moved = |by: DVec3| self.points.iter().map(move |p| crate::geometry::convert::to_parry(*p - by));
         let is_hull = |points: Vec<_>| has_hull(&points, self.volume());
         let centred = || moved((low + high) / 2.0);
         is_hull(moved(DVec3::ZERO).collect()) && is_hull(centred().collect()) && is_hull(centred().rev().collect())

@@ -1,8 +1,8 @@
 //! The surface that is decomposed: distances, rays and samples.
 
-use crate::convert::to_parry;
-use crate::looks::repair::welded;
-use crate::topology::{bounds, corners};
+use crate::geometry::convert::to_parry;
+use crate::geometry::topology::{bounds, corners};
+use crate::geometry::weld::welded;
 use artgs_core::{Inside, Mesh};
 use glam::DVec3;
 use parry3d::query::{PointQuery as _, Ray, RayCast as _};
@@ -59,7 +59,7 @@ impl Solid {
         let shape = TriMesh::with_flags(vertices, mesh.triangles.clone(), TriMeshFlags::ORIENTED).ok()?;
         let is_needed = |t: &[u32; 3]| {
             let middle = corners(&mesh, *t).iter().sum::<DVec3>() / 3.0;
-            observed(middle) || is_floor(&shape, middle, crate::topology::cross(&mesh, *t), ROOM * size)
+            observed(middle) || is_floor(&shape, middle, crate::geometry::topology::cross(&mesh, *t), ROOM * size)
         };
         let seen = mesh.triangles.iter().map(is_needed).collect();
         Some(Self { mesh, seen, shape, finest: FINEST * size, inside: OnceLock::new() })
@@ -68,7 +68,7 @@ impl Solid {
     /// Built when it is needed first: samples of the surface do not need it.
     fn inside(&self) -> Option<&Inside> {
         let build = || {
-            let points: Vec<DVec3> = crate::topology::points(&self.mesh).collect();
+            let points: Vec<DVec3> = crate::geometry::topology::points(&self.mesh).collect();
             Inside::of(&points, &self.mesh.triangles, self.finest)
         };
         self.inside.get_or_init(build).as_ref()
