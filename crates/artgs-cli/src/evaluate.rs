@@ -25,7 +25,7 @@ pub(crate) fn run(args: &Evaluate, style: Style) -> Result<(), Failure> {
 /// Scores the replica in a folder; `remark` gets what is unexpected.
 pub(crate) fn scored(run: &RunFolder, with: &Comparison<'_>, remark: &mut dyn FnMut(&str)) -> Result<Report, Failure> {
     // Files that are only read are for the user to correct.
-    Report::new(&compare(run, with, remark).map_err(Failure::bad_input)?)
+    Report::new(&compare(run, with, remark).map_err(|error| Failure::of(error).into_bad_input())?)
 }
 
 /// Refuses a place where no file can be, before minutes of work.

@@ -2,6 +2,7 @@
 
 use crate::args::{CollisionKind, Export};
 use crate::failure::Failure;
+use crate::folder::load_capture;
 use crate::output::{Report, note};
 use crate::progress;
 use crate::style::Style;
@@ -30,7 +31,13 @@ fn report(args: &Export, style: Style, remark: &mut dyn FnMut(&str)) -> Result<R
     let mut shown = observer(style);
     let mut steps = Steps::new(shown.as_mut());
     let report = export_run(&run, options(args), args.up, "artgs export", |event| steps.watch(event, remark));
-    let report = report.map_err(failure)?;
+    let report = report.map_err(|error| match &args.capture {
+        // The loader of runs also says what is wrong with the poses or depths.
+        Some(photos) if matches!(error, ExportError::Photos(_)) => {
+            load_capture(photos).err().unwrap_or_else(|| failure(error))
+        }
+        _ => failure(error),
+    })?;
     steps.end();
     Report::new(&report)
 }
@@ -131,11 +138,12 @@ impl<'a> Steps<'a> {
 fn failure(error: ExportError) -> Failure {
     match error {
         ExportError::Setting { name, value, range: [least, most] } => {
-            Failure::bad(format!("--{name} is {value}; give a number from {least} to {most}"))
+            Failure::bad(format!("--{name} is {value:?}; give a number from {least:?} to {most:?}"))
         }
         ExportError::Name(_) => {
             Failure::bad(format!("--{}", error.to_string().trim_start_matches('`').replacen('`', "", 1)))
         }
+        ExportError::UnknownUp => Failure::bad(error.to_string().replacen("give an axis", "give --up with an axis", 1)),
         ExportError::Front(_) => Failure::bad(format!("--front: {error}")),
         error if error.is_bad_input() => Failure::bad_input(error),
         error => Failure::failed(error),

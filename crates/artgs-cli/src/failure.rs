@@ -42,13 +42,18 @@ impl Failure {
     pub(crate) fn of(error: impl Into<Error>) -> Self {
         let error = error.into();
         Self::bad(match &error {
-            Error::Prepare(PrepareError::Contradiction(what)) => {
-                format!("{what}\n--force-input uses the capture as it is")
-            }
-            Error::Prepare(PrepareError::Memory(MemoryError::Allowed { .. })) => format!("--memory: {error}"),
-            Error::Prepare(PrepareError::Input(InputError::OneState { .. })) => {
-                format!("{error}: artgs reconstruct CLOSED OPEN -o OUT")
-            }
+            Error::Prepare(reason) => match &**reason {
+                PrepareError::Contradiction(what) => format!("{what}\n--force-input uses the capture as it is"),
+                PrepareError::Memory(MemoryError::Allowed { .. }) => format!("--memory: {error}"),
+                PrepareError::Input(InputError::OneState { .. }) => {
+                    format!("{error}: artgs reconstruct CLOSED OPEN -o OUT")
+                }
+                PrepareError::Input(InputError::CaptureForTruth(folder)) => {
+                    let shown = folder.display();
+                    format!("{shown}: a capture; give the folder of its ground truth: --gt {shown}/gt")
+                }
+                _ => return Self::bad_input(error),
+            },
             Error::Output(OutputError::IsFile(_) | OutputError::Foreign(_)) => format!("{error} to -o"),
             Error::Output(OutputError::Earlier(folder)) => {
                 let shown = folder.display();
@@ -64,6 +69,14 @@ impl Failure {
             _ if error.is_bad_input() => return Self::bad_input(error),
             _ => return Self::failed(error),
         })
+    }
+
+    /// The same as something that the caller must change.
+    pub(crate) fn into_bad_input(self) -> Self {
+        match self {
+            Self::Failed(error) => Self::BadInput(error),
+            other => other,
+        }
     }
 
     /// 2 for bad input, 3 for a failed check, 75 where a retry makes sense, 130 for an interruption, else 1.

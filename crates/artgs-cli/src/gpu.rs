@@ -1,4 +1,4 @@
-//! Graphics processors as the command line sees them; with the feature `gpu` alone are there any.
+//! Graphics processors as the command line sees them; there are some only with the feature `gpu`.
 
 pub(crate) use support::{NONE_LISTED, SUPPORTED, adapters, open, silence_drivers};
 

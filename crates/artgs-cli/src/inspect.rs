@@ -21,9 +21,28 @@ pub(crate) fn run(args: &Inspect, style: Style) -> Result<(), Failure> {
     let refused: Vec<String> =
         inspected.iter().filter(|one| one.is_refused()).map(|one| one.path().display().to_string()).collect();
     if refused.is_empty() {
-        return Ok(());
+        return if style.json { Ok(()) } else { say(verdict(&inspected)) };
     }
     Err(Failure::bad(format!("{}: artgs reconstruct refuses this input for the errors above", refused.join(" and "))))
+}
+
+/// Whether the input can be used, and the next command.
+fn verdict(inspected: &[Inspected]) -> String {
+    let warnings: usize = inspected.iter().map(Inspected::warnings).sum();
+    let usable = match warnings {
+        0 => "usable".into(),
+        1 => "usable, with the warning above".into(),
+        n => format!("usable, with the {n} warnings above"),
+    };
+    match inspected {
+        [recording] if !recording.is_capture() => {
+            format!("{usable}, as one state: record the other as well, then run artgs reconstruct CLOSED OPEN -o OUT")
+        }
+        all => {
+            let paths: Vec<String> = all.iter().map(|one| one.path().display().to_string()).collect();
+            format!("{usable}: artgs reconstruct {} -o OUT makes a replica", paths.join(" "))
+        }
+    }
 }
 
 /// The description of a capture, or of each recording; unlike a reconstruction, also of one recording.

@@ -26,8 +26,8 @@ pub(crate) fn of_state(path: &Path, state: State, args: &RecordingArgs) -> Resul
     Ok(RecordingFiles { path: path.into(), options: options(state, args)? })
 }
 
-/// The error of an option that a capture has not.
-pub(crate) fn for_recordings(option: &str) -> Failure {
+/// Refuses an option of recordings where the input is a capture.
+fn for_recordings(option: &str) -> Failure {
     Failure::bad(format!("{option} is for the recordings of two states, and this is a capture"))
 }
 

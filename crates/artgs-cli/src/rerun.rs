@@ -61,7 +61,7 @@ fn rerun(
     // Before the run, which removes exports of a replica that it replaces.
     let options = ExportOptions::of_last_export(run).map_err(Failure::bad_input)?;
     let device = device::choose(device, &config)?;
-    let prepared = Prepared::saved(photos, config).map_err(Failure::of)?;
+    let prepared = Prepared::again(run, photos, config, &mut PageObserver(Arc::clone(live))).map_err(Failure::of)?;
     Job::new(prepared, run, true, device, style).reconstruct(&mut PageObserver(Arc::clone(live)))?;
     live.stage_started(EXPORT);
     let begun = std::time::Instant::now();

@@ -56,5 +56,5 @@ pub(crate) fn list(preset: Preset, style: Style) -> Result<(), Failure> {
         Preset::Paper => Config::paper(),
         Preset::Registration => Config::registration(),
     };
-    Report::new(&Listing::new(&config).map_err(Failure::failed)?)?.show(style.json)
+    Report::new(&Listing::new(&config.to_toml().map_err(Failure::failed)?).map_err(Failure::failed)?)?.show(style.json)
 }

@@ -1,5 +1,7 @@
 //! Every front door takes the same steps: the program and the library make the same files of the same input.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 use artgs::observer::{Event, NullObserver};
 use artgs::{Config, Input, Prepared, Reconstruction, Request};
 use artgs_core::{Rigid, State};

@@ -1,6 +1,7 @@
 //! Errors as Python exceptions.
 
 use artgs::Error;
+use artgs::fit::FitError;
 use artgs::prepare::{InputError, MemoryError, PrepareError};
 use artgs::run::OutputError;
 use pyo3::prelude::*;
@@ -35,6 +36,14 @@ impl CallError {
     }
 }
 
+/// A whole number of Python as one of the library, or why not.
+pub(crate) fn whole<T: TryFrom<i64>>(name: &str, number: Option<i64>) -> Result<Option<T>, CallError> {
+    let wrong = |n: i64| {
+        CallError::input(format!("`{name}` is {n}; give a whole number that is not negative, or a smaller one"))
+    };
+    number.map(|n| T::try_from(n).map_err(|_| wrong(n))).transpose()
+}
+
 /// A message with an exit code of the program.
 impl From<(String, u8)> for CallError {
     fn from((message, exit_code): (String, u8)) -> Self {
@@ -46,16 +55,20 @@ impl From<(String, u8)> for CallError {
 impl From<Error> for CallError {
     fn from(error: Error) -> Self {
         Self::input(match &error {
-            Error::Prepare(PrepareError::Contradiction(what)) => {
-                format!("{what}\n`force_input=True` uses the capture as it is")
-            }
-            Error::Prepare(PrepareError::Memory(MemoryError::Allowed { .. })) => format!("`memory`: {error}"),
-            Error::Prepare(PrepareError::Input(InputError::OneState { .. })) => {
-                format!("{error}: reconstruct(closed, open, out=...)")
-            }
+            Error::Prepare(reason) => match &**reason {
+                PrepareError::Contradiction(what) => format!("{what}\n`force_input=True` uses the capture as it is"),
+                PrepareError::Memory(MemoryError::Allowed { .. }) => format!("`memory`: {error}"),
+                PrepareError::Input(InputError::OneState { .. }) => {
+                    format!("{error}: reconstruct(closed, open, out=...)")
+                }
+                _ => error.to_string(),
+            },
             Error::Output(OutputError::Earlier(folder)) => {
                 let shown = folder.display();
                 format!("{shown} holds an earlier run; `resume=True` continues it, `force=True` discards it")
+            }
+            Error::Fit(FitError::Device(_)) => {
+                return Self::failed(format!("{error}; with `device=\"auto\"` training would continue on the CPU"));
             }
             _ if error.is_bad_input() => error.to_string(),
             _ => return Self::failed(error),

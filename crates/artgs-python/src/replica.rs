@@ -1,17 +1,18 @@
 //! What is done with a finished replica: exports, checks, scores, its page.
 
-use crate::errors::CallError;
+use crate::errors::{CallError, whole};
 use crate::work::work;
 use artgs::observer::{Event, Observer};
+use artgs::prepare::load_capture;
 use artgs::run::{Comparison, compare};
 use artgs_check::CheckOptions;
-use artgs_io::RunFolder;
 use artgs_io::asset::Format;
+use artgs_io::{CaptureOptions, RunFolder};
 use artgs_physical::Up;
-use artgs_physical::export::{ExportEvent, ExportOptions, ExportStep, export_run};
+use artgs_physical::export::{ExportError, ExportEvent, ExportOptions, ExportStep, export_run};
 use pyo3::prelude::*;
 use std::fmt::Display;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Kilograms per cubic metre of all parts, or of some by their names.
@@ -35,7 +36,7 @@ pub(crate) struct ExportArguments {
     density: Option<Density>,
     collision: Option<String>,
     observed_limits: bool,
-    triangles: Option<usize>,
+    triangles: Option<i64>,
     texel: Option<f64>,
 }
 
@@ -66,7 +67,7 @@ impl ExportArguments {
             densities,
             collision: parsed("collision", self.collision)?.unwrap_or_default(),
             observed_limits: self.observed_limits,
-            triangles: self.triangles,
+            triangles: whole("triangles", self.triangles)?,
             texel: self.texel,
             ..defaults
         };
@@ -102,6 +103,20 @@ impl Steps<'_> {
     }
 }
 
+/// An error of an export with the arguments that are its remedy; `photos` is the folder that the caller named.
+fn failure(error: ExportError, photos: Option<&Path>) -> CallError {
+    match (&error, photos) {
+        (ExportError::UnknownUp, _) => CallError::input(format!("{error}, as `up`")),
+        // The loader of runs also says what is wrong with the poses or depths.
+        (ExportError::Photos(_), Some(photos)) => {
+            let read = load_capture(photos, &CaptureOptions::default());
+            read.err().map_or_else(|| CallError::input(&error), CallError::from)
+        }
+        _ if error.is_bad_input() => CallError::input(error),
+        _ => CallError::failed(error),
+    }
+}
+
 /// Exports the replica in a folder; returns the report as JSON.
 #[pyfunction]
 pub(crate) fn export(
@@ -113,12 +128,10 @@ pub(crate) fn export(
 ) -> PyResult<String> {
     work(py, callback, threads, move |observer| {
         let (options, up) = arguments.options()?;
+        let photos = options.capture.clone();
         let mut steps = Steps { observer, current: None };
         let report = export_run(&RunFolder::new(folder), options, up, "artgs in Python", |event| steps.event(event));
-        let report = report.map_err(|error| match error.is_bad_input() {
-            true => CallError::input(error),
-            false => CallError::failed(error),
-        })?;
+        let report = report.map_err(|error| failure(error, photos.as_deref()))?;
         steps.end();
         serde_json::to_string(&report).map_err(CallError::failed)
     })

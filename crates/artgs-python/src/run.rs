@@ -1,16 +1,17 @@
 //! Reconstruction, discovery, and the description of inputs.
 
 use crate::capture::Capture;
-use crate::errors::CallError;
+use crate::errors::{CallError, whole};
 use crate::settings::{self, Changes, Parts};
 use crate::work::work;
 use artgs::align::ObjectBox;
 use artgs::fit::Chosen;
 use artgs::observer::{Event, Observer};
-use artgs::prepare::inspect as inspected;
-use artgs::run::{Earlier, FoundReport, Output};
+use artgs::prepare::{Inspected, RecordingFiles, inspect as inspected};
+use artgs::run::{Earlier, FoundReport, Output, finds_parts};
 use artgs::{Input, Reconstruction, Request};
 use artgs_core::{Intrinsics, PerState, State};
+use artgs_io::capture::is_capture;
 use artgs_io::recording::{AxisOrder, RecordingFormat, RecordingOptions, parse_depth_unit};
 use artgs_io::{BoxBounds, RunFolder};
 use pyo3::prelude::*;
@@ -37,9 +38,8 @@ enum Bounds {
 pub(crate) struct RunArguments {
     out: PathBuf,
     parts: Option<Parts>,
-    config: Option<Changes>,
     preset: String,
-    seed: Option<u64>,
+    seed: Option<i64>,
     device: String,
     resume: bool,
     force: bool,
@@ -54,9 +54,9 @@ pub(crate) struct RunArguments {
 #[pyo3(from_item_all)]
 pub(crate) struct RecordingArguments {
     format: Option<String>,
-    frames: Option<usize>,
-    every: Option<usize>,
-    intrinsics: Option<[f64; 4]>,
+    frames: Option<i64>,
+    every: Option<i64>,
+    intrinsics: Option<Vec<f64>>,
     poses: Vec<PathBuf>,
     depth_unit: Option<String>,
     camera_axes: Option<String>,
@@ -89,22 +89,28 @@ impl RecordingArguments {
         let format = self.format.as_ref().map(format).transpose().map_err(wrong("format"))?;
         let unit = self.depth_unit.as_deref().map(parse_depth_unit).transpose().map_err(wrong("depth_unit"))?;
         let axes = self.camera_axes.as_deref().map(AxisOrder::parse).transpose().map_err(wrong("camera_axes"))?;
-        // As calibration tools publish them, with the centre of the first pixel at (0, 0).
-        let lens = |[fx, fy, cx, cy]: [f64; 4]| Intrinsics { fx, fy, cx: cx + 0.5, cy: cy + 0.5, width: 0, height: 0 };
-        if self.intrinsics.is_some_and(|k| !(k.iter().all(|v| v.is_finite()) && k[0] > 0.0 && k[1] > 0.0)) {
-            return Err(CallError::input("`intrinsics`: focal lengths must be above 0, and all numbers finite"));
-        }
+        let intrinsics = self.intrinsics.as_deref().map(lens).transpose()?;
         Ok(RecordingOptions {
             format,
-            frames: self.frames.unwrap_or(default.frames),
-            intrinsics: self.intrinsics.map(lens),
+            frames: whole("frames", self.frames)?.unwrap_or(default.frames),
+            intrinsics,
             poses: self.poses.get(state.index()).or(self.poses.first()).cloned(),
             depth_unit: unit,
             axes,
             inverted_poses: self.invert_poses,
-            every: self.every.unwrap_or(default.every),
+            every: whole("every", self.every)?.unwrap_or(default.every),
             ..default
         })
+    }
+}
+
+/// Focal lengths and principal point as calibration tools publish them, with the centre of the first pixel at (0, 0).
+fn lens(numbers: &[f64]) -> Result<Intrinsics, CallError> {
+    match *numbers {
+        [fx, fy, cx, cy] if fx > 0.0 && fy > 0.0 && numbers.iter().all(|v| v.is_finite()) => {
+            Ok(Intrinsics { fx, fy, cx: cx + 0.5, cy: cy + 0.5, width: 0, height: 0 })
+        }
+        _ => Err(CallError::input("`intrinsics`: give fx, fy, cx, cy in pixels, focal lengths above 0")),
     }
 }
 
@@ -128,15 +134,19 @@ impl Named {
             Self::Files(paths) => Input::new(&paths).map_err(artgs::Error::from)?,
         };
         match (&input, recording.given()) {
-            (Input::Capture(_) | Input::Images(_), Some(name)) => {
-                Err(CallError::input(format!("`{name}` is for the recordings of two states, and this is a capture")))
-            }
+            (Input::Images(_), Some(name)) => Err(for_recordings(name)),
+            // What is no capture is refused with the reason when it is read.
+            (Input::Capture(folder), Some(name)) if is_capture(folder) => Err(for_recordings(name)),
             _ => {
                 let options = PerState::from_fn(|state| recording.options(state)).transpose()?;
                 Ok(input.with_options(options))
             }
         }
     }
+}
+
+fn for_recordings(name: &str) -> CallError {
+    CallError::input(format!("`{name}` is for the recordings of two states, and this is a capture"))
 }
 
 /// A run that can begin.
@@ -148,22 +158,13 @@ struct Job {
 }
 
 impl Job {
-    fn new(named: Named, arguments: RunArguments) -> Result<Self, CallError> {
-        let RunArguments {
-            out,
-            parts,
-            config,
-            preset,
-            seed,
-            device,
-            resume,
-            force,
-            force_input,
-            memory,
-            r#box,
-            recording,
-        } = arguments;
-        let config = settings::config(&preset, config, parts, seed)?;
+    fn new(named: Named, arguments: RunArguments, changes: Option<Changes>, trains: bool) -> Result<Self, CallError> {
+        let RunArguments { out, parts, preset, seed, device, resume, force, force_input, memory, r#box, recording } =
+            arguments;
+        let config = settings::config(&preset, changes, parts, seed)?;
+        if !trains && !finds_parts(&config) {
+            return Err(artgs::Error::PartsLearnt.into());
+        }
         let earlier = match (resume, force) {
             (true, _) => Earlier::Resume,
             (_, true) => Earlier::Discard,
@@ -217,45 +218,54 @@ fn object_box(bounds: Bounds) -> Result<ObjectBox, CallError> {
 
 /// Makes a replica in the folder of the arguments.
 #[pyfunction]
-#[pyo3(signature = (start, end, arguments, callback, threads))]
+#[pyo3(signature = (start, end, arguments, config, callback, threads))]
 pub(crate) fn reconstruct(
     py: Python<'_>,
     start: Source<'_>,
     end: Option<PathBuf>,
     arguments: RunArguments,
+    config: Option<Changes>,
     callback: Option<Bound<'_, PyAny>>,
     threads: Option<usize>,
 ) -> PyResult<()> {
     let named = Named::new(start, end);
     work(py, callback, threads, move |observer| {
-        Job::new(named, arguments)?.begin(observer, |run, folder, observer| run.run_in(folder, observer).map(drop))
+        let job = Job::new(named, arguments, config, true)?;
+        job.begin(observer, |run, folder, observer| run.run_in(folder, observer).map(drop))
     })
 }
 
 /// Finds parts and joints in the folder of the arguments; returns them as JSON.
 #[pyfunction]
-#[pyo3(signature = (start, end, arguments, callback, threads))]
+#[pyo3(signature = (start, end, arguments, config, callback, threads))]
 pub(crate) fn discover(
     py: Python<'_>,
     start: Source<'_>,
     end: Option<PathBuf>,
     arguments: RunArguments,
+    config: Option<Changes>,
     callback: Option<Bound<'_, PyAny>>,
     threads: Option<usize>,
 ) -> PyResult<String> {
     let named = Named::new(start, end);
     work(py, callback, threads, move |observer| {
-        let found =
-            Job::new(named, arguments)?.begin(observer, |run, folder, observer| run.find_parts_in(folder, observer))?;
+        let job = Job::new(named, arguments, config, false)?;
+        let found = job.begin(observer, |run, folder, observer| run.find_parts_in(folder, observer))?;
         serde_json::to_string(&FoundReport::new(&found)).map_err(CallError::failed)
     })
 }
 
-/// Describes a capture, or each of two recordings, as JSON.
+/// Describes a capture, or each of one or two recordings, as JSON.
 #[pyfunction]
 pub(crate) fn inspect(py: Python<'_>, paths: Vec<PathBuf>) -> PyResult<String> {
     work(py, None, None, move |_| {
-        let found = inspected(&Input::new(&paths).map_err(artgs::Error::from)?)?;
+        let found = match &paths[..] {
+            [path] if RecordingFormat::of(path).is_some() => {
+                let files = RecordingFiles { path: path.clone(), options: RecordingOptions::default() };
+                vec![Inspected::recording(&files)?]
+            }
+            _ => inspected(&Input::new(&paths).map_err(artgs::Error::from)?)?,
+        };
         serde_json::to_string(&found).map_err(CallError::failed)
     })
 }

@@ -1,6 +1,7 @@
 //! Settings of a run from Python values.
 
-use crate::errors::CallError;
+use crate::errors::{CallError, whole};
+use artgs::config::ConfigError;
 use artgs::fit::{Chosen, DeviceChoice};
 use artgs::{Config, PartCount};
 use pyo3::exceptions::PyTypeError;
@@ -55,16 +56,17 @@ fn value(given: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
 /// A number of parts, the least and the largest, or a text such as `3..8` or `auto`.
 #[derive(Debug, FromPyObject)]
 pub(crate) enum Parts {
-    Number(usize),
-    Range(usize, usize),
+    Number(i64),
+    Range(i64, i64),
     Text(String),
 }
 
 impl Parts {
     fn count(self) -> Result<PartCount, CallError> {
+        let number = |n: i64| whole("parts", Some(n)).map(Option::unwrap_or_default);
         let count = match self {
-            Self::Number(parts) => PartCount::Given(parts),
-            Self::Range(least, most) => PartCount::Range { least, most },
+            Self::Number(parts) => PartCount::Given(number(parts)?),
+            Self::Range(least, most) => PartCount::Range { least: number(least)?, most: number(most)? },
             Self::Text(text) => text.parse().map_err(|error| CallError::input(format!("`parts`: {error}")))?,
         };
         count.check().map(|()| count).map_err(|reason| CallError::input(format!("`parts`: {reason}")))
@@ -76,7 +78,7 @@ pub(crate) fn config(
     preset: &str,
     changes: Option<Changes>,
     parts: Option<Parts>,
-    seed: Option<u64>,
+    seed: Option<i64>,
 ) -> Result<Config, CallError> {
     let mut config = match preset {
         "default" => Config::default(),
@@ -95,8 +97,13 @@ pub(crate) fn config(
         };
     }
     config.parts = parts.map_or(Ok(config.parts), Parts::count)?;
-    config.seed = seed.unwrap_or(config.seed);
-    config.check().and_then(|()| config.check_part_count()).map_err(CallError::input)?;
+    config.seed = whole("seed", seed)?.unwrap_or(config.seed);
+    config.check().and_then(|()| config.check_part_count()).map_err(|error| match error {
+        ConfigError::PartsNeeded(_) => CallError::input(format!(
+            "`preset={preset:?}` needs `parts`: it cannot find the number of parts; the static part counts"
+        )),
+        error => CallError::input(error),
+    })?;
     Ok(config)
 }
 

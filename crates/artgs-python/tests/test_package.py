@@ -140,21 +140,32 @@ def test_errors_name_the_arguments_of_python(tmp_path: Path, capture: Path, repl
         "both": ({"resume": True, "force": True}, "'resume' cannot be used with 'force'"),
         "earlier": ({"out": replica.path}, "holds an earlier run; `resume=True` continues it, `force=True` discards it"),
     }
-    for given, words in wrong.values():
+    for change, words in wrong.values():
+        given: dict[str, Any] = {"out": out, "progress": False, **change}
         with pytest.raises(artgs.InputError, match=words):
-            artgs.reconstruct(capture, **({"out": out, "progress": False} | given))
+            artgs.reconstruct(capture, **given)
     assert not out.exists()
+    for name in ("seed", "parts"):
+        wrong_number: dict[str, Any] = {"out": out, name: -1}
+        with pytest.raises(artgs.InputError, match="is -1; give a whole number"):
+            artgs.reconstruct(capture, **wrong_number)
+    with pytest.raises(artgs.InputError, match="needs `parts`"):
+        artgs.reconstruct(capture, out=out, progress=False, preset="paper")
+    with pytest.raises(artgs.InputError, match="learnt in training"):
+        artgs.discover(capture, out=replica.path, parts=3, progress=False, preset="paper", force=True)
+    assert replica.path.joinpath("replica.json").exists()
     with pytest.raises(TypeError, match="a setting is a"):
         artgs.reconstruct(capture, out=out, config={"seed": object()}, progress=False)
-    for given, words in [
+    exports: list[tuple[dict[str, Any], str]] = [
         ({"formats": "dxf"}, "there is no format `dxf`"),
         ({"scale": 1e30}, "`scale` is 1e30; give a number from"),
         ({"up": "down"}, "`up`: `down` is no direction"),
         ({"front": "back"}, "`front`: no front is called `back`"),
         ({"collision": "spheres"}, "`collision`: no collision is called"),
-    ]:
+    ]
+    for options, words in exports:
         with pytest.raises(artgs.InputError, match=words):
-            replica.export(**given, progress=False)
+            replica.export(**options)
     with pytest.raises(artgs.InputError, match="there is no object or suite `sofa`"):
         artgs.synth("sofa", out)
     with pytest.raises(artgs.InputError, match="give `ground_truth`"):

@@ -9,7 +9,7 @@ use crate::config::{Config, Method};
 use crate::fit::{LogLinear, PlateauConfig};
 use crate::published::AssignKind;
 use crate::published::canonical::{CanonicalStart, CentreSource};
-use crate::run::points::{PartSource, StartSource};
+use crate::start::{PartSource, StartSource};
 
 const VARIANTS: [(&str, &str); 8] = [
     ("full", "the complete method"),

@@ -8,13 +8,13 @@ use crate::part_count::PartCount;
 use crate::published::TypeConfig;
 use crate::published::canonical::init::CanonicalConfig;
 use crate::registration::RegistrationConfig;
-use crate::run::points::{PartSource, StartConfig};
-use crate::settings;
+pub use crate::settings::ConfigError;
+use crate::settings::{self, bad};
+use crate::start::{PartSource, StartConfig};
 use crate::surface::SurfaceConfig;
 use artgs_io::without_mark;
 use serde::{Deserialize, Serialize};
-use std::fmt::Display;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// How parts and joints are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -59,47 +59,6 @@ pub struct Config {
     pub surface: SurfaceConfig,
 }
 
-/// Settings that cannot be used.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ConfigError {
-    /// Not TOML.
-    #[error("{0}")]
-    Toml(#[from] toml::de::Error),
-    /// Settings that TOML cannot hold, for example a number beyond its range.
-    #[error("settings cannot be written: {0}")]
-    Unwritable(#[from] toml::ser::Error),
-    /// An unknown field, or a value of the wrong type.
-    #[error("{0}")]
-    Field(String),
-    /// A file of settings cannot be used.
-    #[error("{}: {reason}", file.display())]
-    File {
-        /// The file.
-        file: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// The number of parts is neither given nor found.
-    #[error(
-        "{0} needs --parts K (or `parts` in the configuration): it cannot find the number of parts; K counts the static \
-         part, so a cabinet with two drawers has K = 3"
-    )]
-    PartsNeeded(&'static str),
-    /// A value out of range.
-    #[error("{}{key} = {value}: {rule}", header(section))]
-    Value {
-        /// Section of the configuration; empty for settings outside all sections.
-        section: String,
-        /// Key within the section.
-        key: String,
-        /// What it holds.
-        value: String,
-        /// What it should hold.
-        rule: String,
-    },
-}
-
 impl Config {
     /// The published method with its constants.
     pub fn paper() -> Self {
@@ -112,17 +71,6 @@ impl Config {
             surface: SurfaceConfig { keep_fraction: 0.1, min_weight: 0.5, ..SurfaceConfig::default() },
             ..Self::default()
         }
-    }
-
-    /// The published method with every count of steps (lengths of runs, densification, resets, temperature, levels,
-    /// learning rate schedules, Chamfer range) multiplied by `factor` in (0, 1], and learning rates by
-    /// `1 / sqrt(factor)`: for tables of many runs, where a full one takes too long. Not the published numbers.
-    pub fn paper_scaled(factor: f64) -> Result<Self, ConfigError> {
-        if factor > 0.0 && factor <= 1.0 {
-            return Ok(crate::shorten::shortened(Self::paper(), factor));
-        }
-        let rule = "must be the share of the published steps, more than 0 and at most 1";
-        Err(bad("", "schedule", factor, rule))
     }
 
     /// The baseline that registers clusters of what moved.
@@ -211,16 +159,6 @@ impl Config {
 
 /// Most points per unit length of the finest level of a hash grid.
 const FINEST_GRID: f64 = 16_777_216.0;
-
-/// A value that is refused.
-fn bad(section: &str, key: &str, value: impl Display, rule: &str) -> ConfigError {
-    ConfigError::Value { section: section.into(), key: key.into(), value: value.to_string(), rule: rule.into() }
-}
-
-/// What a message has before the key.
-fn header(section: &str) -> String {
-    if section.is_empty() { String::new() } else { format!("[{section}] ") }
-}
 
 /// What is wrong and in which section, on one line.
 fn on_one_line(error: &toml::de::Error) -> String {

@@ -57,6 +57,7 @@ pub mod discover;
 pub mod evaluate;
 pub mod explain;
 pub mod fit;
+mod hungarian;
 mod kernel_constants;
 #[doc(hidden)]
 pub mod low_level;
@@ -70,6 +71,7 @@ mod registration;
 pub mod run;
 pub mod settings;
 mod shorten;
+mod start;
 pub mod surface;
 mod trimmed;
 

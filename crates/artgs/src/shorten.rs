@@ -8,6 +8,20 @@
 use crate::articulation::ArticulateConfig;
 use crate::config::Config;
 use crate::fit::{DensifyConfig, LogLinear, RateConfig};
+use crate::settings::{ConfigError, bad};
+
+impl Config {
+    /// The published method with every count of steps (lengths of runs, densification, resets, temperature, levels,
+    /// learning rate schedules, Chamfer range) multiplied by `factor` in (0, 1], and learning rates by
+    /// `1 / sqrt(factor)`: for tables of many runs, where a full one takes too long. Not the published numbers.
+    pub fn paper_scaled(factor: f64) -> Result<Self, ConfigError> {
+        if factor > 0.0 && factor <= 1.0 {
+            return Ok(shortened(Self::paper(), factor));
+        }
+        let rule = "must be the share of the published steps, more than 0 and at most 1";
+        Err(bad("", "schedule", factor, rule))
+    }
+}
 
 /// A factor on counts of steps.
 #[derive(Clone, Copy)]

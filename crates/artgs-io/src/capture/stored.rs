@@ -1,6 +1,6 @@
 //! A capture as its files hold it: a run on images in memory sees the numbers that a later run reads from disk.
 
-use super::views::{reduced, where_unmeasured};
+use super::views::{fault, reduced, where_unmeasured};
 use super::write::{counted, depth_scale, folder_of, image_path};
 use super::{CaptureError, Layout, Split, check};
 use artgs_core::capture::OBJECT_ALPHA;
@@ -19,6 +19,7 @@ pub fn as_stored(mut capture: Capture, longest_side: u32) -> Result<Capture, Cap
     let scale = depth_scale(&capture);
     views(&mut capture, &|view| rounded(view, scale));
     for state in State::ALL {
+        usable(&capture.states[state])?;
         let StateViews { train, test } = &mut capture.states[state];
         for (views, split) in [(train, Split::Train), (test, Split::Test)] {
             views.retain(|view| view.rgba.iter().any(|pixel| pixel[3] > 0));
@@ -35,6 +36,24 @@ pub fn as_stored(mut capture: Capture, longest_side: u32) -> Result<Capture, Cap
     }
     check::states_overlap(&capture.states)?;
     Ok(capture)
+}
+
+/// Refuses images that a camera file cannot hold: one has images of one size, of usable intrinsics.
+fn usable(views: &StateViews) -> Result<(), CaptureError> {
+    for views in [&views.train, &views.test] {
+        for view in views {
+            let fail = |reason: String| CaptureError::Image { place: view.name.clone(), reason };
+            fault(&view.camera.intrinsics).map_or(Ok(()), |reason| Err(fail(reason)))?;
+            if view.size() != views[0].size() {
+                let ((w, h), (width, height)) = (view.size(), views[0].size());
+                return Err(fail(format!(
+                    "is {w}x{h}, but {} is {width}x{height}; all images of a state must have one size",
+                    views[0].name
+                )));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// A view with the depth of its files.
@@ -100,6 +119,16 @@ mod tests {
                 assert!(a.rgba == b.rgba && a.depth == b.depth && a.derived == b.derived, "{name}: {}", a.name);
             }
         }
+        let wider = |mut view: View| {
+            view.camera.intrinsics.width += 2;
+            view.camera.intrinsics.height -= 2;
+            view.rgba.truncate(352);
+            (view.depth, view.derived) = (None, None);
+            view
+        };
+        let mixed = vec![view(0, 1000.0, 255), wider(view(1, 1000.0, 255))];
+        let error = as_stored(Capture::new(PerState::from_fn(|_| mixed.clone())), 1600).unwrap_err().to_string();
+        assert!(error.contains("walk/1.jpg") && error.contains("22x16, but walk/0.jpg is 20x18"), "{error}");
         let same = View { depth: one[0].depth.clone(), ..view(0, 2000.0, 255) };
         let kept = rounded(same, depth_scale(&Capture::new(PerState::from_fn(|_| one.clone()))));
         let counts = |view: &View| view.depth.as_ref().unwrap().counts()[0];

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum ExportError {
     /// A setting out of range.
-    #[error("`{name}` is {value}; give a number from {} to {}", range[0], range[1])]
+    #[error("`{name}` is {value:?}; give a number from {:?} to {:?}", range[0], range[1])]
     Setting {
         /// Field of [`ExportOptions`](super::ExportOptions).
         name: &'static str,
@@ -30,8 +30,8 @@ pub enum ExportError {
     Front(FrontAxis),
     /// Nothing says which way is up.
     #[error(
-        "which way is up is not known: the recording does not state it, and no floor or walls say it; give --up with an axis of \
-         the capture (x, -x, y, -y, z or -z) or a direction such as 0.1,0,0.99"
+        "which way is up is not known: the recording does not state it, and no floor or walls say it; give an axis of the \
+         capture (x, -x, y, -y, z or -z) or a direction such as 0.1,0,0.99"
     )]
     UnknownUp,
     /// There is no replica.

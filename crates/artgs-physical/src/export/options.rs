@@ -237,7 +237,7 @@ impl ExportOptions {
 
     /// Refuses names that no file can have, and numbers out of range: scales from micrometres to kilometres, densities from foam to the
     /// heaviest metal, masses from a gram to a ship, and pieces with which engines are still fast.
-    fn check(&self) -> Result<(), ExportError> {
+    pub(super) fn check(&self) -> Result<(), ExportError> {
         let usable = |c: char| !c.is_control();
         let long = self.name.chars().count() > 100;
         if long || !self.name.chars().any(char::is_alphanumeric) || !self.name.chars().all(usable) {

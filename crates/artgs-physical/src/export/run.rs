@@ -18,7 +18,7 @@ pub fn export_run(
     command: &str,
     mut watch: impl FnMut(ExportEvent<'_>),
 ) -> Result<ExportReport, ExportError> {
-    options.config()?;
+    options.check()?;
     folder.require_replica()?;
     let known = upward(folder, up)?;
     let options =

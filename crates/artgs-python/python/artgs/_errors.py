@@ -1,4 +1,4 @@
-"""Exceptions. Their messages are those that the command prints after ``error:``."""
+"""Exceptions. Their messages are those of the command, with arguments in place of options."""
 
 
 class Error(Exception):

@@ -45,7 +45,6 @@ class RecordingArguments(TypedDict):
 class RunArguments(TypedDict):
     out: _Path
     parts: int | str | tuple[int, int] | None
-    config: _Path | dict[str, Any] | None
     preset: str
     seed: int | None
     device: str
@@ -80,11 +79,23 @@ class SynthArguments(TypedDict):
 
 _Callback = Callable[[str], object] | None
 
+_Config = _Path | dict[str, Any] | None
+
 def reconstruct(
-    start: Capture | _Path, end: _Path | None, arguments: RunArguments, callback: _Callback, threads: int | None
+    start: Capture | _Path,
+    end: _Path | None,
+    arguments: RunArguments,
+    config: _Config,
+    callback: _Callback,
+    threads: int | None,
 ) -> None: ...
 def discover(
-    start: Capture | _Path, end: _Path | None, arguments: RunArguments, callback: _Callback, threads: int | None
+    start: Capture | _Path,
+    end: _Path | None,
+    arguments: RunArguments,
+    config: _Config,
+    callback: _Callback,
+    threads: int | None,
 ) -> str: ...
 def inspect(paths: list[_Path]) -> str: ...
 def export(folder: _Path, arguments: ExportArguments, callback: _Callback, threads: int | None) -> str: ...

@@ -72,7 +72,6 @@ def reconstruct(
     arguments: _native.RunArguments = {
         "out": out,
         "parts": parts,
-        "config": _settings(config),
         "preset": preset,
         "seed": seed,
         "device": device,
@@ -83,7 +82,7 @@ def reconstruct(
         "box": _box(box),
         "recording": recording,
     }
-    _native.reconstruct(_source(start, end), end, arguments, receiver(progress), threads)
+    _native.reconstruct(_source(start, end), end, arguments, _settings(config), receiver(progress), threads)
     return Replica(out)
 
 
@@ -134,7 +133,6 @@ def discover(
     arguments: _native.RunArguments = {
         "out": out,
         "parts": parts,
-        "config": _settings(config),
         "preset": preset,
         "seed": seed,
         "device": device,
@@ -145,13 +143,13 @@ def discover(
         "box": _box(box),
         "recording": recording,
     }
-    text = _native.discover(_source(start, end), end, arguments, receiver(progress), threads)
+    text = _native.discover(_source(start, end), end, arguments, _settings(config), receiver(progress), threads)
     found: dict[str, Any] = json.loads(text)
     return found
 
 
 def inspect(start: PathLike, end: PathLike | None = None) -> list[dict[str, Any]]:
-    """Describes a capture, or each of two recordings, as ``artgs inspect --json``: one item for each.
+    """Describes a capture, or each of one or two recordings, as ``artgs inspect --json``: one item for each.
 
     >>> artgs.inspect(capture_folder)[0]["consistency"]["states"][0]["agreement"] > 0.8
     True
@@ -204,4 +202,9 @@ def _box(box: Sequence[float] | PathLike | None) -> list[float] | PathLike | Non
 
 
 def _settings(config: PathLike | Settings | None) -> PathLike | dict[str, Any] | None:
-    return dict(config) if isinstance(config, Mapping) else config
+    return config if config is None or isinstance(config, (str, os.PathLike)) else _plain(config)
+
+
+def _plain(mapping: Mapping[str, Any]) -> dict[str, Any]:
+    """The same as dictionaries throughout."""
+    return {key: _plain(value) if isinstance(value, Mapping) else value for key, value in mapping.items()}

@@ -12,11 +12,11 @@ mod pictures;
 mod scores;
 mod table;
 
+pub use crate::hungarian::hungarian;
 pub use closing::Closing;
 pub use flip::{PIXELS_PER_DEGREE, flip, flip_map};
 pub use geometry::{GeometryConfig, GeometryScore, MISSING, MeshScore, chamfer, sample_surface, score_mesh};
 pub use joints::{JointErrors, Motion, axis_angle_deg, axis_position, joint_errors, part_motion};
 pub use lpips::{Lpips, LpipsError, LpipsNet};
-pub use matching::hungarian;
 pub use pictures::{PictureError, PictureReport, PictureScores, score_replica};
 pub use scores::{Counts, EvaluateConfig, JointMeans, PartScore, Scores, Truth, evaluate};

@@ -43,7 +43,7 @@ pub fn load_capture(folder: &Path, options: &CaptureOptions) -> Result<Capture, 
         let is_apart = matches!(error, CaptureError::NoOverlap(_));
         let capture = is_apart.then(|| load_capture_with(folder, &apart).ok()).flatten();
         let cause = capture.and_then(|capture| refusal(&capture));
-        cause.map_or_else(|| PrepareError::Capture(error), PrepareError::Apart)
+        cause.map_or_else(|| error.into(), PrepareError::Apart)
     })
 }
 

@@ -2,7 +2,7 @@
 
 use super::{InputError, MemoryError};
 use crate::align::AlignError;
-use crate::config::ConfigError;
+use crate::settings::ConfigError;
 use artgs_io::{CaptureError, RecordingError};
 
 /// Why an input cannot be used. The user has to change the input, the settings or the limits.

@@ -26,15 +26,15 @@ pub struct Inspected {
 enum What {
     Capture {
         #[serde(flatten)]
-        summary: CaptureSummary,
-        consistency: Consistency,
+        summary: Box<CaptureSummary>,
+        consistency: Box<Consistency>,
         /// Predicted peak of a run, bytes.
         memory_bytes: u64,
     },
     Recording {
         #[serde(flatten)]
-        summary: RecordingSummary,
-        consistency: StateConsistency,
+        summary: Box<RecordingSummary>,
+        consistency: Box<StateConsistency>,
     },
 }
 
@@ -54,7 +54,7 @@ pub fn inspect(input: &Input) -> Result<Vec<Inspected>, PrepareError> {
 
 impl Inspected {
     fn capture(path: &Path, capture: &Capture, sizes: &ImageSizes) -> Self {
-        let (summary, consistency) = (artgs_io::summarize(capture), check_capture(capture));
+        let (summary, consistency) = (artgs_io::summarize(capture).into(), check_capture(capture).into());
         let what = What::Capture { summary, consistency, memory_bytes: memory::unlimited(sizes) };
         Self { path: path.into(), what }
     }
@@ -63,7 +63,8 @@ impl Inspected {
     pub fn recording(files: &RecordingFiles) -> Result<Self, PrepareError> {
         let recording = load_recording(&files.path, &files.options)?;
         let consistency = check_recording(recording.frames.iter().map(|f| &f.view));
-        let what = What::Recording { summary: RecordingSummary::new(&recording), consistency };
+        let what =
+            What::Recording { summary: RecordingSummary::new(&recording).into(), consistency: consistency.into() };
         Ok(Self { path: files.path.clone(), what })
     }
 
@@ -75,6 +76,15 @@ impl Inspected {
     /// True for a capture of both states.
     pub fn is_capture(&self) -> bool {
         matches!(self.what, What::Capture { .. })
+    }
+
+    /// Number of warnings.
+    pub fn warnings(&self) -> usize {
+        let own = match &self.what {
+            What::Capture { summary, .. } => summary.warnings.len(),
+            What::Recording { summary, .. } => summary.warnings.len(),
+        };
+        own + self.findings().iter().filter(|finding| matches!(finding, Finding::Warning(_))).count()
     }
 
     /// True if a run refuses it.

@@ -3,7 +3,6 @@
 use super::Input;
 use artgs_core::{Capture, View};
 use artgs_io::capture::{CaptureOptions, ImageSizes, image_sizes};
-use artgs_io::recording::RecordingOptions;
 use bytesize::ByteSize;
 use sysinfo::System;
 
@@ -86,7 +85,8 @@ impl Plan {
             Input::Recordings(files) => {
                 let frames = files.iter().map(|f| f.options.frames).max().unwrap_or(0);
                 let predict = |side: u32| predicted_of_recordings(frames, side, threads);
-                Self::within(predict, RecordingOptions::default().longest_side, allowed)
+                let largest = files.iter().map(|f| f.options.longest_side).max().unwrap_or(0);
+                Self::within(predict, largest, allowed)
             }
         }
     }

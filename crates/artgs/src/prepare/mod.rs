@@ -95,7 +95,7 @@ impl Request {
                 let (mut capture, report) = recordings::aligned(&read, &config, object_box.as_ref(), observer)?;
                 drop(read);
                 agreement::require_one_object(&mut capture, force_input)?;
-                changed(capture, Report::Aligned(report), CaptureOptions::default().longest_side)?
+                changed(capture, Report::Aligned(report.into()), CaptureOptions::default().longest_side)?
             }
         };
         Ok(Prepared { capture, config, photos, before })
@@ -130,7 +130,7 @@ enum Photos {
 #[serde(untagged)]
 enum Report {
     Corrected(Correction),
-    Aligned(AlignReport),
+    Aligned(Box<AlignReport>),
 }
 
 impl Prepared {
@@ -138,6 +138,21 @@ impl Prepared {
     /// known to be right.
     pub fn as_is(capture: Capture) -> Self {
         Self { capture, config: Config::default(), before: Vec::new(), photos: Photos::Unsaved }
+    }
+
+    /// The images in a folder as a run saw them that is continued: those that it saved are as they were, others are prepared again.
+    pub fn again(
+        run: &RunFolder,
+        photos: &Path,
+        config: Config,
+        observer: &mut dyn Observer,
+    ) -> Result<Self, PrepareError> {
+        let own = |path: &Path| path.canonicalize().ok();
+        if own(photos).is_some() && own(photos) == own(&run.aligned()) {
+            return Self::saved(photos, config);
+        }
+        let force_input = config.discover == config.discover.clone().without_refusals();
+        Request { config, force_input, ..Request::new(Input::Capture(photos.into())) }.prepare(observer)
     }
 
     /// The capture in a folder that an earlier run has prepared.

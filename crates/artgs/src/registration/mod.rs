@@ -7,7 +7,7 @@ mod align;
 use crate::discover::diagnosis::DiagnosisSettings;
 use crate::discover::visibility::Occupancy;
 use crate::discover::{Cloud, DiscoverError, Discovery, Scene, without_parts};
-use crate::evaluate::matching::hungarian;
+use crate::hungarian::hungarian;
 use crate::published::canonical::CanonicalError;
 use crate::published::canonical::cluster::{ClusterConfig, spectral_clusters};
 use align::{Fit, middle};

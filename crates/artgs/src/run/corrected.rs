@@ -2,10 +2,10 @@
 
 use super::Error;
 use super::checkpoint;
-use super::points::PartSource;
 use super::stages::{Depths, Run};
 use crate::discover::{self, Discovery};
 use crate::observer::Event;
+use crate::start::PartSource;
 use artgs_io::run_folder::{RunFolder, load_text};
 use artgs_io::{Corrections, read_corrections, write_atomic};
 use std::time::Instant;

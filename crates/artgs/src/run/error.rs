@@ -1,12 +1,12 @@
 //! Why a run stopped.
 
 use super::output::OutputError;
-use crate::config::ConfigError;
 use crate::discover::{CorrectError, DiscoverError};
 use crate::evaluate::PictureError;
 use crate::fit::FitError;
 use crate::prepare::{InputError, PrepareError};
 use crate::registration::RegistrationError;
+use crate::settings::ConfigError;
 use crate::surface::SurfaceError;
 use artgs_io::FileError;
 use artgs_io::replica::ReplicaFileError;
@@ -18,7 +18,7 @@ use artgs_io::run_folder::NoReplica;
 pub enum Error {
     /// The input cannot be used.
     #[error(transparent)]
-    Prepare(#[from] PrepareError),
+    Prepare(Box<PrepareError>),
     /// Held-out photos cannot be compared.
     #[error(transparent)]
     Pictures(#[from] PictureError),
@@ -69,6 +69,12 @@ pub enum Error {
     /// A replica could not be read or written.
     #[error(transparent)]
     Replica(#[from] ReplicaFileError),
+}
+
+impl From<PrepareError> for Error {
+    fn from(error: PrepareError) -> Self {
+        Self::Prepare(error.into())
+    }
 }
 
 impl From<InputError> for Error {

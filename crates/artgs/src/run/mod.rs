@@ -27,13 +27,13 @@ mod stages;
 mod summary;
 
 pub use crate::published::{PublishedTrace, TraceSample};
+pub use crate::start::{PartSource, StartConfig, StartSource};
 pub use assemble::DOUBTFUL;
 pub use compare::{Compared, Comparison, compare};
 pub use corrected::{corrections_of, found_parts};
 pub use error::Error;
 pub use found::FoundReport;
 pub use output::{Earlier, Output, OutputError, lock};
-pub use points::{PartSource, StartConfig, StartSource};
 pub use preview::Preview;
 pub use reconstruction::{Reconstruction, finds_parts};
 pub use result::{FittedParts, Reconstructed};

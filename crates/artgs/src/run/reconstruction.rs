@@ -7,7 +7,7 @@ use crate::discover::Discovery;
 use crate::fit::{Cpu, Devices};
 use crate::observer::{JsonLines, Observer, Tee};
 use crate::prepare::{Prepared, Request};
-use crate::run::points::PartSource;
+use crate::start::PartSource;
 use crate::surface::PartMeshes;
 use artgs_core::Replica;
 use artgs_io::FileError;
@@ -32,7 +32,7 @@ impl<'a> Reconstruction<'a> {
     }
 
     /// Runs all stages, saves each in the folder `out` when it is finished, and writes the replica there, with the events of the run and
-    /// where the photos are. The same seed on the same machine gives the same files, as far as its devices do.
+    /// where the photos are. The same seed on the same machine gives the same files, as far as its devices do. The folder is neither refused nor locked: [`Output`] does that.
     pub fn run(&self, out: impl Into<PathBuf>, observer: &mut dyn Observer) -> Result<Replica, Error> {
         Ok(self.run_in(&RunFolder::new(out), observer)?.replica)
     }
@@ -57,6 +57,7 @@ impl<'a> Reconstruction<'a> {
     ) -> Result<T, Error> {
         self.check()?;
         folder.create()?;
+        folder.begin(self.resume)?;
         self.prepared.save_photos(folder)?;
         let path = folder.events();
         let failed = |source| FileError::Write { path: path.clone(), source };
@@ -114,14 +115,13 @@ impl<'a> Reconstruction<'a> {
     /// The same, saved in a folder for `found_parts` and for a run that resumes. Corrections are applied by that run,
     /// not here.
     pub fn find_parts_in(&self, folder: &RunFolder, observer: &mut dyn Observer) -> Result<Discovery, Error> {
+        self.require_parts()?;
         self.logged(folder, observer, |observer| self.find_parts_with(Some(folder), observer))
     }
 
     fn find_parts_with(&self, folder: Option<&RunFolder>, observer: &mut dyn Observer) -> Result<Discovery, Error> {
         self.check()?;
-        if !finds_parts(&self.prepared.config) {
-            return Err(Error::PartsLearnt);
-        }
+        self.require_parts()?;
         let mut run = Run::open(self, folder, observer)?;
         if self.prepared.config.method == Method::Registration {
             let depths = run.captured_depths()?;
@@ -148,6 +148,10 @@ impl<'a> Reconstruction<'a> {
         let mut run = Run::open(self, None, observer)?;
         let depths = run.depths()?;
         run.surface(&depths, found, fitted.unwrap_or(&untrained))
+    }
+
+    fn require_parts(&self) -> Result<(), Error> {
+        if finds_parts(&self.prepared.config) { Ok(()) } else { Err(Error::PartsLearnt) }
     }
 
     fn check(&self) -> Result<(), Error> {

@@ -1,7 +1,6 @@
 //! The table as text and as a page of the book.
 
-use super::{SECTIONS, Setting, all};
-use crate::config::{Config, ConfigError};
+use super::{ConfigError, SECTIONS, Setting, all};
 use serde::Serialize;
 use std::fmt::{self, Write};
 
@@ -43,9 +42,9 @@ pub struct Listing {
 }
 
 impl Listing {
-    /// The settings with the values of `config`. Fails if TOML cannot hold these.
-    pub fn new(config: &Config) -> Result<Self, ConfigError> {
-        let values = table_of(config)?;
+    /// The settings with the values of a file that has all of them, `Config::to_toml`.
+    pub fn new(config: &str) -> Result<Self, ConfigError> {
+        let values: toml::Table = config.parse()?;
         let listed = |s: Setting| Listed {
             setting: s.path(),
             value: s.value(&values).cloned(),
@@ -68,14 +67,9 @@ impl fmt::Display for Listing {
     }
 }
 
-/// All settings as a file has them: numbers of single precision with no more digits than they need.
-fn table_of(config: &Config) -> Result<toml::Table, ConfigError> {
-    Ok(config.to_toml()?.parse()?)
-}
-
-/// The page of the book, with the values of the presets.
-pub fn markdown() -> Result<String, ConfigError> {
-    let presets = [table_of(&Config::default())?, table_of(&Config::paper())?];
+/// The page of the book, with the values of the default preset and of the published method, each as a file that has all settings.
+pub fn markdown(presets: [&str; 2]) -> Result<String, ConfigError> {
+    let presets: [toml::Table; 2] = [presets[0].parse()?, presets[1].parse()?];
     let mut page = HEAD.to_owned();
     for (section, _) in SECTIONS {
         let title = if section.is_empty() { "Outside all sections".into() } else { format!("`[{section}]`") };

@@ -3,14 +3,16 @@
 
 mod document;
 mod entry;
+mod error;
 mod parts;
 mod recordings;
 mod training;
 
 pub use document::{Listed, Listing, markdown};
 pub use entry::Allowed;
+pub use error::ConfigError;
+pub(crate) use error::bad;
 
-use crate::config::ConfigError;
 use entry::Entry;
 use std::ops::Bound::Included;
 

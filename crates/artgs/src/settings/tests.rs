@@ -177,7 +177,7 @@ fn unknown_keys_are_refused_in_every_section() {
 
 #[test]
 fn text_has_a_line_per_setting() {
-    let shown = Listing::new(&Config::default()).unwrap().to_string();
+    let shown = Listing::new(&Config::default().to_toml().unwrap()).unwrap().to_string();
     assert_eq!(shown.lines().count(), all().count());
     for line in [
         "discover.voxel = 0.00909091  (0.001 to 0.2, fraction of the object's diagonal)",
@@ -194,7 +194,8 @@ fn text_has_a_line_per_setting() {
 #[test]
 fn the_page_of_the_book_is_that_of_the_table() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/src/settings.md");
-    let page = markdown().unwrap();
+    let presets = [Config::default(), Config::paper()].map(|config| config.to_toml().unwrap());
+    let page = markdown([&presets[0], &presets[1]]).unwrap();
     if std::env::var_os("ARTGS_UPDATE").is_some() {
         std::fs::write(file, page).unwrap();
     } else {
