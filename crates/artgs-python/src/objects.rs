@@ -41,7 +41,9 @@ pub(crate) fn synth(py: Python<'_>, what: String, out: PathBuf, arguments: Synth
         let targets = targets(&what, &out).map_err(CallError::input)?;
         for (_, folder) in &targets {
             require_free(Kind::Capture, folder, force).map_err(|error| match error {
-                TargetError::Foreign(_) => CallError::input(format!("{error}, or `force=True` to write among them")),
+                TargetError::Foreign(_) => {
+                    CallError::input(format!("{error}, or give `force=True`, which writes among them"))
+                }
                 _ => CallError::input(error),
             })?;
         }

@@ -41,6 +41,7 @@ pub fn page_html(page: &Page) -> Result<String, ViewError> {
                 *texture = name.replace(".png", ".jpg");
                 data += &element(texture, &jpeg)?;
             }
+            None if name.ends_with(".obj") => data += &element(name, rounded(&bytes).as_bytes())?,
             None => data += &element(name, &bytes)?,
         }
     }
@@ -56,17 +57,53 @@ pub fn page_html(page: &Page) -> Result<String, ViewError> {
 /// A texture as JPEG; none if that is no smaller, or if it cannot be read.
 fn smaller(png: &[u8]) -> Option<Vec<u8>> {
     /// Quality of 100: differences are not visible beside photos of a phone.
-    const QUALITY: u8 = 88;
+    const QUALITY: u8 = 80;
     let image = image::load_from_memory(png).ok()?.into_rgb8();
     let mut jpeg = Vec::new();
     image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, QUALITY).encode_image(&image).ok()?;
     (jpeg.len() < png.len()).then_some(jpeg)
 }
 
+/// The text of a mesh with no more digits than can be seen: a third of a page would be digits. Positions keep at least a five-thousandth of the
+/// size of the object, normals half a degree, texture coordinates a fifth of a texel of 2048.
+fn rounded(mesh: &[u8]) -> String {
+    /// Steps along the largest coordinate.
+    const STEPS: f64 = 5_000.0;
+    let text = String::from_utf8_lossy(mesh);
+    let coordinates = |line: &str| line.split(' ').skip(1).filter_map(|n| n.parse::<f64>().ok()).collect::<Vec<_>>();
+    let points = text.lines().filter(|line| line.starts_with("v ")).flat_map(coordinates);
+    let largest = points.fold(0.0, |largest: f64, x| largest.max(x.abs()));
+    let digits = if largest > 0.0 { (STEPS / largest).log10().ceil().clamp(0.0, 9.0) as usize } else { 0 };
+    let mut out = String::with_capacity(text.len());
+    for line in text.lines() {
+        let (key, rest) = line.split_once(' ').unwrap_or((line, ""));
+        let digits = match key {
+            "v" => digits,
+            "vn" => 2,
+            "vt" => 4,
+            _ => {
+                out.push_str(line);
+                out.push('\n');
+                continue;
+            }
+        };
+        out.push_str(key);
+        for number in rest.split(' ') {
+            let shorter = number.parse::<f64>().map_or(number.to_string(), |x| format!("{x:.digits$}"));
+            let bare =
+                if shorter.contains('.') { shorter.trim_end_matches('0').trim_end_matches('.') } else { &shorter };
+            out.push(' ');
+            out.push_str(bare);
+        }
+        out.push('\n');
+    }
+    out
+}
+
 /// An inert script element that contains a file.
 fn element(name: &str, bytes: &[u8]) -> Result<String, FileError> {
     let fail = |source| FileError::Write { path: name.into(), source };
-    let mut encoder = GzEncoder::new(Vec::new(), Compression::default());
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
     encoder.write_all(bytes).map_err(fail)?;
     let packed = STANDARD.encode(encoder.finish().map_err(fail)?);
     Ok(format!("<script type=\"text/plain\" data-file=\"{name}\">{packed}</script>\n"))
@@ -94,6 +131,15 @@ mod tests {
         assert!(mean < 8.0, "{mean}");
         assert_eq!(smaller(&png(&|_, _| 200)), None);
         assert_eq!(smaller(b"no picture"), None);
+    }
+
+    #[test]
+    fn meshes_lose_digits_that_nobody_sees() {
+        let mesh = "# artgs\nv -0.4007704 1.3207212 0\nvt 0.45204014 1\nvn -0.53935903 -0.16617663 -0.82551634\nf 1/1/1 2/2/2 3/3/3\n";
+        let short = "# artgs\nv -0.4008 1.3207 0\nvt 0.452 1\nvn -0.54 -0.17 -0.83\nf 1/1/1 2/2/2 3/3/3\n";
+        assert_eq!(rounded(mesh.as_bytes()), short);
+        assert_eq!(rounded(b"v 4007.704 -3.2072 10\n"), "v 4007.7 -3.2 10\n");
+        assert_eq!(rounded(b"v 0 0 0\nv 1e-9 0 x\n"), "v 0 0 0\nv 0.000000001 0 x\n");
     }
 
     #[test]

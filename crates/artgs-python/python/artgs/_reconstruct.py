@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from artgs import _native
 from artgs._capture import Capture
@@ -207,4 +207,5 @@ def _settings(config: PathLike | Settings | None) -> PathLike | dict[str, Any] |
 
 def _plain(mapping: Mapping[str, Any]) -> dict[str, Any]:
     """The same as dictionaries throughout."""
-    return {key: _plain(value) if isinstance(value, Mapping) else value for key, value in mapping.items()}
+    inner = {key: cast("Settings", value) for key, value in mapping.items() if isinstance(value, Mapping)}
+    return {**mapping, **{key: _plain(value) for key, value in inner.items()}}
