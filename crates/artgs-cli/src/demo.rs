@@ -35,7 +35,7 @@ pub(crate) fn run(args: &Demo, style: Style) -> Result<(), Failure> {
     let device = device::choose(args.method.device, &config)?;
     check_folder(&args.out)?;
     let found = Found::at(&capture, &options)?;
-    let output = folder::open(run.clone(), args.earlier, "artgs demo", style)?;
+    let output = folder::open(run.clone(), args.earlier, Some(&capture), "artgs demo", style)?;
     if !(args.earlier.resume && found == Found::Same) {
         write_cabinet(&capture, &options).map_err(anyhow::Error::from)?;
     }

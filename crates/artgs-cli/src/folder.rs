@@ -24,9 +24,15 @@ pub(crate) fn lock_any(folder: &Path, command: &str, style: Style) -> Result<Fol
     Ok(lock)
 }
 
-/// Makes a folder ready for a run and locks it.
-pub(crate) fn open(run: RunFolder, earlier: Earlier, command: &str, style: Style) -> Result<Output, Failure> {
-    let output = Output::open(run, earlier.into(), command).map_err(Failure::of)?;
+/// Makes a folder ready for a run and locks it; the images of the run are not removed.
+pub(crate) fn open(
+    run: RunFolder,
+    earlier: Earlier,
+    photos: Option<&Path>,
+    command: &str,
+    style: Style,
+) -> Result<Output, Failure> {
+    let output = Output::open(run, earlier.into(), photos, command).map_err(Failure::of)?;
     mention(output.notice(), style);
     Ok(output)
 }

@@ -13,6 +13,7 @@ use artgs::observer::NullObserver;
 use artgs::run::{Output, finds_parts};
 use artgs_io::RunFolder;
 use serde_json::json;
+use std::path::PathBuf;
 
 pub(crate) fn run(args: &Reconstruct, style: Style) -> Result<(), Failure> {
     use_threads(args.method.threads)?;
@@ -41,16 +42,17 @@ fn ready(args: &Reconstruct, style: Style) -> Result<(Job, Output), Failure> {
     let config = configure(&args.method, None)?;
     let run = RunFolder::new(&args.out);
     let input = recordings::input(&args.capture, &args.recording)?;
-    Output::check(&run, args.earlier.into(), Some(&input)).map_err(Failure::of)?;
+    Output::check(&run, args.earlier.into(), input.photos()).map_err(Failure::of)?;
     if args.stop_after.is_some() && !finds_parts(&config) {
         return Err(Failure::bad(format!("--stop-after: {}", artgs::Error::PartsLearnt)));
     }
     let object_box = args.object_box.as_deref().map(|text| object_box::given(text, &input)).transpose()?;
     let device = device::choose(args.method.device, &config)?;
     let memory = args.memory.map(|size| size.as_u64());
+    let photos = input.photos().map(PathBuf::from);
     let request = Request { input, config, object_box, memory, force_input: args.force_input };
     let prepared = request.prepare(progress::renderer(style).as_mut()).map_err(Failure::of)?;
-    let output = folder::open(run, args.earlier, "artgs reconstruct", style)?;
+    let output = folder::open(run, args.earlier, photos.as_deref(), "artgs reconstruct", style)?;
     Ok((Job::new(prepared, output.folder(), output.resumes(), device, style), output))
 }
 

@@ -171,7 +171,7 @@ impl Job {
             _ => Earlier::Refuse,
         };
         let (input, run) = (named.input(&recording)?, RunFolder::new(out));
-        Output::check(&run, earlier, Some(&input)).map_err(artgs::Error::from)?;
+        Output::check(&run, earlier, input.photos()).map_err(artgs::Error::from)?;
         let device = settings::device(&device, &config)?;
         let size = |text: String| {
             let size: Result<bytesize::ByteSize, _> = text.parse();
@@ -190,8 +190,9 @@ impl Job {
         act: impl FnOnce(&Reconstruction<'_>, &RunFolder, &mut dyn Observer) -> Result<T, artgs::Error>,
     ) -> Result<T, CallError> {
         let Self { request, run, earlier, device } = self;
+        let photos = request.input.photos().map(PathBuf::from);
         let mut prepared = request.prepare(observer)?;
-        let output = Output::open(run, earlier, "artgs in Python").map_err(artgs::Error::from)?;
+        let output = Output::open(run, earlier, photos.as_deref(), "artgs in Python").map_err(artgs::Error::from)?;
         output.notice().into_iter().for_each(|notice| observer.event(Event::note(notice.to_string())));
         prepared.before.extend(device.description.as_ref().map(Event::note));
         device.announce(observer);

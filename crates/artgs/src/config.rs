@@ -39,7 +39,7 @@ pub struct Config {
     pub seed: u64,
     /// How parts and joints are found.
     pub method: Method,
-    /// Alignment of recordings and selection of the object; not used where a capture folder is given.
+    /// Alignment of recordings, selection of the object, and correction of the poses of a capture.
     pub align: AlignConfig,
     /// Gaussians of each state alone. `discover` needs them only where a capture has no depth.
     pub single: SingleConfig,

@@ -82,7 +82,9 @@ pub use run::{Error, Reconstructed, Reconstruction, SavedReplica, Summary, load}
 
 /// What most programs need: `use artgs::prelude::*;`.
 pub mod prelude {
+    pub use crate::fit::DeviceChoice;
     pub use crate::observer::{Event, NullObserver, Observer};
+    pub use crate::run::{Earlier, RunOptions};
     pub use crate::{Config, Error, Input, PartCount, Prepared, Reconstructed, Reconstruction, Request, SavedReplica};
     pub use artgs_core::{
         Camera, Capture, DepthMap, Intrinsics, Joint, JointKind, Mesh, PerState, Replica, Rigid, State, View,

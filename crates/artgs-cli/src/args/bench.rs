@@ -1,7 +1,7 @@
 //! Arguments of benchmarks and of reports.
 
+use super::SynthSensor;
 use super::method::Stop;
-use super::{SynthSensor, number_in};
 use crate::seeds::Seeds;
 use artgs::fit::DeviceChoice;
 use clap::Args;
@@ -149,4 +149,9 @@ fn seconds(text: &str) -> Result<Duration, String> {
 
 fn price(text: &str) -> Result<f64, String> {
     number_in(text, 0.0, 1e6)
+}
+
+fn number_in(text: &str, low: f64, high: f64) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|x| (low..=high).contains(x));
+    number.ok_or_else(|| format!("a number from {low} to {high}"))
 }

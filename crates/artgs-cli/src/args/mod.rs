@@ -188,11 +188,6 @@ pub(crate) struct Evaluate {
     pub(crate) threads: Option<NonZeroUsize>,
 }
 
-fn number_in(text: &str, low: f64, high: f64) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|x| (low..=high).contains(x));
-    number.ok_or_else(|| format!("a number from {low} to {high}"))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

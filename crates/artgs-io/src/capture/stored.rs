@@ -11,6 +11,7 @@ use rayon::prelude::*;
 /// the one returned. Images have at most `longest_side` pixels, depth has counts of one size and is that of the object, views are
 /// named as their files and views without the object are absent; held-out views have no depth.
 pub fn as_stored(mut capture: Capture, longest_side: u32) -> Result<Capture, CaptureError> {
+    check_images(&capture)?;
     let views = |capture: &mut Capture, change: &(dyn Fn(View) -> View + Sync)| {
         let of_states = capture.states.iter_mut().flat_map(|s| [&mut s.train, &mut s.test]);
         of_states.for_each(|views| *views = std::mem::take(views).into_par_iter().map(change).collect());
@@ -19,7 +20,6 @@ pub fn as_stored(mut capture: Capture, longest_side: u32) -> Result<Capture, Cap
     let scale = depth_scale(&capture);
     views(&mut capture, &|view| rounded(view, scale));
     for state in State::ALL {
-        usable(&capture.states[state])?;
         let StateViews { train, test } = &mut capture.states[state];
         for (views, split) in [(train, Split::Train), (test, Split::Test)] {
             views.retain(|view| view.rgba.iter().any(|pixel| pixel[3] > 0));
@@ -38,18 +38,25 @@ pub fn as_stored(mut capture: Capture, longest_side: u32) -> Result<Capture, Cap
     Ok(capture)
 }
 
-/// Refuses images that a camera file cannot hold: one has images of one size, of usable intrinsics.
-fn usable(views: &StateViews) -> Result<(), CaptureError> {
-    for views in [&views.train, &views.test] {
+/// Refuses images in memory whose arrays do not have the size of their camera, and images that a camera file cannot hold: those of a
+/// state have one size and usable intrinsics. Errors name the view.
+pub fn check_images(capture: &Capture) -> Result<(), CaptureError> {
+    let views = || capture.states.iter().flat_map(|s| [&s.train, &s.test]);
+    for views in views() {
         for view in views {
             let fail = |reason: String| CaptureError::Image { place: view.name.clone(), reason };
             fault(&view.camera.intrinsics).map_or(Ok(()), |reason| Err(fail(reason)))?;
+            let (w, h) = view.size();
             if view.size() != views[0].size() {
-                let ((w, h), (width, height)) = (view.size(), views[0].size());
+                let (width, height) = views[0].size();
                 return Err(fail(format!(
                     "is {w}x{h}, but {} is {width}x{height}; all images of a state must have one size",
                     views[0].name
                 )));
+            }
+            let depths = [&view.depth, &view.derived].into_iter().flatten().map(DepthMap::len);
+            if std::iter::once(view.rgba.len()).chain(depths).any(|pixels| pixels != w * h) {
+                return Err(fail(format!("colours and depth must have {w}x{h} pixels, as the camera states")));
             }
         }
     }
@@ -129,6 +136,9 @@ mod tests {
         let mixed = vec![view(0, 1000.0, 255), wider(view(1, 1000.0, 255))];
         let error = as_stored(Capture::new(PerState::from_fn(|_| mixed.clone())), 1600).unwrap_err().to_string();
         assert!(error.contains("walk/1.jpg") && error.contains("22x16, but walk/0.jpg is 20x18"), "{error}");
+        let short = View { rgba: vec![[0; 4]; 9], ..view(1, 1000.0, 255) };
+        let error = check_images(&Capture::new(PerState::from_fn(|_| vec![short.clone()]))).unwrap_err().to_string();
+        assert!(error.contains("walk/1.jpg") && error.contains("must have 20x18 pixels"), "{error}");
         let same = View { depth: one[0].depth.clone(), ..view(0, 2000.0, 255) };
         let kept = rounded(same, depth_scale(&Capture::new(PerState::from_fn(|_| one.clone()))));
         let counts = |view: &View| view.depth.as_ref().unwrap().counts()[0];

@@ -114,7 +114,8 @@ pub struct ExportOptions {
     pub formats: Vec<Format>,
     /// Name of the object in the files.
     pub name: String,
-    /// Folder with the photos if the user named one; only written into the report.
+    /// Folder of a capture of both states, in the world of the replica, whose images are baked into textures; none: the images that the
+    /// run noted.
     pub capture: Option<PathBuf>,
     /// Metres per unit of the capture.
     pub scale: f64,

@@ -10,7 +10,7 @@ use glam::DVec3;
 use std::path::Path;
 
 /// Exports the replica in a folder with the photos of its run, while nobody else writes there; `command` is what others read meanwhile.
-/// The object is upright: `up` is the given direction, or what the run found out.
+/// The object is upright: `up` is the given direction, none: what the run found out; `up` of the options is replaced.
 pub fn export_run(
     folder: &RunFolder,
     options: ExportOptions,
@@ -44,24 +44,25 @@ pub fn export_with_photos(
 ) -> Result<ExportReport, ExportError> {
     options.config()?;
     folder.require_replica()?;
-    let photos = photos(folder, options.capture.as_deref())?;
-    let odd = match &photos {
-        Some(capture) if folder.is_of(capture) == Some(false) => {
-            Some("the capture is not the one the replica was made of: textures may not fit")
-        }
-        Some(_) => None,
-        None => Some("the photos are not where they were: textures hold the colours of the meshes; see --capture"),
-    };
-    odd.into_iter().for_each(|text| watch(ExportEvent::Warning(text)));
+    let (photos, odd) = photos(folder, options.capture.as_deref())?;
+    odd.iter().for_each(|text| watch(ExportEvent::Warning(text)));
     export(folder, options, photos.as_ref(), watch)
 }
 
-/// The photos of the replica: in the folder that the user named, or else where the run found them.
-fn photos(folder: &RunFolder, named: Option<&Path>) -> Result<Option<Capture>, ExportError> {
-    match named {
-        Some(photos) => Ok(Some(load_capture(photos)?)),
-        None => Ok(folder.capture_folder().filter(|photos| photos.is_dir()).and_then(|p| load_capture(&p).ok())),
-    }
+/// The photos of the replica, in the folder that the user named, or else where the run found them; and what is odd about them.
+fn photos(folder: &RunFolder, named: Option<&Path>) -> Result<(Option<Capture>, Option<String>), ExportError> {
+    const COLORS: &str = "textures hold the colours of the meshes; see --capture";
+    let read = match (named, folder.capture_folder().filter(|photos| photos.is_dir())) {
+        (Some(named), _) => load_capture(named)?,
+        (None, None) => return Ok((None, Some(format!("the photos are not where they were: {COLORS}")))),
+        (None, Some(found)) => match load_capture(&found) {
+            Ok(read) => read,
+            Err(error) => return Ok((None, Some(format!("the photos cannot be read ({error}): {COLORS}")))),
+        },
+    };
+    let other = folder.is_of(&read) == Some(false);
+    let odd = other.then(|| "the capture is not the one the replica was made of: textures may not fit".into());
+    Ok((Some(read), odd))
 }
 
 /// Which way is up in the world of a run's replica: as given, or as its reconstruction found out. An error where neither is

@@ -1,4 +1,4 @@
-"""Exceptions. Their messages are those of the command, with arguments in place of options."""
+"""Exceptions. Their messages are those of the command; most name arguments in place of options."""
 
 
 class Error(Exception):

@@ -211,7 +211,7 @@ class Replica:
         progress: Progress = True,
     ) -> dict[str, Any]:
         """Writes files for simulators, browsers and renderers to the folder ``exports`` of the replica; all formats if none are given.
-        Arguments are the options of ``artgs export``. Returns its report; ``files`` lists what was written.
+        Arguments are the usual options of ``artgs export``. Returns its report; ``files`` lists what was written.
 
         >>> replica.export(["urdf", "mjcf"], triangles=2000, progress=False)["scale"]
         1.0

@@ -79,6 +79,14 @@ impl Input {
         }
     }
 
+    /// The folder of a capture; none for recordings, which a run does not write, and for images in memory.
+    pub fn photos(&self) -> Option<&Path> {
+        match self {
+            Self::Capture(folder) => Some(folder),
+            Self::Recordings(_) | Self::Images(_) => None,
+        }
+    }
+
     /// The same with these options for recordings; others have none.
     pub fn with_options(mut self, options: PerState<RecordingOptions>) -> Self {
         if let Self::Recordings(files) = &mut self {

@@ -22,7 +22,7 @@ use crate::observer::{Event, Observer, Tee};
 use crate::part_count::PartCount;
 use artgs_core::Capture;
 use artgs_io::FileError;
-use artgs_io::capture::{CaptureOptions, as_stored, write_capture};
+use artgs_io::capture::{CaptureOptions, as_stored, check_images, write_capture};
 use artgs_io::run_folder::{RunFolder, remove_folder, save_json};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -85,6 +85,7 @@ impl Request {
                 }
             }
             Input::Images(mut capture) => {
+                check_images(&capture)?;
                 agreement::require(&mut capture, force_input)?;
                 let correction = correct(&mut capture, &config.align);
                 changed(capture, Report::Corrected(correction), plan.longest_side)?

@@ -1,7 +1,6 @@
 //! The folder of a run: never mixed with files of something else or, without being asked, with an earlier run.
 
 use super::found_parts;
-use crate::prepare::Input;
 use artgs_io::folder_lock::{LockError, LockNotice};
 use artgs_io::{Contents, FileError, FolderLock, RunFolder, read_corrections};
 use std::path::{Path, PathBuf};
@@ -69,28 +68,25 @@ pub struct Output {
 
 impl Output {
     /// Refuses a folder that another process writes into, and any other unless it is missing, empty, an output folder without
-    /// results, or something is to be done about the earlier run; also one whose earlier run holds the images of `input` and is to be
-    /// discarded, or has corrections that cannot be applied. Changes nothing.
-    pub fn check(folder: &RunFolder, earlier: Earlier, input: Option<&Input>) -> Result<(), OutputError> {
+    /// results, or something is to be done about the earlier run; also one whose earlier run holds the images in the folder `photos` and
+    /// is to be discarded, or has corrections that cannot be applied. Changes nothing.
+    pub fn check(folder: &RunFolder, earlier: Earlier, photos: Option<&Path>) -> Result<(), OutputError> {
         FolderLock::require_free(folder.root())?;
         let stages = folder.stage("");
         let inside = |photos: &Path| Some(photos.canonicalize().ok()?.starts_with(stages.canonicalize().ok()?));
-        match input {
-            Some(Input::Capture(photos)) if earlier == Earlier::Discard && inside(photos) == Some(true) => {
-                return Err(OutputError::Photos { photos: photos.clone(), stages });
-            }
-            _ => {}
+        if let Some(photos) = photos.filter(|photos| earlier == Earlier::Discard && inside(photos) == Some(true)) {
+            return Err(OutputError::Photos { photos: photos.into(), stages });
         }
         check_contents(folder, earlier)?;
         if earlier == Earlier::Resume { check_corrections(folder) } else { Ok(()) }
     }
 
-    /// Makes a folder ready for a run and locks it; what a later run would take for its own is removed if the earlier run is discarded.
-    /// `command` is what others read who find it locked.
-    pub fn open(folder: RunFolder, earlier: Earlier, command: &str) -> Result<Self, OutputError> {
-        Self::check(&folder, earlier, None)?;
+    /// Makes a folder ready for a run and locks it, after the same checks; what a later run would take for its own is removed if the
+    /// earlier run is discarded. `owner` is what others read who find it locked.
+    pub fn open(folder: RunFolder, earlier: Earlier, photos: Option<&Path>, owner: &str) -> Result<Self, OutputError> {
+        Self::check(&folder, earlier, photos)?;
         folder.create()?;
-        let lock = lock(&folder, command)?;
+        let lock = lock(&folder, owner)?;
         // Another run may have written into it before it was locked.
         check_contents(&folder, earlier)?;
         if earlier == Earlier::Discard {
@@ -154,7 +150,7 @@ mod tests {
     use std::fs;
 
     fn open(folder: &RunFolder, earlier: Earlier) -> Result<Output, OutputError> {
-        Output::open(folder.clone(), earlier, "artgs reconstruct")
+        Output::open(folder.clone(), earlier, None, "artgs reconstruct")
     }
 
     const ALL: [Earlier; 3] = [Earlier::Refuse, Earlier::Resume, Earlier::Discard];
@@ -204,8 +200,10 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let run = RunFolder::new(root.path());
         artgs_io::write_atomic(&run.aligned().join("transforms_train_start.json"), b"{}").unwrap();
-        let check = |earlier| Output::check(&run, earlier, Some(&Input::Capture(run.aligned())));
+        let check = |earlier| Output::check(&run, earlier, Some(&run.aligned()));
         assert!(matches!(check(Earlier::Discard), Err(OutputError::Photos { .. })));
+        let opened = Output::open(run.clone(), Earlier::Discard, Some(&run.aligned()), "a test");
+        assert!(matches!(opened, Err(OutputError::Photos { .. })) && run.aligned().is_dir());
         check(Earlier::Resume).unwrap();
     }
 

@@ -4,8 +4,8 @@ use super::stages::Run;
 use super::{Earlier, Error, FittedParts, Output, Reconstructed};
 use crate::config::{Config, Method};
 use crate::discover::Discovery;
-use crate::fit::{Cpu, Devices};
-use crate::observer::{JsonLines, Observer, Tee};
+use crate::fit::{Chosen, Cpu, Devices};
+use crate::observer::{Event, JsonLines, Observer, Tee};
 use crate::prepare::{Prepared, Request};
 use crate::start::PartSource;
 use crate::surface::PartMeshes;
@@ -160,15 +160,51 @@ impl<'a> Reconstruction<'a> {
     }
 }
 
+/// How a request is run.
+#[derive(Clone, Copy, Debug)]
+pub struct RunOptions<'a> {
+    /// What to do about an earlier run in the folder.
+    pub earlier: Earlier,
+    /// What trains, as `artgs_gpu::open` opens it; none: the processor.
+    pub device: Option<&'a Chosen>,
+    /// Who others see that find the folder locked.
+    pub owner: &'a str,
+}
+
+impl Default for RunOptions<'_> {
+    /// A new folder, and the processor.
+    fn default() -> Self {
+        Self { earlier: Earlier::Refuse, device: None, owner: "a program that uses artgs" }
+    }
+}
+
 impl Request {
-    /// Makes the replica in the folder `out`, which must be new or empty, on the processor. [`Request::prepare`] and
-    /// [`Reconstruction`] are its steps.
+    /// Makes the replica in the folder `out`, which must be new or empty, on the processor.
     pub fn run(self, out: impl Into<PathBuf>, observer: &mut dyn Observer) -> Result<Replica, Error> {
+        Ok(self.run_with(out, &RunOptions::default(), observer)?.replica)
+    }
+
+    /// Makes the replica in the folder `out` as the program does: refuses or locks the folder, prepares the input, runs the stages.
+    pub fn run_with(
+        self,
+        out: impl Into<PathBuf>,
+        options: &RunOptions<'_>,
+        observer: &mut dyn Observer,
+    ) -> Result<Reconstructed, Error> {
+        let RunOptions { earlier, device, owner } = *options;
         let folder = RunFolder::new(out);
-        Output::check(&folder, Earlier::Refuse, Some(&self.input))?;
-        let prepared = self.prepare(observer)?;
-        let output = Output::open(folder, Earlier::Refuse, "a program that uses artgs")?;
-        Ok(Reconstruction::new(&prepared).run_in(output.folder(), observer)?.replica)
+        let photos = self.input.photos().map(PathBuf::from);
+        Output::check(&folder, earlier, photos.as_deref())?;
+        let mut prepared = self.prepare(observer)?;
+        let output = Output::open(folder, earlier, photos.as_deref(), owner)?;
+        output.notice().into_iter().for_each(|notice| observer.event(Event::note(notice.to_string())));
+        if let Some(device) = device {
+            prepared.before.extend(device.description.as_ref().map(Event::note));
+            device.announce(observer);
+        }
+        let devices = device.map_or(&Cpu as &dyn Devices, |device| device.devices.as_ref());
+        let run = Reconstruction { prepared: &prepared, devices, resume: output.resumes() };
+        run.run_in(output.folder(), observer)
     }
 }
 
