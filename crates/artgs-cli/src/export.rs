@@ -140,10 +140,10 @@ fn failure(error: ExportError) -> Failure {
         ExportError::Setting { name, value, range: [least, most] } => {
             Failure::bad(format!("--{name} is {value:?}; give a number from {least:?} to {most:?}"))
         }
-        ExportError::Name(_) => {
-            Failure::bad(format!("--{}", error.to_string().trim_start_matches('`').replacen('`', "", 1)))
+        ExportError::Name(name) => {
+            Failure::bad(format!("--name {name:?}: give 1 to 100 characters, one of them a letter or digit"))
         }
-        ExportError::UnknownUp => Failure::bad(error.to_string().replacen("give an axis", "give --up with an axis", 1)),
+        ExportError::UnknownUp => Failure::bad(format!("{error} to --up")),
         ExportError::Front(_) => Failure::bad(format!("--front: {error}")),
         error if error.is_bad_input() => Failure::bad_input(error),
         error => Failure::failed(error),

@@ -29,9 +29,7 @@ impl Job {
         prepared.before.extend(device.description.as_ref().map(Event::note));
         Self { prepared, run: run.clone(), resume, device, style }
     }
-}
 
-impl Job {
     /// Reconstructs while showing events; `also` gets them, too.
     pub(crate) fn reconstruct(&self, also: &mut dyn Observer) -> Result<Report, Failure> {
         let made = self.observed(also, |reconstruction, observer| reconstruction.run_in(&self.run, observer))?;

@@ -19,6 +19,7 @@ use std::path::Path;
 
 /// Cameras shown per state; more of them only hide each other.
 const CAMERAS: usize = 16;
+
 /// The page of a replica, which loads nothing. The error is what the program prints, and its exit code.
 pub fn replica_page(folder: &Path) -> Result<String, (String, u8)> {
     const STYLE: Style = Style { json: false, quiet: true, silent: true };

@@ -82,7 +82,7 @@ fn the_upward_axis_is_that_of_the_recordings_unless_one_is_given() {
     let done = artgs(&["export", out.to_str().unwrap(), "--to", "urdf"]);
     let said = text(&done.stderr);
     assert_eq!(done.status.code(), Some(2), "{said}");
-    assert!(said.contains("--up with an axis") && said.contains("-x"), "{said}");
+    assert!(said.contains("to --up") && said.contains("-x"), "{said}");
     assert_eq!(up(&["--up", "y"]), "y");
     let done = artgs(&["export", out.to_str().unwrap(), "--up", "upwards"]);
     assert!(text(&done.stderr).contains("0.1,0,0.99"), "{}", text(&done.stderr));

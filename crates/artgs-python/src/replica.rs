@@ -106,7 +106,7 @@ impl Steps<'_> {
 /// An error of an export with the arguments that are its remedy; `photos` is the folder that the caller named.
 fn failure(error: ExportError, photos: Option<&Path>) -> CallError {
     match (&error, photos) {
-        (ExportError::UnknownUp, _) => CallError::input(format!("{error}, as `up`")),
+        (ExportError::UnknownUp, _) => CallError::input(format!("{error} as `up`")),
         // The loader of runs also says what is wrong with the poses or depths.
         (ExportError::Photos(_), Some(photos)) => {
             let read = load_capture(photos, &CaptureOptions::default());

@@ -6,9 +6,9 @@ use crate::settings::{self, Changes, Parts};
 use crate::work::work;
 use artgs::align::ObjectBox;
 use artgs::fit::Chosen;
-use artgs::observer::{Event, Observer};
+use artgs::observer::Observer;
 use artgs::prepare::{Inspected, RecordingFiles, inspect as inspected};
-use artgs::run::{Earlier, FoundReport, Output, finds_parts};
+use artgs::run::{Earlier, FoundReport, Output, RunOptions, finds_parts};
 use artgs::{Input, Reconstruction, Request};
 use artgs_core::{Intrinsics, PerState, State};
 use artgs_io::capture::is_capture;
@@ -152,7 +152,7 @@ fn for_recordings(name: &str) -> CallError {
 /// A run that can begin.
 struct Job {
     request: Request,
-    run: RunFolder,
+    out: PathBuf,
     earlier: Earlier,
     device: Chosen,
 }
@@ -170,8 +170,8 @@ impl Job {
             (_, true) => Earlier::Discard,
             _ => Earlier::Refuse,
         };
-        let (input, run) = (named.input(&recording)?, RunFolder::new(out));
-        Output::check(&run, earlier, input.photos()).map_err(artgs::Error::from)?;
+        let input = named.input(&recording)?;
+        Output::check(&RunFolder::new(&out), earlier, input.photos()).map_err(artgs::Error::from)?;
         let device = settings::device(&device, &config)?;
         let size = |text: String| {
             let size: Result<bytesize::ByteSize, _> = text.parse();
@@ -180,7 +180,7 @@ impl Job {
         };
         let memory = memory.map(size).transpose()?;
         let object_box = r#box.map(object_box).transpose()?;
-        Ok(Self { request: Request { input, config, object_box, memory, force_input }, run, earlier, device })
+        Ok(Self { request: Request { input, config, object_box, memory, force_input }, out, earlier, device })
     }
 
     /// Prepares the input, locks the folder, and does something with what is ready.
@@ -189,15 +189,10 @@ impl Job {
         observer: &mut dyn Observer,
         act: impl FnOnce(&Reconstruction<'_>, &RunFolder, &mut dyn Observer) -> Result<T, artgs::Error>,
     ) -> Result<T, CallError> {
-        let Self { request, run, earlier, device } = self;
-        let photos = request.input.photos().map(PathBuf::from);
-        let mut prepared = request.prepare(observer)?;
-        let output = Output::open(run, earlier, photos.as_deref(), "artgs in Python").map_err(artgs::Error::from)?;
-        output.notice().into_iter().for_each(|notice| observer.event(Event::note(notice.to_string())));
-        prepared.before.extend(device.description.as_ref().map(Event::note));
-        device.announce(observer);
-        let run = Reconstruction { prepared: &prepared, devices: device.devices.as_ref(), resume: output.resumes() };
-        Ok(act(&run, output.folder(), observer)?)
+        let options = RunOptions { earlier: self.earlier, device: Some(&self.device), owner: "artgs in Python" };
+        let begun = self.request.begin(self.out, &options, observer)?;
+        let run = begun.reconstruction(options.device);
+        Ok(act(&run, begun.output.folder(), observer)?)
     }
 }
 

@@ -1,8 +1,7 @@
 //! What an input is, before it is used: a capture, or each recording.
 
-use super::PrepareError;
 use super::agreement::{load_capture, refusals};
-use super::{Input, RecordingFiles, memory};
+use super::{Input, PrepareError, RecordingFiles, memory};
 use crate::consistency::{Consistency, Finding, StateConsistency, check_capture, check_recording};
 use artgs_core::{Capture, Recording};
 use artgs_io::capture::{ImageSizes, image_sizes};

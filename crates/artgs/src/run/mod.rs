@@ -35,7 +35,7 @@ pub use error::Error;
 pub use found::FoundReport;
 pub use output::{Earlier, Output, OutputError, lock};
 pub use preview::Preview;
-pub use reconstruction::{Reconstruction, RunOptions, finds_parts};
+pub use reconstruction::{Begun, Reconstruction, RunOptions, finds_parts};
 pub use result::{FittedParts, Reconstructed};
 pub use saved::{SavedReplica, load};
 pub use score::{evaluate, evaluate_found};

@@ -184,13 +184,24 @@ impl Request {
         Ok(self.run_with(out, &RunOptions::default(), observer)?.replica)
     }
 
-    /// Makes the replica in the folder `out` as the program does: refuses or locks the folder, prepares the input, runs the stages.
+    /// Makes the replica in the folder `out` as the program does: [`Request::begin`], then all stages.
     pub fn run_with(
         self,
         out: impl Into<PathBuf>,
         options: &RunOptions<'_>,
         observer: &mut dyn Observer,
     ) -> Result<Reconstructed, Error> {
+        let begun = self.begin(out, options, observer)?;
+        begun.reconstruction(options.device).run_in(begun.output.folder(), observer)
+    }
+
+    /// Refuses the folder `out` or prepares the input and locks the folder. Reports the device, which is part of the events of the run.
+    pub fn begin(
+        self,
+        out: impl Into<PathBuf>,
+        options: &RunOptions<'_>,
+        observer: &mut dyn Observer,
+    ) -> Result<Begun, Error> {
         let RunOptions { earlier, device, owner } = *options;
         let folder = RunFolder::new(out);
         let photos = self.input.photos().map(PathBuf::from);
@@ -202,9 +213,24 @@ impl Request {
             prepared.before.extend(device.description.as_ref().map(Event::note));
             device.announce(observer);
         }
+        Ok(Begun { prepared, output })
+    }
+}
+
+/// A run whose input is prepared and whose folder is locked.
+#[derive(Debug)]
+pub struct Begun {
+    /// What the stages run on.
+    pub prepared: Prepared,
+    /// The folder.
+    pub output: Output,
+}
+
+impl Begun {
+    /// The stages on `device`; none: the processor.
+    pub fn reconstruction<'a>(&'a self, device: Option<&'a Chosen>) -> Reconstruction<'a> {
         let devices = device.map_or(&Cpu as &dyn Devices, |device| device.devices.as_ref());
-        let run = Reconstruction { prepared: &prepared, devices, resume: output.resumes() };
-        run.run_in(output.folder(), observer)
+        Reconstruction { prepared: &self.prepared, devices, resume: self.output.resumes() }
     }
 }
 
