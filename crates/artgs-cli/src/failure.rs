@@ -48,6 +48,9 @@ impl Failure {
                 PrepareError::Input(InputError::OneState { .. }) => {
                     format!("{error}: artgs reconstruct CLOSED OPEN -o OUT")
                 }
+                PrepareError::Input(InputError::Twice(_)) => {
+                    format!("{error}, or different frames of this one: --every 2 --offset 0,1")
+                }
                 PrepareError::Input(InputError::CaptureForTruth(folder)) => {
                     let shown = folder.display();
                     format!("{shown}: a capture; give the folder of its ground truth: --gt {shown}/gt")

@@ -21,26 +21,30 @@ pub(crate) fn run(args: &Inspect, style: Style) -> Result<(), Failure> {
     let refused: Vec<String> =
         inspected.iter().filter(|one| one.is_refused()).map(|one| one.path().display().to_string()).collect();
     if refused.is_empty() {
-        return if style.json { Ok(()) } else { say(verdict(&inspected)) };
+        return if style.json { Ok(()) } else { say(verdict(&inspected, args)) };
     }
     Err(Failure::bad(format!("{}: artgs reconstruct refuses this input for the errors above", refused.join(" and "))))
 }
 
 /// Whether the input can be used, and the next command.
-fn verdict(inspected: &[Inspected]) -> String {
+fn verdict(inspected: &[Inspected], args: &Inspect) -> String {
     let warnings: usize = inspected.iter().map(Inspected::warnings).sum();
     let usable = match warnings {
         0 => "usable".into(),
         1 => "usable, with the warning above".into(),
         n => format!("usable, with the {n} warnings above"),
     };
+    if let Some(why) = inspected.iter().find_map(Inspected::few_depths) {
+        return format!("not usable: {why}");
+    }
+    let options = recordings::given_options(&args.recording);
     match inspected {
-        [recording] if !recording.is_capture() => {
-            format!("{usable}, as one state: record the other as well, then run artgs reconstruct CLOSED OPEN -o OUT")
-        }
-        all => {
-            let paths: Vec<String> = all.iter().map(|one| one.path().display().to_string()).collect();
-            format!("{usable}: artgs reconstruct {} -o OUT makes a replica", paths.join(" "))
+        [recording] if !recording.is_capture() => format!(
+            "{usable}, as one state: record the other as well, then run artgs reconstruct CLOSED OPEN{options} -o OUT"
+        ),
+        _ => {
+            let paths: Vec<String> = args.capture.iter().map(|path| path.display().to_string()).collect();
+            format!("{usable}: artgs reconstruct {}{options} -o OUT makes a replica", paths.join(" "))
         }
     }
 }
@@ -49,6 +53,7 @@ fn verdict(inspected: &[Inspected]) -> String {
 fn inspected(args: &Inspect) -> Result<Vec<Inspected>, Failure> {
     if let [path] = &args.capture[..]
         && RecordingFormat::of(path).is_some()
+        && !recordings::is_both_states(&args.capture, &args.recording)
     {
         let files = recordings::of_state(path, State::START, &args.recording)?;
         return Ok(vec![Inspected::recording(&files).map_err(Failure::of)?]);

@@ -94,6 +94,7 @@ fn options(args: &Bench) -> Result<Options, Failure> {
         seeds,
         sensor: sensor.map_or_else(|| Options::ANY.into(), |value| value.get_name().into()),
         size: args.size.first().copied(),
+        still: args.still,
         stop_after_discover: args.stop_after.is_some(),
         timeout: args.timeout,
         jobs: args.jobs.get(),

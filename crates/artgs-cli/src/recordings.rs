@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 
 /// What the user named: one capture folder with both states, or one recording of each state.
 pub(crate) fn input(paths: &[PathBuf], args: &RecordingArgs) -> Result<Input, Failure> {
+    let twice = [paths, paths].concat();
+    let paths = if is_both_states(paths, args) { &twice } else { paths };
     let input = Input::new(paths).map_err(Failure::of)?;
     match &input {
         Input::Capture(folder) => match given_option(args).filter(|_| is_capture(folder)) {
@@ -19,6 +21,11 @@ pub(crate) fn input(paths: &[PathBuf], args: &RecordingArgs) -> Result<Input, Fa
         },
         _ => Ok(input.with_options(PerState::from_fn(|state| options(state, args)).transpose()?)),
     }
+}
+
+/// One recording of which some frames are one state and some the other.
+pub(crate) fn is_both_states(paths: &[PathBuf], args: &RecordingArgs) -> bool {
+    matches!((paths, &args.offset[..]), ([one], [_, _]) if RecordingFormat::of(one).is_some())
 }
 
 /// The recording of one state.
@@ -31,20 +38,36 @@ fn for_recordings(option: &str) -> Failure {
     Failure::bad(format!("{option} is for the recordings of two states, and this is a capture"))
 }
 
-/// An option of recordings that is given.
+/// The first option of recordings that is given.
 pub(crate) fn given_option(args: &RecordingArgs) -> Option<&'static str> {
+    given(args).first().map(|(option, _)| *option)
+}
+
+/// The options of recordings that are given, as they are written after the paths of a command.
+pub(crate) fn given_options(args: &RecordingArgs) -> String {
+    let word = |(option, values): (&str, Vec<String>)| {
+        values.iter().fold(format!(" {option}"), |words, value| format!("{words} {value}"))
+    };
+    given(args).into_iter().map(word).collect()
+}
+
+/// The options of recordings that are given, and their values.
+fn given(args: &RecordingArgs) -> Vec<(&'static str, Vec<String>)> {
+    let one = |value: &Option<String>| value.clone().map(|value| vec![value]);
+    let offset: Vec<String> = args.offset.iter().map(usize::to_string).collect();
+    let poses: Vec<String> = args.poses.iter().map(|file| file.display().to_string()).collect();
     let all = [
-        ("--format", args.format.is_some()),
-        ("--frames", args.frames.is_some()),
-        ("--intrinsics", args.intrinsics.is_some()),
-        ("--poses", !args.poses.is_empty()),
-        ("--depth-unit", args.depth_unit.is_some()),
-        ("--camera-axes", args.camera_axes.is_some()),
-        ("--invert-poses", args.invert_poses),
-        ("--every", args.every != 1),
-        ("--offset", !args.offset.is_empty()),
+        ("--format", one(&args.format)),
+        ("--frames", args.frames.map(|frames| vec![frames.to_string()])),
+        ("--intrinsics", one(&args.intrinsics)),
+        ("--poses", (!poses.is_empty()).then_some(poses)),
+        ("--depth-unit", one(&args.depth_unit)),
+        ("--camera-axes", one(&args.camera_axes)),
+        ("--invert-poses", args.invert_poses.then(Vec::new)),
+        ("--every", (args.every != 1).then(|| vec![args.every.to_string()])),
+        ("--offset", (!offset.is_empty()).then(|| vec![offset.join(",")])),
     ];
-    all.into_iter().find_map(|(option, given)| given.then_some(option))
+    all.into_iter().filter_map(|(option, values)| Some((option, values?))).collect()
 }
 
 fn options(state: State, args: &RecordingArgs) -> Result<RecordingOptions, Failure> {
@@ -71,4 +94,27 @@ fn options(state: State, args: &RecordingArgs) -> Result<RecordingOptions, Failu
         offset: args.offset.get(state.index()).copied().unwrap_or(0),
         ..default
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    fn parsed(line: &str) -> RecordingArgs {
+        let cli = crate::args::Cli::try_parse_from(format!("artgs inspect {line}").split_whitespace()).unwrap();
+        let crate::args::Command::Inspect(args) = cli.command else { panic!("another command") };
+        args.recording
+    }
+
+    #[test]
+    fn given_options_are_written_as_they_are_read() {
+        assert_eq!(given_options(&parsed("a b")), "");
+        let all = "a b --format tum --frames 9 --intrinsics 1,2,3,4 --poses p q --depth-unit mm --camera-axes robot \
+                   --invert-poses --every 2 --offset 0,1";
+        let args = parsed(all);
+        assert_eq!(given_option(&args), Some("--format"));
+        assert_eq!(format!("{args:?}"), format!("{:?}", parsed(&format!("a b{}", given_options(&args)))));
+        assert_eq!(given(&args).len(), 9);
+    }
 }

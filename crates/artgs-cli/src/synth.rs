@@ -91,6 +91,9 @@ fn job(args: &Synth) -> Result<Job, Failure> {
     if args.states.is_some() {
         return Err(Failure::bad("--states is for random objects; give --random SEED in place of the object"));
     }
+    if args.still {
+        return Err(Failure::bad("--still is for random objects; give --random SEED in place of the object"));
+    }
     let sensor = device(args)?;
     match args.scene {
         None | Some(SynthScene::Studio) => studio(args),
@@ -120,7 +123,7 @@ fn random(seed: u64, args: &Synth) -> Result<Job, Failure> {
     };
     let states = args.states.map(|states| states as usize);
     let test_views = args.test_views.unwrap_or(0);
-    Ok(Job::Random(seed, RandomOptions { device, size: args.size, test_views, states }))
+    Ok(Job::Random(seed, RandomOptions { device, size: args.size, test_views, states, still: args.still }))
 }
 
 fn studio(args: &Synth) -> Result<Job, Failure> {
@@ -322,7 +325,8 @@ mod tests {
     #[test]
     fn a_random_object_is_described_in_one_line() {
         let dir = tempfile::tempdir().unwrap();
-        let options = RandomOptions { device: Device::Exact, size: Some(16), test_views: 0, states: None };
+        let options =
+            RandomOptions { device: Device::Exact, size: Some(16), test_views: 0, states: None, still: false };
         let (what, _) = Job::Random(6, options).write("random object", dir.path()).unwrap();
         let found = random_info(dir.path()).unwrap();
         assert_eq!(what, format!("seed 6: {}, K = 2, sensor exact", found.category));

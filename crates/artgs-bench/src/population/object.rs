@@ -118,6 +118,9 @@ fn make(seed: u64, options: &Options, files: &Files) -> Vec<OsString> {
     if let Some(size) = options.size {
         args.extend(["--size".into(), size.to_string().into()]);
     }
+    if options.still {
+        args.push("--still".into());
+    }
     add_threads(&mut args, options);
     args
 }

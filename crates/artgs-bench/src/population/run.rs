@@ -29,6 +29,8 @@ pub struct Options {
     pub sensor: String,
     /// Width of the photos, pixels; as `artgs synth` chooses it if absent.
     pub size: Option<u32>,
+    /// Nothing moves.
+    pub still: bool,
     /// Stop runs when parts and joints are found.
     pub stop_after_discover: bool,
     /// Time after which making an object, or its run, counts as failed.
@@ -95,13 +97,15 @@ struct Settings {
     program: String,
     sensor: String,
     size: Option<u32>,
+    #[serde(default)]
+    still: bool,
     stop_after_discover: bool,
 }
 
 impl Settings {
     fn new(options: &Options, program: String) -> Self {
-        let Options { sensor, size, stop_after_discover, .. } = options.clone();
-        Self { program, sensor, size, stop_after_discover }
+        let Options { sensor, size, still, stop_after_discover, .. } = options.clone();
+        Self { program, sensor, size, still, stop_after_discover }
     }
 
     /// Names of the fields that differ.
@@ -110,6 +114,7 @@ impl Settings {
             ("program", self.program != other.program),
             ("--sensor", self.sensor != other.sensor),
             ("--size", self.size != other.size),
+            ("--still", self.still != other.still),
             ("--stop-after", self.stop_after_discover != other.stop_after_discover),
         ];
         fields.into_iter().filter(|field| field.1).map(|field| field.0).collect()

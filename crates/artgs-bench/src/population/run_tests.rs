@@ -42,6 +42,7 @@ impl Fake {
             out: self.root.path().join("out"),
             seeds: seeds.collect(),
             sensor: Options::ANY.into(),
+            still: false,
             size: None,
             stop_after_discover: true,
             timeout: None,

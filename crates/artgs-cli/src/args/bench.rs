@@ -87,6 +87,9 @@ pub(crate) struct Bench {
     /// that is drawn; if absent, half of the objects are exact
     #[arg(long, value_enum)]
     pub(crate) sensor: Option<SynthSensor>,
+    /// Population: nothing moves; a result is right if it has no joint
+    #[arg(long)]
+    pub(crate) still: bool,
     /// Population: keep captures and runs in OUT/objects
     #[arg(long)]
     pub(crate) keep: bool,

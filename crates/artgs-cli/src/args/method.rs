@@ -79,7 +79,7 @@ pub(crate) struct RecordingArgs {
     /// Use every N-th frame only
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(crate) every: usize,
-    /// Number of the first frame that --every uses, of each recording: one recording can serve as two states
+    /// Number of the first frame that --every uses, of each recording; with two numbers one recording is both states
     #[arg(long, value_name = "START,END", value_delimiter = ',')]
     pub(crate) offset: Vec<usize>,
 }

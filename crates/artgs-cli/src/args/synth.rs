@@ -19,6 +19,9 @@ pub(crate) struct Synth {
     /// Number of states of a random object, 2 if absent; those after the end are called state_2, state_3, ...
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..=100))]
     pub(crate) states: Option<u64>,
+    /// Nothing of a random object moves: all states are as the start
+    #[arg(long)]
+    pub(crate) still: bool,
     /// List objects and suites
     #[arg(long)]
     pub(crate) list: bool,

@@ -103,7 +103,20 @@ fn reconstruct() {
             &["finish", "no such"],
             nothing,
         ),
-        bad("the same recording twice", "nerfstudio", "reconstruct IN/start IN/start -o OUT", &["same"], nothing),
+        bad(
+            "the same recording twice",
+            "nerfstudio",
+            "reconstruct IN/start IN/start -o OUT",
+            &["same", "--every 2 --offset 0,1"],
+            nothing,
+        ),
+        bad(
+            "one recording as two states that share frames",
+            "nerfstudio",
+            "reconstruct IN/start --offset 0,1 -o OUT",
+            &["same", "--every 2 --offset 0,1"],
+            nothing,
+        ),
         bad(
             "an unknown format",
             "nerfstudio",

@@ -168,17 +168,36 @@ fn nerfstudio() {
         bad("poses beyond single precision", "nerfstudio", INSPECT, &[FILE], |f| {
             nerf(f, |r| r["frames"][0]["transform_matrix"][0][3] = json!(1e300))
         }),
-        bad("no depth at all", "nerfstudio", BOTH, &["depth"], |f| {
-            for state in ["start", "end"] {
-                f.remove(&format!("{state}/depth"));
-            }
-            f.both("{}/transforms.json", |r| {
-                for frame in r["frames"].as_array_mut().unwrap() {
-                    frame.as_object_mut().unwrap().remove("depth_file_path");
-                }
-            });
-        }),
+        bad("no depth at all", "nerfstudio", BOTH, &["start: 0 frames have depth", "record with depth"], without_depth),
+        odd(
+            "no depth at all, inspected",
+            "nerfstudio",
+            INSPECT,
+            &["not usable: ", "start: 0 frames have depth"],
+            without_depth,
+        ),
+        bad(
+            "no depth image exists",
+            "nerfstudio",
+            BOTH,
+            &["0 frames have depth", "depth image that does not exist"],
+            |f| {
+                f.remove("start/depth");
+            },
+        ),
     ]);
+}
+
+/// Frames of both states that name no depth.
+fn without_depth(f: &Folder) {
+    for state in ["start", "end"] {
+        f.remove(&format!("{state}/depth"));
+    }
+    f.both("{}/transforms.json", |r| {
+        for frame in r["frames"].as_array_mut().unwrap() {
+            frame.as_object_mut().unwrap().remove("depth_file_path");
+        }
+    });
 }
 
 #[test]

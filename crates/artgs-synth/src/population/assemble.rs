@@ -24,14 +24,11 @@ const WORDS: [(&str, &str); 8] = [
 /// Parts smaller than this share of the object's diagonal are small.
 const SMALL: f64 = 0.15;
 
-/// The object of a model whose bodies have these values in all states. None if nothing moves.
-pub(super) fn assemble(model: Model, looks: &Looks, values: Vec<Vec<f64>>, seed: u64) -> Option<RandomObject> {
+/// The object of a model whose bodies have these values in all states.
+pub(super) fn assemble(model: Model, looks: &Looks, values: Vec<Vec<f64>>, seed: u64) -> RandomObject {
     let rested = (1..model.bodies.len()).any(|b| !is_moved(&values[b]));
     let Model { category, bodies, mut features } = model;
     let (bodies, values) = merged(bodies, values);
-    if bodies.len() < 2 {
-        return None;
-    }
     // Marks of the makers that are of parts are found again: some of these parts rest now.
     features.retain(|f| !["dial", "small", "symmetric", "screw", "chain", "tray", "flap", "sliding-panel"].contains(f));
     if rested {
@@ -46,7 +43,7 @@ pub(super) fn assemble(model: Model, looks: &Looks, values: Vec<Vec<f64>>, seed:
     let parts = bodies.iter().zip(&values).map(|(body, values)| part(body, values)).collect();
     let object = Object::with_diagonal(category, parts, [LEAST_DIAGONAL, f64::INFINITY], seed);
     let object = Object { light: LightQuality::COARSE, ..object };
-    Some(RandomObject { category, object, features })
+    RandomObject { category, object, features }
 }
 
 /// Bodies that rest become pieces of their parents, in the order of the bodies.

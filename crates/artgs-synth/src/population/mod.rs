@@ -77,20 +77,32 @@ const DOOR_WITH_DRAWER: f64 = 0.025;
 /// Draws the object of a seed with `states` states, at least 2. The same seed gives the same object; its category, materials and sizes
 /// do not depend on the number of states.
 pub fn random_object(seed: u64, states: usize) -> Result<RandomObject, SynthError> {
+    drawn_object(seed, states, false)
+}
+
+/// The object of a seed where nothing moves: in all states it is as [`random_object`] has it in the first one, a single part.
+pub fn still_object(seed: u64, states: usize) -> Result<RandomObject, SynthError> {
+    drawn_object(seed, states, true)
+}
+
+fn drawn_object(seed: u64, states: usize, still: bool) -> Result<RandomObject, SynthError> {
     if !(2..=100).contains(&states) {
         return Err(SynthError::Options("the number of states must be 2 to 100"));
     }
     (0..ATTEMPTS)
-        .find_map(|attempt| attempt_at(seed, attempt, states))
+        .find_map(|attempt| attempt_at(seed, attempt, states, still))
         .ok_or(SynthError::Options("no object of this seed can move; give another seed"))
 }
 
-fn attempt_at(seed: u64, attempt: u64, states: usize) -> Option<RandomObject> {
+fn attempt_at(seed: u64, attempt: u64, states: usize, still: bool) -> Option<RandomObject> {
     let mut dice = Dice::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ attempt << 17 ^ 0x0061_7274_6773);
     let (mut model, looks) = draw_model(&mut dice);
     model.group_equals();
-    let values = states::draw_states(&model.bodies, states, &mut dice.branch())?;
-    assemble::assemble(model, &looks, values, seed)
+    let mut values = states::draw_states(&model.bodies, states, &mut dice.branch())?;
+    if still {
+        values.iter_mut().for_each(|of_body| *of_body = vec![of_body[0]; states]);
+    }
+    Some(assemble::assemble(model, &looks, values, seed))
 }
 
 fn draw_model(dice: &mut Dice) -> (Model, Looks) {

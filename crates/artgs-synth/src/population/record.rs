@@ -41,6 +41,8 @@ pub struct RandomOptions {
     pub test_views: usize,
     /// Number of states; 2 if absent.
     pub states: Option<usize>,
+    /// Nothing moves.
+    pub still: bool,
 }
 
 /// How an object is recorded.

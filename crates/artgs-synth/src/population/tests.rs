@@ -171,7 +171,7 @@ fn quick(device: Device) -> impl Iterator<Item = u64> {
 fn written_objects_are_read_back_with_all_their_states() {
     for device in [Device::Exact, Device::Room] {
         let seed = quick(device).next().unwrap();
-        let options = RandomOptions { device, size: Some(64), states: Some(3), test_views: 0 };
+        let options = RandomOptions { device, size: Some(64), states: Some(3), test_views: 0, still: false };
         let dir = tempfile::tempdir().unwrap();
         let info = write_random(seed, &options, dir.path()).unwrap();
         assert_eq!((random_info(dir.path()), info.states), (Some(info.clone()), 3));
@@ -196,6 +196,32 @@ fn written_objects_are_read_back_with_all_their_states() {
             assert!(artgs_io::recording::RecordingFormat::of_two_states(dir.path()).is_some());
         }
     }
+}
+
+#[test]
+fn a_still_object_is_as_its_start_in_all_states() {
+    let (moved, still) = (random_object(5, 3).unwrap(), still_object(5, 3).unwrap());
+    assert_eq!((still.category, still.object.parts.len()), (moved.category, 1));
+    // The same surface as that of all parts at the start, up to rounding of where pieces were moved.
+    let corners = |object: &Object, state| {
+        let points = (0..object.parts.len()).flat_map(|part| object.mesh(part, state).vertices);
+        bounds(points.map(|v| DVec3::from_array(v.map(f64::from))))
+    };
+    let start = corners(&moved.object, State::START);
+    for state in State::ALL {
+        let now = corners(&still.object, state);
+        // Its box is placed anew, because its middle is that of what is closed.
+        assert!(((now.1 - now.0) - (start.1 - start.0)).length() < 0.05, "{now:?} {start:?}");
+    }
+    assert_eq!(corners(&still.object, State::START), corners(&still.object, State::END));
+
+    let dir = tempfile::tempdir().unwrap();
+    let options = RandomOptions { device: Device::Exact, size: Some(32), still: true, ..RandomOptions::default() };
+    let info = write_random(5, &options, dir.path()).unwrap();
+    assert_eq!((info.parts, info.still), (1, true));
+    assert_eq!(artgs_io::load_ground_truth(&dir.path().join("gt")).unwrap().joints.len(), 0);
+    let again = write_random(5, &RandomOptions { still: false, ..options }, dir.path()).unwrap();
+    assert!(again.parts > 1, "a folder of a still object is not kept for one that moves");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::record::{RandomCapture, RandomOptions, random_capture};
 use super::undecidable::{self, Undecidable};
-use super::{RandomObject, random_object};
+use super::{RandomObject, random_object, still_object};
 use crate::recording::write_recorded_states;
 use crate::replace::replace;
 use crate::write::{GENERATOR, MARKER, StatePair, ground_truth, write_json, write_views};
@@ -24,6 +24,9 @@ pub struct RandomInfo {
     pub parts: usize,
     /// Number of its states.
     pub states: usize,
+    /// Nothing moves.
+    #[serde(default)]
+    pub still: bool,
     /// How it was recorded.
     pub capture: RandomCapture,
     /// False while it is being written.
@@ -40,7 +43,7 @@ pub fn random_info(folder: &Path) -> Option<RandomInfo> {
 /// complete and the same, else replaced.
 pub fn write_random(seed: u64, options: &RandomOptions, folder: &Path) -> Result<RandomInfo, SynthError> {
     let states = options.states.unwrap_or(2);
-    let drawn = random_object(seed, states)?;
+    let drawn = if options.still { still_object(seed, states)? } else { random_object(seed, states)? };
     let (capture, mut features) = random_capture(seed, options);
     match &capture {
         RandomCapture::Exact(options) => options.check()?,
@@ -52,6 +55,7 @@ pub fn write_random(seed: u64, options: &RandomOptions, folder: &Path) -> Result
         category: drawn.category.into(),
         parts: drawn.object.parts.len(),
         states,
+        still: options.still,
         capture,
         complete,
     };

@@ -4,7 +4,7 @@ use super::PrepareError;
 use crate::consistency::{Consistency, Finding, check_aligned, check_capture, check_recording};
 use artgs_core::{Capture, PerState, Recording, State};
 use artgs_io::{CaptureError, CaptureOptions, load_capture_with};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Refuses a capture whose views or states contradict each other, and removes single views that contradict the others, unless
 /// `forced`; warnings go to the capture.
@@ -18,10 +18,14 @@ pub(super) fn require(capture: &mut Capture, forced: bool) -> Result<(), Prepare
 }
 
 /// Refuses recordings whose frames contradict each other, and removes single ones, unless `forced`; warnings go to the recordings.
-pub(super) fn require_recordings(recordings: &mut PerState<Recording>, forced: bool) -> Result<(), PrepareError> {
+pub(super) fn require_recordings(
+    recordings: &mut PerState<Recording>,
+    paths: &PerState<PathBuf>,
+    forced: bool,
+) -> Result<(), PrepareError> {
     for state in State::ALL {
         let found = check_recording(recordings[state].frames.iter().map(|f| &f.view));
-        let findings = found.findings(&format!("the recording of the {} state", state.name()));
+        let findings = found.findings(&paths[state].display().to_string());
         let warnings = accepted(findings, forced)?;
         recordings[state].warnings.extend(warnings);
         recordings[state].frames.retain(|frame| forced || !found.ignores(&frame.view.name));

@@ -24,6 +24,9 @@ pub enum PrepareError {
     /// Views or states contradict each other; `Request::force_input` uses them as they are.
     #[error("{0}")]
     Contradiction(String),
+    /// A recording has too little depth to be aligned, for this reason.
+    #[error("{0}")]
+    FewDepths(String),
     /// Recordings cannot be aligned.
     #[error(transparent)]
     Align(#[from] AlignError),

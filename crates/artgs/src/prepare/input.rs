@@ -102,11 +102,16 @@ pub(super) fn require_two(files: &PerState<RecordingFiles>) -> Result<(), InputE
         return Err(InputError::CaptureAmongTwo(capture.clone()));
     }
     let [start, end] = [&files[State::START], &files[State::END]];
-    // Of one recording, every second frame can be a state.
-    if start.path == end.path && start.options.offset == end.options.offset {
+    if start.path == end.path && share_frames(&start.options, &end.options) {
         return Err(InputError::Twice(start.path.clone()));
     }
     Ok(())
+}
+
+/// True if a frame of one recording would be in both states. Of every second frame, the even ones can be one state and the odd ones
+/// the other.
+fn share_frames(start: &RecordingOptions, end: &RecordingOptions) -> bool {
+    start.every != end.every || start.offset.abs_diff(end.offset) % start.every.max(1) == 0
 }
 
 #[cfg(test)]
@@ -126,12 +131,20 @@ mod tests {
     #[test]
     fn one_recording_is_two_states_only_with_different_frames() {
         let Ok(input @ Input::Recordings(_)) = Input::new(&["a", "a"]) else { panic!("two paths are recordings") };
-        let options = |offset| RecordingOptions { every: 2, offset, ..RecordingOptions::default() };
+        let options = |every, offset| RecordingOptions { every, offset, ..RecordingOptions::default() };
         let required = |input: Input| match input {
             Input::Recordings(files) => require_two(&files),
             other => panic!("{other:?}"),
         };
         assert_eq!(required(input.clone()), Err(InputError::Twice("a".into())));
-        assert_eq!(required(input.with_options(PerState::new(options(0), options(1)))), Ok(()));
+        let with = |every, offset| {
+            required(input.clone().with_options(PerState::new(options(every, 0), options(every, offset))))
+        };
+        assert_eq!(with(2, 1), Ok(()));
+        assert_eq!(with(3, 2), Ok(()));
+        // All frames but the first, or every second one but the first, are in both.
+        for (every, offset) in [(1, 1), (2, 2)] {
+            assert_eq!(with(every, offset), Err(InputError::Twice("a".into())), "{every} {offset}");
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! What an input is, before it is used: a capture, or each recording.
 
 use super::agreement::{load_capture, refusals};
+use super::recordings::few_depths;
 use super::{Input, PrepareError, RecordingFiles, memory};
 use crate::consistency::{Consistency, Finding, StateConsistency, check_capture, check_recording};
 use artgs_core::{Capture, Recording};
@@ -34,6 +35,9 @@ enum What {
         #[serde(flatten)]
         summary: Box<RecordingSummary>,
         consistency: Box<StateConsistency>,
+        /// Why it has too little depth.
+        #[serde(skip)]
+        few_depths: Option<String>,
     },
 }
 
@@ -62,8 +66,9 @@ impl Inspected {
     pub fn recording(files: &RecordingFiles) -> Result<Self, PrepareError> {
         let recording = load_recording(&files.path, &files.options)?;
         let consistency = check_recording(recording.frames.iter().map(|f| &f.view));
-        let what =
-            What::Recording { summary: RecordingSummary::new(&recording).into(), consistency: consistency.into() };
+        let few_depths = few_depths(&files.path, &recording);
+        let summary = RecordingSummary::new(&recording).into();
+        let what = What::Recording { summary, consistency: consistency.into(), few_depths };
         Ok(Self { path: files.path.clone(), what })
     }
 
@@ -75,6 +80,14 @@ impl Inspected {
     /// True for a capture of both states.
     pub fn is_capture(&self) -> bool {
         matches!(self.what, What::Capture { .. })
+    }
+
+    /// Why a recording, which can be shown, has too little depth to be reconstructed from, if it has.
+    pub fn few_depths(&self) -> Option<&str> {
+        match &self.what {
+            What::Capture { .. } => None,
+            What::Recording { few_depths, .. } => few_depths.as_deref()?.lines().next(),
+        }
     }
 
     /// Number of warnings.
@@ -113,7 +126,7 @@ impl fmt::Display for Inspected {
                 }
                 line(f, "agreement of both", consistency.across, "of the surfaces agree between the states")?;
             }
-            What::Recording { summary, consistency } => {
+            What::Recording { summary, consistency, .. } => {
                 summary.fmt(f)?;
                 line(f, "agreement", consistency.agreement, "of the depth points agree between frames")?;
             }
@@ -186,7 +199,7 @@ impl fmt::Display for RecordingSummary {
         writeln!(f, "frames        {} of {} recorded", self.kept, self.recorded)?;
         writeln!(f, "images        {w}x{h}, focal length {fx:.1} x {fy:.1} pixels")?;
         match self.depth_frames {
-            0 => writeln!(f, "depth         none; the recordings of two states cannot be aligned without depth")?,
+            0 => writeln!(f, "depth         none")?,
             n => writeln!(
                 f,
                 "depth         in {n} frames, on {:.1} % of the pixels, one measurement per {:.1} pixels",

@@ -91,8 +91,9 @@ impl Request {
                 changed(capture, Report::Corrected(correction), plan.longest_side)?
             }
             Input::Recordings(files) => {
+                let paths = files.as_ref().map(|files| files.path.clone());
                 let mut read = recordings::load(files, plan.longest_side)?;
-                agreement::require_recordings(&mut read, force_input)?;
+                agreement::require_recordings(&mut read, &paths, force_input)?;
                 let (mut capture, report) = recordings::aligned(&read, &config, object_box.as_ref(), observer)?;
                 drop(read);
                 agreement::require_one_object(&mut capture, force_input)?;

@@ -2,21 +2,35 @@
 
 use super::PrepareError;
 use super::input::{RecordingFiles, require_two};
-use crate::align::{AlignReport, ObjectBox, align_with_progress};
+use crate::align::{AlignReport, LEAST_FRAMES, ObjectBox, align_with_progress};
 use crate::config::Config;
 use crate::observer::{Event, Observer, percent};
 use artgs_core::{Capture, PerState, Recording, State, Upward};
 use artgs_io::recording::{RecordingOptions, load_recording};
+use std::path::Path;
 use std::time::Instant;
 
-/// Reads the recording of each state, with images of at most `longest_side` pixels.
+/// Reads the recording of each state, with images of at most `longest_side` pixels. Refuses one without depth.
 pub(super) fn load(files: PerState<RecordingFiles>, longest_side: u32) -> Result<PerState<Recording>, PrepareError> {
     require_two(&files)?;
     let read = |RecordingFiles { path, options }| {
         let longest_side = options.longest_side.min(longest_side);
-        load_recording(&path, &RecordingOptions { longest_side, ..options }).map_err(PrepareError::from)
+        let recording = load_recording(&path, &RecordingOptions { longest_side, ..options })?;
+        few_depths(&path, &recording).map_or(Ok(recording), |why| Err(PrepareError::FewDepths(why)))
     };
     files.map(read).transpose()
+}
+
+/// Why a recording has too little depth to be aligned with that of the other state, if it has: also what the reader said of it.
+pub(super) fn few_depths(path: &Path, recording: &Recording) -> Option<String> {
+    let count = recording.frames.iter().filter(|frame| frame.view.depth.is_some()).count();
+    let path = path.display();
+    let refused = format!(
+        "{path}: {count} frames have depth, at least {LEAST_FRAMES} are needed to align the recordings of two states; record with \
+         depth, or give a capture in which the cameras of both states are in one world"
+    );
+    (count < LEAST_FRAMES)
+        .then(|| recording.warnings.iter().fold(refused, |text, warning| format!("{text}\n{warning}")))
 }
 
 /// Aligns recordings in the stage `align`, and reports what was found. The capture has a warning for everything else that moved.
