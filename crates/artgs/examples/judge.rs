@@ -102,7 +102,8 @@ fn by_part(problem: &mut Problem<'_>, explanation: &Explanation, terms: &Terms) 
             let fewer = problem.relabelled(&explanation.without(k));
             let saved = problem.terms(&fewer).total() - terms.total();
             line += &format!(
-                "; {:.1} degrees, {:.3} along {:.2}; saves {saved:.0}",
+                "; drift {:.1}; {:.1} degrees, {:.3} along {:.2}; saves {saved:.0}",
+                problem.drift(explanation, k),
                 screw.angle.to_degrees(),
                 screw.slide,
                 screw.axis

@@ -189,8 +189,8 @@ pub enum DiscoverError {
     NothingRests(f64),
 }
 
-/// Finds the movable parts, as many as `movable` allows, and labels every surface point. If it allows none, and what was
-/// found is almost certainly wrong, there are none: what differs between the states is noise.
+/// Finds the movable parts, as many as `movable` allows, and labels every surface point. If it allows none, and no part saves what
+/// it costs, there are none: what differs between the states is noise.
 pub fn discover(
     scene: &Scene,
     movable: RangeInclusive<usize>,
@@ -206,11 +206,8 @@ pub fn discover_with_progress(
     config: &DiscoverConfig,
     done: Share<'_>,
 ) -> Result<Discovery, DiscoverError> {
-    /// Confidence of the best part below which there is no part.
-    const NO_PART: f64 = 0.05;
-    let found = best_parts(scene, (*movable.start()).max(1)..=*movable.end(), config, done)?;
-    let without_confidence = found.parts.iter().all(|p| p.confidence.is_some_and(|c| c < NO_PART));
-    Ok(if *movable.start() == 0 && without_confidence { without_parts(scene) } else { found })
+    let may_rest = *movable.start() == 0;
+    best_parts(scene, (*movable.start()).max(1)..=*movable.end(), may_rest, config, done)
 }
 
 /// Shares of the work until candidate motions, and until the parts of the first explanation are known: rough, to show
@@ -221,10 +218,11 @@ const REFINED: f64 = 0.85;
 /// Share of what remains of the refinement that one of its rounds is shown as.
 const OF_REMAINING: f64 = 0.4;
 
-/// At least one part.
+/// At least one part; if all `may_rest`, none where no part saves what it costs.
 fn best_parts(
     scene: &Scene,
     movable: RangeInclusive<usize>,
+    may_rest: bool,
     config: &DiscoverConfig,
     done: Share<'_>,
 ) -> Result<Discovery, DiscoverError> {
@@ -272,6 +270,9 @@ fn best_parts(
     let found = with_parts_by_energy(&found, (&mut problem, &surfels.clouds), &work, &movable, &proposed, &result)
         .and_then(|better| explaining_enough(better, &evidence, scene, config).ok())
         .map_or_else(|| explaining_enough(found, &evidence, scene, config), Ok)?;
+    if may_rest && problem.is_at_rest(&found) {
+        return Ok(without_parts(scene));
+    }
     let found = with_intervals(found, &problem);
     Ok(if scene.spreading { with_doubts_of_oblique(with_doubts_of_narrow(found)) } else { found })
 }

@@ -219,10 +219,14 @@ impl<'a> Problem<'a> {
             let cut = self.edges[s].iter().filter(|(i, j, _)| labels[*i as usize] != labels[*j as usize]);
             terms.border += f64::from(self.settings.border / self.shared) * cut.map(|e| f64::from(e.2)).sum::<f64>();
         }
-        let independent = self.surfels().iter().sum::<usize>() as f64 / f64::from(self.shared);
-        let numbers: f64 = explanation.numbers.iter().map(|n| f64::from(*n)).sum();
-        terms.length = 0.5 * numbers * independent.max(2.0).ln();
+        terms.length = explanation.numbers.iter().map(|n| self.nats_of_numbers(*n)).sum();
         terms
+    }
+
+    /// Nats of the numbers of a motion.
+    pub(super) fn nats_of_numbers(&self, numbers: u8) -> f64 {
+        let independent = self.surfels().iter().sum::<usize>() as f64 / f64::from(self.shared);
+        0.5 * f64::from(numbers) * independent.max(2.0).ln()
     }
 
     /// The same motions with labels that lower the energy, starting from the given ones.
@@ -348,6 +352,21 @@ impl<'a> Problem<'a> {
     /// Points of a part in each state.
     pub(super) fn members(&self, explanation: &Explanation, part: u16) -> PerState<Vec<usize>> {
         explanation.labels.as_ref().map(|labels| (0..labels.len()).filter(|&i| labels[i] == part).collect())
+    }
+
+    /// Nats of the motion of part `part` (from 1) if errors that the states have in common were the cause of it.
+    pub fn drift(&self, explanation: &Explanation, part: usize) -> f64 {
+        let members = self.members(explanation, part as u16);
+        let (mut sum, mut count) = (0.0, 0.0);
+        for s in State::ALL {
+            let motion = explanation.motions[part - 1].away_from(s);
+            for &i in &members[s] {
+                let p = self.clouds[s].cloud.points[i].as_dvec3();
+                sum += motion.apply(p).distance_squared(p);
+                count += 1.0;
+            }
+        }
+        0.5 * sum / f64::max(count, 1.0) / f64::from(self.common).powi(2)
     }
 
     /// The motion of part `part` (from 1), registered to what the views show.

@@ -17,6 +17,13 @@ impl Problem<'_> {
         self.settled(&explanation, settings)
     }
 
+    /// True if no part of what was found saves what it costs: the states show one body at rest.
+    pub fn is_at_rest(&mut self, found: &Discovery) -> bool {
+        let settings = SearchSettings::default();
+        let explained = self.explained(found, &settings);
+        self.without_surplus_parts(&explained, &settings).motions.is_empty()
+    }
+
     /// Labels of the surfels from the nearest of the labelled points of clouds.
     pub(crate) fn labels_like(&self, clouds: &PerState<Cloud>, labels: &PerState<Vec<u16>>) -> PerState<Vec<u16>> {
         PerState::from_fn(|s| {

@@ -173,9 +173,19 @@ impl Problem<'_> {
         loop {
             let parts: Vec<u16> = (0..best.motions.len() as u16).collect();
             let fewer = (1..=best.motions.len()).map(|k| self.grown(&best.without(k), &parts, None)).collect();
-            let Some(fewer) = self.lowest(&best, fewer, settings) else { return best };
+            let fewer = self.lowest(&best, fewer, settings).or_else(|| self.without_drift(&best, settings));
+            let Some(fewer) = fewer else { return best };
             best = self.relabelled(&fewer);
         }
+    }
+
+    /// Without the part that is most likely no part, but a region that errors of poses took so far; none if there is none.
+    pub(super) fn without_drift(&self, explanation: &Explanation, settings: &SearchSettings) -> Option<Explanation> {
+        let excess =
+            |k: usize| settings.part + self.nats_of_numbers(explanation.numbers[k - 1]) - self.drift(explanation, k);
+        let all = (1..=explanation.motions.len()).map(|k| (excess(k), k));
+        let (excess, k) = all.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        (excess > 0.0).then(|| explanation.without(k))
     }
 
     /// Parts that move nearly alike joined, where that lowers the total.

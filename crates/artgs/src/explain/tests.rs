@@ -153,6 +153,30 @@ fn what_errors_of_the_states_have_in_common_is_measured_where_nothing_moved() {
 }
 
 #[test]
+fn a_region_that_errors_of_poses_took_so_far_is_no_part() {
+    const OFF: DVec3 = DVec3::splat(0.0015);
+    let (object, scene) = cupboard_off_by(OFF);
+    let surfels = Surfels::new(&scene, &SETTINGS);
+    let mut problem = Problem::new(&scene, &surfels, SETTINGS);
+    let (search, right) = (SearchSettings::default(), true_explanation(&object, &problem));
+    assert!((1..PARTS).all(|part| problem.drift(&right, part) > 1000.0));
+    assert!(problem.without_drift(&right, &search).is_none());
+    // The left half of the static part moves by the error of the poses.
+    let mut more = right.clone();
+    more.motions.push(Rigid::shift(OFF));
+    more.numbers.push(JointKind::Prismatic.numbers());
+    for s in State::ALL {
+        let points = &surfels.clouds[s].points;
+        let middle = points.iter().map(|p| p.x).sum::<f32>() / points.len() as f32;
+        let left = |(label, p): (&mut u16, &glam::Vec3)| *label = if *label == 0 && p.x < middle { 3 } else { *label };
+        more.labels[s].iter_mut().zip(points).for_each(left);
+    }
+    assert!(problem.drift(&more, 3) < 20.0, "{}", problem.drift(&more, 3));
+    assert_eq!(problem.without_drift(&more, &search).unwrap().motions, right.motions);
+    assert_eq!(problem.without_surplus_parts(&more, &search).motions, right.motions);
+}
+
+#[test]
 fn intervals_of_a_cupboard_hold_the_truth_and_are_small() {
     let (object, scene) = cupboard();
     let found = crate::discover::discover(&scene, 2..=2, &DiscoverConfig::default()).unwrap();
