@@ -28,6 +28,7 @@ fn link(name: &str, parent: Option<usize>, origin: DVec3, boxes: &[Mesh], joint:
         uvs: vec![[0.5, 0.5]; n],
         normals: vec![[0.0, 0.0, 1.0]; n],
         texture: Some(Texture { width: 2, height: 2, rgb: vec![[200, 100, 50]; 4] }),
+        evidence: Vec::new(),
         mesh,
     };
     let splats = Splats {

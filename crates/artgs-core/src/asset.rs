@@ -97,6 +97,33 @@ pub struct TexturedMesh {
     pub uvs: Vec<[f32; 2]>,
     /// The texture, if there is one.
     pub texture: Option<Texture>,
+    /// What each triangle rests on; empty if that is unknown.
+    pub evidence: Vec<FaceEvidence>,
+}
+
+/// What a face of a surface rests on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum FaceEvidence {
+    /// A sensor measured it.
+    Seen,
+    /// Depth was derived from photos and from surfaces that continue there.
+    Derived,
+    /// Nothing was recorded: it closes the surface.
+    Invented,
+}
+
+impl FaceEvidence {
+    /// All kinds.
+    pub const ALL: [Self; 3] = [Self::Seen, Self::Derived, Self::Invented];
+
+    /// `seen`, `derived` or `invented`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Seen => "seen",
+            Self::Derived => "derived",
+            Self::Invented => "invented",
+        }
+    }
 }
 
 /// An sRGB image, rows from the top.

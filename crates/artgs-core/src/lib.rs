@@ -18,7 +18,9 @@ mod splats;
 pub mod state;
 mod world;
 
-pub use asset::{Asset, AssetJoint, AssetLink, ContactMaterial, Inertial, Texture, TexturedMesh, odd_size};
+pub use asset::{
+    Asset, AssetJoint, AssetLink, ContactMaterial, FaceEvidence, Inertial, Texture, TexturedMesh, odd_size,
+};
 pub use camera::{Camera, Intrinsics};
 pub use capture::{Capture, StateViews, View};
 pub use depth::DepthMap;

@@ -175,7 +175,7 @@ fn check_mesh(mesh: &Mesh) -> Result<(), String> {
 }
 
 fn check_visual(visual: &TexturedMesh) -> Result<(), String> {
-    let TexturedMesh { mesh, normals, uvs, texture } = visual;
+    let TexturedMesh { mesh, normals, uvs, texture, evidence } = visual;
     check_mesh(mesh).map_err(|e| format!("visual: {e}"))?;
     let n = mesh.vertices.len();
     for (field, len) in [("normals", normals.len()), ("colors", mesh.colors.len()), ("uvs", uvs.len())] {
@@ -183,6 +183,9 @@ fn check_visual(visual: &TexturedMesh) -> Result<(), String> {
         if len != n && (needed || len != 0) {
             return Err(format!("visual.{field}: {len} for {n} vertices"));
         }
+    }
+    if !evidence.is_empty() && evidence.len() != mesh.triangles.len() {
+        return Err(format!("visual.evidence: {} for {} triangles", evidence.len(), mesh.triangles.len()));
     }
     if normals.as_flattened().iter().chain(uvs.as_flattened()).any(|v| !v.is_finite()) {
         return Err("visual: not all normals and texture coordinates are finite".into());
@@ -248,6 +251,7 @@ mod tests {
         refused(|a| a.links[1].inertial.inertia = [1.0, 1.0, 1.0, 1.1, 0.0, 0.0], "must be above 0");
         refused(|a| a.links[1].visual.mesh.vertices[0][1] = f32::NAN, "visual: not all vertices");
         refused(|a| a.links[1].visual.mesh.triangles[0][1] = 999, "999");
+        refused(|a| a.links[1].visual.evidence.push(artgs_core::FaceEvidence::Seen), "visual.evidence: 1 for");
         refused(|a| a.links[1].visual.uvs.truncate(1), "visual.uvs: 1 for 24");
         refused(|a| a.links[1].visual.texture.as_mut().unwrap().width = 3, "visual.texture: 8 pixels");
         refused(|a| a.links[0].collision[2].vertices.iter_mut().for_each(|v| v[2] = 0.0), "collision 2: volume");

@@ -53,7 +53,7 @@ fn line(out: &mut String, tag: &str, values: &[f32]) {
 }
 
 fn textured(stem: &str, textured: &TexturedMesh) -> Result<String, String> {
-    let TexturedMesh { mesh, normals, uvs, texture } = textured;
+    let TexturedMesh { mesh, normals, uvs, texture, .. } = textured;
     let n = mesh.vertices.len();
     let fits = |name: &str, len: usize, needed: bool| {
         if len == n || (len == 0 && !needed) {
@@ -118,6 +118,7 @@ mod tests {
             normals: vec![[0.0, 0.0, 1.0]; 3],
             uvs: vec![[0.0, 0.0], [1.0, 0.25], [0.5, 1.0]],
             texture: Some(Texture { width: 2, height: 1, rgb: vec![[1, 2, 3], [250, 0, 9]] }),
+            evidence: Vec::new(),
         }
     }
 

@@ -39,8 +39,9 @@ pub(crate) fn remove_lost(link: &mut AssetLink, hulls: &[Hull], points: &mut Vec
     if !lost.contains(&true) {
         return;
     }
-    let mut island = islands.iter();
-    mesh.triangles.retain(|_| island.next().is_some_and(|i| !lost[*i as usize]));
+    let (mut is_kept, mut is_known) = (islands.iter().map(|i| !lost[*i as usize]), islands.iter());
+    mesh.triangles.retain(|_| is_kept.next().unwrap_or(false));
+    link.visual.evidence.retain(|_| is_known.next().is_some_and(|i| !lost[*i as usize]));
     remove_unused(&mut link.visual);
     let mut owner = owners.iter();
     points.retain(|_| owner.next().is_some_and(|i| !lost[*i]));

@@ -11,8 +11,7 @@ pub(crate) mod unwrap;
 
 use crate::config::PhysicalConfig;
 use crate::geometry::convert::{from_parry, pose, to_parry};
-use crate::geometry::topology::diagonal;
-use crate::geometry::topology::{bounds, points};
+use crate::geometry::topology::{bounds, corners, diagonal, points};
 use crate::looks::bake::{BakeOptions, BakeView, JUMP, Photo, bake, depth_of, equalise};
 use crate::looks::fused::Fused;
 use crate::looks::passage::{Passage, carved, freed};
@@ -21,7 +20,7 @@ use crate::looks::shade::{CREASE, with_normals};
 use crate::looks::simplify::{Original, SurfaceError, smoothed};
 use crate::looks::spread::spread;
 use crate::looks::unwrap::{UnwrapOptions, unwrap};
-use artgs_core::{Camera, Capture, DepthMap, Joint, Mesh, PerState, Replica, State, TexturedMesh, View};
+use artgs_core::{Camera, Capture, DepthMap, FaceEvidence, Joint, Mesh, PerState, Replica, State, TexturedMesh, View};
 use artgs_io::export_report::Evidence;
 use glam::DVec3;
 use parry3d::math::Pose3;
@@ -159,6 +158,8 @@ pub fn surfaces(
         // Depth that was rendered from the meshes measures nothing.
         let observed = shape.surface.observed.as_ref().filter(|_| capture.is_some_and(Capture::has_depth));
         shape.surface.evidence = evidence(points, observed, views, options);
+        shape.surface.visual.evidence =
+            observed.map_or_else(Vec::new, |seen| faces(&shape.surface.visual.mesh, seen, views, options));
         shape.surface.observed = shape.surface.observed.take().map(|seen| seen.asked(views, options));
     });
     equalise(&mut views, &compared, &options);
@@ -183,17 +184,46 @@ fn evidence(
 ) -> Option<Evidence> {
     let observed = observed.filter(|_| !points.is_empty())?;
     let mut counts = [0.0; 3];
-    for [point, normal] in points {
-        let mut sights = views.iter().filter_map(|view| view.measures(*point, *normal, options)).peekable();
-        let kind = match (observed.holds(*point), sights.peek().is_some()) {
-            (false, _) => 2,
-            (true, true) => usize::from(!sights.any(|measured| measured)),
-            (true, false) => 0,
-        };
-        counts[kind] += 1.0 / points.len() as f64;
+    for point in points {
+        counts[at(*point, observed, views, options) as usize] += 1.0 / points.len() as f64;
     }
     let [seen, derived, invented] = counts;
     Some(Evidence { seen, derived, invented })
+}
+
+/// What each face of a mesh rests on: most of four of its points.
+fn faces(mesh: &Mesh, observed: &Seen, views: &[BakeView], options: &BakeOptions) -> Vec<FaceEvidence> {
+    /// Barycentric weights of the points.
+    const PLACES: [[f64; 3]; 4] = [
+        [1.0 / 3.0; 3],
+        [2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0],
+        [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0],
+        [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0],
+    ];
+    let face = |t: &[u32; 3]| {
+        let [a, b, c] = corners(mesh, *t);
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let mut counts = [0; 3];
+        for [u, v, w] in PLACES {
+            counts[at([a * u + b * v + c * w, normal], observed, views, options) as usize] += 1;
+        }
+        // Of two kinds with as many points, the one that rests on less.
+        let most = |kind: &FaceEvidence| (counts[*kind as usize], *kind);
+        FaceEvidence::ALL.into_iter().max_by_key(most).unwrap_or(FaceEvidence::Invented)
+    };
+    mesh.triangles.par_iter().map(face).collect()
+}
+
+/// What a point of a surface, with its normal, rests on.
+fn at([point, normal]: [DVec3; 2], observed: &Seen, views: &[BakeView], options: &BakeOptions) -> FaceEvidence {
+    if !observed.holds(point) {
+        return FaceEvidence::Invented;
+    }
+    let mut sights = views.iter().filter_map(|view| view.measures(point, normal, options)).peekable();
+    match sights.peek().is_some() && !sights.any(|measured| measured) {
+        true => FaceEvidence::Derived,
+        false => FaceEvidence::Seen,
+    }
 }
 
 /// A part's surface before its texture is painted.
@@ -381,19 +411,26 @@ mod tests {
         assert!(!none.measures(DVec3::splat(0.5)), "no surface there");
     }
 
+    /// A cube of which these sides were recorded.
+    fn seen_box(sides: [bool; 6]) -> Seen {
+        let fused = Fused::from(open_box(DVec3::ONE, 12, sides));
+        Seen { shape: fused.shape().unwrap().clone(), reach: 0.01, measured: None }
+    }
+
     #[test]
     fn walls_that_close_an_open_box_are_invented() {
-        let seen = |sides: [bool; 6]| {
-            let fused = Fused::from(open_box(DVec3::ONE, 12, sides));
-            Seen { shape: fused.shape().unwrap().clone(), reach: 0.01, measured: None }
-        };
         let points = spread(&open_box(DVec3::ONE, 12, [true; 6]), COMPARED);
         let options = BakeOptions::at_resolution(0.01);
-        let of = |sides: [bool; 6]| evidence(&points, Some(&seen(sides)), &[], &options).unwrap();
+        let of = |sides: [bool; 6]| evidence(&points, Some(&seen_box(sides)), &[], &options).unwrap();
         assert!(of([true; 6]).seen > 0.999);
         // One side of six was not recorded.
         let Evidence { seen, derived, invented } = of([true, true, true, true, true, false]);
         assert!((invented - 1.0 / 6.0).abs() < 0.01 && derived == 0.0 && (seen + invented - 1.0).abs() < 1e-9);
         assert_eq!(evidence(&points, None, &[], &options), None);
+        // Of each face the same is said.
+        let whole = open_box(DVec3::ONE, 12, [true; 6]);
+        let of_faces = faces(&whole, &seen_box([true, true, true, true, true, false]), &[], &options);
+        let count = of_faces.iter().filter(|kind| **kind == FaceEvidence::Invented).count();
+        assert_eq!((of_faces.len(), count), (whole.triangles.len(), whole.triangles.len() / 6));
     }
 }

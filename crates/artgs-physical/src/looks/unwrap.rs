@@ -83,6 +83,7 @@ fn collect(mesh: &TexturedMesh, atlas: &Atlas) -> Unwrapped {
             mesh: Mesh { vertices: pick(&mesh.mesh.vertices), colors, triangles },
             normals: pick(&mesh.normals),
             uvs: out.vertices.iter().map(|v| v.uv).collect(),
+            evidence: Vec::new(),
             texture: None,
         },
         size: [atlas.width, atlas.height],

@@ -210,7 +210,7 @@ fn a_still_object_is_as_its_start_in_all_states() {
     let start = corners(&moved.object, State::START);
     for state in State::ALL {
         let now = corners(&still.object, state);
-        // Its box is placed anew, because its middle is that of what is closed.
+        // Each object is placed by the middle of its own box.
         assert!(((now.1 - now.0) - (start.1 - start.0)).length() < 0.05, "{now:?} {start:?}");
     }
     assert_eq!(corners(&still.object, State::START), corners(&still.object, State::END));

@@ -141,13 +141,14 @@ pub(super) fn cost(seen: &Seen, believed: f32, context: &Context, prices: &Price
         );
     }
     let full = capped(prices.hidden, settings.most);
-    Cost::Hidden(if is_hidden_by_most(seen, &context.founded) {
-        settings.hidden + (full - settings.hidden).max(0.0) * doubt
+    let least = if is_hidden_by_most(seen, &context.founded) {
+        settings.hidden
     } else if seen.hidden == 0 {
         settings.unseen
     } else {
         full
-    })
+    };
+    Cost::Hidden(least + (full - least).max(0.0) * doubt)
 }
 
 /// Nats of the views that show the place of a surfel, in the mean; 0 if none does.
@@ -212,7 +213,10 @@ mod tests {
     }
 
     #[test]
-    fn a_part_that_is_not_believed_gains_nothing_by_being_seen() {
+    fn a_part_that_is_not_believed_gains_nothing_by_being_seen_or_by_leaving_all_views() {
         assert!(of(&seen(5, 0, [NOBODY; 4]), 0.0) > 2.5);
+        let outside = Seen { hidden: 0, ..seen(0, 0, [NOBODY; 4]) };
+        assert!((of(&outside, 1.0) - ExplainSettings::DEFAULT.unseen).abs() < 1e-6);
+        assert!(of(&outside, 0.0) > 2.5);
     }
 }

@@ -354,8 +354,12 @@ impl<'a> Problem<'a> {
         explanation.labels.as_ref().map(|labels| (0..labels.len()).filter(|&i| labels[i] == part).collect())
     }
 
-    /// Nats of the motion of part `part` (from 1) if errors that the states have in common were the cause of it.
+    /// Nats of the motion of part `part` (from 1) if errors that the states have in common were the cause of it; infinite without such
+    /// errors.
     pub fn drift(&self, explanation: &Explanation, part: usize) -> f64 {
+        if self.common <= 0.0 {
+            return f64::INFINITY;
+        }
         let members = self.members(explanation, part as u16);
         let (mut sum, mut count) = (0.0, 0.0);
         for s in State::ALL {

@@ -5,7 +5,7 @@ use super::buffer::Use;
 use crate::FileError;
 use crate::asset::values::{Activated, is_textured, linear, unit_normals};
 use crate::image_io::rgb_png;
-use artgs_core::{AssetLink, Splats, Texture};
+use artgs_core::{AssetLink, FaceEvidence, Splats, Texture, TexturedMesh};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
@@ -38,12 +38,28 @@ impl Scene {
             }
             _ => surface["baseColorFactor"] = json!([0.5, 0.5, 0.5, 1.0]),
         }
-        let indices = self.buffer.triangles(&mesh.triangles);
-        // Double-sided, because an open door may show the inside of a shell that was observed only from outside.
-        self.materials.push(json!({"name": link.name, "pbrMetallicRoughness": surface, "doubleSided": true}));
-        let material = self.materials.len() - 1;
-        let primitive = json!({"attributes": attributes, "indices": indices, "material": material, "mode": 4});
-        self.meshes.push(json!({"name": link.name, "primitives": [primitive]}));
+        let primitives: Vec<Value> = by_evidence(visual)
+            .into_iter()
+            .map(|(evidence, triangles)| {
+                let indices = self.buffer.triangles(&triangles);
+                let name = match evidence {
+                    Some(other @ (FaceEvidence::Derived | FaceEvidence::Invented)) => {
+                        format!("{}_{}", link.name, other.name())
+                    }
+                    Some(FaceEvidence::Seen) | None => link.name.clone(),
+                };
+                // Double-sided, because an open door may show the inside of a shell that was observed only from outside.
+                self.materials.push(json!({"name": name, "pbrMetallicRoughness": surface, "doubleSided": true}));
+                let material = self.materials.len() - 1;
+                let mut primitive =
+                    json!({"attributes": attributes, "indices": indices, "material": material, "mode": 4});
+                if let Some(evidence) = evidence {
+                    primitive["extras"] = json!({"evidence": evidence.name()});
+                }
+                primitive
+            })
+            .collect();
+        self.meshes.push(json!({"name": link.name, "primitives": primitives}));
         Ok(Some(self.meshes.len() - 1))
     }
 
@@ -89,6 +105,19 @@ impl Scene {
         self.meshes.push(json!({"name": name, "primitives": [primitive]}));
         Ok(Some(self.meshes.len() - 1))
     }
+}
+
+/// The triangles by what they rest on; all together if that is unknown.
+fn by_evidence(visual: &TexturedMesh) -> Vec<(Option<FaceEvidence>, Vec<[u32; 3]>)> {
+    let triangles = &visual.mesh.triangles;
+    if visual.evidence.len() != triangles.len() {
+        return vec![(None, triangles.clone())];
+    }
+    let of = |kind: FaceEvidence| {
+        let own = triangles.iter().zip(&visual.evidence).filter(|(_, evidence)| **evidence == kind);
+        (Some(kind), own.map(|(t, _)| *t).collect::<Vec<_>>())
+    };
+    FaceEvidence::ALL.into_iter().map(of).filter(|(_, own)| !own.is_empty()).collect()
 }
 
 /// How the Gaussians were trained: the kernel, colours, order and projection of 3DGS.

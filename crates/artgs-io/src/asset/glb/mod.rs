@@ -5,6 +5,10 @@
 //! (the `gltf` crate, also in Bevy) and Khronos' validator refuse a file with attributes of an unknown extension, and because
 //! renderers that know the extension would draw surfaces twice.
 //!
+//! What faces rest on, if it is known: the mesh of a link has a primitive, with a material of its own, for faces that were seen, derived
+//! and invented; `extras.evidence` of the primitive and the material `LINK`, `LINK_derived` or `LINK_invented` say which. Attributes of
+//! one's own, which also could, are refused by strict readers.
+//!
 //! Frames: the root node, named like the asset, turns +Z up to glTF's +Y; under it all nodes have the link frames, so
 //! all of `extras` is in the node's axes, metres and radians. There is a node per link, children under parents, with rest
 //! pose at joint value 0. The clip `LINK_joint` moves the joint from its lower to its upper limit in two seconds, with keys at

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::asset::testing::cabinet;
-use artgs_core::{JointKind, Rigid};
+use artgs_core::{FaceEvidence, JointKind, Rigid};
 use glam::{Mat4, Quat, Vec3};
 use gltf::animation::util::ReadOutputs;
 
@@ -46,6 +46,31 @@ fn keyed(loaded: &Loaded, clip: usize, key: usize) -> (usize, Mat4) {
         }
     }
     (node.index(), Mat4::from_rotation_translation(turn, shift))
+}
+
+#[test]
+fn faces_are_sorted_by_what_they_rest_on() {
+    let mut asset = cabinet();
+    let count = asset.links[0].visual.mesh.triangles.len();
+    let kind = |i: usize| if i < 2 { FaceEvidence::Invented } else { FaceEvidence::Seen };
+    asset.links[0].visual.evidence = (0..count).map(kind).collect();
+    let (_dir, _, (document, buffers, _)) = export(&asset);
+    let mesh = document.nodes().nth(1).unwrap().mesh().unwrap();
+    let found: Vec<(String, String, usize)> = mesh
+        .primitives()
+        .map(|p| {
+            let indices = p.reader(|b| Some(&buffers[b.index()])).read_indices().unwrap().into_u32().count();
+            (p.material().name().unwrap().into(), p.extras().as_ref().unwrap().get().into(), indices / 3)
+        })
+        .collect();
+    let name = &asset.links[0].name;
+    let wanted = [
+        (name.clone(), r#"{"evidence":"seen"}"#.into(), count - 2),
+        (format!("{name}_invented"), r#"{"evidence":"invented"}"#.into(), 2),
+    ];
+    assert_eq!(found, wanted);
+    // A mesh of which nothing is known is one primitive.
+    assert_eq!(document.nodes().nth(2).unwrap().mesh().unwrap().primitives().len(), 1);
 }
 
 #[test]
