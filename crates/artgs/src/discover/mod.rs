@@ -183,8 +183,9 @@ pub enum DiscoverError {
     Unexplained(f64),
     /// The found motions move the whole object.
     #[error(
-        "only {:.0} % of all surfaces rest between the two states: their poses are in different frames, or the object was moved as a whole; \
-         recordings in frames of their own are aligned if they are given one by one: artgs reconstruct CLOSED OPEN -o OUT", 100.0 * .0
+        "only {:.0} % of all surfaces rest between the two states: the object was moved as a whole, what rests was hardly recorded, or the \
+         poses of the states are in different frames; leave the object where it is, record what rests as well, and give recordings in frames \
+         of their own one by one, which aligns them: artgs reconstruct CLOSED OPEN -o OUT", 100.0 * .0
     )]
     NothingRests(f64),
 }

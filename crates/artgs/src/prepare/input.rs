@@ -111,7 +111,7 @@ pub(super) fn require_two(files: &PerState<RecordingFiles>) -> Result<(), InputE
 /// True if a frame of one recording would be in both states. Of every second frame, the even ones can be one state and the odd ones
 /// the other.
 fn share_frames(start: &RecordingOptions, end: &RecordingOptions) -> bool {
-    start.every != end.every || start.offset.abs_diff(end.offset) % start.every.max(1) == 0
+    start.every != end.every || start.offset.abs_diff(end.offset).is_multiple_of(start.every.max(1))
 }
 
 #[cfg(test)]
