@@ -49,7 +49,9 @@ impl Failure {
                     format!("{error}: artgs reconstruct CLOSED OPEN -o OUT")
                 }
                 PrepareError::Input(InputError::Twice(_)) => {
-                    format!("{error}, or different frames of this one: --every 2 --offset 0,1")
+                    format!(
+                        "{error}, or test with different frames of this one, in which nothing moved: --every 2 --offset 0,1"
+                    )
                 }
                 PrepareError::Input(InputError::CaptureForTruth(folder)) => {
                     let shown = folder.display();

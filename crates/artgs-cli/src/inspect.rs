@@ -39,9 +39,16 @@ fn verdict(inspected: &[Inspected], args: &Inspect) -> String {
     }
     let options = recordings::given_options(&args.recording);
     match inspected {
-        [recording] if !recording.is_capture() => format!(
-            "{usable}, as one state: record the other as well, then run artgs reconstruct CLOSED OPEN{options} -o OUT"
-        ),
+        [recording] if !recording.is_capture() => {
+            let both = match &args.recording.poses[..] {
+                // One file would be that of both recordings.
+                [own] => options.replace(&format!("--poses {}", own.display()), "--poses CLOSED_POSES OPEN_POSES"),
+                _ => options,
+            };
+            format!(
+                "{usable}, as one state: record the other as well, then run artgs reconstruct CLOSED OPEN{both} -o OUT"
+            )
+        }
         _ => {
             let paths: Vec<String> = args.capture.iter().map(|path| path.display().to_string()).collect();
             format!("{usable}: artgs reconstruct {}{options} -o OUT makes a replica", paths.join(" "))

@@ -111,6 +111,13 @@ fn reconstruct() {
             nothing,
         ),
         bad(
+            "the same recording twice, inspected",
+            "nerfstudio",
+            "inspect IN/start IN/start",
+            &["same recording"],
+            nothing,
+        ),
+        bad(
             "one recording as two states that share frames",
             "nerfstudio",
             "reconstruct IN/start --offset 0,1 -o OUT",

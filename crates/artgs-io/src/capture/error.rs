@@ -30,11 +30,7 @@ pub enum CaptureError {
         dir: PathBuf,
     },
     /// The folder contains none of the known camera files.
-    #[error(
-        "{}: not a capture and not a recording{found}. A capture of both states (ArtGS, PARIS) contains one of {looked_for}; \
-         recordings of one state are {recordings}",
-        dir.display()
-    )]
+    #[error("{}: not a capture and not a recording{}", dir.display(), what_is_read(found, recordings, looked_for))]
     NoLayout {
         /// The folder.
         dir: PathBuf,
@@ -142,4 +138,14 @@ pub enum CaptureError {
     /// The objects of the two states are in different places.
     #[error("no overlap between the states: {0}; both states must be posed in one world frame, align them first")]
     NoOverlap(String),
+}
+
+/// What a folder is, or all that would have been read.
+fn what_is_read(found: &str, recordings: &str, looked_for: &str) -> String {
+    match found {
+        "" => format!(
+            ". A capture of both states (ArtGS, PARIS) contains one of {looked_for}; recordings of one state are {recordings}"
+        ),
+        known => known.into(),
+    }
 }

@@ -181,8 +181,9 @@ impl Layout {
 }
 
 /// Said of a folder of images without poses.
-pub(crate) const NO_POSES: &str = "contains images but no camera poses; record with an app that saves poses, or compute them with COLMAP and \
-                                   give the folder with its files `cameras` and `images`";
+pub(crate) const NO_POSES: &str = "contains images but no camera poses; recordings need depth and a pose of every frame: record with an app \
+                                   that saves both, or compute poses with COLMAP and give the folder with its files `cameras` and \
+                                   `images`, and depth";
 
 /// True for a folder with images and without any other file but hidden ones.
 pub(crate) fn has_only_images(dir: &Path) -> bool {

@@ -155,7 +155,7 @@ fn camera_info(bytes: &mut Bytes) -> Result<CameraInfo, Ends> {
 pub(super) fn index(container: Arc<dyn Container>, options: &RecordingOptions) -> Result<Index, RecordingError> {
     let path = container.path().to_path_buf();
     let Some(poses) = &options.poses else {
-        let reason = "contains no poses; give a file with `timestamp tx ty tz qx qy qz qw` per line, for example from a SLAM \
+        let reason = "contains no poses; give --poses FILE with `timestamp tx ty tz qx qy qz qw` per line, for example from a SLAM \
                       system, camera-to-world, OpenCV axes";
         return Err(RecordingError::incomplete(&path, reason));
     };

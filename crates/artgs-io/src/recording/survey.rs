@@ -11,7 +11,8 @@ const FILES: [(&str, &str, &str); 22] = [
         "db3",
         "a ROS 2 bag in SQLite",
         "convert it to MCAP, with `ros2 bag convert -i BAG -o OUT.yaml`, OUT.yaml stating \
-      `output_bags: [{uri: scan, storage_id: mcap, all: true}]`, and give the .mcap file with --poses",
+      `output_bags: [{uri: scan, storage_id: mcap, all: true}]`, or without ROS by `pip install rosbags` and \
+      `rosbags-convert --src BAG --dst OUT --dst-storage mcap`, and give the .mcap file with --poses",
     ),
     (
         "sens",

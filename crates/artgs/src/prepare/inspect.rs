@@ -1,6 +1,7 @@
 //! What an input is, before it is used: a capture, or each recording.
 
 use super::agreement::{load_capture, refusals};
+use super::input::require_two;
 use super::recordings::few_depths;
 use super::{Input, PrepareError, RecordingFiles, memory};
 use crate::consistency::{Consistency, Finding, StateConsistency, check_capture, check_recording};
@@ -51,7 +52,11 @@ pub fn inspect(input: &Input) -> Result<Vec<Inspected>, PrepareError> {
             Ok(vec![Inspected::capture(folder, &capture, &sizes)])
         }
         Input::Images(capture) => Ok(vec![Inspected::capture(Path::new(""), capture, &memory::sizes_of(capture))]),
-        Input::Recordings(files) => files.iter().map(Inspected::recording).collect(),
+        Input::Recordings(files) => {
+            let inspected = files.iter().map(Inspected::recording).collect::<Result<_, _>>()?;
+            require_two(files)?;
+            Ok(inspected)
+        }
     }
 }
 

@@ -26,8 +26,8 @@ pub(super) fn few_depths(path: &Path, recording: &Recording) -> Option<String> {
     let count = recording.frames.iter().filter(|frame| frame.view.depth.is_some()).count();
     let path = path.display();
     let refused = format!(
-        "{path}: {count} frames have depth, at least {LEAST_FRAMES} are needed to align the recordings of two states; record with \
-         depth, or give a capture in which the cameras of both states are in one world"
+        "{path}: {count} frames have depth, at least {LEAST_FRAMES} are needed to align the recordings of two states; add depth \
+         images that are missing, record with depth, or give one capture with the cameras of both states in one frame"
     );
     (count < LEAST_FRAMES)
         .then(|| recording.warnings.iter().fold(refused, |text, warning| format!("{text}\n{warning}")))
