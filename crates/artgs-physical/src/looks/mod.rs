@@ -11,7 +11,7 @@ pub(crate) mod unwrap;
 
 use crate::config::PhysicalConfig;
 use crate::geometry::convert::{from_parry, pose, to_parry};
-use crate::geometry::topology::{bounds, corners, diagonal, points};
+use crate::geometry::topology::{bounds, corners, cross, diagonal, points};
 use crate::looks::bake::{BakeOptions, BakeView, JUMP, Photo, bake, depth_of, equalise};
 use crate::looks::fused::Fused;
 use crate::looks::passage::{Passage, carved, freed};
@@ -154,12 +154,13 @@ pub fn surfaces(
     let compared: Vec<Vec<[DVec3; 2]>> =
         shapes.par_iter().map(|shape| spread(&shape.surface.visual.mesh, COMPARED)).collect();
     let options: Vec<BakeOptions> = voxels.iter().map(|voxel| BakeOptions::at_resolution(*voxel)).collect();
-    shapes.par_iter_mut().zip(&views).zip(&compared).zip(&options).for_each(|(((shape, views), points), options)| {
+    shapes.par_iter_mut().zip(&views).zip(&options).for_each(|((shape, views), options)| {
         // Depth that was rendered from the meshes measures nothing.
         let observed = shape.surface.observed.as_ref().filter(|_| capture.is_some_and(Capture::has_depth));
-        shape.surface.evidence = evidence(points, observed, views, options);
-        shape.surface.visual.evidence =
-            observed.map_or_else(Vec::new, |seen| faces(&shape.surface.visual.mesh, seen, views, options));
+        let mesh = &shape.surface.visual.mesh;
+        let evidence = observed.map_or_else(Vec::new, |seen| faces(mesh, seen, views, options));
+        shape.surface.evidence = shares(mesh, &evidence);
+        shape.surface.visual.evidence = evidence;
         shape.surface.observed = shape.surface.observed.take().map(|seen| seen.asked(views, options));
     });
     equalise(&mut views, &compared, &options);
@@ -175,20 +176,13 @@ pub fn surfaces(
     shapes.into_iter().map(|shape| shape.surface).collect()
 }
 
-/// What points of a surface, each with its normal, rest on: a point of the fused mesh was measured unless it is only shown by derived depth.
-fn evidence(
-    points: &[[DVec3; 2]],
-    observed: Option<&Seen>,
-    views: &[BakeView],
-    options: &BakeOptions,
-) -> Option<Evidence> {
-    let observed = observed.filter(|_| !points.is_empty())?;
-    let mut counts = [0.0; 3];
-    for point in points {
-        counts[at(*point, observed, views, options) as usize] += 1.0 / points.len() as f64;
-    }
-    let [seen, derived, invented] = counts;
-    Some(Evidence { seen, derived, invented })
+/// Shares of the area of a mesh by what its faces rest on; none if that is unknown.
+fn shares(mesh: &Mesh, evidence: &[FaceEvidence]) -> Option<Evidence> {
+    let mut areas = [0.0; 3];
+    evidence.iter().zip(&mesh.triangles).for_each(|(kind, t)| areas[*kind as usize] += cross(mesh, *t).length());
+    let all: f64 = areas.iter().sum();
+    let [seen, derived, invented] = areas.map(|area| area / all);
+    (all > 0.0).then_some(Evidence { seen, derived, invented })
 }
 
 /// What each face of a mesh rests on: most of four of its points.
@@ -419,18 +413,16 @@ mod tests {
 
     #[test]
     fn walls_that_close_an_open_box_are_invented() {
-        let points = spread(&open_box(DVec3::ONE, 12, [true; 6]), COMPARED);
-        let options = BakeOptions::at_resolution(0.01);
-        let of = |sides: [bool; 6]| evidence(&points, Some(&seen_box(sides)), &[], &options).unwrap();
-        assert!(of([true; 6]).seen > 0.999);
-        // One side of six was not recorded.
-        let Evidence { seen, derived, invented } = of([true, true, true, true, true, false]);
-        assert!((invented - 1.0 / 6.0).abs() < 0.01 && derived == 0.0 && (seen + invented - 1.0).abs() < 1e-9);
-        assert_eq!(evidence(&points, None, &[], &options), None);
-        // Of each face the same is said.
         let whole = open_box(DVec3::ONE, 12, [true; 6]);
-        let of_faces = faces(&whole, &seen_box([true, true, true, true, true, false]), &[], &options);
-        let count = of_faces.iter().filter(|kind| **kind == FaceEvidence::Invented).count();
-        assert_eq!((of_faces.len(), count), (whole.triangles.len(), whole.triangles.len() / 6));
+        let options = BakeOptions::at_resolution(0.01);
+        let of = |sides: [bool; 6]| faces(&whole, &seen_box(sides), &[], &options);
+        assert_eq!(shares(&whole, &of([true; 6])).unwrap().seen, 1.0);
+        // One side of six was not recorded.
+        let evidence = of([true, true, true, true, true, false]);
+        let count = evidence.iter().filter(|kind| **kind == FaceEvidence::Invented).count();
+        assert_eq!(count, whole.triangles.len() / 6);
+        let Evidence { seen, derived, invented } = shares(&whole, &evidence).unwrap();
+        assert!((invented - 1.0 / 6.0).abs() < 1e-6 && derived == 0.0 && (seen + invented - 1.0).abs() < 1e-9);
+        assert_eq!(shares(&whole, &[]), None);
     }
 }

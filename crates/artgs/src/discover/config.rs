@@ -48,10 +48,6 @@ pub struct DiscoverConfig {
     /// parts that show different sides in the two states (folding chairs in six rooms, 14 to 39 % unexplained) right joints had 0.45 to
     /// 0.63; of 63 pairs of different objects one had 0.57, the others at most 0.50.
     pub sure_quality: f64,
-    /// Where depth noise spreads points: share of the surfaces at places that the other state shows that agree, from which on the states
-    /// show one object, and more may be unexplained: parts were not found. Of different objects in one room 5 to 20 %; of rooms with one
-    /// object 42 to 78 %.
-    pub same_object: f64,
 }
 
 impl Default for DiscoverConfig {
@@ -66,7 +62,6 @@ impl Default for DiscoverConfig {
             most_unexplained: 0.1,
             least_resting: 0.05,
             sure_quality: 0.55,
-            same_object: 0.4,
         }
     }
 }

@@ -7,9 +7,8 @@ use super::{DiscoverConfig, DiscoverError, Discovery, Evidence};
 use artgs_core::State;
 use glam::Vec3;
 
-/// What was found, if it explains enough of what the states show; with a warning if the joints are sure of most of what moved, as thin
-/// parts show different sides in the two states, or if depth noise spreads points and most surfaces agree: parts were not found.
-/// Otherwise the states are refused.
+/// What was found, if it explains enough of what the states show, or if the joints are sure of most of what moved, with a warning: thin
+/// parts show different sides in the two states. Otherwise the states are refused.
 pub(super) fn explaining_enough(
     mut found: Discovery,
     evidence: &Evidence,
@@ -23,8 +22,7 @@ pub(super) fn explaining_enough(
     let unexplained = unexplained(&found, evidence);
     let share = if scene.spreading { unexplained } else { unexplained.max(contradicted(&found, scene)) };
     if share > config.most_unexplained {
-        let is_one = scene.spreading && agreement(evidence) >= config.same_object;
-        if !is_one && found.quality(evidence.total()) < config.sure_quality {
+        if found.quality(evidence.total()) < config.sure_quality {
             return Err(DiscoverError::Unexplained(share));
         }
         found.warnings.push(format!(
@@ -34,16 +32,6 @@ pub(super) fn explaining_enough(
         ));
     }
     Ok(found)
-}
-
-/// Share of the surfaces at places that the other state shows that agree; of both states the smaller share.
-fn agreement(evidence: &Evidence) -> f64 {
-    let share = |at: &Vec<Occupancy>| {
-        let count = |what: Occupancy| at.iter().filter(|at| **at == what).count() as f64;
-        let (agree, differ) = (count(Occupancy::Surface), count(Occupancy::Empty));
-        agree / (agree + differ).max(1.0)
-    };
-    evidence.occupancy.iter().map(share).fold(1.0, f64::min)
 }
 
 /// Share of the points of a state that are of the static part; of both states the larger share.
@@ -84,23 +72,6 @@ mod tests {
     use super::*;
     use crate::discover::test_scene::{cabinet_scene, laptop_scene};
     use crate::discover::{StepSettings, discover};
-
-    #[test]
-    fn more_may_be_unexplained_of_noisy_recordings_of_which_most_surfaces_agree() {
-        let mut scene = cabinet_scene(16, 96);
-        let found = discover(&scene, 1..=4, &DiscoverConfig::default()).unwrap();
-        let evidence = Evidence::new(&scene, &StepSettings::default()).unwrap();
-        let share = agreement(&evidence);
-        assert!((0.5..1.0).contains(&share), "{share}");
-        // No joint is sure enough, and nothing may be unexplained.
-        let strict = DiscoverConfig { most_unexplained: -1.0, sure_quality: 2.0, ..DiscoverConfig::default() };
-        for (spreading, same_object, accepted) in [(true, 0.4, true), (true, 1.0, false), (false, 0.4, false)] {
-            scene.spreading = spreading;
-            let config = DiscoverConfig { same_object, ..strict.clone() };
-            let result = explaining_enough(found.clone(), &evidence, &scene, &config);
-            assert_eq!(result.is_ok(), accepted, "{spreading} {same_object}");
-        }
-    }
 
     #[test]
     fn places_in_empty_space_contradict_and_hidden_places_do_not() {

@@ -36,8 +36,6 @@ pub(super) const DISCOVER: &[Entry] = &[
         "Share of all points that must rest between the states; with less, the states are refused"),
     number("sure_quality", 0.0, 1.0, "share",
         "Share of what moved that joints explain, weighted by their confidence, from which more may be unexplained, with a warning"),
-    number("same_object", 0.0, 1.0, "share",
-        "Noisy depth: share of the surfaces at places that both states show that agree, from which more may be unexplained, with a warning"),
 ];
 
 /// Entries of `StartConfig`.
