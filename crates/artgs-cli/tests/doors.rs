@@ -5,7 +5,7 @@
 use artgs::observer::{Event, NullObserver};
 use artgs::{Config, Input, Prepared, Reconstruction, Request};
 use artgs_core::{Rigid, State};
-use artgs_io::capture::write_capture;
+use artgs_io::capture::{RecordedNames, write_capture};
 use artgs_io::{RunFolder, load_capture};
 use artgs_synth::cabinet::{CabinetOptions, cabinet_capture};
 use glam::DVec3;
@@ -35,7 +35,7 @@ fn misaligned(folder: &Path) {
     for view in end.train.iter_mut().chain(&mut end.test) {
         view.camera.world_to_camera = view.camera.world_to_camera * shift;
     }
-    write_capture(folder, &capture).unwrap();
+    write_capture(folder, &capture, &RecordedNames::new()).unwrap();
 }
 
 /// Every file of a run but those that name folders and times.
@@ -101,6 +101,10 @@ fn recordings_are_aligned_in_the_library_as_in_the_program() {
     let size = ["--views", "16", "--size", "200", "--layout", "nerfstudio", "-q"];
     artgs(&[&["synth", "storage2", "--scene", "room", "-o", str(&room)], &size[..]].concat());
     let paths = [room.join("start"), room.join("end")];
+    let mut images: Vec<PathBuf> =
+        fs::read_dir(paths[0].join("images")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    images.sort();
+    fs::remove_file(images.remove(2)).unwrap();
     artgs(
         &[&["reconstruct", str(&paths[0]), str(&paths[1]), "-o", str(&program), "--stop-after", "discover"], CPU]
             .concat(),
@@ -108,4 +112,9 @@ fn recordings_are_aligned_in_the_library_as_in_the_program() {
     let prepared = Request::new(Input::new(&paths).unwrap()).prepare(&mut NullObserver).unwrap();
     Reconstruction::new(&prepared).find_parts_in(&RunFolder::new(&library), &mut NullObserver).unwrap();
     assert_same(&program, &library);
+    let cameras = fs::read_to_string(program.join("stages/aligned/transforms_train_start.json")).unwrap();
+    let cameras: serde_json::Value = serde_json::from_str(&cameras).unwrap();
+    let recorded = cameras["frames"].as_array().unwrap().iter().map(|frame| frame["recorded_as"].as_str().unwrap());
+    let names = images.iter().map(|path| path.file_name().unwrap().to_str().unwrap());
+    assert!(recorded.zip(names).all(|(recorded, name)| recorded.ends_with(name)), "{cameras:#}");
 }

@@ -26,6 +26,7 @@ mod splat_ply;
 pub mod summary;
 mod tensors;
 mod text;
+mod truth_of_run;
 
 pub use atomic::write_atomic;
 pub use capture::{CaptureError, CaptureOptions, load_capture, load_capture_with};
@@ -36,6 +37,7 @@ pub use digest::FileDigest;
 pub use error::FileError;
 pub use folder_lock::FolderLock;
 pub use ground_truth::{GroundTruth, load_ground_truth, read_true_zeros};
+pub use truth_of_run::load_ground_truth_of_run;
 pub use mesh_ply::{read_mesh_ply, write_mesh_ply};
 pub use object_box::BoxBounds;
 pub use recording::{RecordingError, RecordingFormat, RecordingOptions, load_recording, write_recording};

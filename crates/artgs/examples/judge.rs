@@ -1,14 +1,15 @@
 //! Energies of the truth, of what discovery finds, and of what an adversary finds below the truth, by term and part. Truth below found:
 //! the search is at fault. Truth above found: the energy is.
 //!
-//! `cargo run --release -p artgs --example judge -- [--tries N] CAPTURE...`, for captures with ground truth under `gt`.
+//! `cargo run --release -p artgs --example judge -- [--tries N] CAPTURE[=RUN]...`, for captures with ground truth under `gt`, and recordings
+//! with such a capture as they are in the folder of a run.
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "a tool for developers")]
 
 use artgs::discover::{DepthPicture, DiscoverConfig, Scene, discover};
 use artgs::explain::judge::truth;
 use artgs::explain::{ExplainSettings, Explanation, Problem, SearchSettings, Surfels, Terms};
 use artgs_core::{PerState, State};
-use artgs_io::GroundTruth;
+use artgs_io::{GroundTruth, RunFolder};
 use rand::SeedableRng;
 use std::path::Path;
 use std::time::Instant;
@@ -29,13 +30,17 @@ fn main() {
         }
     }
     for capture in &captures {
-        judged(Path::new(capture), tries);
+        let (capture, run) = capture.split_once('=').map_or((&**capture, None), |(capture, run)| (capture, Some(run)));
+        judged(Path::new(capture), run.map(RunFolder::new), tries);
     }
 }
 
-fn judged(folder: &Path, tries: usize) {
-    let capture = artgs_io::load_capture(folder).unwrap();
-    let gt = artgs_io::load_ground_truth(&folder.join("gt")).unwrap();
+fn judged(folder: &Path, run: Option<RunFolder>, tries: usize) {
+    let (capture, gt) = match run {
+        None => (artgs_io::load_capture(folder), artgs_io::load_ground_truth(&folder.join("gt"))),
+        Some(run) => (artgs_io::load_capture(&run.aligned()), artgs_io::load_ground_truth_of_run(folder, &run)),
+    };
+    let (capture, gt) = (capture.unwrap(), gt.unwrap());
     let pictures: PerState<Vec<DepthPicture<'_>>> = PerState::from_fn(|s: State| {
         let train = capture.states[s].train.iter();
         train.map(|view| DepthPicture { view, depth: view.depth.as_ref().unwrap() }).collect()
@@ -68,6 +73,10 @@ fn judged(folder: &Path, tries: usize) {
         if name != "adversary" {
             by_part(&mut problem, explanation, &terms);
         }
+    }
+    for (k, motion) in right.motions.iter().enumerate() {
+        let [rough, fitted] = problem.change_by(found, *motion);
+        println!("  true motion {} added to what was found: {rough:+.0} nats at first, {fitted:+.0} at last", k + 1);
     }
     judgement.added.iter().for_each(|(name, saved)| println!("  the adversary added {name}: {saved:.0} nats"));
 }

@@ -5,7 +5,7 @@ use super::preview::{Shown, draw};
 use super::row::{Row, Status};
 use super::run::Options;
 use super::score::{result_of, score};
-use super::truth::{Description, truth_as_seen};
+use super::truth::Description;
 use crate::launch::{Ended, Exit, execute};
 use artgs_core::{PerState, State};
 use artgs_io::ground_truth::read_true_joints;
@@ -159,7 +159,7 @@ fn complete(row: &mut Row, exit: &Exit, files: &Files) -> Result<(), String> {
         Ended::Failed(reason) => fail(row, reason.clone()),
         Ended::Success | Ended::Stopped => {}
     }
-    let truth = truth_as_seen(&files.capture, &run)?;
+    let truth = artgs_io::load_ground_truth_of_run(&files.capture, &run).map_err(|e| e.to_string())?;
     let surfaces = PerState::from_fn(|state| TrueSurface::new(&truth, state));
     let found = if row.status == Status::Done { Some(result_of(&run)?.ok_or("the run left no result")?) } else { None };
     let mut covered = Vec::new();

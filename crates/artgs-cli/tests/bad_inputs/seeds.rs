@@ -2,7 +2,7 @@
 //! stopped after it found parts. Made once per run of the tests.
 
 use artgs_core::{Joint, JointKind, Mesh, PerState, Replica, Rigid, State};
-use artgs_io::capture::write_capture;
+use artgs_io::capture::{RecordedNames, write_capture};
 use artgs_io::{write_mesh_ply, write_replica};
 use artgs_synth::{CaptureOptions, object, render_capture};
 use glam::DVec3;
@@ -95,7 +95,7 @@ fn closed_laptop(folder: &Path) {
     let values = PerState::new(4_f64.to_radians(), 95_f64.to_radians());
     let laptop = object("laptop", 0).unwrap().with_values(1, values);
     let options = CaptureOptions { views: 16, test_views: 0, size: 120, ..CaptureOptions::default() };
-    write_capture(folder, &render_capture(&laptop, &options).unwrap()).unwrap();
+    write_capture(folder, &render_capture(&laptop, &options).unwrap(), &RecordedNames::new()).unwrap();
 }
 
 /// A shelf at the start, a washing machine at the end.
@@ -104,7 +104,7 @@ fn two_objects(folder: &Path) {
     let [mut capture, other] =
         ["storage", "washer"].map(|name| render_capture(&object(name, 0).unwrap(), &options).unwrap());
     capture.states[State::END] = other.states[State::END].clone();
-    write_capture(folder, &capture).unwrap();
+    write_capture(folder, &capture, &RecordedNames::new()).unwrap();
 }
 
 /// A run, in `out`, that has found parts in `capture`.

@@ -23,7 +23,7 @@ pub use error::CaptureError;
 pub use fingerprint::fingerprint;
 pub use images::{CameraAxes, PosedImage, capture_of_images};
 pub use pose::opengl_pose;
-pub use stored::{as_stored, check_images};
+pub use stored::{RecordedNames, as_stored, check_images};
 pub use write::write_capture;
 
 use crate::image_io::LARGEST;

@@ -6,11 +6,15 @@ use super::{CaptureError, Layout, Split, check};
 use artgs_core::capture::OBJECT_ALPHA;
 use artgs_core::{Capture, DepthMap, State, StateViews, View};
 use rayon::prelude::*;
+use std::collections::HashMap;
 
-/// The capture that [`load_capture`](super::load_capture) reads, to the last bit, where [`write_capture`](super::write_capture) has written
-/// the one returned. Images have at most `longest_side` pixels, depth has counts of one size and is that of the object, views are
+/// Name that each view of a stored capture had before, by its image file.
+pub type RecordedNames = HashMap<String, String>;
+
+/// The capture that [`load_capture`](super::load_capture) reads, to the last bit, where [`write_capture`](super::write_capture) has written the
+/// one returned, and how its views were named before. Images have at most `longest_side` pixels, depth has counts of one size and is that of the object, views are
 /// named as their files and views without the object are absent; held-out views have no depth.
-pub fn as_stored(mut capture: Capture, longest_side: u32) -> Result<Capture, CaptureError> {
+pub fn as_stored(mut capture: Capture, longest_side: u32) -> Result<(Capture, RecordedNames), CaptureError> {
     check_images(&capture)?;
     let views = |capture: &mut Capture, change: &(dyn Fn(View) -> View + Sync)| {
         let of_states = capture.states.iter_mut().flat_map(|s| [&mut s.train, &mut s.test]);
@@ -19,6 +23,7 @@ pub fn as_stored(mut capture: Capture, longest_side: u32) -> Result<Capture, Cap
     views(&mut capture, &|view| reduced(view, longest_side));
     let scale = depth_scale(&capture);
     views(&mut capture, &|view| rounded(view, scale));
+    let mut recorded = RecordedNames::new();
     for state in State::ALL {
         let StateViews { train, test } = &mut capture.states[state];
         for (views, split) in [(train, Split::Train), (test, Split::Test)] {
@@ -28,14 +33,18 @@ pub fn as_stored(mut capture: Capture, longest_side: u32) -> Result<Capture, Cap
                 return Err(CaptureError::TooFewViews { file, usable: views.len() });
             }
             let folder = folder_of(state, split.name());
-            views.iter_mut().enumerate().for_each(|(i, view)| view.name = image_path(&folder, i));
+            for (i, view) in views.iter_mut().enumerate() {
+                let file = image_path(&folder, i);
+                let before = std::mem::replace(&mut view.name, file.clone());
+                recorded.insert(file, before);
+            }
             if split == Split::Test {
                 views.iter_mut().for_each(|view| (view.depth, view.derived) = (None, None));
             }
         }
     }
     check::states_overlap(&capture.states)?;
-    Ok(capture)
+    Ok((capture, recorded))
 }
 
 /// Refuses images in memory whose arrays do not have the size of their camera, and images that a camera file cannot hold: those of a
@@ -112,9 +121,11 @@ mod tests {
         for (name, train, side) in cases {
             let states = PerState::from_fn(|_| StateViews { train: train.clone(), test: vec![view(9, 900.0, 255)] });
             let frames = Some(PerState::new(Rigid::IDENTITY, Rigid::about(DVec3::Y, DVec3::X, 0.4)));
-            let stored = as_stored(Capture { states, frames, ..Capture::default() }, side).unwrap();
+            let (stored, recorded) = as_stored(Capture { states, frames, ..Capture::default() }, side).unwrap();
             let dir = tempfile::tempdir().unwrap();
-            write_capture(dir.path(), &stored).unwrap();
+            write_capture(dir.path(), &stored, &recorded).unwrap();
+            let file = std::fs::read_to_string(dir.path().join("transforms_train_start.json")).unwrap();
+            assert!(file.contains("\"recorded_as\": \"walk/2.jpg\""), "{name}: {file}");
             let read = load_capture(dir.path()).unwrap();
             let all = |capture: &Capture| {
                 capture.states.iter().flat_map(|s| s.train.iter().chain(&s.test)).cloned().collect::<Vec<_>>()

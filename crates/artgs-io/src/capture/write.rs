@@ -1,5 +1,6 @@
 //! Writes a capture in the ArtGS layout, with intrinsics per frame.
 
+use super::RecordedNames;
 use super::pose::opengl_pose;
 use crate::image_io::{write_depth, write_rgba};
 use crate::{FileError, write_atomic};
@@ -28,9 +29,10 @@ struct Frames {
     up: Option<Upward>,
 }
 
-/// Writes the training and held-out views of a capture into `dir`. [`load_capture`](super::load_capture) reads what
+/// Writes the training and held-out views of a capture into `dir`, with the names of the views, which are those in `recorded` where it
+/// has them. [`load_capture`](super::load_capture) reads what
 /// [`as_stored`](super::as_stored) returns.
-pub fn write_capture(dir: &Path, capture: &Capture) -> Result<(), FileError> {
+pub fn write_capture(dir: &Path, capture: &Capture, recorded: &RecordedNames) -> Result<(), FileError> {
     let scale = depth_scale(capture);
     for (state, views) in capture.states.enumerate() {
         for (split, views) in [("train", &views.train), ("test", &views.test)] {
@@ -40,7 +42,8 @@ pub fn write_capture(dir: &Path, capture: &Capture) -> Result<(), FileError> {
             let folder = folder_of(state, split);
             let numbered: Vec<(usize, &View)> = views.iter().enumerate().collect();
             numbered.par_iter().try_for_each(|(i, view)| write_view(dir, &folder, *i, view, scale))?;
-            let frames: Vec<Value> = numbered.iter().map(|(i, view)| frame(&folder, *i, view, state)).collect();
+            let frames: Vec<Value> = 
+                numbered.iter().map(|(i, view)| frame(&folder, *i, view, state, recorded)).collect();
             let lens = lens(&views[0]);
             let mut root = json!({ "depth_scale": scale, "frames": frames });
             if let (Some(root), Value::Object(lens)) = (root.as_object_mut(), lens) {
@@ -139,7 +142,7 @@ fn lens(view: &View) -> Value {
     json!({ "fl_x": k.fx, "fl_y": k.fy, "cx": k.cx, "cy": k.cy, "w": k.width, "h": k.height })
 }
 
-fn frame(folder: &str, index: usize, view: &View, state: State) -> Value {
+fn frame(folder: &str, index: usize, view: &View, state: State, recorded: &RecordedNames) -> Value {
     let mut frame = lens(view);
     frame["file_path"] = image_path(folder, index).into();
     for (kind, _) in depths(view) {
@@ -148,7 +151,7 @@ fn frame(folder: &str, index: usize, view: &View, state: State) -> Value {
     frame["time"] = json!(state.index() as f64);
     frame["transform_matrix"] = json!(opengl_pose(&view.camera));
     frame[EXACT_POSE] = json!(view.camera.world_to_camera);
-    frame["recorded_as"] = view.name.as_str().into();
+    frame["recorded_as"] = recorded.get(&view.name).unwrap_or(&view.name).as_str().into();
     frame
 }
 
@@ -187,7 +190,7 @@ mod tests {
             up: Some(up),
             warnings: Vec::new(),
         };
-        write_capture(dir.path(), &capture).unwrap();
+        write_capture(dir.path(), &capture, &RecordedNames::new()).unwrap();
         let read = load_capture(dir.path()).unwrap();
         assert_eq!((read.frames, read.frame_errors, read.up), (capture.frames, capture.frame_errors, capture.up));
         for (a, b) in capture.states.iter().zip(read.states.iter()) {

@@ -34,6 +34,17 @@ impl Problem<'_> {
         Judgement { truth, found: seen, adversary: self.terms(&lowest), added, explanations: [best, found, lowest] }
     }
 
+    /// Nats by which one more part that moves so changes the total of an explanation, as the search would add it: with its first labels, and
+    /// with its motion fitted, all labels cut, and parts removed that no longer pay.
+    pub fn change_by(&mut self, explanation: &Explanation, motion: Rigid) -> [f64; 2] {
+        let search = SearchSettings::default();
+        let now = self.total(explanation, &search);
+        let rough = self.roughly_with(explanation, motion);
+        let fitted = self.fitted(&rough, rough.motions.len());
+        let fewer = self.without_surplus_parts(&fitted, &search);
+        [self.total(&rough, &search) - now, self.total(&fewer, &search) - now]
+    }
+
     /// Adds the distracting motion that lowers the total most, as long as one does; after each, parts that no longer pay go.
     fn attacked(&mut self, truth: &Explanation, pool: &[(String, Rigid)]) -> (Explanation, Vec<(String, f64)>) {
         /// Motions of each round whose labels are cut.

@@ -112,9 +112,7 @@ impl Problem<'_> {
         // Before the motion is fitted and all labels are cut.
         let mut roughly: Vec<(f64, Explanation)> = Vec::new();
         for motion in motions {
-            let with = now.with(*motion);
-            let fresh = with.motions.len() as u16;
-            let with = self.grown(&with, &[fresh], Some(fresh));
+            let with = self.roughly_with(now, *motion);
             roughly.push((self.total(&with, settings), with));
         }
         roughly.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -125,6 +123,13 @@ impl Problem<'_> {
             }
         }
         None
+    }
+
+    /// With one more part that moves so and its first labels.
+    pub(super) fn roughly_with(&mut self, now: &Explanation, motion: Rigid) -> Explanation {
+        let with = now.with(motion);
+        let fresh = with.motions.len() as u16;
+        self.grown(&with, &[fresh], Some(fresh))
     }
 
     /// The energy and the price of the parts, nats.

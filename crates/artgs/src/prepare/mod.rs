@@ -22,7 +22,7 @@ use crate::observer::{Event, Observer, Tee};
 use crate::part_count::PartCount;
 use artgs_core::Capture;
 use artgs_io::FileError;
-use artgs_io::capture::{CaptureOptions, as_stored, check_images, write_capture};
+use artgs_io::capture::{CaptureOptions, RecordedNames, as_stored, check_images, write_capture};
 use artgs_io::run_folder::{RunFolder, remove_folder, save_json};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -121,8 +121,8 @@ pub struct Prepared {
 enum Photos {
     /// In this folder, as they are.
     Folder(PathBuf),
-    /// In the folder of the run, which saves them with this report of what was done to them.
-    Run(Box<Report>),
+    /// In the folder of the run, which saves them with this report of what was done to them, and with the names that they were recorded with.
+    Run(Box<Report>, RecordedNames),
     /// In memory only.
     Unsaved,
 }
@@ -186,11 +186,11 @@ impl Prepared {
     pub(crate) fn save_photos(&self, run: &RunFolder) -> Result<(), FileError> {
         let folder = match &self.photos {
             Photos::Folder(folder) => folder.clone(),
-            Photos::Run(report) => {
+            Photos::Run(report, recorded) => {
                 let folder = run.aligned();
                 // An earlier one may have more frames.
                 remove_folder(&folder)?;
-                write_capture(&folder, &self.capture)?;
+                write_capture(&folder, &self.capture, recorded)?;
                 save_json(&folder.join("report.json"), report)?;
                 folder
             }
@@ -203,7 +203,7 @@ impl Prepared {
     pub fn photos(&self, run: &RunFolder) -> Option<PathBuf> {
         match &self.photos {
             Photos::Folder(folder) => Some(folder.clone()),
-            Photos::Run(_) => Some(run.aligned()),
+            Photos::Run(..) => Some(run.aligned()),
             Photos::Unsaved => None,
         }
     }
@@ -212,5 +212,6 @@ impl Prepared {
 /// A capture that differs from its files, as it will be read from those that the run writes: depth in files is rounded, and a later run
 /// on them must see the same numbers.
 fn changed(capture: Capture, report: Report, longest_side: u32) -> Result<(Capture, Photos), PrepareError> {
-    Ok((as_stored(capture, longest_side)?, Photos::Run(Box::new(report))))
+    let (capture, recorded) = as_stored(capture, longest_side)?;
+    Ok((capture, Photos::Run(Box::new(report), recorded)))
 }

@@ -1,0 +1,146 @@
+//! Ground truth where a run sees it: runs of recordings refine poses, which moves their world.
+
+use crate::run_folder::load_json;
+use crate::{FileError, GroundTruth, RunFolder, load_ground_truth};
+use artgs_core::{Joint, Mesh, PerState, Rigid, State};
+use glam::{DMat3, DQuat, DVec3, DVec4};
+use serde_json::Value;
+use std::path::Path;
+
+/// Fewest frames from which the place of a world follows.
+const LEAST_FRAMES: usize = 3;
+
+/// Reads the ground truth of a capture in the world of the run in a folder. That is the world of the capture except for recordings,
+/// whose poses the run refined.
+pub fn load_ground_truth_of_run(capture: &Path, run: &RunFolder) -> Result<GroundTruth, FileError> {
+    let truth = load_ground_truth(&capture.join("gt"))?;
+    let near = middle(&truth.whole[State::START]);
+    Ok(match world_of_run(capture, run, near) {
+        Some(motion) => moved(&truth, &motion),
+        None => truth,
+    })
+}
+
+/// Motion from the true world of a recorded capture into the world of its run, which follows the refined poses of the start
+/// state. Poses that drift and are refined can leave that world a centimetre beside the true one, which is no error of a joint.
+/// None for captures that are no recordings, and for too few frames. The motion is exact near the point `near`, true world.
+fn world_of_run(capture: &Path, run: &RunFolder, near: DVec3) -> Option<Rigid> {
+    let alignment: Value = load_json(&capture.join("gt/alignment.json")).ok()??;
+    let poses = alignment["start"]["true_poses"].as_array()?;
+    let aligned: Value = load_json(&run.aligned().join("transforms_train_start.json")).ok()??;
+    let motions = aligned["frames"].as_array()?.iter().filter_map(|frame| {
+        let truth = pose(poses.get(number_of(frame["recorded_as"].as_str()?)?)?)?;
+        Some(pose(&frame["transform_matrix"])? * truth.inverse())
+    });
+    let motions: Vec<Rigid> = motions.collect();
+    (motions.len() >= LEAST_FRAMES).then(|| mean_motion(&motions, near))
+}
+
+/// The last number in the name of a recorded frame, which is its index.
+fn number_of(name: &str) -> Option<usize> {
+    let digits = |c: char| c.is_ascii_digit();
+    let end = name.rfind(digits)? + 1;
+    let start = name[..end].rfind(|c| !digits(c)).map_or(0, |at| at + 1);
+    name[start..end].parse().ok()
+}
+
+/// A pose of four rows, which may have other axes on its side of the camera.
+fn pose(value: &Value) -> Option<Rigid> {
+    let rows = value.as_array()?.iter().map(|row| {
+        let numbers: Vec<f64> = row.as_array()?.iter().filter_map(Value::as_f64).collect();
+        (numbers.len() == 4).then(|| DVec4::from_slice(&numbers))
+    });
+    let rows: Vec<DVec4> = rows.collect::<Option<_>>()?;
+    let [x, y, z, ..] = rows[..] else { return None };
+    let rotation = DMat3::from_cols(x.truncate(), y.truncate(), z.truncate()).transpose();
+    Some(Rigid::from_matrix(rotation, DVec3::new(x.w, y.w, z.w)))
+}
+
+/// The mean of similar motions, by what they do to the point `near`.
+fn mean_motion(motions: &[Rigid], near: DVec3) -> Rigid {
+    let first = motions[0].rotation;
+    let aligned = |m: &Rigid| if m.rotation.dot(first) < 0.0 { -m.rotation } else { m.rotation };
+    let sum = motions.iter().fold(DVec4::ZERO, |sum, m| sum + DVec4::from(aligned(m)));
+    let rotation = DQuat::from_vec4(sum).normalize();
+    let place = motions.iter().map(|m| m.apply(near)).sum::<DVec3>() / motions.len() as f64;
+    Rigid { rotation, translation: place - rotation * near }
+}
+
+/// The same truth in another frame.
+fn moved(truth: &GroundTruth, motion: &Rigid) -> GroundTruth {
+    let joint = |j: &Joint| Joint { axis: motion.turn(j.axis), origin: motion.apply(j.origin), ..*j };
+    let meshes = |m: &PerState<Mesh>| m.as_ref().map(|mesh| moved_mesh(mesh, motion));
+    GroundTruth {
+        joints: truth.joints.iter().map(joint).collect(),
+        parents: truth.parents.clone(),
+        whole: meshes(&truth.whole),
+        fixed: meshes(&truth.fixed),
+        movable: truth.movable.iter().map(meshes).collect(),
+    }
+}
+
+fn moved_mesh(mesh: &Mesh, motion: &Rigid) -> Mesh {
+    let mut mesh = mesh.clone();
+    for vertex in &mut mesh.vertices {
+        *vertex = motion.apply(DVec3::from_array(vertex.map(f64::from))).as_vec3().to_array();
+    }
+    mesh
+}
+
+/// Centre of the box around a mesh.
+fn middle(mesh: &Mesh) -> DVec3 {
+    let points = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)));
+    let box_around = points.fold(None, |b: Option<[DVec3; 2]>, p| Some(b.map_or([p; 2], |[l, h]| [l.min(p), h.max(p)])));
+    box_around.map_or(DVec3::ZERO, |[low, high]| 0.5 * (low + high))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn rows(m: &Rigid) -> Value {
+        let (r, t) = (m.matrix().transpose(), m.translation);
+        let row = |a: DVec3, t: f64| json!([a.x, a.y, a.z, t]);
+        json!([row(r.x_axis, t.x), row(r.y_axis, t.y), row(r.z_axis, t.z), [0, 0, 0, 1]])
+    }
+
+    #[test]
+    fn the_world_of_a_run_follows_from_its_poses() {
+        let dir = tempfile::tempdir().unwrap();
+        let run = RunFolder::new(dir.path().join("run"));
+        let true_poses: Vec<Rigid> = (0..12).map(|i| Rigid::about(DVec3::Y, DVec3::X, 0.3 * f64::from(i))).collect();
+        let apart = Rigid { translation: DVec3::new(0.3, 0.0, -0.1), ..Rigid::about(DVec3::Z, DVec3::ONE, 0.2) };
+        let frame = |i: usize| json!({ "recorded_as": format!("start/f2/frame_{i:05}.jpg"), "transform_matrix": rows(&(apart * true_poses[i])) });
+        let save = |path: &Path, value: Value| crate::write_atomic(path, value.to_string().as_bytes()).unwrap();
+        let truth = json!({ "start": { "true_poses": true_poses.iter().map(rows).collect::<Vec<_>>() } });
+        assert_eq!(world_of_run(dir.path(), &run, DVec3::ONE), None);
+        save(&dir.path().join("gt/alignment.json"), truth);
+        let aligned = run.aligned().join("transforms_train_start.json");
+        save(&aligned, json!({ "frames": [frame(2), frame(3)] }));
+        assert_eq!(world_of_run(dir.path(), &run, DVec3::ONE), None, "two frames");
+        save(&aligned, json!({ "frames": [frame(1), frame(5), frame(11)] }));
+        let found = world_of_run(dir.path(), &run, DVec3::new(4.0, 1.0, 0.0)).unwrap();
+        let error = found.inverse() * apart;
+        assert!(error.angle() < 1e-7 && error.translation.length() < 1e-7, "{error:?}");
+    }
+
+    #[test]
+    fn joints_move_with_the_frame() {
+        let motion = Rigid { translation: DVec3::X, ..Rigid::about(DVec3::Z, DVec3::ZERO, 0.5) };
+        let own = Rigid::about(DVec3::Y, DVec3::new(0.2, 0.0, 0.7), 1.1);
+        let truth = GroundTruth {
+            joints: vec![Joint::from_motion(artgs_core::JointKind::Revolute, &own)],
+            parents: vec![None],
+            whole: PerState::default(),
+            fixed: PerState::default(),
+            movable: vec![PerState::from_fn(|_| Mesh { vertices: vec![[1.0, 2.0, 3.0]], ..Mesh::default() })],
+        };
+        let there = moved(&truth, &motion);
+        let p = DVec3::new(0.4, -0.3, 0.2);
+        let error = there.joints[0].start_to_end().apply(motion.apply(p)).distance(motion.apply(own.apply(p)));
+        assert!(error < 1e-9, "{error}");
+        let vertex = there.movable[0][State::END].vertices[0];
+        assert!(DVec3::from_array(vertex.map(f64::from)).distance(motion.apply(DVec3::new(1.0, 2.0, 3.0))) < 1e-6);
+    }
+}
