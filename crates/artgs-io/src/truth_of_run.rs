@@ -90,7 +90,8 @@ fn moved_mesh(mesh: &Mesh, motion: &Rigid) -> Mesh {
 /// Centre of the box around a mesh.
 fn middle(mesh: &Mesh) -> DVec3 {
     let points = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)));
-    let box_around = points.fold(None, |b: Option<[DVec3; 2]>, p| Some(b.map_or([p; 2], |[l, h]| [l.min(p), h.max(p)])));
+    let box_around =
+        points.fold(None, |b: Option<[DVec3; 2]>, p| Some(b.map_or([p; 2], |[l, h]| [l.min(p), h.max(p)])));
     box_around.map_or(DVec3::ZERO, |[low, high]| 0.5 * (low + high))
 }
 

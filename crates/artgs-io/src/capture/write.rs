@@ -42,7 +42,7 @@ pub fn write_capture(dir: &Path, capture: &Capture, recorded: &RecordedNames) ->
             let folder = folder_of(state, split);
             let numbered: Vec<(usize, &View)> = views.iter().enumerate().collect();
             numbered.par_iter().try_for_each(|(i, view)| write_view(dir, &folder, *i, view, scale))?;
-            let frames: Vec<Value> = 
+            let frames: Vec<Value> =
                 numbered.iter().map(|(i, view)| frame(&folder, *i, view, state, recorded)).collect();
             let lens = lens(&views[0]);
             let mut root = json!({ "depth_scale": scale, "frames": frames });

@@ -1,7 +1,7 @@
 //! Nats of one surfel under the motion of one part.
 
 use super::energy::{Edge, Evidence, Explanation};
-use super::evidence::{NOBODY, Seen};
+use super::evidence::Seen;
 use super::noise::Noise;
 use super::settings::ExplainSettings;
 use crate::connected::connected_components;
@@ -35,12 +35,14 @@ pub(super) struct Context {
     founded: Vec<bool>,
     /// Part of every surfel of the state.
     labels: Vec<u16>,
+    /// Part of every surfel of the other state.
+    others: Vec<u16>,
     /// For each part, 0 to 1: how far it is believed, from the share of its surfels that are seen on its own surface.
     believed: Vec<f32>,
     /// For each surfel the least of that and of the number of independent surfels that are seen so in its connected piece of the part: what is
     /// apart from the rest of a body needs evidence of its own. What stands still is one body.
     piece: Vec<f32>,
-    /// A part that is believed without surfels of its own: it was just added.
+    /// A part that has no surfels of its own yet: it was just added.
     pub(super) fresh: Option<u16>,
 }
 
@@ -62,7 +64,7 @@ impl Context {
         let mut of_pieces = vec![Counts::default(); pieces.iter().max().map_or(0, |last| *last as usize + 1)];
         for (i, label) in labels.iter().enumerate() {
             let seen = seen(state, i);
-            let own = seen.is_founded() && !seen.lands_on_another(*label, others);
+            let own = seen.is_founded(*label, others) && !seen.lands_on_another(*label, others);
             of_parts[usize::from(*label)].add(own);
             of_pieces[pieces[i] as usize].add(own);
         }
@@ -72,9 +74,14 @@ impl Context {
             part => (of_pieces[*piece as usize].own / shared).min(believed[usize::from(part)]),
         };
         Self {
-            founded: (0..others.len()).map(|i| seen(state.other(), i).is_founded()).collect(),
+            founded: others
+                .iter()
+                .enumerate()
+                .map(|(i, part)| seen(state.other(), i).is_founded(*part, labels))
+                .collect(),
             piece: labels.iter().zip(&pieces).map(piece).collect(),
             labels: labels.clone(),
+            others: others.clone(),
             believed,
             fresh: None,
         }
@@ -82,13 +89,7 @@ impl Context {
 
     /// How far surfel `i` is believed to be of a part, 0 to 1.
     pub(super) fn believed(&self, part: u16, i: usize) -> f32 {
-        if self.fresh == Some(part) {
-            1.0
-        } else if self.labels[i] == part {
-            self.piece[i]
-        } else {
-            self.believed[usize::from(part)]
-        }
+        if self.labels[i] == part { self.piece[i] } else { self.believed[usize::from(part)] }
     }
 }
 
@@ -126,11 +127,19 @@ impl Cost {
     }
 }
 
-/// Of a surfel that is believed so far, 0 to 1, to be of the part whose motion it has.
+/// Of a surfel that is believed so far, 0 to 1, to be of part `part`, whose motion it has.
 ///
 /// What is hidden is cheap if most of what hides it is founded, that is, seen in both states, and if it is believed. Else the
-/// explanation could take any surface behind another one to be rid of it.
-pub(super) fn cost(seen: &Seen, believed: f32, context: &Context, prices: &Prices, settings: &ExplainSettings) -> Cost {
+/// explanation could take any surface behind another one to be rid of it. What faces away from all views is cheap behind the front of its
+/// own part.
+pub(super) fn cost(
+    seen: &Seen,
+    part: u16,
+    believed: f32,
+    context: &Context,
+    prices: &Prices,
+    settings: &ExplainSettings,
+) -> Cost {
     let doubt = 1.0 - believed;
     let shown = f32::from(seen.hit + seen.through);
     if shown > 0.0 {
@@ -141,14 +150,22 @@ pub(super) fn cost(seen: &Seen, believed: f32, context: &Context, prices: &Price
         );
     }
     let full = capped(prices.hidden, settings.most);
-    let least = if is_hidden_by_most(seen, &context.founded) {
-        settings.hidden
-    } else if seen.hidden == 0 {
-        settings.unseen
-    } else {
-        full
+    let least = match seen.hidden {
+        0 if seen.is_hidden_by(|o| context.others[o] == part) => settings.hidden,
+        0 => settings.unseen,
+        _ if seen.is_hidden_by(|o| context.founded[o]) => settings.hidden,
+        _ => full,
     };
     Cost::Hidden(least + (full - least).max(0.0) * doubt)
+}
+
+/// Of a surfel in a part that has no surfels yet: it is believed where it is seen, but nothing of it is hidden for certain. Else it would
+/// take what is hidden from all other parts.
+pub(super) fn cost_in_new_part(seen: &Seen, context: &Context, prices: &Prices, settings: &ExplainSettings) -> Cost {
+    match cost(seen, context.fresh.unwrap_or(u16::MAX), 1.0, context, prices, settings) {
+        Cost::Hidden(nats) => Cost::Hidden(nats.max(settings.unseen)),
+        visible @ Cost::Visible(_) => visible,
+    }
 }
 
 /// Nats of the views that show the place of a surfel, in the mean; 0 if none does.
@@ -163,32 +180,27 @@ fn capped(nats: f32, most: f32) -> f32 {
     -((1.0 - wrong) * (-nats).exp() + wrong).ln()
 }
 
-/// True if most of what hides a surfel is of the surfels `founded` of the other state.
-fn is_hidden_by_most(seen: &Seen, founded: &[bool]) -> bool {
-    let known = || seen.occluders.iter().filter(|o| **o != NOBODY);
-    2 * known().filter(|o| founded[**o as usize]).count() > known().count()
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::evidence::Seen;
+    use super::super::evidence::{NOBODY, Seen};
     use super::*;
 
     const PRICES: Prices = Prices { through: 10.0, hidden: 6.0 };
 
     fn seen(hit: u16, through: u16, occluders: [u32; 4]) -> Seen {
-        Seen { misfit: 0.0, hit, through, hidden: 4, occluders, landing: [NOBODY; 4] }
+        Seen { misfit: 0.0, hit, through, hidden: 4, backed: false, occluders, landing: [NOBODY; 4] }
     }
 
     fn of(seen: &Seen, believed: f32) -> f32 {
         let context = Context {
             founded: vec![true, true, false, false],
             labels: Vec::new(),
+            others: vec![2, 2, 2, 1],
             believed: Vec::new(),
             piece: Vec::new(),
             fresh: None,
         };
-        cost(seen, believed, &context, &PRICES, &ExplainSettings::DEFAULT).nats()
+        cost(seen, 1, believed, &context, &PRICES, &ExplainSettings::DEFAULT).nats()
     }
 
     #[test]
@@ -210,6 +222,24 @@ mod tests {
         }
         let between = of(&by_founded, 0.5);
         assert!(between > 1.0 && between < 2.5, "{between}");
+    }
+
+    #[test]
+    fn a_new_part_takes_what_it_is_seen_to_explain_and_nothing_that_hides_well() {
+        let context = Context {
+            founded: vec![true],
+            labels: Vec::new(),
+            others: vec![2, 2, 2, 1],
+            believed: Vec::new(),
+            piece: Vec::new(),
+            fresh: Some(1),
+        };
+        let new = |seen: &Seen| cost_in_new_part(seen, &context, &PRICES, &ExplainSettings::DEFAULT).nats();
+        assert!(new(&seen(5, 0, [NOBODY; 4])) < 1e-6);
+        // A surfel of another part that is hidden there stays in it, one that another part contradicts does not.
+        let hidden = seen(0, 0, [0, NOBODY, NOBODY, NOBODY]);
+        assert!(new(&hidden) > 10.0 * of(&hidden, 1.0), "{}", new(&hidden));
+        assert!(new(&hidden) < of(&seen(0, 5, [NOBODY; 4]), 1.0));
     }
 
     #[test]

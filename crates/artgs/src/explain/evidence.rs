@@ -83,7 +83,10 @@ pub(super) struct Seen {
     pub(super) through: u16,
     /// and that see something in front of it.
     pub(super) hidden: u16,
-    /// Surfels of the other state that hide it, in some of these views; [`NOBODY`] where there are fewer.
+    /// True if it faces away from all views that could see it, and some show a surface in front of it by at most the thickness of a plate.
+    pub(super) backed: bool,
+    /// Surfels of the other state that hide it, in some of these views, or in some that it faces away from if there are none: those that it
+    /// is `backed` in come first; [`NOBODY`] where there are fewer.
     pub(super) occluders: [u32; OCCLUDERS],
     /// Surfels of the other state nearest to its place, where it is seen.
     pub(super) landing: [u32; LANDINGS],
@@ -96,9 +99,41 @@ impl Seen {
         self.hit > 0 && known.peek().is_some() && known.all(|o| labels[*o as usize] != part)
     }
 
-    /// True if the views see it where it is predicted more than they look through it.
-    pub(super) fn is_founded(&self) -> bool {
-        self.hit > 0 && self.hit >= self.through
+    /// True if the views see it where it is predicted more than they look through it, or if they see the other face of its part `part`, a
+    /// plate, in front of it. `labels` are those of the other state.
+    pub(super) fn is_founded(&self, part: u16, labels: &[u16]) -> bool {
+        let seen = self.hit > 0 && self.hit >= self.through;
+        seen || self.backed && self.is_hidden_by(|o| labels[o] == part)
+    }
+
+    /// True if most of the surfels that hide it `are` such.
+    pub(super) fn is_hidden_by(&self, are: impl Fn(usize) -> bool) -> bool {
+        let known = || self.occluders.iter().filter(|o| **o != NOBODY).map(|o| *o as usize);
+        2 * known().filter(|o| are(*o)).count() > known().count()
+    }
+}
+
+/// Some of the views that were added, spread over all of them.
+#[derive(Clone, Copy, Default)]
+struct Sample {
+    views: [usize; OCCLUDERS],
+    /// Number of views that were added.
+    count: u16,
+}
+
+impl Sample {
+    fn add(&mut self, view: usize) {
+        if let Some(place) = self.views.get_mut(usize::from(self.count)) {
+            *place = view;
+        } else if view % OCCLUDERS == 0 {
+            // Later views replace earlier ones.
+            self.views[(view / OCCLUDERS) % OCCLUDERS] = view;
+        }
+        self.count += 1;
+    }
+
+    fn iter(&self) -> impl Iterator<Item = usize> {
+        self.views.into_iter().take(self.count.into())
     }
 }
 
@@ -114,6 +149,8 @@ pub(super) struct Look<'a> {
     pub(super) settings: &'a ExplainSettings,
     /// Distance between neighbouring surfels, scene units.
     pub(super) spacing: f32,
+    /// Of plates, at most, scene units.
+    pub(super) thickness: f32,
 }
 
 impl Look<'_> {
@@ -135,10 +172,12 @@ impl Look<'_> {
             hit: 0,
             through: 0,
             hidden: 0,
+            backed: false,
             occluders: [NOBODY; OCCLUDERS],
             landing: [NOBODY; LANDINGS],
         };
-        let mut hiding: [usize; OCCLUDERS] = [0; OCCLUDERS];
+        // Views that see something in front of it, that it faces away from, and of these views those that see a surface close in front of it.
+        let [mut hiding, mut turned, mut backing] = [Sample::default(); 3];
         for (index, view) in self.views.iter().enumerate() {
             let Some((r, cosine)) = residual(view, &surfel, settings.facing) else { continue };
             let (t, front) = (r / self.noise.deviation_at(cosine), cosine >= settings.facing);
@@ -148,15 +187,14 @@ impl Look<'_> {
                 out.hit += 1;
                 out.misfit += misfit(t);
             } else if front {
-                if usize::from(out.hidden) < OCCLUDERS {
-                    hiding[usize::from(out.hidden)] = index;
-                } else if index % OCCLUDERS == 0 {
-                    // Later views replace earlier ones, so that those that are looked up are spread.
-                    hiding[(index / OCCLUDERS) % OCCLUDERS] = index;
-                }
-                out.hidden += 1;
+                hiding.add(index);
+            } else if r * cosine < self.thickness {
+                backing.add(index);
+            } else {
+                turned.add(index);
             }
         }
+        out.hidden = hiding.count;
         if out.through > 0
             && let Some(t) = self.shown_residual(&surfel)
         {
@@ -173,8 +211,10 @@ impl Look<'_> {
                 found += 1;
             });
         } else if out.through == 0 {
-            for (place, view) in hiding.iter().enumerate().take(out.hidden.into()) {
-                out.occluders[place] = self.occluder(&self.views[*view], surfel.point);
+            out.backed = out.hidden == 0 && backing.count > 0;
+            let sample = [hiding, backing].into_iter().find(|s| s.count > 0).unwrap_or(turned);
+            for (place, view) in out.occluders.iter_mut().zip(sample.iter()) {
+                *place = self.occluder(&self.views[view], surfel.point);
             }
         }
         out

@@ -18,6 +18,9 @@ pub struct ExplainSettings {
     /// Share of a part that the other state shows on the part's own surface, from which on its hidden surfels are cheap and its seen
     /// ones are believed. Raising it removes parts that hide what nothing explains, and parts of which little is seen.
     pub supported: f32,
+    /// Most distance between the two faces of a plate, such as a door, of which the states show different ones. Raising it believes parts whose
+    /// faces are farther apart.
+    pub thickness: f32,
     /// Nats for a cut through a smooth surface between two surfels. Raising it makes borders shorter.
     pub border: f32,
     /// Error of a motion where it has been registered: depth differences below it say nothing.
@@ -39,6 +42,7 @@ impl ExplainSettings {
         views: 1.5,
         most: 3.0,
         supported: 0.1,
+        thickness: 0.04,
         border: 1.0,
         motion_error: 5e-4,
         hit: 4.0,
