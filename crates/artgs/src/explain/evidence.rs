@@ -125,7 +125,7 @@ impl Sample {
     fn add(&mut self, view: usize) {
         if let Some(place) = self.views.get_mut(usize::from(self.count)) {
             *place = view;
-        } else if view % OCCLUDERS == 0 {
+        } else if view.is_multiple_of(OCCLUDERS) {
             // Later views replace earlier ones.
             self.views[(view / OCCLUDERS) % OCCLUDERS] = view;
         }
