@@ -15,8 +15,6 @@ pub(super) fn with_parts_by_energy(
     pool: &[Rigid],
     result: &dyn Fn(Parts) -> Discovery,
 ) -> Option<Discovery> {
-    /// The rules see all points, labels only surfels: rules are better in details, unless they lose this share of what was found.
-    const LOST: f64 = 0.5;
     let (settings, search) = (ExplainSettings::DEFAULT, SearchSettings::default());
     let start = problem.explained(found, &search);
     let best = problem.searched(&start, pool, &search);
@@ -28,8 +26,8 @@ pub(super) fn with_parts_by_energy(
         problem.terms(explanation).total() + search.part * parts as f64
     };
     let least = total(problem, &start, found.parts.len());
-    let by_rules = result(work.parts(&best.motions, movable));
-    let by_labels = {
+    let by_rules = || result(work.parts(&best.motions, movable));
+    let by_labels = || {
         let fine = ExplainSettings { spacing: 1.0, ..settings };
         let all = Surfels::new(work.scene, &fine);
         let mut fine = Problem::new(work.scene, &all, fine);
@@ -37,13 +35,13 @@ pub(super) fn with_parts_by_energy(
         let cut = fine.relabelled(&Explanation { labels, ..best.clone() });
         result(work.of_labels(&cut.motions, cut.labels, *movable.end()))
     };
-    let mut judged = |next: Discovery| {
-        let explanation = problem.explained(&next, &search);
-        let total = total(problem, &explanation, next.parts.len());
-        (movable.contains(&next.parts.len()) && total < least).then_some((next, total))
+    let mut is_better = |next: &Discovery| {
+        let explanation = problem.explained(next, &search);
+        movable.contains(&next.parts.len()) && total(problem, &explanation, next.parts.len()) < least
     };
-    let (by_rules, by_labels) = (judged(by_rules), judged(by_labels));
-    let saved = |next: &Option<(Discovery, f64)>| next.as_ref().map_or(0.0, |n| least - n.1);
-    let lost = saved(&by_rules) < LOST * saved(&by_labels);
-    if lost { by_labels } else { by_rules }.map(|n| n.0)
+    let next = by_rules();
+    if is_better(&next) {
+        return Some(next);
+    }
+    Some(by_labels()).filter(is_better)
 }

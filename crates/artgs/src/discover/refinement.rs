@@ -133,7 +133,7 @@ impl Refinement<'_> {
     /// Parts with these motions and labels, bodies that move alike separated, with their joints and what carries them.
     pub(super) fn of_labels(&self, motions: &[Rigid], mut labels: PerState<Vec<u16>>, most: usize) -> Parts {
         let Self { scene, clouds, config, settings, front, .. } = *self;
-        let sources = self.bodies(&mut labels, motions, most);
+        let sources = settings.instances.split(scene, &mut labels, motions, front, most);
         let all = motions.iter().chain(sources.iter().map(|k| &motions[*k]));
         let parts: Vec<JointEstimate> = all.map(|m| JointEstimate::new(JointKind::Screw, *m)).collect();
         let fit = JointFit::new(scene, front, &settings.joints, config, true);
@@ -187,34 +187,26 @@ impl Refinement<'_> {
         (self.config.least_share * self.evidence.total() as f64).max(super::LEAST_MOVED as f64)
     }
 
-    /// Labels bodies that move alike apart, up to `most` parts; the source of each further one, none if some body is only a piece of another one:
-    /// hardly a point of it moved for certain.
-    fn bodies(&self, labels: &mut PerState<Vec<u16>>, motions: &[Rigid], most: usize) -> Vec<usize> {
-        let mut split = labels.clone();
-        let sources = self.settings.instances.split(self.scene, &mut split, motions, self.front, most);
-        let least = self.least_moved();
-        let moved = |part: usize| -> f64 {
-            let of_state =
-                |s: State| self.evidence.moved[s].iter().filter(|&&i| usize::from(split[s][i]) == part).count();
-            State::ALL.into_iter().map(of_state).sum::<usize>() as f64
-        };
-        if (1..=motions.len() + sources.len()).any(|part| moved(part) < least) {
-            return Vec::new();
-        }
-        *labels = split;
-        sources
-    }
-
     /// Separates bodies that move alike, up to `most` parts, and registers each by itself.
     fn split(&self, found: &mut Parts, most: usize) {
         let motions: Vec<Rigid> = found.parts.iter().map(|p| p.motion).collect();
-        let sources = self.bodies(&mut found.labels, &motions, most);
-        if sources.is_empty() {
+        let mut labels = found.labels.clone();
+        let sources = self.settings.instances.split(self.scene, &mut labels, &motions, self.front, most);
+        let least = self.least_moved();
+        let bodies = motions.len() + sources.len();
+        let moved = |part: usize| -> f64 {
+            let of_state =
+                |s: State| self.evidence.moved[s].iter().filter(|&&i| usize::from(labels[s][i]) == part).count();
+            State::ALL.into_iter().map(of_state).sum::<usize>() as f64
+        };
+        // A body of which hardly a point moved for certain is a piece of another one.
+        if sources.is_empty() || (1..=bodies).any(|part| moved(part) < least) {
             return;
         }
         let mut changed = sources.clone();
         changed.extend(found.parts.len()..found.parts.len() + sources.len());
         found.parts.extend(sources.iter().map(|k| found.parts[*k]).collect::<Vec<_>>());
+        found.labels = labels;
         changed.sort_unstable();
         changed.dedup();
         let Self { scene, config, settings, front, .. } = *self;

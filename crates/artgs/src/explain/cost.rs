@@ -42,7 +42,7 @@ pub(super) struct Context {
     /// For each surfel the least of that and of the number of independent surfels that are seen so in its connected piece of the part: what is
     /// apart from the rest of a body needs evidence of its own. What stands still is one body.
     piece: Vec<f32>,
-    /// A part that has no surfels of its own yet: it was just added.
+    /// A part that is believed without surfels of its own: it was just added.
     pub(super) fresh: Option<u16>,
 }
 
@@ -89,7 +89,13 @@ impl Context {
 
     /// How far surfel `i` is believed to be of a part, 0 to 1.
     pub(super) fn believed(&self, part: u16, i: usize) -> f32 {
-        if self.labels[i] == part { self.piece[i] } else { self.believed[usize::from(part)] }
+        if self.fresh == Some(part) {
+            1.0
+        } else if self.labels[i] == part {
+            self.piece[i]
+        } else {
+            self.believed[usize::from(part)]
+        }
     }
 }
 
@@ -159,15 +165,6 @@ pub(super) fn cost(
     Cost::Hidden(least + (full - least).max(0.0) * doubt)
 }
 
-/// Of a surfel in a part that has no surfels yet: it is believed where it is seen, but nothing of it is hidden for certain. Else it would
-/// take what is hidden from all other parts.
-pub(super) fn cost_in_new_part(seen: &Seen, context: &Context, prices: &Prices, settings: &ExplainSettings) -> Cost {
-    match cost(seen, context.fresh.unwrap_or(u16::MAX), 1.0, context, prices, settings) {
-        Cost::Hidden(nats) => Cost::Hidden(nats.max(settings.unseen)),
-        visible @ Cost::Visible(_) => visible,
-    }
-}
-
 /// Nats of the views that show the place of a surfel, in the mean; 0 if none does.
 pub(super) fn mean_nats(seen: &Seen, prices: &Prices) -> f32 {
     let shown = f32::from((seen.hit + seen.through).max(1));
@@ -222,24 +219,6 @@ mod tests {
         }
         let between = of(&by_founded, 0.5);
         assert!(between > 1.0 && between < 2.5, "{between}");
-    }
-
-    #[test]
-    fn a_new_part_takes_what_it_is_seen_to_explain_and_nothing_that_hides_well() {
-        let context = Context {
-            founded: vec![true],
-            labels: Vec::new(),
-            others: vec![2, 2, 2, 1],
-            believed: Vec::new(),
-            piece: Vec::new(),
-            fresh: Some(1),
-        };
-        let new = |seen: &Seen| cost_in_new_part(seen, &context, &PRICES, &ExplainSettings::DEFAULT).nats();
-        assert!(new(&seen(5, 0, [NOBODY; 4])) < 1e-6);
-        // A surfel of another part that is hidden there stays in it, one that another part contradicts does not.
-        let hidden = seen(0, 0, [0, NOBODY, NOBODY, NOBODY]);
-        assert!(new(&hidden) > 10.0 * of(&hidden, 1.0), "{}", new(&hidden));
-        assert!(new(&hidden) < of(&seen(0, 5, [NOBODY; 4]), 1.0));
     }
 
     #[test]

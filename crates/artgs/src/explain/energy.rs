@@ -1,6 +1,6 @@
 //! The energy of an explanation, and the labels that lower it.
 
-use super::cost::{Context, Cost, Prices, cost, cost_in_new_part, mean_nats};
+use super::cost::{Context, Cost, Prices, cost, mean_nats};
 use super::evidence::{Look, Seen};
 use super::motion::{Registered, Residuals, registered};
 use super::noise::Noise;
@@ -174,9 +174,6 @@ impl<'a> Problem<'a> {
     /// What surfel `i` of a state costs in part `part`.
     fn cost(&self, evidence: &[Evidence], context: &Context, s: State, i: usize, part: u16) -> Cost {
         let seen = &evidence[usize::from(part)][s][i];
-        if context.fresh == Some(part) {
-            return cost_in_new_part(seen, context, &self.prices, &self.settings);
-        }
         cost(seen, part, context.believed(part, i), context, &self.prices, &self.settings)
     }
 
@@ -317,7 +314,7 @@ impl<'a> Problem<'a> {
             let motion = motion.away_from(s);
             for &i in &asked[s] {
                 let seen = look.seen(i, &motion);
-                let new = cost_in_new_part(&seen, &contexts[s], &self.prices, &self.settings).nats();
+                let new = cost(&seen, u16::MAX, 1.0, &contexts[s], &self.prices, &self.settings).nats();
                 saved += f64::from((costs[s][i] - self.weights[s][i] * new).max(0.0));
             }
         }

@@ -17,13 +17,12 @@ impl Problem<'_> {
         contexts: &PerState<Context>,
         costs: &PerState<Vec<f32>>,
         unhappy: &PerState<Vec<usize>>,
+        settings: &SearchSettings,
     ) -> Vec<Rigid> {
         /// Step and longest slide, fractions of the diagonal; best slides are searched between the steps with steps so many times finer.
         const STEP: f64 = 0.004;
         const LONGEST: f64 = 0.4;
         const FINER: f64 = 8.0;
-        /// Lengths of each direction.
-        const PEAKS: usize = 5;
         /// Surfels of a state that are asked.
         const ASKED: usize = 400;
         let asked = unhappy.as_ref().map(|u| u.iter().copied().step_by(u.len().div_ceil(ASKED).max(1)).collect());
@@ -37,7 +36,7 @@ impl Problem<'_> {
         let mut out = Vec::new();
         for direction in self.directions(now, 0) {
             let (lengths, gains) = scan(direction, 0.0, step, (LONGEST / STEP) as i32);
-            for p in peaks(&gains).into_iter().take(PEAKS) {
+            for p in peaks(&gains).into_iter().take(settings.tried) {
                 let (lengths, gains) = scan(direction, lengths[p], step / FINER, FINER as i32);
                 let best = (0..lengths.len()).max_by(|a, b| gains[*a].total_cmp(&gains[*b]));
                 out.extend(best.map(|b| Rigid::shift(direction * lengths[b])));

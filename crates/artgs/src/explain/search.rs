@@ -10,10 +10,8 @@ use rayon::prelude::*;
 pub struct SearchSettings {
     /// Rounds, in each of which one part is added or some are removed.
     pub rounds: usize,
-    /// Motions of each round with which another part is grown. What they save is known only roughly before.
+    /// Motions of each round whose labels are cut.
     pub tried: usize,
-    /// Of them the motions that are fitted and whose labels are cut in full.
-    pub fitted: usize,
     /// Nats that a part must save beyond the numbers of its motion. Raising it loses small parts.
     pub part: f64,
     /// Surfels that cost more nats look for another motion.
@@ -30,17 +28,7 @@ pub struct SearchSettings {
 
 impl Default for SearchSettings {
     fn default() -> Self {
-        Self {
-            rounds: 12,
-            tried: 20,
-            fitted: 5,
-            part: 30.0,
-            unhappy: 1.5,
-            least_group: 12,
-            groups: 8,
-            rough: 60.0,
-            same: 0.002,
-        }
+        Self { rounds: 12, tried: 5, part: 30.0, unhappy: 1.5, least_group: 12, groups: 8, rough: 60.0, same: 0.002 }
     }
 }
 
@@ -128,7 +116,7 @@ impl Problem<'_> {
             roughly.push((self.total(&with, settings), with));
         }
         roughly.sort_by(|a, b| a.0.total_cmp(&b.0));
-        for (_, with) in roughly.into_iter().take(settings.fitted).take_while(|r| r.0 < least + settings.rough) {
+        for (_, with) in roughly.into_iter().take_while(|r| r.0 < least + settings.rough) {
             let fitted = self.fitted(&with, with.motions.len());
             if self.total(&fitted, settings) < least {
                 return Some(fitted);
@@ -166,7 +154,7 @@ impl Problem<'_> {
     ) -> Vec<Rigid> {
         let unhappy = costs.as_ref().map(|costs| (0..costs.len()).filter(|&i| costs[i] > settings.unhappy).collect());
         let mut proposals = self.proposed(costs, &unhappy, settings);
-        proposals.extend(self.slides(now, contexts, costs, &unhappy));
+        proposals.extend(self.slides(now, contexts, costs, &unhappy, settings));
         proposals.extend(pool);
         let gains = proposals.par_iter().map(|m| self.gain(costs, &unhappy, contexts, m));
         let gains: Vec<(f64, Rigid)> = gains.zip(proposals.par_iter().copied()).collect();
@@ -189,9 +177,7 @@ impl Problem<'_> {
         let mut best = explanation.clone();
         loop {
             let parts: Vec<u16> = (0..best.motions.len() as u16).collect();
-            let mut fewer: Vec<Explanation> = (1..=best.motions.len()).map(|k| best.without(k)).collect();
-            // Growing labels may raise the total, removing a part without surfels never does.
-            fewer.extend((0..fewer.len()).map(|k| self.grown(&fewer[k], &parts, None)).collect::<Vec<_>>());
+            let fewer = (1..=best.motions.len()).map(|k| self.grown(&best.without(k), &parts, None)).collect();
             let fewer = self.lowest(&best, fewer, settings).or_else(|| self.without_drift(&best, settings));
             let Some(fewer) = fewer else { return best };
             best = self.relabelled(&fewer);
