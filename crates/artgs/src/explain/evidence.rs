@@ -188,6 +188,8 @@ impl Look<'_> {
                 out.misfit += misfit(t);
             } else if front {
                 hiding.add(index);
+            } else if cosine > -settings.facing {
+                // A view along the surface says nothing.
             } else if r * cosine < self.thickness {
                 backing.add(index);
             } else {
