@@ -14,7 +14,8 @@ const LEAST_FRAMES: usize = 3;
 /// whose poses the run refined.
 pub fn load_ground_truth_of_run(capture: &Path, run: &RunFolder) -> Result<GroundTruth, FileError> {
     let truth = load_ground_truth(&capture.join("gt"))?;
-    let near = middle(&truth.whole[State::START]);
+    let vertices = &truth.whole[State::START].vertices;
+    let near = vertices.iter().map(|v| DVec3::from_array(v.map(f64::from))).sum::<DVec3>() / vertices.len() as f64;
     Ok(match world_of_run(capture, run, near) {
         Some(motion) => moved(&truth, &motion),
         None => truth,
@@ -85,14 +86,6 @@ fn moved_mesh(mesh: &Mesh, motion: &Rigid) -> Mesh {
         *vertex = motion.apply(DVec3::from_array(vertex.map(f64::from))).as_vec3().to_array();
     }
     mesh
-}
-
-/// Centre of the box around a mesh.
-fn middle(mesh: &Mesh) -> DVec3 {
-    let points = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)));
-    let box_around =
-        points.fold(None, |b: Option<[DVec3; 2]>, p| Some(b.map_or([p; 2], |[l, h]| [l.min(p), h.max(p)])));
-    box_around.map_or(DVec3::ZERO, |[low, high]| 0.5 * (low + high))
 }
 
 #[cfg(test)]

@@ -12,8 +12,8 @@ use std::collections::HashMap;
 pub type RecordedNames = HashMap<String, String>;
 
 /// The capture that [`load_capture`](super::load_capture) reads, to the last bit, where [`write_capture`](super::write_capture) has written the
-/// one returned, and how its views were named before. Images have at most `longest_side` pixels, depth has counts of one size and is that of the object, views are
-/// named as their files and views without the object are absent; held-out views have no depth.
+/// one returned, and how its views were named before. Images have at most `longest_side` pixels, depth has counts of one size and is that of the
+/// object, views are named as their files and views without the object are absent; held-out views have no depth.
 pub fn as_stored(mut capture: Capture, longest_side: u32) -> Result<(Capture, RecordedNames), CaptureError> {
     check_images(&capture)?;
     let views = |capture: &mut Capture, change: &(dyn Fn(View) -> View + Sync)| {

@@ -314,6 +314,7 @@ impl<'a> Problem<'a> {
             let motion = motion.away_from(s);
             for &i in &asked[s] {
                 let seen = look.seen(i, &motion);
+                // The part has no surfels that could hide it.
                 let new = cost(&seen, u16::MAX, 1.0, &contexts[s], &self.prices, &self.settings).nats();
                 saved += f64::from((costs[s][i] - self.weights[s][i] * new).max(0.0));
             }
