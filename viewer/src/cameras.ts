@@ -88,8 +88,22 @@ export class Wipe {
   private view: CameraData | null = null;
   private share = 0.5;
 
-  constructor(private readonly stage: Stage) {
+  /** `moved` receives the share after the edge was dragged. */
+  constructor(
+    private readonly stage: Stage,
+    moved: (share: number) => void,
+  ) {
     stage.onResize(() => this.place());
+    this.edge.addEventListener("pointerdown", (event) => {
+      this.edge.setPointerCapture(event.pointerId);
+      event.preventDefault();
+    });
+    this.edge.addEventListener("pointermove", (event) => {
+      if (!this.edge.hasPointerCapture(event.pointerId)) return;
+      const { left, width } = this.frame.getBoundingClientRect();
+      this.set(Math.max(0, Math.min(1, (event.clientX - left) / width)));
+      moved(this.share);
+    });
   }
 
   async show(view: CameraData | null): Promise<void> {

@@ -27,6 +27,8 @@ interface Centre {
   joint: MarkedJoint | null;
   /** Buttons that set it. */
   offers: { data: AlternativeData; use: HTMLButtonElement }[];
+  /** The controls of an added part. */
+  row: HTMLElement | null;
 }
 
 type Edit =
@@ -50,6 +52,9 @@ export class Corrections {
   private readonly list = make("div");
   private readonly status = make("p", { className: "note", role: "status" });
   private held: { centre: Centre; plane: Plane } | null = null;
+  /** The corrections after each change, the last one as they are. */
+  private readonly history: string[] = [];
+  private readonly undoing = button("Undo", () => this.undo());
 
   constructor(
     private readonly scene: SceneData,
@@ -63,7 +68,10 @@ export class Corrections {
     parts.forEach((link) => this.found(link, parts));
     const show = check("Show part centres", (on) => this.show(on));
     this.element = section("Corrections", show, this.list);
-    if (scene.placement) this.element.append(make("div", { className: "row" }, button("Add a centre", () => (this.add(), this.show(true)))));
+    const added = () => (this.add(), this.show(true), this.remember());
+    const changes = scene.placement ? [button("Add a centre", added), this.undoing] : [this.undoing];
+    this.element.append(make("div", { className: "row" }, ...changes));
+    this.list.addEventListener("change", () => this.remember());
     const row = make("div", { className: "row" }, button("Save corrections", () => void this.save()));
     this.element.append(row, this.status);
     if (scene.rerun) {
@@ -116,7 +124,7 @@ export class Corrections {
     if (link.data.semantics?.given) kind.value = link.data.semantics.class;
     const cut = new Cut(link, this.group, () => this.stage.invalidate());
     const ball = this.ball(link.data.colour);
-    const centre: Centre = { part: link.index, ball, moved: false, choice, type, kind, cut, joint: null, offers: [] };
+    const centre: Centre = { part: link.index, ball, moved: false, choice, type, kind, cut, joint: null, offers: [], row: null };
     type.addEventListener("change", () => give(centre, null));
     choice.addEventListener("change", () => {
       // A centre to be moved starts at the middle of the part.
@@ -138,6 +146,7 @@ export class Corrections {
       const used = use.getAttribute("aria-pressed") === "true";
       centre.type!.value = used ? "" : data.kind;
       give(centre, used ? null : data.joint);
+      this.remember();
     });
     use.setAttribute("aria-pressed", "false");
     centre.offers.push({ data, use });
@@ -147,19 +156,54 @@ export class Corrections {
   /** Adds a part at `at`, by default in the middle of the object. */
   private add(at = this.model.extent().getCenter(new Vector3())): void {
     const ball = this.ball([120, 60, 200]);
-    const centre: Centre = { part: null, ball, moved: true, choice: null, type: null, kind: null, cut: null, joint: null, offers: [] };
+    const centre: Centre = { part: null, ball, moved: true, choice: null, type: null, kind: null, cut: null, joint: null, offers: [], row: null };
     centre.ball.position.copy(at);
     this.centres.push(centre);
     const row = make("div", { className: "edit" }, make("span", {}, "New part"), make("span", { className: "kind" }, "drag its ball"));
     row.append(
       button("Remove", () => {
-        this.centres.splice(this.centres.indexOf(centre), 1);
-        this.group.remove(centre.ball);
-        row.remove();
-        this.stage.invalidate();
+        this.remove(centre);
+        this.remember();
       }),
     );
+    centre.row = row;
     this.list.append(row);
+  }
+
+  /** Removes a part that was added. */
+  private remove(centre: Centre): void {
+    this.centres.splice(this.centres.indexOf(centre), 1);
+    this.group.remove(centre.ball);
+    centre.row?.remove();
+    this.stage.invalidate();
+  }
+
+  /** Keeps what the controls say, so that the next change can be undone. */
+  private remember(): void {
+    const now = JSON.stringify(this.edits());
+    if (now !== this.history.at(-1)) this.history.push(now);
+    this.undoing.disabled = this.history.length < 2;
+  }
+
+  private undo(): void {
+    this.history.pop();
+    const before = JSON.parse(this.history.at(-1)!) as Saved;
+    for (const centre of [...this.centres]) {
+      if (centre.part === null) {
+        this.remove(centre);
+        continue;
+      }
+      const { semantics } = this.model.links[centre.part].data;
+      centre.choice!.value = centre.type!.value = "";
+      centre.kind!.value = semantics?.given ? semantics.class : "";
+      chosen(centre);
+      give(centre, null);
+    }
+    before.centres.forEach((edit) => this.edit(edit));
+    before.joints.forEach((mark) => this.mark(mark));
+    before.classes?.forEach((mark) => this.classed(mark));
+    this.show(this.group.visible);
+    this.remember();
   }
 
   /** Balls are dragged in the plane that faces the camera. */
@@ -189,6 +233,7 @@ export class Corrections {
       if (!this.held || !event.isPrimary) return;
       this.held = null;
       controls.enabled = true;
+      this.remember();
     };
     canvas.addEventListener("pointerdown", grab, { capture: true });
     canvas.addEventListener("pointermove", move);
@@ -234,6 +279,7 @@ export class Corrections {
     } catch (error) {
       this.status.textContent = notShown(error instanceof Error ? error.message : String(error));
     }
+    this.remember();
   }
 
   /** Sets the controls to an edit. False if they cannot express it: each part has one choice. */

@@ -2,6 +2,7 @@
 
 import { Matrix4, Quaternion, Vector2, Vector3 } from "three";
 import type { Appearance } from "./looks";
+import type { Hover } from "./hover";
 import { motion, type Link, type Model } from "./model";
 import type { JointData } from "./scene";
 import type { Stage } from "./stage";
@@ -65,8 +66,8 @@ function travel(stage: Stage, grip: Grip): number {
   return length;
 }
 
-/** Lets parts be dragged; `busy` receives the grabbed link, or null when it is released. */
-export function enableDrag(stage: Stage, model: Model, looks: Appearance, busy: (link: Link | null) => void): void {
+/** Lets parts be dragged; `busy` receives the grabbed link, or null when it is released, and `hover` the part under the mouse or held by it. */
+export function enableDrag(stage: Stage, model: Model, looks: Appearance, hover: Hover, busy: (link: Link | null) => void): void {
   let grip: Grip | null = null;
   const { canvas, controls } = stage;
   const grab = (event: PointerEvent) => {
@@ -95,8 +96,11 @@ export function enableDrag(stage: Stage, model: Model, looks: Appearance, busy: 
     if (!event.isPrimary) return;
     if (grip) {
       model.set(grip.link, follow(stage, grip, new Vector2(event.clientX, event.clientY)));
+      hover.show(grip.link, event.clientX, event.clientY);
     } else if (event.pointerType === "mouse" && event.buttons === 0) {
-      canvas.classList.toggle("over", controls.enabled && !!pick(stage, looks, event.clientX, event.clientY)?.link.mover());
+      const over = controls.enabled ? (pick(stage, looks, event.clientX, event.clientY)?.link.mover() ?? null) : null;
+      canvas.classList.toggle("over", !!over);
+      hover.show(over, event.clientX, event.clientY);
     }
   };
   const release = (event: PointerEvent) => {
@@ -104,6 +108,7 @@ export function enableDrag(stage: Stage, model: Model, looks: Appearance, busy: 
     grip = null;
     controls.enabled = true;
     canvas.classList.remove("holding");
+    hover.show(null, 0, 0);
     busy(null);
   };
   canvas.addEventListener("pointerdown", grab, { capture: true });

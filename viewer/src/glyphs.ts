@@ -38,9 +38,11 @@ function upTo(direction: Vector3): Quaternion {
   return new Quaternion().setFromUnitVectors(new Vector3(0, 1, 0), direction.clone().normalize());
 }
 
-/** Axes of all joints of a model, children of its nodes; `visible` hides them. */
+/** Axes of all joints of a model, children of its nodes: all of them if `visible`, else that of the part under the pointer. */
 export class Glyphs {
-  private readonly all: Object3D[] = [];
+  private readonly all = new Map<Link, Object3D[]>();
+  private on = false;
+  private hovered: Link | null = null;
 
   constructor(model: Model) {
     const size = model.extent().getSize(new Vector3()).length() || 1;
@@ -48,14 +50,25 @@ export class Glyphs {
       const [still, needle] = glyph(link, link.data.joint!, size);
       link.node.add(still);
       link.moved.add(needle);
-      this.all.push(still, needle);
+      for (const part of [still, needle]) part.traverse((m) => (m.renderOrder = 10));
+      this.all.set(link, [still, needle]);
     }
-    this.all.forEach((o) => o.traverse((m) => (m.renderOrder = 10)));
-    this.visible = false;
+    this.update();
   }
 
   set visible(on: boolean) {
-    this.all.forEach((o) => (o.visible = on));
+    this.on = on;
+    this.update();
+  }
+
+  /** Shows the axis of this part, too; `null` shows none of its own. */
+  hover(link: Link | null): void {
+    this.hovered = link;
+    this.update();
+  }
+
+  private update(): void {
+    for (const [link, parts] of this.all) for (const part of parts) part.visible = this.on || link === this.hovered;
   }
 }
 

@@ -6,6 +6,7 @@ import {
   DoubleSide,
   FrontSide,
   EdgesGeometry,
+  Material,
   LineBasicMaterial,
   LineSegments,
   LinearFilter,
@@ -23,9 +24,9 @@ import { SplatFileType, SplatMesh } from "@sparkjsdev/spark";
 import { coarser, ready } from "./coarse";
 import { bytes } from "./files";
 import type { Link, Model } from "./model";
-import { parseObj } from "./obj";
+import { EVIDENCE, parseObj } from "./obj";
 
-export const MODES = ["splats", "textured", "mesh", "parts", "collision", "points"] as const;
+export const MODES = ["splats", "textured", "mesh", "parts", "evidence", "collision", "points"] as const;
 export type Mode = (typeof MODES)[number];
 
 /** If less than this share of the triangles is drawn, textures are not filtered. */
@@ -46,6 +47,10 @@ interface Looks {
 }
 
 const clay = [FrontSide, DoubleSide].map((side) => new MeshLambertMaterial({ color: 0xc9c6c0, side }));
+
+/** Colours of faces that rest on each kind of evidence. */
+export const EVIDENCE_COLOURS: Record<(typeof EVIDENCE)[number], number> = { seen: 0x8fae8b, derived: 0xe0b040, invented: 0xc8553d };
+const evidence = EVIDENCE.map((kind) => new MeshLambertMaterial({ color: EVIDENCE_COLOURS[kind], side: DoubleSide }));
 
 /** Visible sides of a mesh: drawing both sides takes 1.5 times as long. */
 function sideOf(link: Link): typeof FrontSide | typeof DoubleSide {
@@ -117,14 +122,28 @@ export class Appearance {
 
   show(mode: Mode): void {
     this.mode = mode;
-    for (const [link, { mesh, painted, hulls, splats }] of this.looks) {
+    for (const [link, { mesh, hulls, splats }] of this.looks) {
       if (mesh) {
-        mesh.visible = mode === "textured" || mode === "mesh" || mode === "parts";
-        mesh.material = mode === "textured" ? painted! : mode === "parts" ? this.coloured.get(link)! : clay[sideOf(link) === FrontSide ? 0 : 1];
+        mesh.visible = mode === "textured" || mode === "mesh" || mode === "parts" || mode === "evidence";
+        mesh.material = this.material(link, mode);
       }
       for (const hull of hulls) hull.visible = mode === "collision";
       if (splats) splats.visible = mode === "splats";
     }
+  }
+
+  private material(link: Link, mode: Mode): Material | Material[] {
+    const { painted, fine } = this.looks.get(link)!;
+    if (mode === "textured") return painted!;
+    if (mode === "parts") return this.coloured.get(link)!;
+    // Meshes that do not say what their faces rest on stay grey.
+    if (mode === "evidence" && fine!.groups.length > 0) return evidence;
+    return clay[sideOf(link) === FrontSide ? 0 : 1];
+  }
+
+  /** True if some mesh says what its faces rest on. */
+  hasEvidence(): boolean {
+    return [...this.looks.values()].some(({ fine }) => fine !== undefined && fine.groups.length > 0);
   }
 
   /** Draws meshes with a share of their triangles, without slow details (edges of hulls, filtering of textures). */
@@ -139,7 +158,8 @@ export class Appearance {
       }
       if (!looks.mesh?.visible) continue;
       const key = `${share} ${textured}`;
-      let geometry = share === 1 ? looks.fine! : looks.coarse.get(key);
+      // Coarse meshes do not say what their faces rest on.
+      let geometry = share === 1 || this.mode === "evidence" ? looks.fine! : looks.coarse.get(key);
       if (!geometry) looks.coarse.set(key, (geometry = coarser(looks.fine!, share, textured)));
       looks.mesh.geometry = geometry;
     }

@@ -9,6 +9,7 @@ import { Corrections } from "./corrections";
 import { enableDrag } from "./drag";
 import { exported, text } from "./files";
 import { Glyphs } from "./glyphs";
+import { Hover } from "./hover";
 import { Appearance, MODES, type Mode } from "./looks";
 import { startLive } from "./live";
 import { Model, motion } from "./model";
@@ -90,7 +91,7 @@ async function start(scene: SceneData) {
   const extent = model.extent();
   const views = scene.cameras ?? [];
   const frustums = new Frustums(views, 0.1 * (extent.getSize(new Vector3()).length() || 1), stage);
-  const wipe = new Wipe(stage);
+  const wipe = new Wipe(stage, (share) => panel.wipe(share));
   stage.add(frustums.group);
 
   let state = 0;
@@ -158,9 +159,10 @@ async function start(scene: SceneData) {
   panel.allow("textured", has((l) => !!l.mesh));
   panel.allow("mesh", has((l) => !!l.mesh));
   panel.allow("parts", has((l) => !!l.mesh));
+  panel.allow("evidence", looks.hasEvidence());
   panel.allow("collision", has((l) => l.collision.length > 0));
   panel.allow("points", clouds.any);
-  panel.allow("splats", false);
+  panel.allow("splats", has((l) => !!l.splats) && "later");
   stage.frameObject(extent, frontOf(model, found));
   if (has((l) => !!l.mesh)) stage.ground(extent);
   setState(0);
@@ -172,7 +174,7 @@ async function start(scene: SceneData) {
     stage.add(corrections.group);
     panel.append(corrections.element);
   }
-  enableDrag(stage, model, looks, (link) => (player.set(false), panel.hold(link)));
+  enableDrag(stage, model, looks, new Hover(stage, glyphs, panel), (link) => (player.set(false), panel.hold(link)));
 
   // The object can be moved already; large files follow.
   await Promise.all([looks.loadSplats(), found ? undefined : clouds.load()]);

@@ -2,6 +2,8 @@
  * Reader of OBJ files as `artgs export` writes them. It reads bytes, not lines: files have tens of megabytes.
  *
  * Limitations: one object, one material, no relative indices; polygons become fans.
+ *
+ * Comments `# evidence KIND` before faces become groups of the geometry: the index of the material is that in `EVIDENCE`.
  */
 
 import { BufferAttribute, BufferGeometry, Color, SRGBColorSpace } from "three";
@@ -9,6 +11,11 @@ import { BufferAttribute, BufferGeometry, Color, SRGBColorSpace } from "three";
 const NEWLINE = 10;
 const SPACE = 32;
 const SLASH = 47;
+const HASH = 35;
+
+/** What faces rest on: a sensor measured them; photos and surfaces that continue; nothing. */
+export const EVIDENCE = ["seen", "derived", "invented"] as const;
+const MARK = "# evidence ";
 
 class Numbers {
   data: Float32Array;
@@ -35,6 +42,8 @@ export function parseObj(source: Uint8Array): BufferGeometry {
   /** Three indices per corner from 0: position, texture coordinate, normal; -1 where there is none. */
   const corners: number[] = [];
   const polygon: number[] = [];
+  /** Corners from which on faces rest on something else. */
+  const marks: { from: number; kind: number }[] = [];
   const end = source.length;
   let at = 0;
 
@@ -95,12 +104,18 @@ export function parseObj(source: Uint8Array): BufferGeometry {
         for (let k = 6; k + 2 < polygon.length; k += 3) {
           for (const from of [0, k - 3, k]) corners.push(polygon[from], polygon[from + 1], polygon[from + 2]);
         }
+      } else if (c === HASH) {
+        const line = new TextDecoder().decode(source.subarray(at, source.indexOf(NEWLINE, at)));
+        const kind = line.startsWith(MARK) ? EVIDENCE.indexOf(line.slice(MARK.length) as (typeof EVIDENCE)[number]) : -1;
+        if (kind >= 0) marks.push({ from: corners.length / 3, kind });
       }
     }
     while (at < end && source[at] !== NEWLINE) at++;
     at++;
   }
-  return assemble(positions, colours, normals, coordinates, corners);
+  const geometry = assemble(positions, colours, normals, coordinates, corners);
+  marks.forEach(({ from, kind }, i) => geometry.addGroup(from, (marks[i + 1]?.from ?? corners.length / 3) - from, kind));
+  return geometry;
 }
 
 function assemble(positions: Numbers, colours: Numbers, normals: Numbers, uvs: Numbers, corners: number[]): BufferGeometry {

@@ -2,8 +2,9 @@
 
 import { doubt } from "./doubt";
 import { button, check, make, section } from "./dom";
-import { MODES, type Mode } from "./looks";
+import { EVIDENCE_COLOURS, MODES, type Mode } from "./looks";
 import type { Link, Model } from "./model";
+import { EVIDENCE } from "./obj";
 import { type AlternativeData, hasBothStates, isFound, readable, type SceneData, STATES } from "./scene";
 import { rows, table } from "./scores";
 
@@ -29,16 +30,26 @@ const NAMES: Record<Mode, string> = {
   textured: "Textured",
   mesh: "Mesh",
   parts: "Parts",
+  evidence: "Evidence",
   collision: "Collision",
   points: "Points",
 };
 
+const RESTS_ON: Record<(typeof EVIDENCE)[number], string> = {
+  seen: "measured by the sensor",
+  derived: "derived from photos and from surfaces that continue",
+  invented: "not recorded: closes the surface",
+};
+
 export class Panel {
   private readonly modes = new Map<Mode, HTMLInputElement>();
+  /** What the colours of the evidence mean. */
+  private readonly legend = make("ul", { className: "legend", hidden: true });
   private readonly sliders = new Map<Link, { box: HTMLElement; input: HTMLInputElement; value: HTMLOutputElement }>();
   /** Entries of other joints that parts could have. */
   readonly alternatives: { link: Link; data: AlternativeData; item: HTMLElement }[] = [];
   private readonly apart = make("input", { type: "range", min: "0", max: "1", step: "0.01", value: "0", id: "explode" });
+  private readonly share = make("input", { type: "range", min: "0", max: "1", step: "0.005", value: "0.5", id: "wipe" });
   private readonly axesShown = check("Joint axes and limits", (on) => this.act.axes(on));
   private readonly playing = button("Play", () => this.act.play(this.playing.getAttribute("aria-pressed") !== "true"));
 
@@ -79,7 +90,12 @@ export class Panel {
     }
     this.apart.addEventListener("input", () => this.act.explode(this.apart.valueAsNumber));
     const group = make("fieldset", { ariaLabel: "What is drawn" }, choices);
-    const out = section("Show", group);
+    for (const kind of EVIDENCE) {
+      const dot = make("span", { className: "dot" });
+      dot.style.background = `#${EVIDENCE_COLOURS[kind].toString(16)}`;
+      this.legend.append(make("li", {}, dot, RESTS_ON[kind]));
+    }
+    const out = section("Show", group, this.legend);
     if (this.model.movable().length > 0) {
       out.append(
         make("label", { className: "slider" }, make("span", { className: "head" }, "Exploded view"), this.apart),
@@ -167,7 +183,7 @@ export class Panel {
     const views = this.scene.cameras!;
     const choice = make("select", { id: "camera", ariaLabel: "Camera to look through" }, make("option", { value: "" }, "Free view"));
     views.forEach((v, i) => choice.append(make("option", { value: `${i}` }, v.name)));
-    const wipe = make("input", { type: "range", min: "0", max: "1", step: "0.005", value: "0.5", id: "wipe" });
+    const wipe = this.share;
     const bar = make("label", { className: "slider", hidden: true }, make("span", { className: "ends" }, make("span", {}, this.scene.links.length > 0 ? "Replica" : "Points"), make("span", {}, "Photo")), wipe);
     wipe.addEventListener("input", () => this.act.wipe(wipe.valueAsNumber));
     choice.addEventListener("change", () => {
@@ -190,12 +206,21 @@ export class Panel {
     for (const [l, { box }] of this.sliders) box.classList.toggle("held", l === link);
   }
 
-  mode(mode: Mode): void {
-    this.modes.get(mode)!.checked = true;
+  /** Marks the joint of the part under the pointer. */
+  point(link: Link | null): void {
+    for (const [l, { box }] of this.sliders) box.classList.toggle("over", l === link);
   }
 
-  allow(mode: Mode, on: boolean): void {
-    this.modes.get(mode)!.disabled = !on;
+  mode(mode: Mode): void {
+    this.modes.get(mode)!.checked = true;
+    this.legend.hidden = mode !== "evidence";
+  }
+
+  /** Modes without content have no control; `later`: their content is not loaded yet. */
+  allow(mode: Mode, on: boolean | "later"): void {
+    const input = this.modes.get(mode)!;
+    input.disabled = on !== true;
+    input.parentElement!.hidden = on === false;
   }
 
   play(on: boolean): void {
@@ -218,6 +243,11 @@ export class Panel {
     };
     controls[key]?.();
     return key in controls;
+  }
+
+  /** The share of the picture that shows the photo. */
+  wipe(share: number): void {
+    this.share.valueAsNumber = share;
   }
 
   explode(share: number): void {

@@ -43,7 +43,7 @@ test("loads without errors and without requests to other hosts", async () => {
 test("every mode draws a different picture", async () => {
   await rest();
   const pictures = [];
-  for (const mode of ["splats", "textured", "mesh", "parts", "collision", "points"]) {
+  for (const mode of ["splats", "textured", "mesh", "parts", "evidence", "collision", "points"]) {
     await view.page.locator(`input[name=mode][value=${mode}]`).check({ force: true });
     const picture = await shot(view.page);
     assert.ok(drawn(picture) > 0.02 * picture.width * picture.height, `${mode} draws ${drawn(picture)} pixels`);
@@ -68,6 +68,22 @@ test("Gaussians, texture and part colours are drawn at the door", async () => {
   await call("setMode", "parts");
   const [pr, pg, pb] = colour(await shot(view.page), at);
   assert.ok(pr > pg && pg > 3 * pb, `parts ${[pr, pg, pb]}`);
+});
+
+test("evidence has a colour for each kind, and its legend is there in this mode only", async () => {
+  await rest();
+  const legend = view.page.locator(".legend");
+  assert.equal(await legend.isVisible(), false);
+  await view.page.locator("input[name=mode][value=evidence]").check({ force: true });
+  assert.match(await legend.innerText(), /measured by the sensor[^]*derived[^]*not recorded/);
+  const picture = await shot(view.page);
+  // The door is invented, the drawer was seen, the body does not say.
+  const [dr, dg] = colour(picture, await onPage("door", [0.7, -0.02, 0.1]));
+  assert.ok(dr > 1.6 * dg, `door ${[dr, dg]}`);
+  const [wr, wg] = colour(picture, await onPage("drawer", [0.2, -0.02, -0.15]));
+  assert.ok(wg > 1.1 * wr, `drawer ${[wr, wg]}`);
+  await rest();
+  assert.equal(await legend.isVisible(), false);
 });
 
 test("moving a slider moves the door's pixels and only those", async () => {
@@ -145,6 +161,24 @@ test("dragging a part moves its joint so that the grabbed point follows, within 
   assert.ok(Math.abs((await joint("door")) - 0.7) < 0.05, `the door is at ${await joint("door")}`);
   const others = [await joint("drawer"), await joint("knob")];
   assert.deepEqual(others, [0.3, 0]);
+});
+
+test("the pointer shows the name, the value and the axis of the part under it", async () => {
+  await rest();
+  await call("setMode", "mesh");
+  const label = view.page.locator("#hover");
+  await view.page.mouse.move(5, 5);
+  await view.page.evaluate(() => artgs.settled());
+  const before = await shot(view.page);
+  const at = await onPage("door", [0.7, -0.02, 0.1]);
+  await view.page.mouse.move(...at, { steps: 2 });
+  assert.equal(await label.innerText(), "door · 0.0°");
+  assert.ok(await view.page.locator(".slider.over input[data-link=door]").count(), "the slider of the door is marked");
+  const over = await shot(view.page);
+  assert.ok(difference(before, over).count > 200, "the axis is drawn");
+  await view.page.mouse.move(5, 5);
+  assert.equal(await label.isVisible(), false);
+  assert.equal(difference(before, await shot(view.page)).count, 0);
 });
 
 test("dragging beside the object turns the view, not a joint", async () => {
@@ -240,6 +274,12 @@ test("the wipe shows a camera's photo over a part of the replica", async () => {
   assert.ok(seen(0.2).every((c, k) => Math.abs(c - [220, 120, 20][k]) < 4), `photo ${seen(0.2)}`);
   assert.ok(seen(0.35).some((c, k) => Math.abs(c - [220, 120, 20][k]) > 30), `replica ${seen(0.35)}`);
   assert.ok(drawn(canvas) > 3000);
+  const edge = (share) => [left + share * 160 * scale, top + 0.5 * 120 * scale];
+  await drag(edge(0.25), edge(0.75));
+  assert.ok(Math.abs(Number(await view.page.locator("#wipe").inputValue()) - 0.75) < 0.01, "the slider follows the edge");
+  const wiped = PNG.sync.read(await view.page.screenshot());
+  const photo = colour(wiped, [left + 0.35 * 160 * scale, top + 0.1 * 120 * scale]);
+  assert.ok(photo.every((c, k) => Math.abs(c - [220, 120, 20][k]) < 4), `photo ${photo}`);
   await view.page.getByLabel("Show mask").check();
   const masked = PNG.sync.read(await view.page.screenshot());
   const under = colour(masked, [left + 0.1 * 160 * scale, top + 0.1 * 120 * scale]);
@@ -251,6 +291,25 @@ test("the wipe shows a camera's photo over a part of the replica", async () => {
   await view.page.getByLabel("Show cameras").check();
   assert.ok(difference(before, await shot(view.page)).count > 100);
   await view.page.getByLabel("Show cameras").uncheck();
+});
+
+test("undo takes back the last change of the corrections, one by one", async () => {
+  await rest();
+  const undo = view.page.getByRole("button", { name: "Undo" });
+  const drawer = view.page.getByLabel("Centre of drawer");
+  assert.ok(await undo.isDisabled(), "nothing was changed");
+  await view.page.getByLabel("Type of door").selectOption("screw");
+  await drawer.selectOption("delete");
+  await view.page.getByRole("button", { name: "Add a centre" }).click();
+  const added = view.page.getByText("New part");
+  const left = async () => [await added.count(), await drawer.inputValue(), await view.page.getByLabel("Type of door").inputValue()];
+  assert.deepEqual(await left(), [1, "delete", "screw"]);
+  for (const expected of [[0, "delete", "screw"], [0, "", "screw"], [0, "", ""]]) {
+    await undo.click();
+    assert.deepEqual(await left(), expected);
+  }
+  assert.ok(await undo.isDisabled());
+  await view.page.getByLabel("Show part centres").uncheck();
 });
 
 test("corrections are saved, and invalid ones are refused", async () => {

@@ -101,6 +101,21 @@ pub struct TexturedMesh {
     pub evidence: Vec<FaceEvidence>,
 }
 
+impl TexturedMesh {
+    /// The triangles by what they rest on, in the order of [`FaceEvidence::ALL`]; all together if that is unknown.
+    pub fn by_evidence(&self) -> Vec<(Option<FaceEvidence>, Vec<[u32; 3]>)> {
+        let triangles = &self.mesh.triangles;
+        if self.evidence.len() != triangles.len() {
+            return vec![(None, triangles.clone())];
+        }
+        let of = |kind: FaceEvidence| {
+            let own = triangles.iter().zip(&self.evidence).filter(|(_, evidence)| **evidence == kind);
+            (Some(kind), own.map(|(t, _)| *t).collect::<Vec<_>>())
+        };
+        FaceEvidence::ALL.into_iter().map(of).filter(|(_, own)| !own.is_empty()).collect()
+    }
+}
+
 /// What a face of a surface rests on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FaceEvidence {

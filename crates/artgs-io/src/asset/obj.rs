@@ -1,13 +1,17 @@
 //! Wavefront OBJ with MTL and PNG for simulators. Write only.
 //!
 //! Limitations: vertex colours are written only without a texture, because loaders multiply both. They follow the coordinates
-//! of each `v` line as in MeshLab, which many loaders ignore. One material.
+//! of each `v` line as in MeshLab, which many loaders ignore. One material. Faces follow a comment that says what they rest on, `# evidence
+//! seen`, `derived` or `invented`: groups and materials would make several shapes of one mesh in some loaders.
 
 use crate::image_io::write_rgb;
 use crate::{FileError, write_atomic};
 use artgs_core::{Mesh, TexturedMesh};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+
+/// Begins a comment that says what the faces after it rest on.
+const EVIDENCE: &str = "# evidence";
 
 /// Writes `STEM.obj` and, with a texture, `STEM.mtl` and `STEM.png`; returns the files, the OBJ first. `vt` starts at the lower
 /// left corner.
@@ -95,9 +99,14 @@ fn textured(stem: &str, textured: &TexturedMesh) -> Result<String, String> {
             (false, false) => i.to_string(),
         }
     };
-    for t in &mesh.triangles {
-        let [a, b, c] = t.map(corner);
-        let _ = writeln!(out, "f {a} {b} {c}");
+    for (evidence, triangles) in textured.by_evidence() {
+        if let Some(kind) = evidence {
+            let _ = writeln!(out, "{EVIDENCE} {}", kind.name());
+        }
+        for t in triangles {
+            let [a, b, c] = t.map(corner);
+            let _ = writeln!(out, "f {a} {b} {c}");
+        }
     }
     Ok(out)
 }
@@ -106,7 +115,7 @@ fn textured(stem: &str, textured: &TexturedMesh) -> Result<String, String> {
 mod tests {
     use super::*;
     use crate::image_io::read_rgba;
-    use artgs_core::Texture;
+    use artgs_core::{FaceEvidence, Texture};
 
     fn triangle() -> TexturedMesh {
         TexturedMesh {
@@ -139,6 +148,17 @@ mod tests {
         );
         assert!(std::fs::read_to_string(&written[1]).unwrap().contains("map_Kd m.png\n"));
         assert_eq!(read_rgba(&written[2]).unwrap().pixels, [[1, 2, 3, 255], [250, 0, 9, 255]]);
+    }
+
+    #[test]
+    fn faces_follow_what_they_rest_on() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut mesh = triangle();
+        mesh.mesh.triangles = vec![[0, 1, 2], [1, 2, 0], [2, 0, 1]];
+        mesh.evidence = vec![FaceEvidence::Invented, FaceEvidence::Seen, FaceEvidence::Invented];
+        let text = body(&write_textured_obj(dir.path(), "m", &mesh).unwrap()[0]);
+        let faces = "usemtl m\n# evidence seen\nf 2/2/2 3/3/3 1/1/1\n# evidence invented\nf 1/1/1 2/2/2 3/3/3\nf 3/3/3 1/1/1 2/2/2\n";
+        assert!(text.ends_with(faces), "{text}");
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! A small replica folder for the page: a cabinet with a door, a knob on a screw joint in the door, and a drawer.
 
 use artgs_core::{
-    Alternative, Asset, AssetJoint, AssetLink, Camera, Inertial, Intrinsics, Joint, JointAlternative, JointKind, Mesh,
-    PerState, Replica, Rigid, Splats, State, Texture, TexturedMesh,
+    Alternative, Asset, AssetJoint, AssetLink, Camera, FaceEvidence, Inertial, Intrinsics, Joint, JointAlternative,
+    JointKind, Mesh, PerState, Replica, Rigid, Splats, State, Texture, TexturedMesh,
 };
 use artgs_io::asset::{SpzVersion, export_urdf, splats::export_splats};
 use artgs_view::{CameraView, Cloud, FoundJoint, Page, Placement, SceneBox};
@@ -107,6 +107,9 @@ pub(crate) fn cabinet() -> Asset {
     links[3].joint = joint(JointKind::Screw, DVec3::NEG_Y, [0.0, 6.0], [0.0, 3.0]);
     links[0].visual.texture = None;
     links[0].visual.uvs.clear();
+    for (k, kind) in [(1, FaceEvidence::Invented), (2, FaceEvidence::Seen)] {
+        links[k].visual.evidence = vec![kind; links[k].visual.mesh.triangles.len()];
+    }
     Asset { name: "cabinet".into(), links, ..Asset::default() }
 }
 

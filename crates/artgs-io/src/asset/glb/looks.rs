@@ -5,7 +5,7 @@ use super::buffer::Use;
 use crate::FileError;
 use crate::asset::values::{Activated, is_textured, linear, unit_normals};
 use crate::image_io::rgb_png;
-use artgs_core::{AssetLink, FaceEvidence, Splats, Texture, TexturedMesh};
+use artgs_core::{AssetLink, FaceEvidence, Splats, Texture};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
@@ -38,7 +38,8 @@ impl Scene {
             }
             _ => surface["baseColorFactor"] = json!([0.5, 0.5, 0.5, 1.0]),
         }
-        let primitives: Vec<Value> = by_evidence(visual)
+        let primitives: Vec<Value> = visual
+            .by_evidence()
             .into_iter()
             .map(|(evidence, triangles)| {
                 let indices = self.buffer.triangles(&triangles);
@@ -105,19 +106,6 @@ impl Scene {
         self.meshes.push(json!({"name": name, "primitives": [primitive]}));
         Ok(Some(self.meshes.len() - 1))
     }
-}
-
-/// The triangles by what they rest on; all together if that is unknown.
-fn by_evidence(visual: &TexturedMesh) -> Vec<(Option<FaceEvidence>, Vec<[u32; 3]>)> {
-    let triangles = &visual.mesh.triangles;
-    if visual.evidence.len() != triangles.len() {
-        return vec![(None, triangles.clone())];
-    }
-    let of = |kind: FaceEvidence| {
-        let own = triangles.iter().zip(&visual.evidence).filter(|(_, evidence)| **evidence == kind);
-        (Some(kind), own.map(|(t, _)| *t).collect::<Vec<_>>())
-    };
-    FaceEvidence::ALL.into_iter().map(of).filter(|(_, own)| !own.is_empty()).collect()
 }
 
 /// How the Gaussians were trained: the kernel, colours, order and projection of 3DGS.
