@@ -18,12 +18,19 @@ pub(crate) fn run(args: &Inspect, style: Style) -> Result<(), Failure> {
         all if style.json => say(format!("{:#}", json!(all)))?,
         all => all.iter().try_for_each(|one| say(format!("{}\n{one}", one.path().display())))?,
     }
-    let refused: Vec<String> =
-        inspected.iter().filter(|one| one.is_refused()).map(|one| one.path().display().to_string()).collect();
-    if refused.is_empty() {
+    let refusals: Vec<String> = inspected.iter().flat_map(named_refusals).collect();
+    if refusals.is_empty() {
         return if style.json { Ok(()) } else { say(verdict(&inspected, args)) };
     }
-    Err(Failure::bad(format!("{}: artgs reconstruct refuses this input for the errors above", refused.join(" and "))))
+    Err(Failure::bad(format!("{}\nartgs reconstruct refuses this input", refusals.join("\n"))))
+}
+
+/// Why a run refuses it, with its name.
+fn named_refusals(one: &Inspected) -> Vec<String> {
+    let path = one.path().display();
+    // Those of a recording begin with its name.
+    let named = |text: String| if one.is_capture() { format!("{path}: {text}") } else { text };
+    one.refusals().into_iter().map(named).collect()
 }
 
 /// Whether the input can be used, and the next command.

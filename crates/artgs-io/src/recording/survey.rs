@@ -99,6 +99,9 @@ pub(crate) fn identify(path: &Path) -> Option<String> {
     } else {
         path.file_name().and_then(|n| n.to_str()).map(String::from).into_iter().collect()
     };
+    if path.is_dir() && listed.iter().all(|name| name.starts_with('.')) {
+        return Some("the folder is empty; give the folder that the files were exported to".into());
+    }
     if let Some(below) = below(path) {
         return Some(below);
     }

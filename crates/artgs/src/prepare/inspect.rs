@@ -104,9 +104,9 @@ impl Inspected {
         own + self.findings().iter().filter(|finding| matches!(finding, Finding::Warning(_))).count()
     }
 
-    /// True if a run refuses it.
-    pub fn is_refused(&self) -> bool {
-        refusals(&self.findings()).next().is_some()
+    /// Why a run refuses it; empty if none does.
+    pub fn refusals(&self) -> Vec<String> {
+        refusals(&self.findings()).map(String::from).collect()
     }
 
     fn findings(&self) -> Vec<Finding> {
@@ -117,6 +117,7 @@ impl Inspected {
     }
 }
 
+/// What it is and the warnings, without what a run refuses it for.
 impl fmt::Display for Inspected {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         fn line(f: &mut fmt::Formatter, name: &str, share: Option<f64>, of_what: &str) -> fmt::Result {
@@ -137,9 +138,8 @@ impl fmt::Display for Inspected {
             }
         }
         for finding in self.findings() {
-            match finding {
-                Finding::Refused(text) => writeln!(f, "error: {text}")?,
-                Finding::Warning(text) => writeln!(f, "warning: {text}")?,
+            if let Finding::Warning(text) = finding {
+                writeln!(f, "warning: {text}")?;
             }
         }
         match &self.what {
