@@ -1,5 +1,6 @@
 //! Ground truth where a run sees it: runs of recordings refine poses, which moves their world.
 
+use crate::recording::natural;
 use crate::run_folder::load_json;
 use crate::{FileError, GroundTruth, RunFolder, load_ground_truth};
 use artgs_core::{Joint, Mesh, PerState, Rigid, State};
@@ -30,19 +31,25 @@ fn world_of_run(capture: &Path, run: &RunFolder, near: DVec3) -> Option<Rigid> {
     let poses = alignment["start"]["true_poses"].as_array()?;
     let aligned: Value = load_json(&run.aligned().join("transforms_train_start.json")).ok()??;
     let motions = aligned["frames"].as_array()?.iter().filter_map(|frame| {
-        let truth = pose(poses.get(number_of(frame["recorded_as"].as_str()?)?)?)?;
+        let truth = pose(poses.get(index_of(capture, frame["recorded_as"].as_str()?)?)?)?;
         Some(pose(&frame["transform_matrix"])? * truth.inverse())
     });
     let motions: Vec<Rigid> = motions.collect();
     (motions.len() >= LEAST_FRAMES).then(|| mean_motion(&motions, near))
 }
 
-/// The last number in the name of a recorded frame, which is its index.
-fn number_of(name: &str) -> Option<usize> {
-    let digits = |c: char| c.is_ascii_digit();
-    let end = name.rfind(digits)? + 1;
-    let start = name[..end].rfind(|c| !digits(c)).map_or(0, |at| at + 1);
-    name[start..end].parse().ok()
+/// The index of a recorded frame: its place among the images that are named like it, in the order of their numbers. Some formats count from
+/// 1, and some number images by their time.
+fn index_of(capture: &Path, recorded_as: &str) -> Option<usize> {
+    let path = capture.join(recorded_as);
+    let name = path.file_name()?.to_str()?;
+    let words = |name: &str| name.replace(|c: char| c.is_ascii_digit(), "");
+    let listed =
+        std::fs::read_dir(path.parent()?).ok()?.flatten().filter_map(|entry| entry.file_name().into_string().ok());
+    let mut alike: Vec<String> =
+        listed.filter(|other| words(other) == words(name)).map(|other| natural(&other)).collect();
+    alike.sort();
+    alike.binary_search(&natural(name)).ok()
 }
 
 /// A pose of four rows, which may have other axes on its side of the camera.
@@ -105,8 +112,14 @@ mod tests {
         let run = RunFolder::new(dir.path().join("run"));
         let true_poses: Vec<Rigid> = (0..12).map(|i| Rigid::about(DVec3::Y, DVec3::X, 0.3 * f64::from(i))).collect();
         let apart = Rigid { translation: DVec3::new(0.3, 0.0, -0.1), ..Rigid::about(DVec3::Z, DVec3::ONE, 0.2) };
-        let frame = |i: usize| json!({ "recorded_as": format!("start/f2/frame_{i:05}.jpg"), "transform_matrix": rows(&(apart * true_poses[i])) });
+        // The frames are counted from 1, and beside them are images of depth.
+        let name = |i: usize| format!("start/f2/frame_{:05}.jpg", i + 1);
+        let frame = |i: usize| json!({ "recorded_as": name(i), "transform_matrix": rows(&(apart * true_poses[i])) });
         let save = |path: &Path, value: Value| crate::write_atomic(path, value.to_string().as_bytes()).unwrap();
+        for i in 0..true_poses.len() {
+            save(&dir.path().join(name(i)), json!(i));
+            save(&dir.path().join(name(i).replace("frame_", "depth_")), json!(i));
+        }
         let truth = json!({ "start": { "true_poses": true_poses.iter().map(rows).collect::<Vec<_>>() } });
         assert_eq!(world_of_run(dir.path(), &run, DVec3::ONE), None);
         save(&dir.path().join("gt/alignment.json"), truth);

@@ -142,7 +142,7 @@ pub(super) fn first_file(dir: &Path, names: &[&str]) -> Option<std::path::PathBu
 }
 
 /// Key that sorts names with numbers by their values: 9 before 10.
-pub(super) fn natural(name: &str) -> String {
+pub(crate) fn natural(name: &str) -> String {
     let mut key = String::with_capacity(name.len() + 16);
     let mut digits = String::new();
     for c in name.chars().chain(['\0']) {

@@ -42,6 +42,7 @@ mod seven_scenes;
 mod store;
 mod stray;
 pub(crate) mod survey;
+pub(crate) use files::natural;
 mod trajectory;
 mod tum;
 mod values;
