@@ -94,6 +94,10 @@ pub struct ExportReport {
     pub lost_pieces: usize,
     /// Share of the volume of the convex pieces that was cut off.
     pub cut_share: f64,
+    /// Sides of the static part that were not recorded, so that most of what closes them is invented: of `back`, `left`, `right` (as seen from the
+    /// front) and `top`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unrecorded_sides: Vec<String>,
     /// All files written.
     pub files: Vec<PathBuf>,
     /// Size and hash of every file of every format in the folder of exports, by its path relative to that folder, with `/`.
@@ -310,6 +314,21 @@ fn is_of(name: &str, format: Format) -> bool {
     name.strip_prefix(format.name()).is_some_and(|rest| rest.starts_with('/'))
 }
 
+/// Sides with articles, none if there are none.
+fn sides_in_words(sides: &[String]) -> Option<String> {
+    let named: Vec<String> = sides
+        .iter()
+        .map(|side| match side.as_str() {
+            "left" | "right" => format!("the {side} side"),
+            other => format!("the {other}"),
+        })
+        .collect();
+    match named.split_last()? {
+        (last, []) => Some(last.clone()),
+        (last, others) => Some(format!("{} and {last}", others.join(", "))),
+    }
+}
+
 impl fmt::Display for ExportReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
@@ -337,6 +356,12 @@ impl fmt::Display for ExportReport {
             let HandleReport { name, width, length, depth, .. } = handle;
             let [width, length, depth] = [width, length, depth].map(|x| 1000.0 * x);
             writeln!(f, "{name}: {width:.0} mm between the fingers, {length:.0} mm long, {depth:.0} mm deep")?;
+        }
+        if let Some(sides) = sides_in_words(&self.unrecorded_sides) {
+            writeln!(
+                f,
+                "not recorded: {sides}; what closes the surface there is invented. To have it measured, record it in either state"
+            )?;
         }
         if let (Some(source), Some(confidence)) = (self.up_source, self.up_confidence) {
             writeln!(f, "up: {} of the capture, {}, certainty {confidence:.2}", self.up, source.words())?;
@@ -495,6 +520,17 @@ mod tests {
         };
         assert!(row("base").ends_with("50 % 12 % 38 % yes"), "{text}");
         assert!(row("empty").ends_with("- - - no"), "{text}");
+    }
+
+    #[test]
+    fn sides_that_were_not_recorded_are_named() {
+        let text = |sides: &[&str]| {
+            let unrecorded_sides = sides.iter().map(|side| (*side).to_string()).collect();
+            ExportReport { unrecorded_sides, ..ExportReport::default() }.to_string()
+        };
+        assert!(!text(&[]).contains("not recorded"));
+        assert!(text(&["back"]).contains("not recorded: the back; "));
+        assert!(text(&["back", "left", "top"]).contains("not recorded: the back, the left side and the top; "));
     }
 
     #[test]

@@ -5,6 +5,7 @@ pub(crate) mod fused;
 mod passage;
 pub(crate) mod repair;
 pub(crate) mod shade;
+mod sides;
 pub(crate) mod simplify;
 pub(crate) mod spread;
 pub(crate) mod unwrap;
@@ -27,6 +28,7 @@ use parry3d::math::Pose3;
 use parry3d::query::{PointQuery as _, PointQueryWithLocation as _, Ray, RayCullingMode};
 use parry3d::shape::TriMesh;
 use rayon::prelude::*;
+pub(crate) use sides::unrecorded_sides;
 use std::borrow::Cow;
 use std::sync::Arc;
 
