@@ -27,12 +27,13 @@ fn raw(f: &Folder, name: &str, text: &str) {
 #[test]
 fn folders() {
     check(&[
+        bad("an empty folder", "", RECONSTRUCT, &["in: not a capture", "the folder is empty"], |_| {}),
         bad(
-            "an empty folder",
+            "a folder of something else",
             "",
             RECONSTRUCT,
             &["in: not a capture", "transforms_train_start.json", "camera_train.json"],
-            |_| {},
+            |f| f.write("notes.txt", "x"),
         ),
         bad("an empty folder is inspected", "", "inspect IN", &["not a capture"], |_| {}),
         bad("no such folder", "", "inspect IN/nowhere", &["nowhere", "no such", "give the folder"], |_| {}),

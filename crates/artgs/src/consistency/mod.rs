@@ -39,9 +39,6 @@ const COPIED: f64 = 0.25;
 /// before parts are searched. A larger share decides nothing: of a laptop that is closed in one state 22 % agree, of pairs of different
 /// objects in one place 0 to 34 %.
 const NOWHERE: f64 = 0.02;
-/// The same of recordings that were aligned by what is around the object. Of different objects 1 % agree; of folding chairs, whose seats
-/// are most of what a depth camera sees, 13 % and more.
-const REFUSED_ALIGNED: f64 = 0.08;
 /// Agreement between the states below which most of the object seems to have moved.
 const LITTLE_ACROSS: f64 = 0.25;
 
@@ -137,20 +134,17 @@ pub fn check_capture(capture: &Capture) -> Consistency {
     out
 }
 
-/// Checks whether two recordings that were aligned show the same object. Points count once, by what most views of the other state
-/// show: of right recordings that hide most of each other, 33 to 75 % agree, of those of different objects 1 %.
-pub fn check_aligned(capture: &Capture) -> Vec<Finding> {
+/// What makes it doubtful that two recordings that were aligned show the same object; the search for parts decides. Points count once, by
+/// what most views of the other state show: of right recordings 1 to 75 % agree (a thin arm of which most moves 1 %), of those of different
+/// objects 0 to 15 %.
+pub fn check_aligned(capture: &Capture) -> Option<String> {
     let views = capture.states.as_ref().map(|s| coarse_views(s.train.iter()));
-    let Some(share) = least_vote(&views).filter(|share| *share < LITTLE_ACROSS) else { return Vec::new() };
-    let stated = format!("{} of the object's surfaces agree between the two recordings", percent(share));
-    vec![if share < REFUSED_ALIGNED {
-        Finding::Refused(format!(
-            "{stated}: they show different objects in the same place, or the object was moved as a whole, or what was selected is \
-             not the same in both; leave the object where it is between the recordings, or select it by --box"
-        ))
-    } else {
-        Finding::Warning(format!("{stated}: most of the object moved, or the recordings show different objects"))
-    }]
+    let share = least_vote(&views).filter(|share| *share < LITTLE_ACROSS)?;
+    Some(format!(
+        "{} of the object's surfaces agree between the two recordings: most of the object moved, or the recordings show different objects, \
+         or what was selected is not the same in both (--box selects it)",
+        percent(share)
+    ))
 }
 
 /// Share of the points of one state at places that the other shows that agree, each counted once; of both states the smaller share.

@@ -262,11 +262,10 @@ fn images_copied_from_the_other_state_are_refused() {
 }
 
 #[test]
-fn aligned_recordings_of_different_objects_are_refused() {
-    assert_eq!(check_aligned(&capture()), []);
+fn aligned_recordings_that_hardly_agree_are_doubtful() {
+    assert_eq!(check_aligned(&capture()), None);
     let other = changed(&[State::END], |view| scale_depth(view, 0.9));
-    let findings = check_aligned(&other);
-    let [Finding::Refused(text)] = &findings[..] else { panic!("{findings:?}") };
+    let text = check_aligned(&other).unwrap();
     assert!(text.contains("different objects") && text.contains("--box"), "{text}");
 }
 

@@ -112,7 +112,7 @@ pub struct Problem<'a> {
     /// Deviation of the distance by which the states disagree where nothing moved, beyond that, scene units.
     pub(super) common: f32,
     /// How far each surfel is to be believed, 0 to 1: less where views of its own state contradict it.
-    weights: PerState<Vec<f32>>,
+    pub(super) weights: PerState<Vec<f32>>,
     known: HashMap<[u64; 7], Evidence>,
 }
 

@@ -1,7 +1,7 @@
 //! What the consistency check found, as errors and warnings; single views that contradict the others are removed.
 
 use super::PrepareError;
-use crate::consistency::{Consistency, Finding, check_aligned, check_capture, check_recording};
+use crate::consistency::{Consistency, Finding, check_capture, check_recording};
 use artgs_core::{Capture, PerState, Recording, State};
 use artgs_io::{CaptureError, CaptureOptions, load_capture_with};
 use std::path::{Path, PathBuf};
@@ -30,12 +30,6 @@ pub(super) fn require_recordings(
         recordings[state].warnings.extend(warnings);
         recordings[state].frames.retain(|frame| forced || !found.ignores(&frame.view.name));
     }
-    Ok(())
-}
-
-/// Refuses aligned recordings of different objects, unless `forced`; warnings go to the capture.
-pub(super) fn require_one_object(capture: &mut Capture, forced: bool) -> Result<(), PrepareError> {
-    capture.warnings.extend(accepted(check_aligned(capture), forced)?);
     Ok(())
 }
 

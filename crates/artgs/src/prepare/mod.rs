@@ -18,6 +18,7 @@ pub use memory::{MemoryError, Plan};
 
 use crate::align::{AlignReport, Correction, ObjectBox, correct};
 use crate::config::Config;
+use crate::consistency::check_aligned;
 use crate::observer::{Event, Observer, Tee};
 use crate::part_count::PartCount;
 use artgs_core::Capture;
@@ -96,7 +97,7 @@ impl Request {
                 agreement::require_recordings(&mut read, &paths, force_input)?;
                 let (mut capture, report) = recordings::aligned(&read, &config, object_box.as_ref(), observer)?;
                 drop(read);
-                agreement::require_one_object(&mut capture, force_input)?;
+                capture.warnings.extend(check_aligned(&capture));
                 changed(capture, Report::Aligned(report.into()), CaptureOptions::default().longest_side)?
             }
         };

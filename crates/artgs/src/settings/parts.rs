@@ -31,7 +31,7 @@ pub(super) const DISCOVER: &[Entry] = &[
         "Motions that turn less than this are slides, unless a hinge fits clearly better"),
     switch("decide_joints", "Decide between hinge, slide and screw, and find which part carries which"),
     number("most_unexplained", 0.0, 1.0, "share",
-        "Largest share of the surfaces that may differ between the states without a motion that explains them; with more, the states are refused"),
+        "Largest share of the surfaces of a state that no motion may explain; with more, the states are refused"),
     number("least_resting", 0.0, 1.0, "share",
         "Share of all points that must rest between the states; with less, the states are refused"),
     number("sure_quality", 0.0, 1.0, "share",
