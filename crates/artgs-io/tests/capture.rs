@@ -267,6 +267,9 @@ fn folders_that_are_no_captures() {
     assert!(missing.contains("nowhere: no such directory"), "{missing}");
     let empty = tempfile::tempdir().unwrap();
     let message = load_capture(empty.path()).unwrap_err().to_string();
+    assert!(message.contains("the folder is empty") && !message.contains(START), "{message}");
+    std::fs::write(empty.path().join("notes.txt"), "x").unwrap();
+    let message = load_capture(empty.path()).unwrap_err().to_string();
     assert!(message.contains(START) && message.contains("end/camera_train.json"), "{message}");
     folder.remove("end/camera_train.json");
     folder.remove("transforms_train_end.json");

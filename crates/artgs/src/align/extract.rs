@@ -20,7 +20,7 @@ pub struct ExtractConfig {
     pub fill: f64,
     /// Pixels around the object that are kept.
     pub margin: usize,
-    /// Share of the object's surface that other things may hide before a frame is left out, 0 to 1; more where too few frames would remain.
+    /// Share of the object's surface that other things may hide before a frame is left out, 0 to 1.
     pub hidden: f64,
     /// Least share of an image that the object fills, 0 to 1.
     pub least_share: f64,
@@ -68,9 +68,7 @@ pub(crate) fn views(
     config: &ExtractConfig,
 ) -> PerState<Vec<View>> {
     let labelled = states.as_ref().map(|s| {
-        let hidden: Vec<f64> = s.frames.par_iter().map(|frame| hidden_share(frame, selection)).collect();
-        let most = most_hidden(&hidden, config.hidden);
-        let visible = |i: &usize| hidden[*i] <= most;
+        let visible = |i: &usize| hidden_share(&s.frames[*i], selection) <= config.hidden;
         let label = |i: usize| Labelled::new(s, i, selection, config);
         (0..s.recorded.len()).into_par_iter().filter(visible).filter_map(label).collect::<Vec<_>>()
     });
@@ -84,15 +82,6 @@ pub(crate) fn views(
 
 /// A surface this much nearer than a point, relative to its depth, is in front of it.
 const FRONT: f64 = 0.05;
-
-/// The share of the object's surface that may be hidden: `stated`, or more where it leaves too few frames. Hidden pixels say nothing.
-fn most_hidden(shares: &[f64], stated: f64) -> f64 {
-    /// Frames that are kept at least.
-    const LEAST: usize = 12;
-    let mut seen: Vec<f64> = shares.iter().copied().filter(|share| *share < 1.0).collect();
-    seen.sort_by(f64::total_cmp);
-    seen.get(LEAST.min(seen.len()).saturating_sub(1)).map_or(stated, |share| share.max(stated))
-}
 
 /// Share of the object's points in the image that something else is in front of.
 fn hidden_share(frame: &DepthFrame, selection: &Selection) -> f64 {
@@ -379,15 +368,6 @@ fn spread(labels: &mut [Label], mut front: Vec<usize>, width: usize, reach: usiz
 mod tests {
     use super::*;
     use Label::{Hidden, Object, Other, Unknown};
-
-    #[test]
-    fn the_least_hidden_frames_stay_where_all_are_hidden() {
-        let shares = |from: f64| (0..20).map(|i| from + 0.01 * f64::from(i)).collect::<Vec<_>>();
-        assert_eq!(most_hidden(&shares(0.0), 0.2), 0.2, "enough frames");
-        assert_eq!(most_hidden(&shares(0.3), 0.08), shares(0.3)[11]);
-        assert_eq!(most_hidden(&[0.5, 0.1, 1.0], 0.08), 0.5, "a frame that shows nothing is no help");
-        assert_eq!(most_hidden(&[1.0], 0.08), 0.08);
-    }
 
     #[test]
     fn pixels_in_front_of_the_object_hide_it() {

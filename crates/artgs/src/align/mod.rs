@@ -157,7 +157,10 @@ pub enum AlignError {
         remedy: BoxRemedy,
     },
     /// The object is in no view of a state.
-    #[error("no frame of state {0} shows the object unhidden; walk around the object with nothing in front of it")]
+    #[error(
+        "no frame of state {0} shows the selected object: other things are in front of it, or it is too small in the images, or another \
+         thing was selected; walk around it with nothing in front of it, or select it with --box"
+    )]
     NoViews(&'static str),
 }
 
