@@ -30,26 +30,27 @@ fn world_of_run(capture: &Path, run: &RunFolder, near: DVec3) -> Option<Rigid> {
     let alignment: Value = load_json(&capture.join("gt/alignment.json")).ok()??;
     let poses = alignment["start"]["true_poses"].as_array()?;
     let aligned: Value = load_json(&run.aligned().join("transforms_train_start.json")).ok()??;
-    let motions = aligned["frames"].as_array()?.iter().filter_map(|frame| {
-        let truth = pose(poses.get(index_of(capture, frame["recorded_as"].as_str()?)?)?)?;
+    let frames = aligned["frames"].as_array()?;
+    let names = images_like(&capture.join(frames.first()?["recorded_as"].as_str()?))?;
+    let motions = frames.iter().filter_map(|frame| {
+        let name = Path::new(frame["recorded_as"].as_str()?).file_name()?.to_str()?;
+        let truth = pose(poses.get(names.binary_search(&natural(name)).ok()?)?)?;
         Some(pose(&frame["transform_matrix"])? * truth.inverse())
     });
     let motions: Vec<Rigid> = motions.collect();
     (motions.len() >= LEAST_FRAMES).then(|| mean_motion(&motions, near))
 }
 
-/// The index of a recorded frame: its place among the images that are named like it, in the order of their numbers. Some formats count from
-/// 1, and some number images by their time.
-fn index_of(capture: &Path, recorded_as: &str) -> Option<usize> {
-    let path = capture.join(recorded_as);
-    let name = path.file_name()?.to_str()?;
+/// The keys by which all images of a recording are sorted that are named like one of them but for its numbers: the place of a name is the index
+/// of its pose. Some formats count from 1, and some number images by their time.
+fn images_like(image: &Path) -> Option<Vec<String>> {
     let words = |name: &str| name.replace(|c: char| c.is_ascii_digit(), "");
-    let listed =
-        std::fs::read_dir(path.parent()?).ok()?.flatten().filter_map(|entry| entry.file_name().into_string().ok());
-    let mut alike: Vec<String> =
-        listed.filter(|other| words(other) == words(name)).map(|other| natural(&other)).collect();
-    alike.sort();
-    alike.binary_search(&natural(name)).ok()
+    let own = words(image.file_name()?.to_str()?);
+    let listed = std::fs::read_dir(image.parent()?).ok()?.flatten();
+    let names = listed.filter_map(|entry| entry.file_name().into_string().ok());
+    let mut keys: Vec<String> = names.filter(|name| words(name) == own).map(|name| natural(&name)).collect();
+    keys.sort();
+    Some(keys)
 }
 
 /// A pose of four rows, which may have other axes on its side of the camera.

@@ -1,5 +1,6 @@
 //! Sides of the object that were not recorded: what closes them is invented.
 
+use crate::geometry::topology::{corners, cross, points};
 use artgs_core::{Asset, AssetLink, FaceEvidence};
 use glam::DVec3;
 
@@ -20,14 +21,13 @@ fn is_invented(link: &AssetLink, towards: DVec3) -> bool {
     const FACING: f64 = 0.7;
     /// Least share of it that is invented.
     const MOST: f64 = 0.7;
-    let visual = &link.visual;
-    let points: Vec<DVec3> = visual.mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from))).collect();
-    let along = || points.iter().map(|p| p.dot(towards));
+    let mesh = &link.visual.mesh;
+    let along = || points(mesh).map(|p| p.dot(towards));
     let [low, high] = [along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max)];
     let (mut all, mut invented) = (0.0, 0.0);
-    for (triangle, evidence) in visual.mesh.triangles.iter().zip(&visual.evidence) {
-        let [a, b, c] = triangle.map(|i| points[i as usize]);
-        let (normal, middle) = ((b - a).cross(c - a), (a + b + c) / 3.0);
+    for (triangle, evidence) in mesh.triangles.iter().zip(&link.visual.evidence) {
+        let normal = cross(mesh, *triangle);
+        let middle = corners(mesh, *triangle).into_iter().sum::<DVec3>() / 3.0;
         let facing = normal.dot(towards);
         if facing > FACING * normal.length() && middle.dot(towards) > high - DEPTH * (high - low) {
             all += facing;
@@ -45,14 +45,12 @@ mod tests {
     /// A box whose faces that point along `unseen` are invented.
     fn recorded_without(unseen: &[DVec3]) -> Asset {
         let mesh = Mesh::cuboid([-0.5, -0.3, 0.0], [0.5, 0.3, 1.0]);
-        let corner = |i: u32| DVec3::from_array(mesh.vertices[i as usize].map(f64::from));
         let of = |t: &[u32; 3]| {
-            let [a, b, c] = t.map(corner);
-            let normal = (b - a).cross(c - a).normalize();
+            let normal = cross(&mesh, *t).normalize();
             let hidden = unseen.iter().any(|d| d.dot(normal) > 0.9);
             if hidden { FaceEvidence::Invented } else { FaceEvidence::Seen }
         };
-        let evidence = mesh.triangles.iter().map(of).collect();
+        let evidence = mesh.triangles.iter().map(of).collect::<Vec<_>>();
         let visual = TexturedMesh { mesh, evidence, ..TexturedMesh::default() };
         let links = vec![AssetLink { visual, ..AssetLink::default() }];
         Asset { links, front: Some(DVec3::NEG_Y), ..Asset::default() }

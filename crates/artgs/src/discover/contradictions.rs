@@ -1,25 +1,23 @@
 //! What was found is kept or refused by the share of the surfaces that its energy does not explain.
 
 use super::{DiscoverConfig, DiscoverError, Discovery};
-use crate::explain::Problem;
 
 /// Joints that are sure, and states in which nothing moved, may leave this many times as much unexplained: thin parts show different sides in
 /// the two states, and errors of poses move whole regions.
 const OF_SURE: f64 = 2.0;
 
-/// What was found, if it explains enough of what the states show, with a warning where that is little. Otherwise the states are refused.
-/// Joints are sure that explain most of the `moved` points.
+/// What was found, if the `share` of the surfaces that it leaves unexplained is small enough, with a warning where it is large. Otherwise the
+/// states are refused. Joints are sure that explain most of the `moved` points.
 pub(super) fn explaining_enough(
     mut found: Discovery,
+    share: f64,
     moved: usize,
-    problem: &mut Problem<'_>,
     config: &DiscoverConfig,
 ) -> Result<Discovery, DiscoverError> {
     let resting = resting(&found);
     if resting < config.least_resting {
         return Err(DiscoverError::NothingRests(resting));
     }
-    let share = problem.unexplained_share(&found);
     let is_sure = found.parts.is_empty() || found.quality(moved) >= config.sure_quality;
     if share > config.most_unexplained * if is_sure { OF_SURE } else { 1.0 } {
         return Err(DiscoverError::Unexplained(share));
@@ -47,7 +45,7 @@ mod tests {
     use super::*;
     use crate::discover::discover;
     use crate::discover::test_scene::{cabinet_scene, laptop_scene};
-    use crate::explain::{ExplainSettings, Surfels};
+    use crate::explain::{ExplainSettings, Explanation, Problem, SearchSettings, Surfels};
 
     #[test]
     fn what_motions_do_not_explain_contradicts_and_what_is_hidden_does_not() {
@@ -56,11 +54,10 @@ mod tests {
             let found = discover(&scene, 1..=4, &DiscoverConfig::default()).unwrap();
             let surfels = Surfels::new(&scene, &ExplainSettings::DEFAULT);
             let mut problem = Problem::new(&scene, &surfels, ExplainSettings::DEFAULT);
-            let share = problem.unexplained_share(&found);
+            let explanation = problem.explained(&found, &SearchSettings::default());
+            let share = problem.unexplained_share(&explanation);
             assert!(share < limit, "{share}");
-            let labels = found.labels.as_ref().map(|l| vec![0; l.len()]);
-            let at_rest = Discovery { labels, parts: Vec::new(), ..found };
-            let share = problem.unexplained_share(&at_rest);
+            let share = problem.unexplained_share(&Explanation::without_parts(problem.surfels()));
             assert!(share > 1.5 * limit, "{share}");
         }
     }
@@ -69,12 +66,10 @@ mod tests {
     fn an_object_of_which_nothing_rests_is_refused() {
         let scene = laptop_scene(16, 120);
         let found = discover(&scene, 1..=4, &DiscoverConfig::default()).unwrap();
-        let surfels = Surfels::new(&scene, &ExplainSettings::DEFAULT);
-        let mut problem = Problem::new(&scene, &surfels, ExplainSettings::DEFAULT);
         let moved = Discovery { labels: found.labels.as_ref().map(|l| vec![1; l.len()]), ..found };
-        let refused = explaining_enough(moved.clone(), 1, &mut problem, &DiscoverConfig::default());
+        let refused = explaining_enough(moved.clone(), 0.0, 1, &DiscoverConfig::default());
         assert!(matches!(refused, Err(DiscoverError::NothingRests(share)) if share == 0.0));
         let any = DiscoverConfig::default().without_refusals();
-        assert!(explaining_enough(moved, 1, &mut problem, &any).is_ok());
+        assert!(explaining_enough(moved, 1.0, 1, &any).is_ok());
     }
 }

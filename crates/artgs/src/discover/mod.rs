@@ -76,7 +76,7 @@ mod turned_over;
 mod twins;
 pub(crate) mod visibility;
 
-use crate::explain::{ExplainSettings, Problem, Surfels};
+use crate::explain::{ExplainSettings, Explanation, Problem, SearchSettings, Surfels};
 use crate::observer::{Share, within};
 use artgs_core::{Joint, JointAlternative, JointEstimate, PerState, Rigid, State};
 use by_energy::with_parts_by_energy;
@@ -270,8 +270,13 @@ fn best_parts(
     let better = with_parts_by_energy(&found, (&mut problem, &surfels.clouds), &work, &movable, &proposed, &result);
     let moved = evidence.total();
     let mut kept = |found: Discovery| {
-        let at_rest = may_rest && problem.is_at_rest(&found);
-        explaining_enough(if at_rest { without_parts(scene) } else { found }, moved, &mut problem, config)
+        let search = SearchSettings::default();
+        let explanation = problem.explained(&found, &search);
+        if may_rest && problem.is_at_rest(&explanation, &search) {
+            let at_rest = Explanation::without_parts(problem.surfels());
+            return explaining_enough(without_parts(scene), problem.unexplained_share(&at_rest), moved, config);
+        }
+        explaining_enough(found, problem.unexplained_share(&explanation), moved, config)
     };
     // An explanation that would be refused, such as one in which nothing rests, is no better one.
     let found = better.and_then(|better| kept(better).ok()).map_or_else(|| kept(found), Ok)?;

@@ -19,11 +19,10 @@ impl Problem<'_> {
 
     /// Share of the surfels of a state that no motion explains: those that cost more than a nat, each counted as far as its own state confirms
     /// it; of both states the larger share. A surfel that is hidden, or that shows the other face of a plate, is explained.
-    pub fn unexplained_share(&mut self, found: &Discovery) -> f64 {
+    pub fn unexplained_share(&mut self, explanation: &Explanation) -> f64 {
         /// Nats of a surfel that is as likely explained as not.
         const EXPLAINED: f32 = 1.0;
-        let explanation = self.explained(found, &SearchSettings::default());
-        let costs = self.costs(&explanation);
+        let costs = self.costs(explanation);
         let share = |s: State| {
             let all = || costs[s].iter().zip(&self.weights[s]);
             let sum: f32 = all().map(|(_, weight)| weight).sum();
@@ -33,11 +32,9 @@ impl Problem<'_> {
         State::ALL.map(share).into_iter().fold(0.0, f64::max)
     }
 
-    /// True if no part of what was found saves what it costs: the states show one body at rest.
-    pub fn is_at_rest(&mut self, found: &Discovery) -> bool {
-        let settings = SearchSettings::default();
-        let explained = self.explained(found, &settings);
-        self.without_surplus_parts(&explained, &settings).motions.is_empty()
+    /// True if no part saves what it costs: the states show one body at rest.
+    pub fn is_at_rest(&mut self, explanation: &Explanation, settings: &SearchSettings) -> bool {
+        self.without_surplus_parts(explanation, settings).motions.is_empty()
     }
 
     /// Labels of the surfels from the nearest of the labelled points of clouds.
