@@ -18,15 +18,14 @@ pub(super) fn with_parts_by_energy(
     let (settings, search) = (ExplainSettings::DEFAULT, SearchSettings::default());
     let start = problem.explained(found, &search);
     let best = problem.searched(&start, pool, &search);
+    if best.motions == start.motions || best.motions.is_empty() {
+        return None;
+    }
     // Bodies that move alike are parts, too.
     let total = |problem: &mut Problem<'_>, explanation: &Explanation, parts: usize| {
         problem.terms(explanation).total() + search.part * parts as f64
     };
-    let lowest = problem.total(&best, &search);
-    if best.motions.is_empty() || lowest > problem.total(&start, &search) - search.better {
-        return None;
-    }
-    let mut least = total(problem, &start, found.parts.len());
+    let least = total(problem, &start, found.parts.len());
     let by_rules = || result(work.parts(&best.motions, movable));
     let by_labels = || {
         let fine = ExplainSettings { spacing: 1.0, ..settings };
@@ -36,19 +35,13 @@ pub(super) fn with_parts_by_energy(
         let cut = fine.relabelled(&Explanation { labels, ..best.clone() });
         result(work.of_labels(&cut.motions, cut.labels, *movable.end()))
     };
-    // Both refinements lose some of what the search found: the rules parts that their thresholds refuse, the labels bodies that move alike.
-    let mut better = None;
-    let refinements: [&dyn Fn() -> Discovery; 2] = [&by_rules, &by_labels];
-    for refined in refinements {
-        let next = refined();
-        let explanation = problem.explained(&next, &search);
-        let energy = total(problem, &explanation, next.parts.len());
-        if movable.contains(&next.parts.len()) && energy < least {
-            (better, least) = (Some(next), energy);
-        }
-        if least < lowest + search.part {
-            break;
-        }
+    let mut is_better = |next: &Discovery| {
+        let explanation = problem.explained(next, &search);
+        movable.contains(&next.parts.len()) && total(problem, &explanation, next.parts.len()) < least
+    };
+    let next = by_rules();
+    if is_better(&next) {
+        return Some(next);
     }
-    better
+    Some(by_labels()).filter(is_better)
 }

@@ -13,7 +13,6 @@ mod fit;
 mod found;
 mod interval;
 pub mod judge;
-mod labels;
 mod motion;
 mod noise;
 mod proposals;
