@@ -2,6 +2,7 @@
 
 use super::energy::Problem;
 use super::motion::Equation;
+use crate::trimmed::median;
 use artgs_core::{Rigid, State};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -20,29 +21,36 @@ impl Problem<'_> {
         let residuals = self.residuals(&members);
         let (lower, upper) = self.scene.bounds();
         let size = (upper - lower).max(Vec3::splat(f32::MIN_POSITIVE));
-        // Of surfels of one region and direction: their number, information and pull of a shift in that direction.
-        let mut regions: BTreeMap<[i32; 4], (usize, f64, f64)> = BTreeMap::new();
+        // What is not the same surface in both states is farther away. Surfels that disagree by more than the noise take part, else the
+        // noise would never be larger than it was.
+        let gate = self.settings.gate * self.diagonal();
+        // Of surfels of one region and direction: the shifts in that direction that they show, and their information.
+        let mut regions: BTreeMap<[i32; 4], (Vec<f64>, f64)> = BTreeMap::new();
         for s in State::ALL {
             let cloud = self.clouds[s].cloud;
             let equations: Vec<Equation> =
-                members[s].par_iter().map(|&i| residuals.equation(s, i, &Rigid::IDENTITY, 0.0)).collect();
+                members[s].par_iter().map(|&i| residuals.equation(s, i, &Rigid::IDENTITY, gate)).collect();
             for (&i, row) in members[s].iter().zip(equations) {
                 let (normal, cell) = (cloud.normals[i], (cloud.points[i] - lower) / size * REGIONS);
                 let axis = normal.abs().max_position();
                 let slope = row.slope[3 + axis];
-                let side = if normal[axis] < 0.0 { -1 - axis as i32 } else { 1 + axis as i32 };
-                let region = regions.entry([cell.x as i32, cell.y as i32, cell.z as i32, side]).or_default();
-                *region = (region.0 + 1, region.1 + row.information * slope * slope, region.2 + row.pull * slope);
+                let information = row.information * slope * slope;
+                if information > 0.0 {
+                    let side = if normal[axis] < 0.0 { -1 - axis as i32 } else { 1 + axis as i32 };
+                    let region = regions.entry([cell.x as i32, cell.y as i32, cell.z as i32, side]).or_default();
+                    region.0.push(row.pull * slope / information);
+                    region.1 += information;
+                }
             }
         }
-        let known = regions.into_values().filter(|r| r.0 >= LEAST && r.1 > 0.0);
-        let (shifts, expected): (Vec<f64>, Vec<f64>) = known
-            .map(|(_, information, pull)| ((pull / information).abs(), f64::from(self.shared) / information))
+        let known = regions.into_values().filter(|(shifts, _)| shifts.len() >= LEAST);
+        let (mut shifts, expected): (Vec<f64>, Vec<f64>) = known
+            .filter_map(|(mut shifts, information)| {
+                Some((median(&mut shifts)?.abs(), f64::from(self.shared) / information))
+            })
             .unzip();
-        let count = expected.len().max(1) as f64;
-        let expected = expected.iter().sum::<f64>() / count;
-        let mut shifts = shifts;
-        let spread = 1.4826 * crate::trimmed::median(&mut shifts).unwrap_or(0.0);
+        let expected = expected.iter().sum::<f64>() / expected.len().max(1) as f64;
+        let spread = 1.4826 * median(&mut shifts).unwrap_or(0.0);
         (spread.powi(2) - expected).max(0.0).sqrt() as f32
     }
 }

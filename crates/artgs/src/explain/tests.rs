@@ -184,6 +184,9 @@ fn what_errors_of_the_states_have_in_common_is_measured_where_nothing_moved() {
     // Along each axis the surfaces are off by 1.5 mm. Of four pixels the one that agrees best is compared, which makes it smaller.
     let (none, some) = (common(0.0), common(0.0015));
     assert!(none < 0.0003 && (0.0005..0.003).contains(&some), "{none} {some}");
+    // Errors of many times the deviation of depth are measured, too.
+    let more = common(0.008);
+    assert!((0.004..0.016).contains(&more), "{more}");
 }
 
 #[test]
