@@ -1,10 +1,35 @@
-//! Parts that the rules missed: the energy of explanations searches their motions from what the rules found, and decides.
+//! The energy of explanations decides between what the rules found from different motions, and searches parts that they missed.
 
 use super::refinement::{Parts, Refinement};
 use super::{Cloud, Discovery};
 use crate::explain::{ExplainSettings, Explanation, Problem, SearchSettings, Surfels};
 use artgs_core::{PerState, Rigid};
 use std::ops::RangeInclusive;
+
+/// Energy of what was found, with the price of its parts. Bodies that move alike are parts, too.
+fn total(problem: &mut Problem<'_>, explanation: &Explanation, parts: usize) -> f64 {
+    problem.terms(explanation).total() + SearchSettings::default().part * parts as f64
+}
+
+/// What was found or the parts with the motions `bodies`, whichever has the lower energy, and the motions of the other parts.
+pub(super) fn or_bodies(
+    found: Discovery,
+    bodies: &[Rigid],
+    problem: &mut Problem<'_>,
+    work: &Refinement<'_>,
+    movable: &RangeInclusive<usize>,
+    result: &dyn Fn(Parts) -> Discovery,
+) -> (Discovery, Vec<Rigid>) {
+    let other = (!bodies.is_empty()).then(|| result(work.parts(bodies, movable)));
+    let Some(other) = other.filter(|other| movable.contains(&other.parts.len())) else { return (found, Vec::new()) };
+    let search = SearchSettings::default();
+    let mut energy = |found: &Discovery| {
+        let explanation = problem.explained(found, &search);
+        total(problem, &explanation, found.parts.len())
+    };
+    let (less, more) = if energy(&other) < energy(&found) { (other, found) } else { (found, other) };
+    (less, more.parts.iter().map(|p| p.motion).collect())
+}
 
 /// Parts with other motions than those found and a lower energy; none if there are none.
 pub(super) fn with_parts_by_energy(
@@ -21,10 +46,6 @@ pub(super) fn with_parts_by_energy(
     if best.motions == start.motions || best.motions.is_empty() {
         return None;
     }
-    // Bodies that move alike are parts, too.
-    let total = |problem: &mut Problem<'_>, explanation: &Explanation, parts: usize| {
-        problem.terms(explanation).total() + search.part * parts as f64
-    };
     let least = total(problem, &start, found.parts.len());
     let by_rules = || result(work.parts(&best.motions, movable));
     let by_labels = || {

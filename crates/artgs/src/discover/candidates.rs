@@ -312,6 +312,18 @@ impl Search<'_> {
         if empty { self.settings.in_empty } else { self.settings.in_unseen }
     }
 
+    /// The same where landing on every point counts alike.
+    pub(super) fn value_anywhere(&self, pose: &Pose, p: Vec3, n: Vec3, target: &SearchState<'_>, radius: f32) -> f32 {
+        let q = pose.apply(p);
+        let (nearest, _) = target.grid.lookup(q, radius);
+        if nearest == NO_POINT {
+            return 0.0;
+        }
+        let cloud = target.points.cloud;
+        let d = cloud.points[nearest as usize].distance(q) / radius;
+        (1.0 - d * d).max(0.0) * (pose.rotation * n).dot(cloud.normals[nearest as usize]).max(0.0)
+    }
+
     pub(super) fn mean_value(
         &self,
         pose: &Pose,

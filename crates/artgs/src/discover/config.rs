@@ -1,9 +1,11 @@
 //! Settings of part discovery. Those a user may want to change are in [`DiscoverConfig`]; the others are grouped by the
 //! step that reads them, each group in the module of that step.
 
+use super::bodies::BodySettings;
 use super::candidates::CandidateSettings;
 use super::confidence::ConfidenceSettings;
 use super::diagnosis::DiagnosisSettings;
+use super::facets::FacetSettings;
 use super::front::FrontSettings;
 use super::instances::InstanceSettings;
 use super::joints::JointSettings;
@@ -77,6 +79,8 @@ pub(crate) struct StepSettings {
     pub(crate) candidates: CandidateSettings,
     pub(crate) ranking: RankingSettings,
     pub(crate) selection: SelectionSettings,
+    pub(crate) facets: FacetSettings,
+    pub(crate) bodies: BodySettings,
     pub(crate) segmentation: SegmentationSettings,
     pub(crate) graph: GraphSettings,
     pub(crate) label_costs: LabelCosts,

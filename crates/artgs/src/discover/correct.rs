@@ -84,7 +84,7 @@ pub fn correct(
     let needs_motion = |e: &CentreEdit| matches!(e, CentreEdit::Add { .. } | CentreEdit::Move { .. });
     let wanted = found.parts.len() + 2;
     let pool = match corrections.centres.iter().any(needs_motion) {
-        true => evidence.candidates(scene, &clouds, &(wanted..=wanted), config, &settings, &mut |_| ()),
+        true => evidence.candidates(scene, &clouds, &(wanted..=wanted), config, &settings),
         false => Vec::new(),
     };
     let mut kept: Vec<Kept> =

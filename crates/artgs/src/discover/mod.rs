@@ -23,6 +23,7 @@
 //! # }
 //! ```
 
+mod bodies;
 mod by_energy;
 mod candidates;
 pub(crate) mod cloud;
@@ -36,6 +37,8 @@ pub(crate) mod diagnosis;
 mod enclosure;
 mod exchanges;
 mod extents;
+mod face_motions;
+mod facets;
 mod flatten;
 mod front;
 mod front_slides;
@@ -79,7 +82,7 @@ pub(crate) mod visibility;
 use crate::explain::{ExplainSettings, Explanation, Problem, SearchSettings, Surfels};
 use crate::observer::{Share, within};
 use artgs_core::{Joint, JointAlternative, JointEstimate, PerState, Rigid, State};
-use by_energy::with_parts_by_energy;
+use by_energy::{or_bodies, with_parts_by_energy};
 use candidates::{Candidate, Search, SearchState};
 pub use cloud::Cloud;
 use cloud::{IndexedCloud, components};
@@ -97,7 +100,6 @@ pub use moved_points::{MovedPoints, moved_points};
 use narrow::with_doubts_of_narrow;
 use oblique::with_doubts_of_oblique;
 use plateaus::with_plateaus;
-use rayon::prelude::*;
 use refinement::{Parts, Refinement};
 use relief::Relief;
 pub use scene::{DepthPicture, Scene, pixel_step};
@@ -216,6 +218,12 @@ pub fn discover_with_progress(
 const SEARCHED: f64 = 0.4;
 const REFINED: f64 = 0.85;
 
+/// Largest number of candidates.
+const POOL: usize = 120;
+
+/// Rounds of the search for candidates beyond one per part, for parts whose first motion is wrong.
+const EXTRA_ROUNDS: usize = 2;
+
 /// Share of what remains of the refinement that one of its rounds is shown as.
 const OF_REMAINING: f64 = 0.4;
 
@@ -230,7 +238,9 @@ fn best_parts(
     let clouds = scene.indexed_clouds();
     let settings = StepSettings::default();
     let evidence = Evidence::new(scene, &settings)?;
-    let pool = evidence.candidates(scene, &clouds, &movable, config, &settings, &mut within(done, 0.0, SEARCHED));
+    let grids = evidence.grids(scene, &clouds, config);
+    let search = evidence.search(scene, (&clouds, &grids), &movable, config, &settings);
+    let pool = search.candidates(*movable.end() + EXTRA_ROUNDS, POOL, &mut within(done, 0.0, SEARCHED));
     done(SEARCHED);
     let front = evidence.front(scene, &clouds, &settings);
     let ranking = (&settings.ranking, front);
@@ -266,7 +276,9 @@ fn best_parts(
     let found = if scene.spreading { of_noisy_points(found, &work, &movable, &result) } else { found };
     let surfels = Surfels::new(scene, &ExplainSettings::DEFAULT);
     let mut problem = Problem::new(scene, &surfels, ExplainSettings::DEFAULT);
-    let proposed: Vec<Rigid> = pool.iter().map(|c| c.motion).collect();
+    let bodies = settings.bodies.motions(&search, scene, &clouds, &settings);
+    let (found, others) = or_bodies(found, &bodies, &mut problem, &work, &movable, &result);
+    let proposed: Vec<Rigid> = pool.iter().map(|c| c.motion).chain(others).collect();
     let better = with_parts_by_energy(&found, (&mut problem, &surfels.clouds), &work, &movable, &proposed, &result);
     let moved = evidence.total();
     let mut kept = |found: Discovery| {
@@ -384,23 +396,13 @@ impl Evidence {
         settings.front.find(clouds, &self.occupancy, poses, diagonal, scene.spreading)
     }
 
-    /// Candidate motions for `movable` parts.
-    fn candidates(
+    /// What is near each place of the other state.
+    fn grids(
         &self,
         scene: &Scene,
         clouds: &PerState<IndexedCloud<'_>>,
-        movable: &RangeInclusive<usize>,
         config: &DiscoverConfig,
-        settings: &StepSettings,
-        done: Share<'_>,
-    ) -> Vec<Candidate> {
-        /// Largest number of candidates.
-        const POOL: usize = 120;
-        /// Rounds of the search beyond one per part, for parts whose first motion is wrong.
-        const EXTRA_ROUNDS: usize = 2;
-        /// Least share of the moved points that a round explains, where the number of parts is not given.
-        const LEAST_ROUND: f64 = 0.01;
-        let least_round = if movable.start() == movable.end() { config.least_share } else { LEAST_ROUND };
+    ) -> PerState<SpaceGrid> {
         /// The grid reaches past the object by this fraction of its diagonal.
         const MARGIN: f32 = 0.05;
         let pad = Vec3::splat(MARGIN * scene.lengths.diagonal);
@@ -409,14 +411,43 @@ impl Evidence {
             let (lower, upper) = (scene.lower - pad, scene.upper + pad);
             SpaceGrid::new(clouds[s].cloud, &scene.states[s].views, lower, upper, voxel, scene.tolerance)
         };
-        let grids: Vec<SpaceGrid> = State::ALL.into_par_iter().map(grid).collect();
+        let (start, end) = rayon::join(|| grid(State::START), || grid(State::END));
+        PerState::new(start, end)
+    }
+
+    /// Candidate motions for `movable` parts.
+    fn candidates(
+        &self,
+        scene: &Scene,
+        clouds: &PerState<IndexedCloud<'_>>,
+        movable: &RangeInclusive<usize>,
+        config: &DiscoverConfig,
+        settings: &StepSettings,
+    ) -> Vec<Candidate> {
+        let grids = self.grids(scene, clouds, config);
+        let search = self.search(scene, (clouds, &grids), movable, config, settings);
+        search.candidates(movable.end() + EXTRA_ROUNDS, POOL, &mut |_| ())
+    }
+
+    /// The search for motions of `movable` parts.
+    fn search<'a>(
+        &'a self,
+        scene: &Scene,
+        (clouds, grids): (&'a PerState<IndexedCloud<'a>>, &'a PerState<SpaceGrid>),
+        movable: &RangeInclusive<usize>,
+        config: &DiscoverConfig,
+        settings: &StepSettings,
+    ) -> Search<'a> {
+        /// Least share of the moved points that a round explains, where the number of parts is not given.
+        const LEAST_ROUND: f64 = 0.01;
+        let least_round = if movable.start() == movable.end() { config.least_share } else { LEAST_ROUND };
         let states = PerState::from_fn(|s| SearchState {
             points: &clouds[s],
-            grid: &grids[s.index()],
+            grid: &grids[s],
             moved: &self.moved[s],
             unseen: &self.unseen[s],
         });
-        let search = Search {
+        Search {
             states,
             lengths: scene.lengths,
             front: self.front(scene, clouds, settings),
@@ -424,8 +455,7 @@ impl Evidence {
             ranking: settings.ranking,
             least_gain: (config.least_share * self.total() as f64).max(LEAST_MOVED as f64),
             least_round: (least_round * self.total() as f64).max(LEAST_MOVED as f64),
-        };
-        search.candidates(movable.end() + EXTRA_ROUNDS, POOL, done)
+        }
     }
 
     /// The result with its confidence, alternatives among the candidates `pool`, and warnings.

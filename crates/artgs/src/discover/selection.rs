@@ -286,6 +286,34 @@ impl Table {
         if beyond.0 < plain.0 { beyond.1 } else { plain.1 }
     }
 
+    /// A good set of candidates of which each lowers the energy by more than `price`.
+    pub(super) fn worth(&self, price: f64, settings: &SelectionSettings) -> Vec<usize> {
+        let mut chosen = Vec::new();
+        while chosen.len() < self.costs.len() {
+            let mut more = chosen.clone();
+            self.grow(&mut more, chosen.len() + 1);
+            if self.energy(&chosen) - self.energy(&more) < price {
+                break;
+            }
+            chosen = more;
+        }
+        let total = |set: &Vec<usize>| self.energy(set) + price * set.len() as f64;
+        let more = (0..=settings.extras[1]).map(|extra| self.best_set(chosen.len() + extra, settings));
+        let improved = more.min_by(|a, b| total(a).total_cmp(&total(b))).unwrap_or_default();
+        self.without_cheap(improved, price)
+    }
+
+    /// Removes candidates that lower the energy by less than `price`, the one that does least first.
+    fn without_cheap(&self, mut chosen: Vec<usize>, price: f64) -> Vec<usize> {
+        loop {
+            let losses = self.losses(&self.cheapest(&chosen), chosen.len());
+            let least = losses.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
+            let Some((slot, _)) = least.filter(|(_, loss)| **loss < price) else { return chosen };
+            chosen.remove(slot);
+            self.exchange(&mut chosen);
+        }
+    }
+
     /// The best set of `count` that was found. Sets are grown greedily, some beyond `count` and from several first
     /// candidates, reduced, and improved by exchanges of one for one. A single greedy set with exchanges stays at two wrong
     /// motions that share what two right ones explain.
@@ -438,5 +466,23 @@ mod tests {
         let mut both = selection(true).best(1..=2);
         both.sort_unstable();
         assert_eq!(both, [0, 2]);
+    }
+
+    #[test]
+    fn candidates_that_are_not_worth_their_price_are_left_out() {
+        let explains = [[0, 1, 2, 3].as_slice(), &[4, 5, 6], &[7], &[0, 1, 2]];
+        let column = |e: &[usize]| (0..8).map(|i| if e.contains(&i) { 0.0 } else { 2.0 }).collect();
+        let table = Table {
+            rest: vec![1.0; 8],
+            costs: explains.map(column).to_vec(),
+            weights: vec![1.0; 8],
+            confirmed: Vec::new(),
+        };
+        let worth = |price: f64| {
+            let mut chosen = table.worth(price, &SelectionSettings::default());
+            chosen.sort_unstable();
+            chosen
+        };
+        assert_eq!((worth(2.0), worth(0.5), worth(3.5)), (vec![0, 1], vec![0, 1, 2], vec![0]));
     }
 }
