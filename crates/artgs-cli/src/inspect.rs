@@ -5,6 +5,7 @@ use crate::failure::Failure;
 use crate::output::{Report, say};
 use crate::recordings;
 use crate::style::Style;
+use crate::threads::use_threads;
 use artgs::prepare::{self, Inspected};
 use artgs_core::State;
 use artgs_io::recording::RecordingFormat;
@@ -12,6 +13,7 @@ use serde_json::json;
 
 /// Describes a capture, or each of one or two recordings.
 pub(crate) fn run(args: &Inspect, style: Style) -> Result<(), Failure> {
+    use_threads(args.threads)?;
     let inspected = inspected(args)?;
     match &inspected[..] {
         [one] if one.is_capture() => Report::new(one)?.show(style.json)?,

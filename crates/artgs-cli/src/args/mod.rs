@@ -116,6 +116,9 @@ pub(crate) struct Inspect {
     pub(crate) capture: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) recording: RecordingArgs,
+    /// Number of threads; all cores if absent
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<NonZeroUsize>,
     /// Write JSON
     #[arg(long)]
     json: bool,
