@@ -11,7 +11,7 @@ fn total(problem: &mut Problem<'_>, explanation: &Explanation, parts: usize) -> 
     problem.terms(explanation).total() + SearchSettings::default().part * parts as f64
 }
 
-/// What was found or the parts with the motions `bodies`, whichever has the lower energy, and the motions of the other parts.
+/// What was found or the parts with the motions `bodies`, whichever has the lower energy.
 pub(super) fn or_bodies(
     found: Discovery,
     bodies: &[Rigid],
@@ -19,16 +19,15 @@ pub(super) fn or_bodies(
     work: &Refinement<'_>,
     movable: &RangeInclusive<usize>,
     result: &dyn Fn(Parts) -> Discovery,
-) -> (Discovery, Vec<Rigid>) {
+) -> Discovery {
     let other = (!bodies.is_empty()).then(|| result(work.parts(bodies, movable)));
-    let Some(other) = other.filter(|other| movable.contains(&other.parts.len())) else { return (found, Vec::new()) };
+    let Some(other) = other.filter(|other| movable.contains(&other.parts.len())) else { return found };
     let search = SearchSettings::default();
     let mut energy = |found: &Discovery| {
         let explanation = problem.explained(found, &search);
         total(problem, &explanation, found.parts.len())
     };
-    let (less, more) = if energy(&other) < energy(&found) { (other, found) } else { (found, other) };
-    (less, more.parts.iter().map(|p| p.motion).collect())
+    if energy(&other) < energy(&found) { other } else { found }
 }
 
 /// Parts with other motions than those found and a lower energy; none if there are none.
@@ -43,10 +42,11 @@ pub(super) fn with_parts_by_energy(
     let (settings, search) = (ExplainSettings::DEFAULT, SearchSettings::default());
     let start = problem.explained(found, &search);
     let best = problem.searched(&start, pool, &search);
-    if best.motions == start.motions || best.motions.is_empty() {
+    let lowest = problem.total(&best, &search);
+    if best.motions.is_empty() || lowest > problem.total(&start, &search) - search.better {
         return None;
     }
-    let least = total(problem, &start, found.parts.len());
+    let mut least = total(problem, &start, found.parts.len());
     let by_rules = || result(work.parts(&best.motions, movable));
     let by_labels = || {
         let fine = ExplainSettings { spacing: 1.0, ..settings };
@@ -56,13 +56,19 @@ pub(super) fn with_parts_by_energy(
         let cut = fine.relabelled(&Explanation { labels, ..best.clone() });
         result(work.of_labels(&cut.motions, cut.labels, *movable.end()))
     };
-    let mut is_better = |next: &Discovery| {
-        let explanation = problem.explained(next, &search);
-        movable.contains(&next.parts.len()) && total(problem, &explanation, next.parts.len()) < least
-    };
-    let next = by_rules();
-    if is_better(&next) {
-        return Some(next);
+    // Both refinements lose some of what the search found: the rules parts that their thresholds refuse, the labels bodies that move alike.
+    let mut better = None;
+    let refinements: [&dyn Fn() -> Discovery; 2] = [&by_rules, &by_labels];
+    for refined in refinements {
+        let next = refined();
+        let explanation = problem.explained(&next, &search);
+        let energy = total(problem, &explanation, next.parts.len());
+        if movable.contains(&next.parts.len()) && energy < least {
+            (better, least) = (Some(next), energy);
+        }
+        if least < lowest + search.part {
+            break;
+        }
     }
-    Some(by_labels()).filter(is_better)
+    better
 }

@@ -44,15 +44,7 @@ pub(crate) fn expand_only(
         let mut changed = false;
         for &alpha in grown {
             let column = &columns[usize::from(alpha)];
-            for ((excess, label), (new, old)) in flow.excess.iter_mut().zip(&*labels).zip(column.iter().zip(&own)) {
-                *excess = if *label == alpha { 0 } else { new - old };
-            }
-            for &e in &flow.border {
-                let ((i, j, _), w) = (edges[e as usize], weights[e as usize]);
-                let paid = if labels[j as usize] == alpha { i } else { j };
-                flow.excess[paid as usize] -= w;
-            }
-            let moved = flow.run(labels, alpha);
+            let moved = flow.grown(alpha, &own, column, edges, &weights, labels);
             changed |= !moved.is_empty();
             for &i in &moved {
                 (labels[i], own[i]) = (alpha, column[i]);
@@ -62,6 +54,24 @@ pub(crate) fn expand_only(
         if !changed {
             break;
         }
+    }
+}
+
+/// Lets one label grow once: from the costs of the surfels with the labels that they have, and with that one.
+pub(crate) fn expand_one(
+    alpha: u16,
+    own: &[f32],
+    new: &[f32],
+    edges: &[(u32, u32, f32)],
+    smooth: f32,
+    labels: &mut [u16],
+) {
+    let units = |x: f32| (x * UNIT).round() as i32;
+    let weights: Vec<i32> = edges.iter().map(|e| units(smooth * e.2)).collect();
+    let mut flow = Flow::new(labels, edges, &weights);
+    let [own, new] = [own, new].map(|of| of.iter().map(|x| units(*x)).collect::<Vec<i32>>());
+    for i in flow.grown(alpha, &own, &new, edges, &weights, labels) {
+        labels[i] = alpha;
     }
 }
 
@@ -168,6 +178,27 @@ impl Flow {
         };
         flow.relabel(&(0..nodes).collect::<Vec<_>>(), labels);
         flow
+    }
+
+    /// Nodes that take the label `alpha`, which costs them `new` in place of `own`.
+    fn grown(
+        &mut self,
+        alpha: u16,
+        own: &[i32],
+        new: &[i32],
+        edges: &[(u32, u32, f32)],
+        weights: &[i32],
+        labels: &[u16],
+    ) -> Vec<usize> {
+        for ((excess, label), (new, old)) in self.excess.iter_mut().zip(labels).zip(new.iter().zip(own)) {
+            *excess = if *label == alpha { 0 } else { new - old };
+        }
+        for &e in &self.border {
+            let ((i, j, _), w) = (edges[e as usize], weights[e as usize]);
+            let paid = if labels[j as usize] == alpha { i } else { j };
+            self.excess[paid as usize] -= w;
+        }
+        self.run(labels, alpha)
     }
 
     /// Sets the arcs to and from nodes whose labels changed, and the border.
@@ -431,6 +462,25 @@ mod tests {
             let found = energy(&data, 2, &edges, &labels);
             assert!(found < best + 0.02, "{found} against {best}");
         }
+    }
+
+    #[test]
+    fn one_label_grows_alone_as_among_others() {
+        let mut rng = Pcg64Mcg::seed_from_u64(11);
+        let mut grew = 0;
+        for alpha in [0, 1, 2].into_iter().cycle().take(30) {
+            let (data, edges) = problem(&mut rng, 12, 3);
+            let first: Vec<u16> = (0..12).map(|i| i % 3).collect();
+            let column = |label: &dyn Fn(usize) -> u16| -> Vec<f32> {
+                (0..12).map(|i| data[i * 3 + usize::from(label(i))]).collect()
+            };
+            let (mut among, mut alone) = (first.clone(), first.clone());
+            expand_only(&[alpha], &data, 3, &edges, 1.0, &mut among, 1);
+            expand_one(alpha, &column(&|i| first[i]), &column(&|_| alpha), &edges, 1.0, &mut alone);
+            assert_eq!(alone, among);
+            grew += usize::from(alone != first);
+        }
+        assert!(grew > 10, "{grew}");
     }
 
     #[test]

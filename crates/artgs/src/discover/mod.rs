@@ -277,8 +277,8 @@ fn best_parts(
     let surfels = Surfels::new(scene, &ExplainSettings::DEFAULT);
     let mut problem = Problem::new(scene, &surfels, ExplainSettings::DEFAULT);
     let bodies = settings.bodies.motions(&search, scene, &clouds, &settings);
-    let (found, others) = or_bodies(found, &bodies, &mut problem, &work, &movable, &result);
-    let proposed: Vec<Rigid> = pool.iter().map(|c| c.motion).chain(others).collect();
+    let found = or_bodies(found, &bodies, &mut problem, &work, &movable, &result);
+    let proposed: Vec<Rigid> = pool.iter().map(|c| c.motion).collect();
     let better = with_parts_by_energy(&found, (&mut problem, &surfels.clouds), &work, &movable, &proposed, &result);
     let moved = evidence.total();
     let mut kept = |found: Discovery| {

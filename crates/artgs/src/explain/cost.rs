@@ -59,7 +59,8 @@ impl Context {
         let (labels, others) = (&explanation.labels[state], &explanation.labels[state.other()]);
         let seen = |s: State, i: usize| &evidence[usize::from(explanation.labels[s][i])][s][i];
         let ends = edges.iter().map(|(i, j, _)| (*i as usize, *j as usize));
-        let pieces = connected_components(labels.len(), ends.filter(|(i, j)| labels[*i] == labels[*j]));
+        let of_one_part = |(i, j): &(usize, usize)| labels[*i] == labels[*j] && labels[*i] > 0;
+        let pieces = connected_components(labels.len(), ends.filter(of_one_part));
         let mut of_parts = vec![Counts::default(); evidence.len()];
         let mut of_pieces = vec![Counts::default(); pieces.iter().max().map_or(0, |last| *last as usize + 1)];
         for (i, label) in labels.iter().enumerate() {
@@ -157,6 +158,8 @@ pub(super) fn cost(
     }
     let full = capped(prices.hidden, settings.most);
     let least = match seen.hidden {
+        // At first a part takes only what is seen of it.
+        _ if context.fresh == Some(part) => full,
         0 if seen.is_hidden_by(|o| context.others[o] == part) => settings.hidden,
         0 => settings.unseen,
         _ if seen.is_hidden_by(|o| context.founded[o]) => settings.hidden,

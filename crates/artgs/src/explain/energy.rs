@@ -1,4 +1,4 @@
-//! The energy of an explanation, and the labels that lower it.
+//! The energy of an explanation.
 
 use super::cost::{Context, Cost, Prices, cost, mean_nats};
 use super::evidence::{Look, Seen};
@@ -7,7 +7,6 @@ use super::noise::Noise;
 use super::settings::ExplainSettings;
 use crate::discover::Cloud;
 use crate::discover::cloud::IndexedCloud;
-use crate::discover::graph_cut::expand_only;
 use crate::discover::scene::Scene;
 use crate::discover::segmentation::GraphSettings;
 use artgs_core::{PerState, Rigid, State};
@@ -102,7 +101,7 @@ pub struct Problem<'a> {
     pub(super) scene: &'a Scene,
     pub(super) settings: ExplainSettings,
     pub(super) clouds: PerState<IndexedCloud<'a>>,
-    edges: PerState<Vec<Edge>>,
+    pub(super) edges: PerState<Vec<Edge>>,
     /// Measured in each state.
     pub(super) noise: PerState<Noise>,
     /// Of surfels that are not where they are predicted.
@@ -172,18 +171,18 @@ impl<'a> Problem<'a> {
     }
 
     /// What surfel `i` of a state costs in part `part`.
-    fn cost(&self, evidence: &[Evidence], context: &Context, s: State, i: usize, part: u16) -> Cost {
+    pub(super) fn cost(&self, evidence: &[Evidence], context: &Context, s: State, i: usize, part: u16) -> Cost {
         let seen = &evidence[usize::from(part)][s][i];
         cost(seen, part, context.believed(part, i), context, &self.prices, &self.settings)
     }
 
     /// What an explanation says about the surfels of a state.
-    fn context(&self, explanation: &Explanation, evidence: &[Evidence], state: State) -> Context {
+    pub(super) fn context(&self, explanation: &Explanation, evidence: &[Evidence], state: State) -> Context {
         Context::new(explanation, evidence, state, (&self.edges[state], self.shared), &self.settings)
     }
 
     /// Evidence of the static part and of every motion.
-    fn all(&mut self, motions: &[Rigid]) -> Vec<Evidence> {
+    pub(super) fn all(&mut self, motions: &[Rigid]) -> Vec<Evidence> {
         std::iter::once(&Rigid::IDENTITY).chain(motions).map(|m| self.evidence(m)).collect()
     }
 
@@ -227,66 +226,6 @@ impl<'a> Problem<'a> {
     pub(super) fn nats_of_numbers(&self, numbers: u8) -> f64 {
         let independent = self.surfels().iter().sum::<usize>() as f64 / f64::from(self.shared);
         0.5 * f64::from(numbers) * independent.max(2.0).ln()
-    }
-
-    /// The same motions with labels that lower the energy, starting from the given ones.
-    pub fn relabelled(&mut self, explanation: &Explanation) -> Explanation {
-        self.relabelled_with(explanation, None)
-    }
-
-    /// As [`Problem::relabelled`], for a part `fresh` that has no surfels yet.
-    pub(super) fn relabelled_with(&mut self, explanation: &Explanation, fresh: Option<u16>) -> Explanation {
-        const ROUNDS: usize = 3;
-        const SWEEPS: usize = 2;
-        let evidence = self.all(&explanation.motions);
-        let parts: Vec<u16> = (0..evidence.len() as u16).collect();
-        let (mut best, mut least) = (explanation.clone(), self.terms(explanation).total());
-        for round in 0..ROUNDS {
-            let begun = least;
-            let first = fresh.filter(|_| round == 0);
-            for s in State::ALL {
-                let next = self.cut(&best, &evidence, s, &parts, first, SWEEPS);
-                let total = self.terms(&next).total();
-                if total < least - 1e-6 || first.is_some() {
-                    (best, least) = (next, total);
-                }
-            }
-            if least >= begun - 1e-6 && first.is_none() {
-                break;
-            }
-        }
-        best
-    }
-
-    /// The same motions with the parts `grown` grown once in each state; `fresh` is one of them that has no surfels yet.
-    pub(super) fn grown(&mut self, explanation: &Explanation, grown: &[u16], fresh: Option<u16>) -> Explanation {
-        let evidence = self.all(&explanation.motions);
-        let mut out = explanation.clone();
-        for s in State::ALL {
-            out = self.cut(&out, &evidence, s, grown, fresh, 1);
-        }
-        out
-    }
-
-    /// With the labels of a state cut again, for which the parts `grown` may take surfels.
-    fn cut(
-        &self,
-        now: &Explanation,
-        evidence: &[Evidence],
-        s: State,
-        grown: &[u16],
-        fresh: Option<u16>,
-        sweeps: usize,
-    ) -> Explanation {
-        let parts = evidence.len();
-        let mut next = now.clone();
-        let mut context = self.context(now, evidence, s);
-        context.fresh = fresh;
-        let of = |i: usize, k: usize| self.weights[s][i] * self.cost(evidence, &context, s, i, k as u16).nats();
-        let surfels = 0..next.labels[s].len();
-        let data: Vec<f32> = surfels.flat_map(|i| (0..parts).map(move |k| (i, k))).map(|(i, k)| of(i, k)).collect();
-        expand_only(grown, &data, parts, &self.edges[s], self.settings.border, &mut next.labels[s], sweeps);
-        next
     }
 
     /// Nats of every surfel.

@@ -13,6 +13,7 @@ mod fit;
 mod found;
 mod interval;
 pub mod judge;
+mod labels;
 mod motion;
 mod noise;
 mod proposals;

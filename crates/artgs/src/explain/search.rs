@@ -22,13 +22,25 @@ pub struct SearchSettings {
     pub groups: usize,
     /// Another part is fitted if the total is at most so many nats higher before. Raising it tries more.
     pub rough: f64,
+    /// Nats by which an explanation must be better than one with as many parts. Raising it keeps what was found first.
+    pub better: f64,
     /// Motions that take all surfels of a part to places this close are the same, fractions of the diagonal.
     pub same: f64,
 }
 
 impl Default for SearchSettings {
     fn default() -> Self {
-        Self { rounds: 12, tried: 5, part: 30.0, unhappy: 1.5, least_group: 12, groups: 8, rough: 60.0, same: 0.002 }
+        Self {
+            rounds: 12,
+            tried: 5,
+            part: 30.0,
+            unhappy: 1.5,
+            least_group: 12,
+            groups: 8,
+            rough: 60.0,
+            better: 3.0,
+            same: 0.002,
+        }
     }
 }
 
@@ -69,6 +81,7 @@ impl Problem<'_> {
     pub fn searched(&mut self, start: &Explanation, pool: &[Rigid], settings: &SearchSettings) -> Explanation {
         let mut best = self.settled(start, settings);
         for _ in 0..settings.rounds {
+            best = self.refitted(&best, settings);
             let costs = self.costs(&best);
             let contexts = self.contexts(&best);
             let additions = self.additions(&best, &costs, &contexts, pool, settings);
@@ -84,6 +97,16 @@ impl Problem<'_> {
                 best = fewer;
             }
             self.forget_all_but(&best);
+        }
+        best
+    }
+
+    /// With the motion of each part fitted again where that lowers the total.
+    fn refitted(&mut self, explanation: &Explanation, settings: &SearchSettings) -> Explanation {
+        let mut best = explanation.clone();
+        for part in 1..=best.motions.len() {
+            let fitted = self.fitted(&best, part);
+            best = self.lowest(&best, vec![fitted], settings).unwrap_or(best);
         }
         best
     }
@@ -106,7 +129,8 @@ impl Problem<'_> {
         next
     }
 
-    /// With one more part that moves by one of `motions` and lowers the total, the most promising one first; none if none does.
+    /// With one more part that moves by one of `motions`, perhaps in place of others, and lowers the total, the most promising one first; none if
+    /// none does.
     fn accepted(&mut self, now: &Explanation, motions: &[Rigid], settings: &SearchSettings) -> Option<Explanation> {
         let least = self.total(now, settings);
         // Before the motion is fitted and all labels are cut.
@@ -118,8 +142,15 @@ impl Problem<'_> {
         roughly.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (_, with) in roughly.into_iter().take_while(|r| r.0 < least + settings.rough) {
             let fitted = self.fitted(&with, with.motions.len());
-            if self.total(&fitted, settings) < least {
+            let total = self.total(&fitted, settings);
+            if total < least {
                 return Some(fitted);
+            }
+            if total < least + settings.rough {
+                let fewer = self.without_surplus_parts(&fitted, settings);
+                if self.total(&fewer, settings) < least - settings.better {
+                    return Some(fewer);
+                }
             }
         }
         None
@@ -164,8 +195,8 @@ impl Problem<'_> {
 
     /// With one more part that moves so, and the labels that it takes.
     pub(super) fn with_part(&mut self, now: &Explanation, motion: Rigid) -> Explanation {
-        let with = now.with(motion);
-        self.relabelled_with(&with, Some(with.motions.len() as u16))
+        let with = self.roughly_with(now, motion);
+        self.relabelled(&with)
     }
 
     /// Without parts that do not save their price, the one that saves least first.

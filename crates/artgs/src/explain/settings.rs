@@ -43,7 +43,7 @@ impl ExplainSettings {
         most: 3.0,
         supported: 0.1,
         thickness: 0.04,
-        border: 1.0,
+        border: 3.0,
         motion_error: 5e-4,
         hit: 4.0,
         facing: 0.15,

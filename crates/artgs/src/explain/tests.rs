@@ -153,6 +153,29 @@ fn labels_follow_from_the_motions_and_never_raise_the_energy() {
 }
 
 #[test]
+fn regions_that_gain_take_other_labels_beside_regions_that_do_not() {
+    let (object, scene) = cupboard();
+    let surfels = Surfels::new(&scene, &SETTINGS);
+    let mut problem = Problem::new(&scene, &surfels, SETTINGS);
+    let right = true_explanation(&object, &problem);
+    let right = problem.relabelled(&right);
+    let least = problem.terms(&right).total();
+    // What rests right of the middle moves with the first part in one state, with the second part in the other one.
+    let mut wrong = right.clone();
+    for s in State::ALL {
+        let points = &surfels.clouds[s].points;
+        let middle = points.iter().map(|p| p.x).sum::<f32>() / points.len() as f32;
+        let part = s.index() as u16 + 1;
+        let of = |(label, p): (&mut u16, &glam::Vec3)| *label = if *label == 0 && p.x > middle { part } else { *label };
+        wrong.labels[s].iter_mut().zip(points).for_each(of);
+    }
+    let begun = problem.terms(&wrong).total();
+    let cut = problem.relabelled(&wrong);
+    let found = problem.terms(&cut).total();
+    assert!(begun > 2.0 * least && found < 1.02 * least, "{begun} to {found}, {least}");
+}
+
+#[test]
 fn a_motion_is_registered_from_both_states() {
     let (object, scene) = cupboard();
     let surfels = Surfels::new(&scene, &SETTINGS);
