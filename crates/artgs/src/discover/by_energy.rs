@@ -6,9 +6,13 @@ use crate::explain::{ExplainSettings, Explanation, Problem, SearchSettings, Surf
 use artgs_core::{PerState, Rigid};
 use std::ops::RangeInclusive;
 
-/// Energy of what was found, with the price of its parts. Bodies that move alike are parts, too.
-fn total(problem: &mut Problem<'_>, explanation: &Explanation, parts: usize) -> f64 {
-    problem.terms(explanation).total() + SearchSettings::default().part * parts as f64
+/// Energy of what was found, with the price of its parts. The energy does not see which bodies move alike: more of them than `alike` cost as
+/// parts do, fewer save nothing.
+fn total(problem: &mut Problem<'_>, found: &Discovery, alike: usize) -> f64 {
+    let search = SearchSettings::default();
+    let explanation = problem.explained(found, &search);
+    let more = found.parts.len().saturating_sub(explanation.motions.len() + alike);
+    problem.total(&explanation, &search) + search.part * more as f64
 }
 
 /// What was found or the parts with the motions `bodies`, whichever has the lower energy.
@@ -22,12 +26,9 @@ pub(super) fn or_bodies(
 ) -> Discovery {
     let other = (!bodies.is_empty()).then(|| result(work.parts(bodies, movable)));
     let Some(other) = other.filter(|other| movable.contains(&other.parts.len())) else { return found };
-    let search = SearchSettings::default();
-    let mut energy = |found: &Discovery| {
-        let explanation = problem.explained(found, &search);
-        total(problem, &explanation, found.parts.len())
-    };
-    if energy(&other) < energy(&found) { other } else { found }
+    let motions = problem.explained(&found, &SearchSettings::default()).motions.len();
+    let alike = found.parts.len() - motions;
+    if total(problem, &other, alike) < total(problem, &found, alike) { other } else { found }
 }
 
 /// Parts with other motions than those found and a lower energy; none if there are none.
@@ -46,7 +47,8 @@ pub(super) fn with_parts_by_energy(
     if best.motions.is_empty() || lowest > problem.total(&start, &search) - search.better {
         return None;
     }
-    let mut least = total(problem, &start, found.parts.len());
+    let alike = found.parts.len() - start.motions.len();
+    let mut least = total(problem, found, alike);
     let by_rules = || result(work.parts(&best.motions, movable));
     let by_labels = || {
         let fine = ExplainSettings { spacing: 1.0, ..settings };
@@ -61,8 +63,7 @@ pub(super) fn with_parts_by_energy(
     let refinements: [&dyn Fn() -> Discovery; 2] = [&by_rules, &by_labels];
     for refined in refinements {
         let next = refined();
-        let explanation = problem.explained(&next, &search);
-        let energy = total(problem, &explanation, next.parts.len());
+        let energy = total(problem, &next, alike);
         if movable.contains(&next.parts.len()) && energy < least {
             (better, least) = (Some(next), energy);
         }
