@@ -6,13 +6,18 @@ use crate::explain::{ExplainSettings, Explanation, Problem, SearchSettings, Surf
 use artgs_core::{PerState, Rigid};
 use std::ops::RangeInclusive;
 
-/// Energy of what was found, with the price of its parts. The energy does not see which bodies move alike: more of them than `alike` cost as
-/// parts do, fewer save nothing.
+/// Energy of what was found, with the price of its parts.
 fn total(problem: &mut Problem<'_>, found: &Discovery, alike: usize) -> f64 {
     let search = SearchSettings::default();
     let explanation = problem.explained(found, &search);
-    let more = found.parts.len().saturating_sub(explanation.motions.len() + alike);
+    let more = more_alike(found.parts.len(), explanation.motions.len(), alike);
     problem.total(&explanation, &search) + search.part * more as f64
+}
+
+/// Parts that move like another one, beyond `alike`: they cost as parts of their own. The energy does not see which bodies move alike, so fewer
+/// of them save nothing.
+fn more_alike(parts: usize, motions: usize, alike: usize) -> usize {
+    parts.saturating_sub(motions + alike)
 }
 
 /// What was found or the parts with the motions `bodies`, whichever has the lower energy.
@@ -72,4 +77,16 @@ pub(super) fn with_parts_by_energy(
         }
     }
     better
+}
+
+#[cfg(test)]
+mod tests {
+    use super::more_alike;
+
+    #[test]
+    fn separating_bodies_that_move_alike_costs_and_joining_them_saves_nothing() {
+        // Of three parts two move alike.
+        assert_eq!([5, 4, 3, 2].map(|parts| more_alike(parts, 2, 1)), [2, 1, 0, 0]);
+        assert_eq!(more_alike(4, 4, 1), 0);
+    }
 }
