@@ -40,9 +40,9 @@ struct Body {
 }
 
 impl Body {
-    /// True if a point of a state is in one of its regions under `motion`.
-    fn contains(&self, state: State, point: Vec3, motion: &Rigid) -> bool {
-        self.regions.iter().any(|r| r.contains(state, point, motion))
+    /// True if a point of a state is in one of its regions.
+    fn contains(&self, state: State, point: Vec3) -> bool {
+        self.regions.iter().any(|r| r.contains(state, point, &self.motion))
     }
 }
 
@@ -101,8 +101,7 @@ impl BodySettings {
             let all: Vec<usize> = (0..own.len()).collect();
             table.rest.extend(landings(&all, &Rigid::IDENTITY).iter().map(|l| l.plain_cost(true, &settings.costs)));
             for ((costs, body), hypothesis) in table.costs.iter_mut().zip(bodies).zip(hypotheses) {
-                let inside: Vec<usize> =
-                    (0..own.len()).filter(|&i| body.contains(s, own.points[i], &body.motion)).collect();
+                let inside: Vec<usize> = (0..own.len()).filter(|&i| body.contains(s, own.points[i])).collect();
                 let first = costs.len();
                 costs.resize(first + own.len(), OUTSIDE);
                 for (i, landing) in inside.iter().zip(landings(&inside, &body.motion)) {
@@ -185,6 +184,6 @@ mod tests {
         assert!(!continues(&whole, &hypothesis(&left, 9.0)));
         let body = united(&clouds, &whole, &[hypothesis(&left, 9.0), hypothesis(&right(0, 300), 9.4)], 1.0);
         assert_eq!(body.regions.len(), 2);
-        assert!(!body.contains(State::START, Vec3::new(12.0, 0.0, 6.0), &body.motion));
+        assert!(!body.contains(State::START, Vec3::new(12.0, 0.0, 6.0)));
     }
 }

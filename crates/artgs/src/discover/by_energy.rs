@@ -6,12 +6,11 @@ use crate::explain::{ExplainSettings, Explanation, Problem, SearchSettings, Surf
 use artgs_core::{PerState, Rigid};
 use std::ops::RangeInclusive;
 
-/// Energy of what was found, with the price of its parts.
-fn total(problem: &mut Problem<'_>, found: &Discovery, alike: usize) -> f64 {
+/// Energy of an explanation with the price of the parts that were found, of which `alike` may move like others without a price.
+fn total(problem: &mut Problem<'_>, explanation: &Explanation, parts: usize, alike: usize) -> f64 {
     let search = SearchSettings::default();
-    let explanation = problem.explained(found, &search);
-    let more = more_alike(found.parts.len(), explanation.motions.len(), alike);
-    problem.total(&explanation, &search) + search.part * more as f64
+    let more = more_alike(parts, explanation.motions.len(), alike);
+    problem.total(explanation, &search) + search.part * more as f64
 }
 
 /// Parts that move like another one, beyond `alike`: they cost as parts of their own. The energy does not see which bodies move alike, so fewer
@@ -31,9 +30,11 @@ pub(super) fn or_bodies(
 ) -> Discovery {
     let other = (!bodies.is_empty()).then(|| result(work.parts(bodies, movable)));
     let Some(other) = other.filter(|other| movable.contains(&other.parts.len())) else { return found };
-    let motions = problem.explained(&found, &SearchSettings::default()).motions.len();
-    let alike = found.parts.len() - motions;
-    if total(problem, &other, alike) < total(problem, &found, alike) { other } else { found }
+    let search = SearchSettings::default();
+    let [own, others] = [&found, &other].map(|found| problem.explained(found, &search));
+    let alike = found.parts.len() - own.motions.len();
+    let least = total(problem, &own, found.parts.len(), alike);
+    if total(problem, &others, other.parts.len(), alike) < least { other } else { found }
 }
 
 /// Parts with other motions than those found and a lower energy; none if there are none.
@@ -53,7 +54,7 @@ pub(super) fn with_parts_by_energy(
         return None;
     }
     let alike = found.parts.len() - start.motions.len();
-    let mut least = total(problem, found, alike);
+    let mut least = total(problem, &start, found.parts.len(), alike);
     let by_rules = || result(work.parts(&best.motions, movable));
     let by_labels = || {
         let fine = ExplainSettings { spacing: 1.0, ..settings };
@@ -68,7 +69,8 @@ pub(super) fn with_parts_by_energy(
     let refinements: [&dyn Fn() -> Discovery; 2] = [&by_rules, &by_labels];
     for refined in refinements {
         let next = refined();
-        let energy = total(problem, &next, alike);
+        let explanation = problem.explained(&next, &search);
+        let energy = total(problem, &explanation, next.parts.len(), alike);
         if movable.contains(&next.parts.len()) && energy < least {
             (better, least) = (Some(next), energy);
         }

@@ -583,6 +583,18 @@ impl Search<'_> {
         claimed
     }
 
+    /// Points of each state against all of the other one, those of a state only if they are at least so many.
+    pub(super) fn matching<'b>(&'b self, own: &'b PerState<IndexedCloud<'b>>, least: usize) -> Matching<'b> {
+        let source = |s: State| (own[s].cloud.len() >= least).then_some(&own[s]);
+        Matching {
+            start: source(State::START),
+            end: source(State::END),
+            start_target: self.states[State::START].points,
+            end_target: self.states[State::END].points,
+            end_grid: None,
+        }
+    }
+
     /// Variants of a candidate registered from its explained points of both states: free; where it hardly turns, the
     /// slide that shifts the points by the same; and where that slide nearly follows a direction in which the object's
     /// faces look, the slide along it (a flat front says little about motion along itself).
@@ -593,14 +605,7 @@ impl Search<'_> {
         const ALONG: f64 = 0.85;
         let clouds = PerState::from_fn(|s| self.states[s].points.cloud.select(&candidate.explained[s]));
         let sources = clouds.as_ref().map(IndexedCloud::new);
-        let source = |s: State| (clouds[s].len() >= 12).then_some(&sources[s]);
-        let points = Matching {
-            start: source(State::START),
-            end: source(State::END),
-            start_target: self.states[State::START].points,
-            end_target: self.states[State::END].points,
-            end_grid: None,
-        };
+        let points = self.matching(&sources, 12);
         let spacing = f64::from(self.lengths.spacing);
         let options = RegistrationOptions {
             first_reach: f64::from(3.0 * self.lengths.spacing),

@@ -6,7 +6,7 @@ use super::candidates::{Candidate, Search, sample_of};
 use super::cloud::{Cloud, IndexedCloud, principal_axes};
 use super::facets::{Facet, FacetSettings};
 use super::poses::Pose;
-use super::registration::{Matching, RegistrationOptions, register, register_along};
+use super::registration::{RegistrationOptions, register, register_along};
 use artgs_core::{JointKind, PerState, Rigid, State};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -193,14 +193,7 @@ impl Search<'_> {
             return Vec::new();
         }
         let sources = clouds.as_ref().map(IndexedCloud::new);
-        let source = |s: State| (clouds[s].len() >= LEAST).then_some(&sources[s]);
-        let points = Matching {
-            start: source(State::START),
-            end: source(State::END),
-            start_target: self.states[State::START].points,
-            end_target: self.states[State::END].points,
-            end_grid: None,
-        };
+        let points = self.matching(&sources, LEAST);
         let spacing = f64::from(self.lengths.spacing);
         let (iterations, max_points) = self.settings.variant_effort;
         let options = RegistrationOptions {
