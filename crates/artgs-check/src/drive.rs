@@ -49,7 +49,7 @@ pub(crate) fn joint(model: &Model, scene: &Scene, index: usize, options: &CheckO
     sweep(motion.limits, &mut out);
     let need = Need::of(model, index, motion, &load, options);
     out.force = need.force;
-    match Rig::new(model, scene, index, &carried, motion, &load, &need, options) {
+    match Rig::new(model, scene, index, &carried, &load, &need, options) {
         // From 0 to the lower limit, to the upper one and back, because gravity may help in one direction only.
         Some(mut rig) => [0, 1, 0].into_iter().for_each(|end| rig.drive(end, model, motion, options, &mut out)),
         None => out.problems.push("cannot be driven: the engine refuses the joint".into()),
@@ -188,11 +188,11 @@ impl Rig {
         scene: &Scene,
         index: usize,
         carried: &[bool],
-        motion: &Motion,
         load: &Inertial,
         need: &Need,
         options: &CheckOptions,
     ) -> Option<Self> {
+        let motion = model.links[index].motion.as_ref()?;
         let mut world = PhysicsWorld { gravity: Vector::Z * -GRAVITY as Real, ..PhysicsWorld::default() };
         let settings = &mut world.integration_parameters;
         settings.dt = options.step as Real;

@@ -47,7 +47,7 @@ fn table(size: u32) {
     let (side, mut d) = (size as usize, vec![0.0; x.len()]);
     for _ in 0..REPEATS {
         timed(&mut similarities, || {
-            ssim.evaluate(&x, &y, side, side, Rect::full(side, side), 0.2, &mut d);
+            ssim.evaluate(&x, &y, (side, side), Rect::full(side, side), 0.2, &mut d);
         });
     }
     let pass = |f: fn(&PassSeconds) -> f64| median(passes.iter().map(f).collect());

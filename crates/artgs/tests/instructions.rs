@@ -26,7 +26,7 @@ fn numbers(n: usize, seed: u64) -> Vec<f32> {
 fn similarity() -> Vec<f32> {
     let (w, h) = (213, 150);
     let (x, y, mut grad) = (numbers(3 * w * h, 1), numbers(3 * w * h, 2), vec![0.0; 3 * w * h]);
-    let value = Ssim::new().evaluate(&x, &y, w, h, Rect { x0: 7, y0: 3, x1: 204, y1: 149 }, 1e4, &mut grad);
+    let value = Ssim::new().evaluate(&x, &y, (w, h), Rect { x0: 7, y0: 3, x1: 204, y1: 149 }, 1e4, &mut grad);
     grad.push(value as f32);
     grad
 }
@@ -46,7 +46,7 @@ fn perceived() -> Vec<f32> {
     mlp.forward(&x, &mut hidden, &mut out);
     let (mut d_hidden, mut d_x) = (vec![0.0; 16 * LANES], vec![0.0; 9 * LANES]);
     let mut gradient = vec![0.0; mlp.params().len()];
-    mlp.backward(&mlp.transposed(), &x, &hidden, &d_out, &mut d_hidden, &mut d_x, &mut gradient);
+    mlp.backward(&mlp.transposed(), (&x, &hidden), &d_out, &mut d_hidden, &mut d_x, &mut gradient);
     [out, d_x, gradient].concat()
 }
 

@@ -7,7 +7,7 @@ use super::candidates::Candidate;
 use super::config::StepSettings;
 use super::joints::JointFit;
 use super::parents::Numbering;
-use super::refinement::{Parts, points_of_part, refine_parts};
+use super::refinement::{Parts, Refinement, points_of_part};
 use super::{DiscoverConfig, DiscoverError, Discovery, Evidence, Scene, with_intervals};
 use crate::explain::{ExplainSettings, Problem, Surfels};
 use artgs_core::{JointAlternative, JointEstimate, JointKind, Rigid, State};
@@ -144,9 +144,10 @@ pub fn correct(
         kept.iter().map(|k| kind(k.number).filter(|_| !split.concerns(k.number))).collect();
     let motions: Vec<Rigid> = kept.iter().map(|k| k.motion).collect();
     // Corrections and the page name parts by their numbers.
-    let order = Numbering::Kept;
     let front = evidence.front(scene, &clouds, &settings);
-    let (parts, labels) = refine_parts(scene, &clouds, &evidence, &motions, 0, &kinds, front, order, config, &settings);
+    let refinement =
+        Refinement { scene, clouds: &clouds, evidence: &evidence, config, settings: &settings, front, begun: &|| () };
+    let Parts { parts, labels } = refinement.refined_as(&motions, 0, &kinds, Numbering::Kept);
     let numbers: Vec<usize> = kept.iter().map(|k| k.number).collect();
     let pieces = split.apply(&clouds, &numbers, &parts, labels)?;
     if pieces.numbers.is_empty() {

@@ -463,12 +463,13 @@ impl Evidence {
         &self,
         scene: &Scene,
         clouds: &PerState<IndexedCloud<'_>>,
-        Parts { mut parts, labels }: Parts,
+        found: Parts,
         mut warnings: Vec<String>,
         pool: &[Candidate],
         settings: &StepSettings,
     ) -> Discovery {
-        let support = settings.support.measure(scene, clouds, &self.occupancy, &self.samples, &labels, &parts, pool);
+        let support = settings.support.measure(scene, clouds, self, &found, pool);
+        let Parts { mut parts, labels } = found;
         for (k, (part, support)) in parts.iter_mut().zip(&support).enumerate() {
             let fit = settings.diagnosis.fit(scene, &labels, k as u16 + 1, &part.motion);
             part.confidence = Some(settings.confidence.confidence(support, fit));

@@ -123,10 +123,73 @@ impl Refinement<'_> {
     pub(super) fn refined_but(&self, slides: usize, motions: &[Rigid]) -> Parts {
         (self.begun)();
         let kinds = vec![None; motions.len()];
+        self.refined_as(motions, slides, &kinds, Numbering::ParentsFirst)
+    }
+
+    /// Labels points and registers parts in turn, from motions start to end; the last round decides each joint, unless its
+    /// kind is known, and what carries it. The first `fixed` motions are slides that stay as they are.
+    pub(super) fn refined_as(
+        &self,
+        motions: &[Rigid],
+        fixed: usize,
+        kinds: &[Option<JointKind>],
+        numbering: Numbering,
+    ) -> Parts {
         let Self { scene, clouds, evidence, config, settings, front, .. } = *self;
-        let order = Numbering::ParentsFirst;
-        let (parts, labels) =
-            refine_parts(scene, clouds, evidence, motions, slides, &kinds, front, order, config, settings);
+        let mut parts: Vec<JointEstimate> = motions.iter().map(|m| JointEstimate::new(JointKind::Screw, *m)).collect();
+        let labelling = Labelling {
+            scene,
+            clouds,
+            graphs: &evidence.graphs,
+            known: &evidence.landings,
+            occupancy: &evidence.occupancy,
+            costs: settings.label_costs,
+            settings: settings.segmentation,
+        };
+        let slides = motions[..fixed].iter().map(|m| JointEstimate::new(JointKind::Prismatic, *m));
+        let slides: Vec<JointEstimate> = slides.collect();
+        parts[..fixed].copy_from_slice(&slides);
+        let (mut labels, mut labelled_by) = (PerState::default(), None);
+        let rounds = config.rounds.max(1);
+        for round in 0..rounds {
+            let motions: Vec<Rigid> = parts.iter().map(|p| p.motion).collect();
+            // The same motions lead to the same labels.
+            if labelled_by.as_ref() != Some(&motions) {
+                labels = labelling.labels(&motions);
+                labelled_by = Some(motions);
+            }
+            let last = round + 1 == rounds;
+            let fit = JointFit::new(scene, front, &settings.joints, config, last);
+            let members = members_of_parts(&labels, parts.len());
+            let own = |part: usize| selected(clouds.as_ref().map(|c| c.cloud), &members[part]);
+            let numbered = parts.par_iter().enumerate();
+            if last && config.decide_joints {
+                let decide = |(k, part): (usize, &JointEstimate)| {
+                    if k < fixed {
+                        return Decided { joint: *part, general: None, misfit: 0.0 };
+                    }
+                    evidence.fits.decided(part, &members[k + 1], kinds[k], || fit.decide(part, &own(k + 1), kinds[k]))
+                };
+                let decided: Vec<Decided> = numbered.map(decide).collect();
+                let clouds = (0..=parts.len()).map(own).collect();
+                let carriers = Carriers { fit: &fit, settings: &settings.parents, clouds, numbering };
+                parts = carriers.joints(&decided, kinds);
+                // Slides that stay are carried by nothing.
+                parts[..fixed].copy_from_slice(&slides);
+                for (k, part) in parts.iter().enumerate().skip(fixed) {
+                    evidence.fits.settle(&part.motion, &members[k + 1], kinds[k], &decided[k]);
+                }
+            } else {
+                let refine = |(k, part): (usize, &JointEstimate)| match k < fixed {
+                    true => *part,
+                    false => evidence.fits.refined(part, &members[k + 1], || fit.refine(part, &own(k + 1))),
+                };
+                parts = numbered.map(refine).collect();
+            }
+        }
+        if numbering == Numbering::ParentsFirst {
+            parents_first(&mut parts, &mut labels);
+        }
         Parts { parts, labels }
     }
 
@@ -155,14 +218,7 @@ impl Refinement<'_> {
         /// Least share of the moved points that only the motion of a panel explains.
         const PANEL_SHARE: f64 = 0.05;
         let Self { scene, clouds, evidence, settings, .. } = *self;
-        let supports = settings.support.of_parts(
-            scene,
-            clouds,
-            &evidence.occupancy,
-            &evidence.samples,
-            &found.labels,
-            &found.parts,
-        );
+        let supports = settings.support.of_parts(scene, clouds, evidence, found);
         let least_moved = self.least_moved();
         // Of a panel, rails hold what surfaces leave free, if the motion explains enough.
         let least_of_panel = PANEL_SHARE * evidence.total() as f64;
@@ -220,78 +276,6 @@ impl Refinement<'_> {
             found.parts[k] = fit.decide(&found.parts[k], &points, None).joint;
         }
     }
-}
-
-/// Labels points and registers parts in turn, from motions start to end; the last round decides each joint, unless its
-/// kind is known, and what carries it. The first `fixed` motions are slides that stay as they are.
-#[expect(clippy::too_many_arguments, reason = "what was measured, what is known, how to number, and settings")]
-pub(super) fn refine_parts(
-    scene: &Scene,
-    clouds: &PerState<IndexedCloud<'_>>,
-    evidence: &Evidence,
-    motions: &[Rigid],
-    fixed: usize,
-    kinds: &[Option<JointKind>],
-    front: Option<Front>,
-    numbering: Numbering,
-    config: &DiscoverConfig,
-    settings: &StepSettings,
-) -> (Vec<JointEstimate>, PerState<Vec<u16>>) {
-    let mut parts: Vec<JointEstimate> = motions.iter().map(|m| JointEstimate::new(JointKind::Screw, *m)).collect();
-    let labelling = Labelling {
-        scene,
-        clouds,
-        graphs: &evidence.graphs,
-        known: &evidence.landings,
-        occupancy: &evidence.occupancy,
-        costs: settings.label_costs,
-        settings: settings.segmentation,
-    };
-    let slides = motions[..fixed].iter().map(|m| JointEstimate::new(JointKind::Prismatic, *m));
-    let slides: Vec<JointEstimate> = slides.collect();
-    parts[..fixed].copy_from_slice(&slides);
-    let (mut labels, mut labelled_by) = (PerState::default(), None);
-    let rounds = config.rounds.max(1);
-    for round in 0..rounds {
-        let motions: Vec<Rigid> = parts.iter().map(|p| p.motion).collect();
-        // The same motions lead to the same labels.
-        if labelled_by.as_ref() != Some(&motions) {
-            labels = labelling.labels(&motions);
-            labelled_by = Some(motions);
-        }
-        let last = round + 1 == rounds;
-        let fit = JointFit::new(scene, front, &settings.joints, config, last);
-        let members = members_of_parts(&labels, parts.len());
-        let own = |part: usize| selected(clouds.as_ref().map(|c| c.cloud), &members[part]);
-        let numbered = parts.par_iter().enumerate();
-        if last && config.decide_joints {
-            let decide = |(k, part): (usize, &JointEstimate)| {
-                if k < fixed {
-                    return Decided { joint: *part, general: None, misfit: 0.0 };
-                }
-                evidence.fits.decided(part, &members[k + 1], kinds[k], || fit.decide(part, &own(k + 1), kinds[k]))
-            };
-            let decided: Vec<Decided> = numbered.map(decide).collect();
-            let clouds = (0..=parts.len()).map(own).collect();
-            let carriers = Carriers { fit: &fit, settings: &settings.parents, clouds, numbering };
-            parts = carriers.joints(&decided, kinds);
-            // Slides that stay are carried by nothing.
-            parts[..fixed].copy_from_slice(&slides);
-            for (k, part) in parts.iter().enumerate().skip(fixed) {
-                evidence.fits.settle(&part.motion, &members[k + 1], kinds[k], &decided[k]);
-            }
-        } else {
-            let refine = |(k, part): (usize, &JointEstimate)| match k < fixed {
-                true => *part,
-                false => evidence.fits.refined(part, &members[k + 1], || fit.refine(part, &own(k + 1))),
-            };
-            parts = numbered.map(refine).collect();
-        }
-    }
-    if numbering == Numbering::ParentsFirst {
-        parents_first(&mut parts, &mut labels);
-    }
-    (parts, labels)
 }
 
 /// Indices of the points of one part in every state.

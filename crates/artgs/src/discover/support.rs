@@ -1,17 +1,17 @@
 //! What supports each joint: points that only its motion explains, the best different explanation, and how firmly the
 //! seen surfaces hold the motion.
 
+use super::Evidence;
 use super::candidates::Candidate;
 use super::cloud::IndexedCloud;
-use super::known::KnownSamples;
 use super::landing::{Landing, StatePair};
-use super::refinement::points_of_part;
+use super::refinement::{Parts, points_of_part};
 use super::registration::{Matching, stiffness};
 use super::same_joint::ComparedPart;
 use super::scene::Scene;
 use super::segmentation::LabelCosts;
 use super::visibility::Occupancy;
-use artgs_core::{JointEstimate, PerState, Rigid, State};
+use artgs_core::{PerState, Rigid, State};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -107,17 +107,14 @@ impl SupportSettings {
         &self,
         scene: &Scene,
         clouds: &PerState<IndexedCloud<'_>>,
-        occupancy: &PerState<Vec<Occupancy>>,
-        known: &KnownSamples,
-        labels: &PerState<Vec<u16>>,
-        parts: &[JointEstimate],
+        evidence: &Evidence,
+        found: &Parts,
         pool: &[Candidate],
     ) -> Vec<Support> {
-        known.begin();
-        let of_part =
-            |k: usize| self.measure_part(scene, clouds, occupancy, known, labels, parts, pool, self.sample, k);
-        let mut all: Vec<Support> = (0..parts.len()).map(of_part).collect();
-        let total = occupancy.iter().flatten().filter(|o| **o == Occupancy::Empty).count() as f64;
+        evidence.samples.begin();
+        let of_part = |k: usize| self.measure_part(scene, clouds, evidence, found, pool, (k, self.sample));
+        let mut all: Vec<Support> = (0..found.parts.len()).map(of_part).collect();
+        let total = evidence.occupancy.iter().flatten().filter(|o| **o == Occupancy::Empty).count() as f64;
         let explained: f64 = all.iter().map(|s| s.explained * s.moved).sum();
         all.iter_mut().for_each(|s| s.unexplained = (1.0 - explained / total.max(1.0)).clamp(0.0, 1.0));
         all
@@ -128,31 +125,27 @@ impl SupportSettings {
         &self,
         scene: &Scene,
         clouds: &PerState<IndexedCloud<'_>>,
-        occupancy: &PerState<Vec<Occupancy>>,
-        known: &KnownSamples,
-        labels: &PerState<Vec<u16>>,
-        parts: &[JointEstimate],
+        evidence: &Evidence,
+        found: &Parts,
     ) -> Vec<Support> {
-        known.begin();
-        let of_part =
-            |k: usize| self.measure_part(scene, clouds, occupancy, known, labels, parts, &[], self.part_sample, k);
-        (0..parts.len()).map(of_part).collect()
+        evidence.samples.begin();
+        let of_part = |k: usize| self.measure_part(scene, clouds, evidence, found, &[], (k, self.part_sample));
+        (0..found.parts.len()).map(of_part).collect()
     }
 
     fn measure_part(
         &self,
         scene: &Scene,
         clouds: &PerState<IndexedCloud<'_>>,
-        occupancy: &PerState<Vec<Occupancy>>,
-        known: &KnownSamples,
-        labels: &PerState<Vec<u16>>,
-        parts: &[JointEstimate],
+        evidence: &Evidence,
+        found: &Parts,
         pool: &[Candidate],
-        sample: usize,
-        k: usize,
+        (k, sample): (usize, usize),
     ) -> Support {
         /// Cost of a place that another part takes.
         const IN_EMPTY: f64 = 1.0;
+        let Evidence { occupancy, samples: known, .. } = evidence;
+        let Parts { parts, labels } = found;
         let own = parts[k].motion;
         let is_another = |j: u32, s: State| {
             let there = usize::from(labels[s][j as usize]);
@@ -269,7 +262,7 @@ mod tests {
     use super::*;
     use crate::discover::config::StepSettings;
     use crate::discover::test_scene::cabinet_scene;
-    use crate::discover::{DiscoverConfig, Evidence, discover};
+    use crate::discover::{DiscoverConfig, discover};
     use glam::DVec3;
 
     #[test]
@@ -279,9 +272,9 @@ mod tests {
         let found = discover(&scene, 2..=2, &config).unwrap();
         let evidence = Evidence::new(&scene, &StepSettings::default()).unwrap();
         let (clouds, settings) = (scene.indexed_clouds(), StepSettings::default().support);
+        let with = |labels: &PerState<Vec<u16>>| Parts { parts: found.parts.clone(), labels: labels.clone() };
         let contested = |labels: &PerState<Vec<u16>>| {
-            let all =
-                settings.of_parts(&scene, &clouds, &evidence.occupancy, &KnownSamples::default(), labels, &found.parts);
+            let all = settings.of_parts(&scene, &clouds, &evidence, &with(labels));
             [all[0].contested, all[1].contested]
         };
         let right = contested(&found.labels);
@@ -302,8 +295,7 @@ mod tests {
         let aside = Rigid::shift(DVec3::Z * f64::from(6.0 * scene.lengths.spacing));
         let pool = [candidate(found.parts[0].motion * aside), candidate(Rigid::IDENTITY)];
         let rivals = |labels: &PerState<Vec<u16>>| {
-            let all =
-                settings.measure(&scene, &clouds, &evidence.occupancy, &evidence.samples, labels, &found.parts, &pool);
+            let all = settings.measure(&scene, &clouds, &evidence, &with(labels), &pool);
             (all[0].rival, all[0].fair_rival)
         };
         assert_eq!(rivals(&found.labels), (Some(0), Some(0)));
@@ -315,18 +307,12 @@ mod tests {
         let config = DiscoverConfig::default();
         let mut scene = cabinet_scene(16, 96);
         let found = discover(&scene, 2..=2, &config).unwrap();
-        let evidence = Evidence::new(&scene, &StepSettings::default()).unwrap();
+        let found = Parts { parts: found.parts, labels: found.labels };
         let mut exclusive = |spreading: bool| {
+            let evidence = Evidence::new(&scene, &StepSettings::default()).unwrap();
             scene.spreading = spreading;
             let (clouds, settings) = (scene.indexed_clouds(), StepSettings::default().support);
-            let all = settings.of_parts(
-                &scene,
-                &clouds,
-                &evidence.occupancy,
-                &KnownSamples::default(),
-                &found.labels,
-                &found.parts,
-            );
+            let all = settings.of_parts(&scene, &clouds, &evidence, &found);
             [all[0].exclusive, all[1].exclusive]
         };
         let (exact, noisy) = (exclusive(false), exclusive(true));

@@ -145,7 +145,7 @@ fn score_view(frame: &Frame, view: &View, lpips: Option<&Lpips>) -> PictureScore
     let mut unused = vec![0.0; picture.len()];
     PictureScores {
         psnr: psnr(&picture, &truth),
-        ssim: Ssim::new().evaluate(&picture, &truth, w, h, Rect::full(w, h), 0.0, &mut unused),
+        ssim: Ssim::new().evaluate(&picture, &truth, (w, h), Rect::full(w, h), 0.0, &mut unused),
         flip: flip(&truth, &picture, w, h, PIXELS_PER_DEGREE),
         lpips: lpips.and_then(|l| l.distance(&truth, &picture, w, h)),
         views: 1,

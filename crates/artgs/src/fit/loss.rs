@@ -126,7 +126,7 @@ impl ImageLoss {
         if config.ssim > 0.0 {
             let (w, h) = (image.width, image.height);
             let rect = if config.crop_ssim { image.object.grown(16, w, h) } else { Rect::full(w, h) };
-            terms.ssim = self.ssim.evaluate(&frame.rgb, &self.target, w, h, rect, -config.ssim, &mut self.grad.rgb);
+            terms.ssim = self.ssim.evaluate(&frame.rgb, &self.target, (w, h), rect, -config.ssim, &mut self.grad.rgb);
         }
         (terms.depth, terms.mask) = self.geometry(frame, image, config, depth_unit);
         terms.weigh(config);
@@ -189,7 +189,7 @@ impl ImageLoss {
                         accumulated(depth, measured_row(d, span), photo, unit, depth_step, by_depth)
                     }
                     (Some(d), DepthMode::Normalized) => {
-                        normalized(depth, alpha, measured_row(d, span), photo, unit, depth_step, by_depth, by_alpha)
+                        normalized((depth, alpha), measured_row(d, span), photo, unit, depth_step, (by_depth, by_alpha))
                     }
                 };
             });
@@ -270,14 +270,12 @@ fn accumulated(
 
 /// `log(1 + |accumulated / alpha - measured| / unit)` where a depth was measured and alpha is above one half.
 fn normalized(
-    depth: &[f32],
-    alpha: &[f32],
+    (depth, alpha): (&[f32], &[f32]),
     (measured, per_unit): (&[u16], f32),
     photo: &[[u8; 4]],
     unit: f32,
     step: f32,
-    by_depth: &mut [f32],
-    by_alpha: &mut [f32],
+    (by_depth, by_alpha): (&mut [f32], &mut [f32]),
 ) -> f64 {
     let mut sum = 0.0;
     for i in 0..depth.len() {

@@ -58,7 +58,7 @@ pub fn score_splats<'v>(
         unused.resize(picture.len(), 0.0);
         let truth = over_black(view);
         let (w, h) = view.size();
-        let similarity = ssim.evaluate(&picture, &truth, w, h, Rect::full(w, h), 0.0, &mut unused);
+        let similarity = ssim.evaluate(&picture, &truth, (w, h), Rect::full(w, h), 0.0, &mut unused);
         ViewScore { psnr: psnr(&picture, &truth), ssim: similarity }
     };
     views.into_iter().map(score).collect()

@@ -100,8 +100,7 @@ impl Ssim {
         &mut self,
         x: &[f32],
         y: &[f32],
-        width: usize,
-        height: usize,
+        (width, height): (usize, usize),
         rect: Rect,
         weight: f32,
         grad: &mut [f32],
@@ -393,10 +392,10 @@ mod tests {
         let mut grad = vec![0.0; x.len()];
         let mut ssim = Ssim::new();
         for rect in [Rect::full(SIZE.0, SIZE.1), Rect { x0: 4, y0: 9, x1: 21, y1: 26 }] {
-            let got = ssim.evaluate(&x, &y, SIZE.0, SIZE.1, rect, 1.0, &mut grad);
+            let got = ssim.evaluate(&x, &y, SIZE, rect, 1.0, &mut grad);
             assert!((got - slow(&x, &y, rect)).abs() < 1e-5, "{got} {}", slow(&x, &y, rect));
         }
-        let same = ssim.evaluate(&x, &x, SIZE.0, SIZE.1, Rect::full(SIZE.0, SIZE.1), 1.0, &mut grad);
+        let same = ssim.evaluate(&x, &x, SIZE, Rect::full(SIZE.0, SIZE.1), 1.0, &mut grad);
         assert!((same - 1.0).abs() < 1e-6);
     }
 
@@ -405,7 +404,7 @@ mod tests {
         let (x, y) = images();
         for rect in [Rect::full(SIZE.0, SIZE.1), Rect { x0: 8, y0: 2, x1: 30, y1: 20 }] {
             let mut grad = vec![0.0; x.len()];
-            Ssim::new().evaluate(&x, &y, SIZE.0, SIZE.1, rect, 2.0, &mut grad);
+            Ssim::new().evaluate(&x, &y, SIZE, rect, 2.0, &mut grad);
             let scale = grad.iter().fold(0.0_f32, |a, g| a.max(g.abs()));
             for i in (0..x.len()).step_by(613).chain([0, 36, 28 * 37, 5 * 37 + 4]) {
                 let shifted = |d: f32| {
@@ -426,8 +425,8 @@ mod tests {
         let y: Vec<f32> = (0..w * h).map(|i| (i as f32 * 0.7 + (i / w % 7) as f32 * 0.2).sin()).collect();
         let rotate = |v: &[f32]| -> Vec<f32> { (0..w * h).map(|i| v[(i % h) * w + i / h]).collect() };
         let (mut a, mut b) = (vec![0.0; w * h], vec![0.0; w * h]);
-        let va = Ssim::new().evaluate(&x, &y, w, h, Rect::full(w, h), 1.0, &mut a);
-        let vb = Ssim::new().evaluate(&rotate(&x), &rotate(&y), h, w, Rect::full(h, w), 1.0, &mut b);
+        let va = Ssim::new().evaluate(&x, &y, (w, h), Rect::full(w, h), 1.0, &mut a);
+        let vb = Ssim::new().evaluate(&rotate(&x), &rotate(&y), (h, w), Rect::full(h, w), 1.0, &mut b);
         assert!((va - vb).abs() < 1e-6);
         let scale = a.iter().fold(0.0_f32, |m, g| m.max(g.abs()));
         for (a, b) in rotate(&a).iter().zip(&b) {

@@ -25,6 +25,7 @@ pub(crate) fn regions(mesh: &Mesh, flat: f64, least: f64) -> Vec<Region> {
     let corner: Vec<DVec3> = points(mesh).collect();
     let mut seeds: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
     seeds.sort_by(|a, b| crosses[*b as usize].length().total_cmp(&crosses[*a as usize].length()).then(a.cmp(b)));
+    let faces = Faces { mesh, twins: &twins, crosses: &crosses, corners: &corner };
     let mut free = vec![true; mesh.triangles.len()];
     let mut out = Vec::new();
     for seed in seeds {
@@ -33,7 +34,7 @@ pub(crate) fn regions(mesh: &Mesh, flat: f64, least: f64) -> Vec<Region> {
         let mut grown = Vec::new();
         // The plane of one triangle is not that of the region.
         for _ in 0..3 {
-            grown = grow(mesh, &twins, &crosses, &corner, &free, seed, plane, flat);
+            grown = faces.grow(&free, seed, plane, flat);
             plane = fit(mesh, &crosses, &grown).unwrap_or(plane);
         }
         let area = grown.iter().map(|t| 0.5 * crosses[*t as usize].length()).sum::<f64>();
@@ -48,40 +49,46 @@ pub(crate) fn regions(mesh: &Mesh, flat: f64, least: f64) -> Vec<Region> {
     out
 }
 
-fn grow(
-    mesh: &Mesh,
-    twins: &[u32],
-    crosses: &[DVec3],
-    corner: &[DVec3],
-    free: &[bool],
-    seed: u32,
-    (normal, offset): (DVec3, f64),
-    flat: f64,
-) -> Vec<u32> {
-    /// Cosine of the largest angle of a triangle against the plane: small triangles are noisy.
-    const AGREES: f64 = 0.8;
-    let fits = |t: usize| {
-        let near = mesh.triangles[t].iter().all(|v| (normal.dot(corner[*v as usize]) - offset).abs() <= flat);
-        near && crosses[t].dot(normal) > AGREES * crosses[t].length()
-    };
-    let (mut seen, mut out) = (std::collections::BTreeSet::from([seed]), vec![seed]);
-    let mut at = 0;
-    while at < out.len() {
-        let t = out[at];
-        at += 1;
-        for h in 3 * t..3 * t + 3 {
-            let twin = twins[h as usize];
-            if twin == NONE {
-                continue;
-            }
-            let next = twin / 3;
-            if free[next as usize] && !seen.contains(&next) && fits(next as usize) {
-                seen.insert(next);
-                out.push(next);
+/// Triangles with what connects them.
+struct Faces<'a> {
+    mesh: &'a Mesh,
+    /// Half edge on the other side of each half edge.
+    twins: &'a [u32],
+    /// Normals, as long as twice the areas.
+    crosses: &'a [DVec3],
+    /// Places of the vertices.
+    corners: &'a [DVec3],
+}
+
+impl Faces<'_> {
+    /// Free triangles that connect to `seed` within `flat` of a plane.
+    fn grow(&self, free: &[bool], seed: u32, (normal, offset): (DVec3, f64), flat: f64) -> Vec<u32> {
+        /// Cosine of the largest angle of a triangle against the plane: small triangles are noisy.
+        const AGREES: f64 = 0.8;
+        let fits = |t: usize| {
+            let corners = self.mesh.triangles[t].map(|v| self.corners[v as usize]);
+            let near = corners.iter().all(|corner| (normal.dot(*corner) - offset).abs() <= flat);
+            near && self.crosses[t].dot(normal) > AGREES * self.crosses[t].length()
+        };
+        let (mut seen, mut out) = (std::collections::BTreeSet::from([seed]), vec![seed]);
+        let mut at = 0;
+        while at < out.len() {
+            let t = out[at];
+            at += 1;
+            for h in 3 * t..3 * t + 3 {
+                let twin = self.twins[h as usize];
+                if twin == NONE {
+                    continue;
+                }
+                let next = twin / 3;
+                if free[next as usize] && !seen.contains(&next) && fits(next as usize) {
+                    seen.insert(next);
+                    out.push(next);
+                }
             }
         }
+        out
     }
-    out
 }
 
 /// Mean plane of triangles.

@@ -183,7 +183,7 @@ impl Model<'_> {
         self.softmax_backward(points.len(), d_weights, block, partial);
         let [start, end] = self.feature_rows();
         let Partial { mlp, d_out, d_hidden, d_input, .. } = partial;
-        self.mlp.backward(transposed, &block.input, &block.hidden, d_out, d_hidden, d_input, mlp);
+        self.mlp.backward(transposed, (&block.input, &block.hidden), d_out, d_hidden, d_input, mlp);
         block.input[start * LANES..end * LANES].copy_from_slice(&d_input[start * LANES..]);
         for k in 0..self.parts() {
             self.frame_backward(k, points, block, partial);

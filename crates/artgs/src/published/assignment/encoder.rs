@@ -137,7 +137,7 @@ impl Encoder {
             let Partial { mlp: out, d_hidden, d_input } = partial;
             out.fill(0.0);
             for block in blocks {
-                mlp.backward(&transposed, &block.input, &block.hidden, &block.d_out, d_hidden, d_input, out);
+                mlp.backward(&transposed, (&block.input, &block.hidden), &block.d_out, d_hidden, d_input, out);
                 block.input[..features].copy_from_slice(d_input);
             }
         });

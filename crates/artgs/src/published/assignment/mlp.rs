@@ -88,8 +88,7 @@ impl Mlp {
     pub fn backward(
         &self,
         transposed: &Transposed,
-        x: &[f32],
-        hidden: &[f32],
+        (x, hidden): (&[f32], &[f32]),
         d_out: &[f32],
         d_hidden: &mut [f32],
         d_x: &mut [f32],
@@ -284,7 +283,7 @@ mod tests {
             let kept = inputs - 3;
             let (mut d_hidden, mut d_x) = (vec![9.0; 32 * LANES], vec![9.0; kept * LANES]);
             let mut gradient = vec![0.0; p.len()];
-            mlp.backward(&mlp.transposed(), &x, &hidden, &g, &mut d_hidden, &mut d_x, &mut gradient);
+            mlp.backward(&mlp.transposed(), (&x, &hidden), &g, &mut d_hidden, &mut d_x, &mut gradient);
             let check = |a: f32, up: f64, down: f64| {
                 let numeric = (up - down) / 2e-6;
                 assert!((f64::from(a) - numeric).abs() < 1e-3 * (1.0 + numeric.abs()), "{a} against {numeric}");
