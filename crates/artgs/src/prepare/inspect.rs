@@ -3,6 +3,7 @@
 use super::agreement::{load_capture, refusals};
 use super::input::require_two;
 use super::recordings::few_depths;
+use super::viewpoints::Viewpoints;
 use super::{Input, PrepareError, RecordingFiles, memory};
 use crate::consistency::{Consistency, Finding, StateConsistency, check_capture, check_recording};
 use artgs_core::{Capture, Recording};
@@ -29,6 +30,8 @@ enum What {
         #[serde(flatten)]
         summary: Box<CaptureSummary>,
         consistency: Box<Consistency>,
+        /// Of both states together; null where the cameras look at no point.
+        viewpoints: Option<Viewpoints>,
         /// Predicted peak of a run, bytes.
         memory_bytes: u64,
     },
@@ -63,7 +66,9 @@ pub fn inspect(input: &Input) -> Result<Vec<Inspected>, PrepareError> {
 impl Inspected {
     fn capture(path: &Path, capture: &Capture, sizes: &ImageSizes) -> Self {
         let (summary, consistency) = (artgs_io::summarize(capture).into(), check_capture(capture).into());
-        let what = What::Capture { summary, consistency, memory_bytes: memory::unlimited(sizes) };
+        let cameras = capture.states.iter().flat_map(|state| &state.train).map(|view| &view.camera);
+        let viewpoints = Viewpoints::of(cameras, capture.up.map(|up| up.direction));
+        let what = What::Capture { summary, consistency, viewpoints, memory_bytes: memory::unlimited(sizes) };
         Self { path: path.into(), what }
     }
 
@@ -124,8 +129,9 @@ impl fmt::Display for Inspected {
             share.map_or(Ok(()), |share| writeln!(f, "{name:<18}{:.0} % {of_what}", 100.0 * share))
         }
         match &self.what {
-            What::Capture { summary, consistency, .. } => {
+            What::Capture { summary, consistency, viewpoints, .. } => {
                 summary.fmt(f)?;
+                viewpoints.map_or(Ok(()), |from| writeln!(f, "cameras           {from}"))?;
                 for (state, own) in consistency.states.enumerate() {
                     let name = format!("agreement {}", state.name());
                     line(f, &name, own.agreement, "of the depth points agree between views")?;
@@ -168,6 +174,8 @@ struct RecordingSummary {
     up: Option<[f64; 3]>,
     /// Length of the camera's path, scene units.
     path: f64,
+    /// Null where the camera looks at no point.
+    viewpoints: Option<Viewpoints>,
     warnings: Vec<String>,
 }
 
@@ -192,6 +200,7 @@ impl RecordingSummary {
             metric: recording.metric,
             up: recording.up.map(|u| u.to_array()),
             path,
+            viewpoints: Viewpoints::of(recording.frames.iter().map(|f| &f.view.camera), recording.up),
             warnings: recording.warnings.clone(),
         }
     }
@@ -223,6 +232,7 @@ impl fmt::Display for RecordingSummary {
             None => writeln!(f, "up            not stated")?,
         }
         writeln!(f, "camera path   {:.2} long", self.path)?;
+        self.viewpoints.map_or(Ok(()), |from| writeln!(f, "cameras       {from}"))?;
         self.warnings.iter().try_for_each(|w| writeln!(f, "warning: {w}"))
     }
 }

@@ -9,6 +9,7 @@ mod input;
 mod inspect;
 mod memory;
 mod recordings;
+mod viewpoints;
 
 pub use agreement::load_capture;
 pub use error::PrepareError;
