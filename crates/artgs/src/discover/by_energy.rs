@@ -1,4 +1,4 @@
-//! The energy of explanations decides between what the rules found from different motions, and searches parts that they missed.
+//! The energy of explanations searches parts that the rules missed, from what they found or from motions of bodies.
 
 use super::refinement::{Parts, Refinement};
 use super::{Cloud, Discovery};
@@ -19,27 +19,11 @@ fn more_alike(parts: usize, motions: usize, alike: usize) -> usize {
     parts.saturating_sub(motions + alike)
 }
 
-/// What was found or the parts with the motions `bodies`, whichever has the lower energy.
-pub(super) fn or_bodies(
-    found: Discovery,
-    bodies: &[Rigid],
-    problem: &mut Problem<'_>,
-    work: &Refinement<'_>,
-    movable: &RangeInclusive<usize>,
-    result: &dyn Fn(Parts) -> Discovery,
-) -> Discovery {
-    let other = (!bodies.is_empty()).then(|| result(work.parts(bodies, movable)));
-    let Some(other) = other.filter(|other| movable.contains(&other.parts.len())) else { return found };
-    let search = SearchSettings::default();
-    let [own, others] = [&found, &other].map(|found| problem.explained(found, &search));
-    let alike = found.parts.len() - own.motions.len();
-    let least = total(problem, &own, found.parts.len(), alike);
-    if total(problem, &others, other.parts.len(), alike) < least { other } else { found }
-}
-
-/// Parts with other motions than those found and a lower energy; none if there are none.
+/// Parts with other motions than those found and a lower energy; none if there are none. The search starts from what was found or from parts that
+/// move by `bodies`, whichever has the lower energy, and may add motions of `pool`.
 pub(super) fn with_parts_by_energy(
     found: &Discovery,
+    bodies: &[Rigid],
     (problem, coarse): (&mut Problem<'_>, &PerState<Cloud>),
     work: &Refinement<'_>,
     movable: &RangeInclusive<usize>,
@@ -48,7 +32,9 @@ pub(super) fn with_parts_by_energy(
 ) -> Option<Discovery> {
     let (settings, search) = (ExplainSettings::DEFAULT, SearchSettings::default());
     let start = problem.explained(found, &search);
-    let best = problem.searched(&start, pool, &search);
+    let of_bodies = problem.started(bodies, &search);
+    let is_lower = !bodies.is_empty() && problem.total(&of_bodies, &search) < problem.total(&start, &search);
+    let best = problem.searched(if is_lower { &of_bodies } else { &start }, pool, &search);
     let lowest = problem.total(&best, &search);
     if best.motions.is_empty() || lowest > problem.total(&start, &search) - search.better {
         return None;

@@ -82,7 +82,7 @@ pub(crate) mod visibility;
 use crate::explain::{ExplainSettings, Explanation, Problem, SearchSettings, Surfels};
 use crate::observer::{Share, within};
 use artgs_core::{Joint, JointAlternative, JointEstimate, PerState, Rigid, State};
-use by_energy::{or_bodies, with_parts_by_energy};
+use by_energy::with_parts_by_energy;
 use candidates::{Candidate, Search, SearchState};
 pub use cloud::Cloud;
 use cloud::{IndexedCloud, components};
@@ -277,9 +277,9 @@ fn best_parts(
     let surfels = Surfels::new(scene, &ExplainSettings::DEFAULT);
     let mut problem = Problem::new(scene, &surfels, ExplainSettings::DEFAULT);
     let bodies = settings.bodies.motions(&search, scene, &clouds, &settings);
-    let found = or_bodies(found, &bodies, &mut problem, &work, &movable, &result);
     let proposed: Vec<Rigid> = pool.iter().map(|c| c.motion).collect();
-    let better = with_parts_by_energy(&found, (&mut problem, &surfels.clouds), &work, &movable, &proposed, &result);
+    let better =
+        with_parts_by_energy(&found, &bodies, (&mut problem, &surfels.clouds), &work, &movable, &proposed, &result);
     let moved = evidence.total();
     let mut kept = |found: Discovery| {
         let search = SearchSettings::default();

@@ -101,6 +101,15 @@ impl Problem<'_> {
         best
     }
 
+    /// Parts that move by `motions`, which one after the other take what they explain better; those that move alike joined.
+    pub fn started(&mut self, motions: &[Rigid], settings: &SearchSettings) -> Explanation {
+        let mut out = Explanation::without_parts(self.surfels());
+        for motion in motions {
+            out = self.roughly_with(&out, *motion);
+        }
+        self.settled(&out, settings)
+    }
+
     /// With the motion of each part fitted again where that lowers the total.
     fn refitted(&mut self, explanation: &Explanation, settings: &SearchSettings) -> Explanation {
         let mut best = explanation.clone();

@@ -90,6 +90,29 @@ fn a_residual_changes_with_the_shift_of_a_surfel_along_its_normal() {
 }
 
 #[test]
+fn true_motions_in_any_order_lead_to_the_labels_of_the_truth() {
+    let (object, scene) = cupboard();
+    let surfels = Surfels::new(&scene, &SETTINGS);
+    let mut problem = Problem::new(&scene, &surfels, SETTINGS);
+    let search = SearchSettings::default();
+    let right = true_explanation(&object, &problem);
+    let right = problem.settled(&right, &search);
+    let least = problem.total(&right, &search);
+    for order in [[0, 1], [1, 0]] {
+        let started = problem.started(&order.map(|k| right.motions[k]), &search);
+        assert_eq!(started.motions.len(), 2);
+        let total = problem.total(&started, &search);
+        assert!(total < least + 10.0, "{order:?}: {total} {least}");
+        let number = |label: u16| label.checked_sub(1).map_or(0, |k| order[usize::from(k)] as u16 + 1);
+        let labels = started.labels.iter().flatten().zip(right.labels.iter().flatten());
+        let same = labels.clone().filter(|(own, right)| number(**own) == **right).count();
+        assert!(same as f64 > 0.97 * labels.count() as f64, "{order:?}: {same}");
+    }
+    // The same motion twice is one part.
+    assert_eq!(problem.started(&[right.motions[0]; 2], &search).motions.len(), 1);
+}
+
+#[test]
 fn the_truth_has_a_lower_energy_than_wrong_explanations() {
     let (object, scene) = cupboard();
     let surfels = Surfels::new(&scene, &SETTINGS);
