@@ -13,7 +13,7 @@ use artgs_core::{State, View};
 use artgs_io::BoxBounds;
 use artgs_io::image_io::write_rgb;
 use artgs_io::recording::load_recording;
-use artgs_io::summary::visual_center;
+use artgs_io::summary::{cameras_of, visual_center};
 use artgs_view::{Cloud, Page, Placement, SceneBox};
 use glam::{DQuat, DVec2, DVec3};
 use std::collections::HashMap;
@@ -132,7 +132,7 @@ fn guess(views: &[View], cloud: &Cloud, masks: bool) -> Option<BoxBounds> {
         }
     }
     let points = || cloud.points.iter().map(|p| DVec3::from_array(p.map(f64::from)));
-    let Some(center) = visual_center(views) else { return around(points()) };
+    let Some(center) = visual_center(cameras_of(views)) else { return around(points()) };
     let reach = DVec3::splat(REACH * center.mean_distance);
     let near = |p: &DVec3| (*p - center.point).abs().cmple(reach).all();
     around(points().filter(near)).or_else(|| around([center.point - reach, center.point + reach]))

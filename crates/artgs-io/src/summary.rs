@@ -1,6 +1,6 @@
 //! Statistics of a capture: as text (`Display`) and as JSON (`Serialize`).
 
-use artgs_core::{Capture, DepthMap, PerState, State, View};
+use artgs_core::{Camera, Capture, DepthMap, PerState, State, View};
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -107,7 +107,8 @@ pub fn summarize(capture: &Capture) -> CaptureSummary {
     let summary = |state: State| {
         let views = &capture.states[state];
         let object_box = depth_bounds(&views.train);
-        let center = object_box.map(|b| (b.min + b.max) * 0.5).or(visual_center(&views.train).map(|c| c.point));
+        let center =
+            object_box.map(|b| (b.min + b.max) * 0.5).or(visual_center(cameras_of(&views.train)).map(|c| c.point));
         StateSummary {
             name: state.name().into(),
             train: summarize_split(&views.train),
@@ -118,7 +119,7 @@ pub fn summarize(capture: &Capture) -> CaptureSummary {
     };
     let states = PerState::from_fn(summary);
     let boxes = PerState::try_from_fn(|state| states[state].object_box);
-    let gaze = PerState::try_from_fn(|state| visual_center(&capture.states[state].train));
+    let gaze = PerState::try_from_fn(|state| visual_center(cameras_of(&capture.states[state].train)));
     CaptureSummary {
         states,
         shared_volume: boxes.map(|b| b[State::START].shared_volume(&b[State::END])),
@@ -182,6 +183,11 @@ pub fn depth_bounds(views: &[View]) -> Option<Bounds> {
     boxes.into_iter().flatten().reduce(|a, b| a.union(&b))
 }
 
+/// The cameras of views.
+pub fn cameras_of(views: &[View]) -> impl Iterator<Item = &Camera> + Clone {
+    views.iter().map(|view| &view.camera)
+}
+
 /// The common point at which cameras look.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VisualCenter {
@@ -192,21 +198,21 @@ pub struct VisualCenter {
 }
 
 /// Solves `sum (I - d d^T) (x - eye) = 0`; none if the optical axes are parallel.
-pub fn visual_center(views: &[View]) -> Option<VisualCenter> {
+pub fn visual_center<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Option<VisualCenter> {
     let (mut a, mut b) = (DMat3::ZERO, DVec3::ZERO);
-    for view in views {
-        let to_world = view.camera.world_to_camera.inverse();
+    for camera in cameras.clone() {
+        let to_world = camera.world_to_camera.inverse();
         let d = to_world.turn(DVec3::Z);
         let across = DMat3::IDENTITY - DMat3::from_cols(d * d.x, d * d.y, d * d.z);
         a += across;
         b += across * to_world.translation;
     }
-    let n = views.len() as f64;
-    if a.determinant() < 1e-9 * n.powi(3) || views.is_empty() {
+    let n = cameras.clone().count() as f64;
+    if a.determinant() < 1e-9 * n.powi(3) || n == 0.0 {
         return None;
     }
     let point = a.inverse() * b;
-    let mean_distance = views.iter().map(|v| (v.camera.position() - point).length()).sum::<f64>() / n;
+    let mean_distance = cameras.map(|camera| (camera.position() - point).length()).sum::<f64>() / n;
     Some(VisualCenter { point, mean_distance })
 }
 

@@ -1,7 +1,7 @@
 //! Checks of all states together.
 
 use super::CaptureError;
-use crate::summary::{Bounds, depth_bounds, visual_center};
+use crate::summary::{Bounds, cameras_of, depth_bounds, visual_center};
 use artgs_core::{PerState, State, StateViews};
 
 /// Warns if only some training views have depth.
@@ -22,7 +22,9 @@ pub(super) fn states_overlap(states: &PerState<StateViews>) -> Result<(), Captur
         let (a, b) = (&boxes[start], &boxes[end]);
         return if a.intersects(b) { Ok(()) } else { Err(CaptureError::NoOverlap(apart(a, b))) };
     }
-    let Some(centers) = PerState::try_from_fn(|state| visual_center(&states[state].train)) else { return Ok(()) };
+    let Some(centers) = PerState::try_from_fn(|state| visual_center(cameras_of(&states[state].train))) else {
+        return Ok(());
+    };
     let (a, b) = (&centers[start], &centers[end]);
     let (distance, reach) = ((a.point - b.point).length(), 0.5 * (a.mean_distance + b.mean_distance));
     if distance > reach {

@@ -143,10 +143,10 @@ pub fn correct(
     let kinds: Vec<Option<JointKind>> =
         kept.iter().map(|k| kind(k.number).filter(|_| !split.concerns(k.number))).collect();
     let motions: Vec<Rigid> = kept.iter().map(|k| k.motion).collect();
-    // Corrections and the page name parts by their numbers.
     let front = evidence.front(scene, &clouds, &settings);
     let refinement =
         Refinement { scene, clouds: &clouds, evidence: &evidence, config, settings: &settings, front, begun: &|| () };
+    // Corrections and the page name parts by their numbers.
     let Parts { parts, labels } = refinement.refined_as(&motions, 0, &kinds, Numbering::Kept);
     let numbers: Vec<usize> = kept.iter().map(|k| k.number).collect();
     let pieces = split.apply(&clouds, &numbers, &parts, labels)?;

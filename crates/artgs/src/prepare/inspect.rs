@@ -9,6 +9,7 @@ use crate::consistency::{Consistency, Finding, StateConsistency, check_capture, 
 use artgs_core::{Capture, Recording};
 use artgs_io::capture::{ImageSizes, image_sizes};
 use artgs_io::recording::load_recording;
+use artgs_io::summary::cameras_of;
 use artgs_io::{CaptureOptions, CaptureSummary};
 use serde::Serialize;
 use std::fmt;
@@ -66,7 +67,7 @@ pub fn inspect(input: &Input) -> Result<Vec<Inspected>, PrepareError> {
 impl Inspected {
     fn capture(path: &Path, capture: &Capture, sizes: &ImageSizes) -> Self {
         let (summary, consistency) = (artgs_io::summarize(capture).into(), check_capture(capture).into());
-        let cameras = capture.states.iter().flat_map(|state| &state.train).map(|view| &view.camera);
+        let cameras = capture.states.iter().flat_map(|state| cameras_of(&state.train));
         let viewpoints = Viewpoints::of(cameras, capture.up.map(|up| up.direction));
         let what = What::Capture { summary, consistency, viewpoints, memory_bytes: memory::unlimited(sizes) };
         Self { path: path.into(), what }

@@ -1,7 +1,8 @@
 //! From where an object was recorded: what faces away from all cameras is not measured.
 
 use artgs_core::Camera;
-use glam::{DMat3, DVec3};
+use artgs_io::summary::visual_center;
+use glam::DVec3;
 use serde::Serialize;
 use std::fmt;
 
@@ -22,19 +23,11 @@ const ALL_SIDES: f64 = 240.0;
 impl Viewpoints {
     /// Of cameras in a world where `up` is up, or else what is up in most of their images. None where they do not look at one point.
     pub(super) fn of<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone, up: Option<DVec3>) -> Option<Self> {
-        let (mut sum, mut by) = (DMat3::ZERO, DVec3::ZERO);
-        for camera in cameras.clone() {
-            let ahead = forward(camera);
-            let across = DMat3::IDENTITY - DMat3::from_cols(ahead * ahead.x, ahead * ahead.y, ahead * ahead.z);
-            sum += across;
-            by += across * camera.position();
-        }
         let count = cameras.clone().count();
-        // Parallel lines meet nowhere.
-        if count < 3 || sum.determinant() < 1e-3 * (count as f64).powi(3) {
+        if count < 3 {
             return None;
         }
-        let middle = sum.inverse() * by;
+        let middle = visual_center(cameras.clone())?.point;
         let ahead = cameras.clone().filter(|camera| (middle - camera.position()).dot(forward(camera)) > 0.0).count();
         if 10 * ahead < 9 * count {
             return None;
