@@ -1,6 +1,5 @@
 //! Joint confidence from what supports a joint, and the other joints that a part could have.
 
-use super::Discovery;
 use super::candidates::Candidate;
 use super::front::Front;
 use super::support::Support;
@@ -157,21 +156,6 @@ fn rounded(v: DVec3) -> [String; 3] {
     v.to_array().map(|x| format!("{:.2}", if x.abs() < 0.005 { 0.0 } else { x }))
 }
 
-/// Confidence below which a part is doubtful: among joints of captures with ground truth, one in ten was correct.
-pub(super) const DOUBTFUL: f64 = 0.3;
-/// A part with a larger [`super::Support::contested`] is doubtful too: of 327 joints of captures with ground truth, all but one of the
-/// wrong ones had more, and all but one of the correct ones less.
-const CONTESTED: f64 = 0.2;
-
-/// Parts of a lower confidence than `least` or contested ones, the most doubtful one first.
-pub(super) fn doubtful(found: &Discovery, least: f64) -> Vec<usize> {
-    let confidence = |k: usize| found.parts[k].confidence.unwrap_or(0.0);
-    let is_doubtful = |k: &usize| confidence(*k) < least || found.support[*k].contested > CONTESTED;
-    let mut doubtful: Vec<usize> = (0..found.parts.len()).filter(is_doubtful).collect();
-    doubtful.sort_by(|a, b| confidence(*a).total_cmp(&confidence(*b)));
-    doubtful
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -251,21 +235,5 @@ mod tests {
         // The same joint, a little turned, is no other one.
         let alone = Support { other_joint: None, other_margin: 1.0, ..sure() };
         assert!(settings.alternatives(&part(0.3), &alone, 1, &pool).is_empty());
-    }
-
-    #[test]
-    fn contested_and_uncertain_parts_are_doubtful() {
-        let part = |c: f64| JointEstimate {
-            confidence: Some(c),
-            ..JointEstimate::new(JointKind::Prismatic, Rigid::shift(DVec3::X))
-        };
-        let contested = Support { contested: 0.3, ..sure() };
-        let found = Discovery {
-            parts: [0.8, 0.25, 0.6, 0.1].map(part).to_vec(),
-            support: vec![contested, sure(), sure(), sure()],
-            ..Discovery::default()
-        };
-        assert_eq!(doubtful(&found, DOUBTFUL), [3, 1, 0]);
-        assert_eq!(doubtful(&found, 0.7), [3, 1, 2, 0]);
     }
 }

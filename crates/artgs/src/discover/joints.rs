@@ -133,17 +133,6 @@ impl<'a> JointFit<'a> {
         general(&slides.unwrap_or(free))
     }
 
-    /// Registers the points of one part, `own`, along its slide; unchanged where that moves it by `most` or more.
-    pub(super) fn along(&self, slide: &Rigid, own: &PerState<Cloud>, most: f64) -> Rigid {
-        let (length, axis) = (slide.translation.length(), slide.translation.normalize_or_zero());
-        if self.too_few(own) || axis == DVec3::ZERO {
-            return *slide;
-        }
-        let points = own.as_ref().map(|own| IndexedCloud::gridded(own, self.lengths.spacing));
-        let found = register_along(both(&points), axis, length, &self.options(&points, slide));
-        if (found - length).abs() < most { Rigid::shift(axis * found) } else { *slide }
-    }
-
     /// Registers the points of one part on its joint, beginning with the motion so far. `known` is the type if the user
     /// gave it.
     pub(super) fn decide(&self, part: &JointEstimate, own: &PerState<Cloud>, known: Option<JointKind>) -> Decided {

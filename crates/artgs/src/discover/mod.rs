@@ -35,21 +35,17 @@ mod cube_votes;
 mod denoise;
 pub(crate) mod diagnosis;
 mod enclosure;
-mod exchanges;
 mod extents;
 mod face_motions;
 mod facets;
 mod flatten;
 mod front;
-mod front_slides;
 mod glide;
 pub(crate) mod graph_cut;
-mod handles;
 mod instances;
 mod joints;
 mod known;
 mod landing;
-mod missing;
 mod morton;
 mod moved_points;
 mod narrow;
@@ -58,13 +54,11 @@ mod oblique;
 mod paired_mean;
 mod parents;
 pub(crate) mod plane_fit;
-mod plateaus;
 mod poses;
 mod rails;
 mod ranking;
 mod refinement;
 pub(crate) mod registration;
-mod relief;
 mod same_joint;
 pub(crate) mod scene;
 mod screws;
@@ -75,7 +69,6 @@ mod support;
 mod surface_paths;
 #[cfg(test)]
 mod test_scene;
-mod turned_over;
 mod twins;
 pub(crate) mod visibility;
 
@@ -90,18 +83,13 @@ pub use config::DiscoverConfig;
 use config::StepSettings;
 use contradictions::explaining_enough;
 pub use correct::{CorrectError, correct};
-use exchanges::{exchanged, without_errors, without_surplus};
 use front::Front;
 use glam::{DVec3, Vec3};
-use handles::with_handles;
 use known::{KnownFits, KnownLandings, KnownSamples};
-use missing::with_missing;
 pub use moved_points::{MovedPoints, moved_points};
 use narrow::with_doubts_of_narrow;
 use oblique::with_doubts_of_oblique;
-use plateaus::with_plateaus;
 use refinement::{Parts, Refinement};
-use relief::Relief;
 pub use scene::{DepthPicture, Scene, pixel_step};
 use segmentation::Graph;
 use selection::Selection;
@@ -150,11 +138,6 @@ impl Discovery {
         let own = points.filter(|(_, label)| usize::from(**label) == part).map(|(p, _)| p.as_dvec3());
         let (sum, count) = own.fold((DVec3::ZERO, 0usize), |(sum, count), p| (sum + p, count + 1));
         sum / count.max(1) as f64
-    }
-
-    /// Points that moved for certain and that the parts explain, also those that are contested.
-    fn explained(&self) -> f64 {
-        self.support.iter().map(|s| s.explained * s.moved).sum()
     }
 
     /// Share of `moved` points, those that moved for certain, that the joints of the parts explain without contradiction, each
@@ -273,7 +256,6 @@ fn best_parts(
     }
     remaining.borrow_mut().1(1.0);
     let found = evidence.result(scene, &clouds, found, warnings, &pool, &settings);
-    let found = if scene.spreading { of_noisy_points(found, &work, &movable, &result) } else { found };
     let surfels = Surfels::new(scene, &ExplainSettings::DEFAULT);
     let mut problem = Problem::new(scene, &surfels, ExplainSettings::DEFAULT);
     let bodies = settings.bodies.motions(&search, scene, &clouds, &settings);
@@ -297,26 +279,6 @@ fn best_parts(
     }
     let found = with_intervals(found, &problem);
     Ok(if scene.spreading { with_doubts_of_oblique(with_doubts_of_narrow(found)) } else { found })
-}
-
-/// What was found, compared with other motions that explain points of which depth noise is larger than the details of parts.
-fn of_noisy_points(
-    found: Discovery,
-    work: &Refinement<'_>,
-    movable: &RangeInclusive<usize>,
-    result: &dyn Fn(Parts) -> Discovery,
-) -> Discovery {
-    let least = *movable.start();
-    let found = exchanged(found, work, result);
-    let relief = work.front.map(|front| Relief::of(front, work));
-    let of_plateaus = relief.as_ref().and_then(|relief| with_plateaus(&found, relief, movable, work, result));
-    let found =
-        of_plateaus.unwrap_or_else(|| with_missing(without_surplus(found, least, work, result), movable, work, result));
-    let found = without_errors(found, least, work, result);
-    match &relief {
-        Some(relief) => with_handles(found, relief, movable, work, result),
-        None => found,
-    }
 }
 
 /// With the interval of each joint.
