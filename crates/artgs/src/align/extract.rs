@@ -124,7 +124,7 @@ impl<'a> Labelled<'a> {
         doubt(&mut labels, &derived, &enclosed(&farthest, width));
         hide(&mut labels, &depth, &farthest, width, reach);
         cover(&mut labels, &farthest);
-        fill(&mut labels, width, reach);
+        let derived = fill(&mut labels, &depth, derived, width, reach);
         let (mut count, mut columns, mut rows) = (0, [width, 0], [usize::MAX, 0]);
         for i in (0..labels.len()).filter(|&i| labels[i] == Label::Object) {
             let (x, y) = (i % width, i / width);
@@ -328,15 +328,30 @@ fn cover(labels: &mut [Label], farthest: &[f32]) {
 }
 
 /// Gives unknown pixels the label of the nearest known pixel within `reach` steps along rows and columns. Nothing is known of others:
-/// the object may be there.
-fn fill(labels: &mut [Label], width: usize, reach: usize) {
+/// the object may be there. Returns the derived depth with that of backgrounds which got their label so: they were not measured.
+fn fill(labels: &mut [Label], depth: &DepthMap, derived: DepthMap, width: usize, reach: usize) -> DepthMap {
     let front = (0..labels.len()).filter(|&i| labels[i] != Label::Unknown).collect();
-    spread(labels, front, width, reach, |_| true);
+    let given = spread(labels, front, width, reach, |_| true);
     labels.iter_mut().filter(|l| **l == Label::Unknown).for_each(|l| *l = Label::Hidden);
+    let mut out: Vec<f32> = derived.iter().collect();
+    for [from, to] in given {
+        if labels[to] == Label::Other {
+            out[to] = if depth.at(from) > 0.0 { depth.at(from) } else { out[from] };
+        }
+    }
+    DepthMap::nearest(&out)
 }
 
-/// Carries the labels of the pixels `front` to unknown pixels that may have them, `reach` steps along rows and columns.
-fn spread(labels: &mut [Label], mut front: Vec<usize>, width: usize, reach: usize, may: impl Fn(usize) -> bool) {
+/// Carries the labels of the pixels `front` to unknown pixels that may have them, `reach` steps along rows and columns. Returns each such
+/// pixel after the one beside it that gave it the label.
+fn spread(
+    labels: &mut [Label],
+    mut front: Vec<usize>,
+    width: usize,
+    reach: usize,
+    may: impl Fn(usize) -> bool,
+) -> Vec<[usize; 2]> {
+    let mut given = Vec::new();
     for _ in 0..reach {
         let mut next = Vec::new();
         let mut set = Vec::new();
@@ -350,18 +365,20 @@ fn spread(labels: &mut [Label], mut front: Vec<usize>, width: usize, reach: usiz
             ];
             for j in around.into_iter().flatten() {
                 if labels[j] == Label::Unknown && may(j) {
-                    set.push((j, labels[i]));
+                    set.push([i, j]);
                 }
             }
         }
-        for (j, label) in set {
+        for [i, j] in set {
             if labels[j] == Label::Unknown {
-                labels[j] = label;
+                labels[j] = labels[i];
+                given.push([i, j]);
                 next.push(j);
             }
         }
         front = next;
     }
+    given
 }
 
 #[cfg(test)]
@@ -400,10 +417,12 @@ mod tests {
     fn pixels_without_depth_show_the_object_where_other_frames_see_it() {
         let mut labels = vec![Other, Unknown, Unknown, Unknown, Object];
         cover(&mut labels, &[0.0, 0.0, 0.0, 2.0, 2.0]);
-        fill(&mut labels, 5, 1);
+        let none = || DepthMap::nearest(&[0.0; 5]);
+        let derived = fill(&mut labels, &DepthMap::nearest(&[4.0, 0.0, 0.0, 0.0, 2.0]), none(), 5, 1);
         assert!(labels == [Other, Other, Object, Object, Object]);
+        assert_eq!(derived.iter().collect::<Vec<_>>(), [0.0, 4.0, 0.0, 0.0, 0.0], "a background that was not measured");
         let mut far = vec![Object, Unknown, Unknown, Unknown, Other];
-        fill(&mut far, 5, 1);
+        fill(&mut far, &none(), none(), 5, 1);
         assert!(far == [Object, Object, Hidden, Other, Other], "nothing is known beyond the reach");
     }
 }
