@@ -11,6 +11,7 @@ use crate::collision::redundant::without_redundant;
 use crate::config::{Collision, PhysicalConfig};
 use crate::describe::semantics;
 use crate::describe::{Described, describe, to_identifier};
+use crate::dynamics::dynamics;
 use crate::geometry::hull::Hull;
 use crate::geometry::solid::Solid;
 use crate::geometry::topology::diagonal;
@@ -19,7 +20,7 @@ use crate::limits::{Range, extend};
 use crate::looks::{PartSurface, Seen, Wall};
 use crate::mass::{inertial, walls};
 use crate::step::ExportStep;
-use artgs_core::{Asset, AssetJoint, AssetLink, Inertial, JointKind, Mesh, Replica, Rigid, State, TexturedMesh};
+use artgs_core::{Asset, AssetLink, Mesh, Replica, Rigid, State, TexturedMesh};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -94,7 +95,8 @@ fn limited(
     let meshes: Vec<&Mesh> = surfaces.iter().map(|s| &s.visual.mesh).collect();
     let diagonal = config.scale * diagonal(&meshes);
     let Described { nearer, frames, names, semantics: classes, object, front } = describe(replica, &meshes, config);
-    let wall = config.wall_share * diagonal;
+    let settings = &config.settings;
+    let wall = settings.mass.wall_share * diagonal;
     let link = |part: usize| {
         let to_link = Rigid::shift(-frames[part].origin) * frames[part].from_start;
         let visual = moved(&surfaces[part].visual, &to_link, config.scale);
@@ -108,16 +110,16 @@ fn limited(
             }
             None => Wall { seen: true, thickness: None },
         };
-        let closing = if part == 0 { config.closing_wall } else { 0.0 };
-        let walls = walls(&visual.mesh, solid.as_ref(), &wall_at, wall, closing);
+        let closing = if part == 0 { settings.mass.closing_wall } else { 0.0 };
+        let walls = walls(&visual.mesh, solid.as_ref(), &wall_at, [wall, closing], &settings.mass);
         let is_named = |name: &str| name == names[part] || name == replica.parts[part].name;
         let own = config.densities.iter().find(|(name, _)| is_named(name)).map(|(_, density)| *density);
         let density = own.unwrap_or(config.density);
         let is_solid = surfaces[part].closed && !surfaces[part].thickened;
-        let inertial = inertial(&visual.mesh, is_solid, &walls, density, config.least_mass);
+        let inertial = inertial(&visual.mesh, is_solid, &walls, density, &settings.mass);
         let joint = frames[part].joint;
         let (name, parent, origin) = (names[part].clone(), replica.parts[part].parent, frames[part].origin);
-        let (semantics, contact) = (Some(classes[part]), config.contact);
+        let (semantics, contact) = (Some(classes[part]), settings.dynamics.contact);
         (AssetLink { name, parent, joint, origin, visual, inertial, contact, semantics, ..AssetLink::default() }, solid)
     };
     let known = |name: &String| names.contains(name) || replica.parts.iter().any(|part| part.name == *name);
@@ -133,7 +135,7 @@ fn limited(
     weigh(&mut links, config);
     for link in &mut links {
         let arm = link.joint.map_or(0.0, |joint| arm(&joint, &link.visual.mesh));
-        link.joint = link.joint.map(|joint| dynamics(joint, &link.inertial, arm, config));
+        link.joint = link.joint.map(|joint| dynamics(joint, &link.inertial, arm, &settings.dynamics));
     }
     let mut asset = Asset { name: to_identifier(name, "replica"), links, apart: Vec::new(), front };
     let handles = semantics::handles(&asset);
@@ -162,13 +164,14 @@ fn limit(
     diagonal: f64,
     config: &PhysicalConfig,
 ) {
+    let limits = &config.settings.limits;
     let swept = |(part, solid): (usize, &Option<Solid>)| {
         let measured = shown(Seen::measures, part, surfaces, &decisions.to_link[part], config.scale);
         let link = &asset.links[part];
         // Points of another part that have the label of this one are apart from it.
         let main = link.parent.and_then(|_| without_islands(&link.visual.mesh));
         let main = main.and_then(|mesh| Solid::new(&mesh, &measured));
-        Surface::of(main.as_ref().or(solid.as_ref()), &measured, config.sample_share * diagonal)
+        Surface::of(main.as_ref().or(solid.as_ref()), &measured, limits.sample_share * diagonal, &limits.sweep)
     };
     let swept: Vec<Surface> = solids.par_iter().enumerate().map(swept).collect();
     decisions.ranges = extend(asset, &swept, &decisions.nearer_state, diagonal, config);
@@ -208,7 +211,7 @@ fn collide(
         most: config.most_hulls.div_ceil(2).max(1) + config.most_hulls / 4,
         corners: MOST_CORNERS,
         rounding: ROUNDING * cover,
-        skin: config.wall_share * diagonal,
+        skin: config.settings.mass.wall_share * diagonal,
         least: 2.0 * thinnest,
         thinnest,
     };
@@ -316,35 +319,6 @@ fn weigh(links: &mut [AssetLink], config: &PhysicalConfig) {
     for link in links {
         link.inertial.mass *= mass / total;
         link.inertial.inertia.iter_mut().for_each(|i| *i *= mass / total);
-    }
-}
-
-/// Effort, speed, damping and friction of a joint whose part reaches `arm` from the axis. Friction holds the part of an upright
-/// hinge or a level slide where it is put although the upright direction, and with it the axis, has an error.
-fn dynamics(joint: AssetJoint, inertial: &Inertial, arm: f64, config: &PhysicalConfig) -> AssetJoint {
-    const GRAVITY: f64 = 9.81;
-    /// Speed of a hand, m/s.
-    const HAND_SPEED: f64 = 0.5;
-    let mass = inertial.mass;
-    let hand = config.hand;
-    // The frame of the link lies on the axis.
-    let lever = inertial.center.reject_from_normalized(joint.axis).length();
-    match joint.kind {
-        JointKind::Prismatic => AssetJoint {
-            effort: config.force.max(3.0 * mass * GRAVITY),
-            velocity: config.speed,
-            damping: (mass / config.settle).min(hand / HAND_SPEED),
-            friction: (config.friction.max(config.holds.sin()) * mass * GRAVITY).min(hand),
-            ..joint
-        },
-        JointKind::Revolute | JointKind::Screw => AssetJoint {
-            effort: config.torque.max(3.0 * mass * GRAVITY * arm),
-            velocity: config.turn_rate,
-            // At the speed of a hand at the far end, damping needs no more than the force of the hand there.
-            damping: (mass * arm * arm / 3.0 / config.settle).min(hand * arm * arm / HAND_SPEED),
-            friction: (mass * GRAVITY * (config.friction * 0.1 * arm).max(lever * config.holds.sin())).min(hand * arm),
-            ..joint
-        },
     }
 }
 

@@ -1,7 +1,7 @@
 use super::*;
 use crate::config::{Front, Up};
 use crate::looks::surfaces;
-use artgs_core::{Joint, PerState};
+use artgs_core::{Joint, JointKind, PerState};
 
 fn cuboid(low: DVec3, high: DVec3) -> Mesh {
     let [low, high] = [low, high].map(|p| p.as_vec3().to_array());
@@ -175,7 +175,7 @@ fn a_part_without_a_surface_is_a_light_link() {
     let surfaces = surfaces(&replica, &meshes, None, &config);
     assert!(surfaces[2].warnings[0].contains("world has no surface"));
     let (asset, _) = assemble("a", &replica, &surfaces, &config, None, &mut |_| {}).unwrap();
-    assert!(asset.links[2].visual.mesh.is_empty() && asset.links[2].inertial.mass == config.least_mass);
+    assert!(asset.links[2].visual.mesh.is_empty() && asset.links[2].inertial.mass == config.settings.mass.least_mass);
 }
 
 #[test]

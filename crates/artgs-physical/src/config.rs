@@ -1,6 +1,7 @@
-//! Physical properties that a capture does not contain. All their defaults are here.
+//! What an export is asked for.
 
-use artgs_core::{ContactMaterial, PartClass};
+use crate::settings::Settings;
+use artgs_core::PartClass;
 use glam::{DQuat, DVec3};
 use std::fmt;
 use std::str::FromStr;
@@ -109,8 +110,7 @@ pub enum Collision {
     None,
 }
 
-/// Settings of an export. Fields ending in `_share` are shares of the object's diagonal, so that they fit a
-/// stapler as well as a fridge; everything else is in metres, kilograms, seconds and radians.
+/// What an export was asked for, and the settings of everything else. Metres and kilograms.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhysicalConfig {
     /// Metres per unit of the capture.
@@ -129,20 +129,22 @@ pub struct PhysicalConfig {
     pub densities: Vec<(String, f64)>,
     /// Mass of all parts together, kilograms; none to leave what follows from the densities.
     pub mass: Option<f64>,
-    /// Thickness of walls of which one side was seen, at most: those that were measured say whether they are thinner.
-    pub wall_share: f64,
-    /// Share of a wall for which a surface of the base that only closes its mesh stands: hidden sides stand on a floor or at a
-    /// wall, and some are the back of a wall that was seen. Those of movable parts stand for nothing, they are mostly hidden
-    /// backs. Calibrated on ten procedural objects.
-    pub closing_wall: f64,
     /// How parts collide.
     pub collision: Collision,
+    /// Largest number of convex pieces of a link.
+    pub most_hulls: u32,
+    /// Extend limits beyond the observed values until a contact or the loss of support.
+    pub extend_limits: bool,
+    /// Largest number of visual triangles of a link.
+    pub triangles: usize,
+    /// Edge of a texel, metres; none for the resolution of the photos.
+    pub texel: Option<f64>,
+    /// What no option gives.
+    pub settings: Settings,
     /// Largest distance between surface and convex pieces, metres; half of it is left for the clearance between links.
     pub cover: f64,
     /// Upper bound of `cover`, so that small objects keep their shape.
     pub cover_share: f64,
-    /// Largest number of convex pieces of a link.
-    pub most_hulls: u32,
     /// Least distance between convex pieces of different links: engines put margins around them.
     pub gap_share: f64,
     /// Upper bound of that distance, metres: the margins of engines do not grow with the object.
@@ -156,58 +158,6 @@ pub struct PhysicalConfig {
     pub contact_share: f64,
     /// Convex pieces thinner than this are removed: engines report false contacts at slivers.
     pub thinnest_share: f64,
-    /// Lowest mass of a link, kg.
-    pub least_mass: f64,
-    /// Extend limits beyond the observed values until a contact or the loss of support.
-    pub extend_limits: bool,
-    /// Largest extension of a hinge at each end, radians.
-    pub most_turn: f64,
-    /// Largest range of a hinge after extension, radians.
-    pub widest_turn: f64,
-    /// Farthest beyond what was observed that a contact closes a hinge which is flush nowhere, radians. Raising it closes parts farther
-    /// where surfaces are incomplete.
-    pub most_unseen_turn: f64,
-    /// The same for slides, metres.
-    pub most_unseen_slide: f64,
-    /// Extension of a slide whose closed state is not known and that meets nothing, as a share of its observed range.
-    pub most_slide: f64,
-    /// Share of a sliding part's length that must stay inside its parent.
-    pub least_support: f64,
-    /// Distance between the points of a surface that are swept for contacts.
-    pub sample_share: f64,
-    /// Least width of a contact between parts of which neither carries the other, and of one that closes a part on its carrier, in each
-    /// direction across the motion: rims overlap by a voxel. Set on one procedural object with voxels of 0.45 % of the diagonal, tested on four others.
-    pub contact_rim_share: f64,
-    /// Side of a square as large as the smallest contact: less is noise. This and the next two are calibrated on the replicas of
-    /// ten procedural objects with voxels of 0.45 % of the diagonal.
-    pub contact_width_share: f64,
-    /// Overlap of surfaces in an observed state that is an error of measurement.
-    pub overlap_share: f64,
-    /// A part that meets another one within this way in the direction in which it closes was observed closed.
-    pub closed_share: f64,
-    /// Least effort of a slide, N.
-    pub force: f64,
-    /// Least effort of a hinge, N m.
-    pub torque: f64,
-    /// Largest speed of a slide, m/s.
-    pub speed: f64,
-    /// Largest speed of a hinge, rad/s.
-    pub turn_rate: f64,
-    /// Time constant of free motion, seconds: damping is inertia divided by it.
-    pub settle: f64,
-    /// Dry friction as a share of the part's weight (slides), or of its weight at a tenth of its width (hinges).
-    pub friction: f64,
-    /// Error of the upright direction, radians, at which friction still holds a door or a drawer where it is put.
-    pub holds: f64,
-    /// Largest force at the far end of a part, N, that overcomes its friction, and that overcomes its damping at half a metre
-    /// per second: a hand moves every part.
-    pub hand: f64,
-    /// Contact of all surfaces.
-    pub contact: ContactMaterial,
-    /// Largest number of visual triangles of a link.
-    pub triangles: usize,
-    /// Edge of a texel, metres; none for the resolution of the photos.
-    pub texel: Option<f64>,
     /// Texels along the diagonal of a part at most, unless the edge of a texel is given.
     pub texels: f64,
     /// Largest side of a texture, pixels.
@@ -225,42 +175,20 @@ impl Default for PhysicalConfig {
             density: 650.0,
             densities: Vec::new(),
             mass: None,
-            wall_share: 0.01,
-            closing_wall: 0.5,
             collision: Collision::Hulls,
+            most_hulls: 400,
+            extend_limits: true,
+            triangles: 20_000,
+            texel: None,
+            settings: Settings::default(),
             cover: 5e-3,
             cover_share: 5e-3,
-            most_hulls: 400,
             gap_share: 2e-3,
             most_gap: 2.5e-3,
             engine_margins: 3e-3,
             most_margins_share: 5e-3,
             contact_share: 2e-4,
             thinnest_share: 1e-3,
-            least_mass: 0.01,
-            extend_limits: true,
-            most_turn: std::f64::consts::FRAC_PI_4,
-            widest_turn: std::f64::consts::PI,
-            most_unseen_turn: 15.0 * std::f64::consts::PI / 180.0,
-            most_unseen_slide: 0.05,
-            most_slide: 0.5,
-            least_support: 0.25,
-            sample_share: 4e-3,
-            contact_rim_share: 0.006,
-            contact_width_share: 0.015,
-            overlap_share: 6e-3,
-            closed_share: 7.5e-3,
-            force: 100.0,
-            torque: 50.0,
-            speed: 1.0,
-            turn_rate: 3.0,
-            settle: 0.5,
-            friction: 0.02,
-            holds: 3.0 * std::f64::consts::PI / 180.0,
-            hand: 5.0,
-            contact: ContactMaterial::default(),
-            triangles: 20_000,
-            texel: None,
             texels: 900.0,
             texture_side: 4096,
         }

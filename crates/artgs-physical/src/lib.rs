@@ -5,11 +5,13 @@ mod build;
 pub mod collision;
 mod config;
 mod describe;
+mod dynamics;
 pub mod export;
 pub mod geometry;
 mod limits;
 pub mod looks;
 mod mass;
+pub mod settings;
 mod step;
 
 pub use config::{Collision, Front, GivenClass, PhysicalConfig, Up};

@@ -3,6 +3,7 @@
 use crate::geometry::solid::Solid;
 use crate::geometry::topology::{bounds, corners, points};
 use crate::looks::Wall;
+use crate::settings::MassSettings;
 use artgs_core::{Inertial, Mesh};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -53,10 +54,16 @@ struct Behind {
 /// each stands for half of the measured thickness. Where one was, it stands for all of it, as thick as the measured walls of the
 /// part typically are, at most `wall`. A surface that only closes the mesh stands for a share `closing` of such a wall, or for
 /// nothing where the other side is near. A sealed interior is not solid. `solid` is that of the mesh.
-pub(crate) fn walls(mesh: &Mesh, solid: Option<&Solid>, observed: &Walls, wall: f64, closing: f64) -> Vec<f64> {
-    /// Largest thickness of a wall, in multiples of `wall`; beyond it begins an interior.
-    const THICKEST: f64 = 3.0;
-    let most = THICKEST * wall;
+pub(crate) fn walls(
+    mesh: &Mesh,
+    solid: Option<&Solid>,
+    observed: &Walls,
+    [wall, closing]: [f64; 2],
+    settings: &MassSettings,
+) -> Vec<f64> {
+    /// Distance, in multiples of `wall`, by which rounding puts the middle of a triangle beside the surface.
+    const ROUNDING: f64 = 1e-3;
+    let most = settings.thickest * wall;
     let Some(solid) = solid else { return vec![wall; mesh.triangles.len()] };
     let behind = |t: &[u32; 3]| {
         let [a, b, c] = corners(mesh, *t);
@@ -65,11 +72,11 @@ pub(crate) fn walls(mesh: &Mesh, solid: Option<&Solid>, observed: &Walls, wall: 
         if normal == DVec3::ZERO {
             return Behind { area: 0.0, wall: Wall::default(), depth: 0.0 };
         }
-        let depth = solid.thickness(middle, normal, 1e-3 * wall, most);
+        let depth = solid.thickness(middle, normal, ROUNDING * wall, most);
         Behind { area: 0.5 * cross.length(), wall: observed(middle, normal, most), depth }
     };
     let triangles: Vec<Behind> = mesh.triangles.par_iter().map(behind).collect();
-    let typical = typical(&triangles).map_or(wall, |typical| typical.min(wall));
+    let typical = typical(&triangles, settings.measured).map_or(wall, |typical| typical.min(wall));
     let stands_for = |t: &Behind| match t.wall {
         Wall { thickness: Some(thickness), .. } => 0.5 * thickness,
         Wall { seen: true, .. } => typical,
@@ -79,10 +86,8 @@ pub(crate) fn walls(mesh: &Mesh, solid: Option<&Solid>, observed: &Walls, wall: 
     triangles.iter().map(stands_for).collect()
 }
 
-/// Median thickness, by area, of the walls of which both sides were seen; none if there are too few.
-fn typical(triangles: &[Behind]) -> Option<f64> {
-    /// Least share of the surface that was seen.
-    const LEAST: f64 = 0.02;
+/// Median thickness, by area, of the walls of which both sides were seen; none if they are not more than a share `least` of what was seen.
+fn typical(triangles: &[Behind], least: f64) -> Option<f64> {
     let seen: f64 = triangles.iter().filter(|t| t.wall.seen).map(|t| t.area).sum();
     let mut both: Vec<(f64, f64)> = triangles.iter().filter_map(|t| Some((t.wall.thickness?, t.area))).collect();
     let total: f64 = both.iter().map(|(_, area)| area).sum();
@@ -92,13 +97,14 @@ fn typical(triangles: &[Behind]) -> Option<f64> {
         sum += area;
         sum >= 0.5 * total
     });
-    median.filter(|_| total > LEAST * seen).map(|(thickness, _)| *thickness)
+    median.filter(|_| total > least * seen).map(|(thickness, _)| *thickness)
 }
 
 /// Mass and inertia of a link: its walls, of the given thickness per triangle; as a solid if that is less and the surface is
 /// closed without invented walls.
-/// Lengths in metres, density in kg/m^3. An empty mesh has mass `least`.
-pub(crate) fn inertial(mesh: &Mesh, closed: bool, walls: &[f64], density: f64, least: f64) -> Inertial {
+/// Lengths in metres, density in kg/m^3. An empty mesh has the least mass.
+pub(crate) fn inertial(mesh: &Mesh, closed: bool, walls: &[f64], density: f64, settings: &MassSettings) -> Inertial {
+    let least = settings.least_mass;
     let mut moments = shell(mesh, walls);
     let area = shell(mesh, &vec![1.0; mesh.triangles.len()]).mass;
     let wall = if area > 0.0 { moments.mass / area } else { 0.0 };
@@ -115,8 +121,8 @@ pub(crate) fn inertial(mesh: &Mesh, closed: bool, walls: &[f64], density: f64, l
     let center = moments.first / moments.mass;
     // About the centre, per mass; a body is at least as thick as its walls.
     let covariance = moments.second * (1.0 / moments.mass) - outer(center, center);
-
-    let covariance = covariance + DMat3::from_diagonal(DVec3::splat(wall * wall / 12.0 * 0.1));
+    let least_spread = wall * wall / 12.0 * settings.least_thickness;
+    let covariance = covariance + DMat3::from_diagonal(DVec3::splat(least_spread));
     let trace = covariance.x_axis.x + covariance.y_axis.y + covariance.z_axis.z;
     let inertia = (DMat3::IDENTITY * trace - covariance) * mass;
     let (x, y, z) = (inertia.x_axis, inertia.y_axis, inertia.z_axis);
@@ -164,19 +170,24 @@ mod tests {
 
     /// A wall of one thickness everywhere.
     fn inertial(mesh: &Mesh, closed: bool, wall: f64, density: f64, least: f64) -> Inertial {
-        super::inertial(mesh, closed, &vec![wall; mesh.triangles.len()], density, least)
+        super::inertial(mesh, closed, &vec![wall; mesh.triangles.len()], density, &at_least(least))
+    }
+
+    fn at_least(least_mass: f64) -> MassSettings {
+        MassSettings { least_mass, ..MassSettings::default() }
     }
 
     fn walls(mesh: &Mesh, observed: &Walls, wall: f64, closing: f64) -> Vec<f64> {
-        super::walls(mesh, Solid::new(mesh, &|_| true).as_ref(), observed, wall, closing)
+        super::walls(mesh, Solid::new(mesh, &|_| true).as_ref(), observed, [wall, closing], &MassSettings::default())
     }
 
     #[test]
     fn walls_are_measured_where_both_sides_were_seen() {
         // A board of 12 mm: seen from both sides, from one, and from one with a narrow side.
         let board = cuboid(DVec3::ZERO, DVec3::new(1.0, 0.5, 0.012));
-        let mass =
-            |observed: &Walls| super::inertial(&board, false, &walls(&board, observed, 0.02, 0.5), 1.0, 1e-6).mass;
+        let mass = |observed: &Walls| {
+            super::inertial(&board, false, &walls(&board, observed, 0.02, 0.5), 1.0, &at_least(1e-6)).mass
+        };
         let through = |n: DVec3| DVec3::new(1.0, 0.5, 0.012).dot(n.abs());
         let thickness = |n: DVec3, most: f64| Some(through(n)).filter(|d| *d < most);
         let from_above = |_: DVec3, n: DVec3, _: f64| Wall { seen: n.z > 0.5, thickness: None };
@@ -195,10 +206,10 @@ mod tests {
         // A closed box with nothing near behind its sides is not solid.
         let body = cuboid(DVec3::ZERO, DVec3::splat(1.0));
         let seen = |_: DVec3, _: DVec3, _: f64| Wall { seen: true, thickness: None };
-        let hollow = super::inertial(&body, true, &walls(&body, &seen, 0.02, 0.5), 1.0, 1e-6).mass;
+        let hollow = super::inertial(&body, true, &walls(&body, &seen, 0.02, 0.5), 1.0, &at_least(1e-6)).mass;
         assert!((hollow - 0.12).abs() < 1e-6, "{hollow}");
         let hidden = |_: DVec3, n: DVec3, _: f64| Wall { seen: n.z > -0.5, thickness: None };
-        let hollow = super::inertial(&body, true, &walls(&body, &hidden, 0.02, 0.5), 1.0, 1e-6).mass;
+        let hollow = super::inertial(&body, true, &walls(&body, &hidden, 0.02, 0.5), 1.0, &at_least(1e-6)).mass;
         assert!((hollow - 0.11).abs() < 1e-6, "{hollow}");
     }
 

@@ -5,7 +5,7 @@ pub(crate) mod semantics;
 
 use crate::config::{Front, PhysicalConfig};
 use crate::geometry::topology::{bounds, diagonal, points};
-use crate::limits::{NARROWEST, nearer_state};
+use crate::limits::nearer_state;
 use artgs_core::{
     Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, PartSemantics, PerState, Replica, Rigid, State, TexturedMesh,
 };
@@ -78,7 +78,8 @@ fn frames(replica: &Replica, nearer: &[Option<State>], config: &PhysicalConfig, 
         let observed = joint.state_values.map(|v| sign * (v - zero) + 0.0);
         let given = ordered(joint.limits.map(|v| sign * (v - zero)));
         let seen = ordered([observed[State::START], observed[State::END]]);
-        let limits = [given[0].min(seen[0]).min(0.0), given[1].max(seen[1]).max(seen[0] + NARROWEST)];
+        let limits =
+            [given[0].min(seen[0]).min(0.0), given[1].max(seen[1]).max(seen[0] + config.settings.limits.narrowest)];
         let asset_joint = AssetJoint {
             kind: joint.kind,
             axis: from_start.turn(joint.axis * sign).normalize_or(DVec3::Z),

@@ -2,6 +2,7 @@
 //! it; a panel that turns, on the face of its carrier.
 
 use crate::limits::sweep::Surface;
+use crate::settings::FlushSettings;
 use artgs_core::{Asset, JointKind};
 use glam::{DVec2, DVec3};
 use std::f64::consts::FRAC_PI_2;
@@ -15,19 +16,16 @@ pub(crate) struct Plate {
     across: [[f64; 2]; 2],
 }
 
-/// Least cosine between the normals of a front and the direction in which parts open.
-const FACING: f64 = 0.9;
-
 /// Directions across the one in which a part opens.
 fn sides(opens: DVec3) -> [DVec3; 2] {
     let (u, v) = opens.any_orthonormal_pair();
     [u, v]
 }
 
-/// Observed points of a link that look in direction `opens`, object's frame.
-fn facing(asset: &Asset, surfaces: &[Surface], link: usize, opens: DVec3) -> Vec<DVec3> {
+/// Observed points of a link that look in direction `opens`, object's frame, with normals within an angle of the given cosine.
+fn facing(asset: &Asset, surfaces: &[Surface], link: usize, opens: DVec3, cosine: f64) -> Vec<DVec3> {
     let origin = asset.links[link].origin;
-    surfaces[link].facing(opens, FACING).map(|p| p + origin).collect()
+    surfaces[link].facing(opens, cosine).map(|p| p + origin).collect()
 }
 
 /// Depth at which most of the points lie, if at least `least` do: the mean of the fullest interval of length 2 `layer`.
@@ -47,10 +45,10 @@ pub(crate) fn plate(
     surfaces: &[Surface],
     link: usize,
     opens: DVec3,
-    layer: f64,
-    least: usize,
+    (layer, least): (f64, usize),
+    settings: &FlushSettings,
 ) -> Option<Plate> {
-    let points = facing(asset, surfaces, link, opens);
+    let points = facing(asset, surfaces, link, opens, settings.facing);
     let depth = fullest(&points, opens, layer, least)?;
     let across = sides(opens).map(|side| {
         let on_plate = points.iter().filter(|p| (p.dot(opens) - depth).abs() <= 2.0 * layer).map(|p| p.dot(side));
@@ -67,6 +65,7 @@ pub(crate) fn frame(
     (plate, opens): (&Plate, DVec3),
     (reach, [low, high]): (f64, [f64; 2]),
     (layer, least): (f64, usize),
+    settings: &FlushSettings,
 ) -> Option<f64> {
     let sides = sides(opens);
     let beyond = |p: &DVec3| {
@@ -76,71 +75,73 @@ pub(crate) fn frame(
         });
         outside.fold(f64::NEG_INFINITY, f64::max)
     };
-    let around = facing(asset, surfaces, link, opens);
+    let around = facing(asset, surfaces, link, opens, settings.facing);
     let is_around = |p: &DVec3| (low..=high).contains(&p.dot(opens)) && (0.0..reach).contains(&beyond(p));
     let around: Vec<DVec3> = around.into_iter().filter(is_around).collect();
     fullest(&around, opens, layer, least)
 }
 
-/// Links that slide in the same direction on the same carrier.
-pub(crate) fn beside(asset: &Asset, link: usize) -> impl Iterator<Item = usize> {
-    /// Least cosine between the axes.
-    const PARALLEL: f64 = 0.99;
+/// Links that slide in the same direction on the same carrier; the cosine between their axes is above `parallel`.
+pub(crate) fn beside(asset: &Asset, link: usize, parallel: f64) -> impl Iterator<Item = usize> {
     let slides = |i: usize| asset.links[i].joint.filter(|joint| joint.kind == JointKind::Prismatic);
     (0..asset.links.len()).filter(move |other| {
         let axes = slides(link).zip(slides(*other));
         *other != link
             && asset.links[*other].parent == asset.links[link].parent
-            && axes.is_some_and(|(a, b)| a.axis.dot(b.axis) > PARALLEL)
+            && axes.is_some_and(|(a, b)| a.axis.dot(b.axis) > parallel)
     })
 }
 
 /// Joint values, up to half a turn or more from 0, at which a part that turns lies as a panel on the face of its carrier: parallel to it, over it, and at its
 /// border. Without values if one of both is no box. `layer`: how far the panel may be from the face.
-pub(crate) fn folded(asset: &Asset, surfaces: &[Surface], link: usize, layer: f64) -> Vec<f64> {
+pub(crate) fn folded(
+    asset: &Asset,
+    surfaces: &[Surface],
+    link: usize,
+    layer: f64,
+    settings: &FlushSettings,
+) -> Vec<f64> {
     let Some((joint, parent)) = asset.links[link].joint.zip(asset.links[link].parent) else { return Vec::new() };
     let across = joint.axis.any_orthonormal_pair();
-    let turned = |own: &Surface| faces(own, joint.axis, across);
+    let turned = |own: &Surface| faces(own, joint.axis, across, settings);
     let Some((own, carrier)) = turned(&surfaces[link]).zip(turned(&surfaces[parent])) else { return Vec::new() };
     let from_pivot = asset.links[parent].origin - asset.links[link].origin;
     let sides = DVec2::from_angle(carrier);
-    let of_carrier = extents(surfaces[parent].visible().map(|p| p + from_pivot), joint.axis, across, sides);
+    let extents = |points: &mut dyn Iterator<Item = DVec3>, side: DVec2| {
+        extents(points, joint.axis, across, side, settings.beyond)
+    };
+    let of_carrier = extents(&mut surfaces[parent].visible().map(|p| p + from_pivot), sides);
     let quarter = |k: i32| carrier - own + f64::from(k) * FRAC_PI_2;
     let is_panel_on_face = |angle: f64| {
         // The part turned by an angle, seen from the carrier, is the part seen from sides that are turned back.
-        let of_part = extents(surfaces[link].visible(), joint.axis, across, DVec2::from_angle(carrier - angle));
-        of_part.zip(of_carrier).is_some_and(|(part, carrier)| lies_on(&part, &carrier, layer))
+        let of_part = extents(&mut surfaces[link].visible(), DVec2::from_angle(carrier - angle));
+        of_part.zip(of_carrier).is_some_and(|(part, carrier)| lies_on(&part, &carrier, layer, settings.over))
     };
     (-2..=2).map(quarter).filter(|angle| is_panel_on_face(*angle)).collect()
 }
 
-/// Angle about an axis of the faces of a box, modulo a quarter turn; none if less than `BOX` of the observed faces along the axis agree.
-fn faces(surface: &Surface, axis: DVec3, across: (DVec3, DVec3)) -> Option<f64> {
-    /// Length of the mean of the fourfold angles: 1 for a box, 0 for a cylinder.
-    const BOX: f64 = 0.5;
-    /// Largest cosine between normal and axis of faces along the axis.
-    const ALONG: f64 = 0.5;
+/// Angle about an axis of the faces of a box, modulo a quarter turn; none if the observed faces along the axis are not those of a box.
+fn faces(surface: &Surface, axis: DVec3, across: (DVec3, DVec3), settings: &FlushSettings) -> Option<f64> {
     let (mut sum, mut count) = (DVec2::ZERO, 0.0);
-    for normal in surface.normals().filter(|n| n.dot(axis).abs() < ALONG) {
+    for normal in surface.normals().filter(|n| n.dot(axis).abs() < settings.along) {
         let angle = normal.dot(across.1).atan2(normal.dot(across.0));
         (sum, count) = (sum + DVec2::from_angle(4.0 * angle), count + 1.0);
     }
-    (sum.length() > BOX * count).then(|| 0.25 * sum.to_angle())
+    (sum.length() > settings.boxlike * count).then(|| 0.25 * sum.to_angle())
 }
 
-/// Intervals along the two sides and along the axis that hold most of the points; none without points.
+/// Intervals along the two sides and along the axis that hold the points but for a share `beyond` at each end; none without points.
 fn extents(
     points: impl Iterator<Item = DVec3>,
     axis: DVec3,
     across: (DVec3, DVec3),
     side: DVec2,
+    beyond: f64,
 ) -> Option<[[f64; 2]; 3]> {
-    /// Share of the points beyond each end: handles and scraps.
-    const BEYOND: f64 = 0.02;
     let at = |side: DVec2| across.0 * side.x + across.1 * side.y;
     let directions = [at(side), at(side.perp()), axis];
     let points: Vec<DVec3> = points.collect();
-    let beyond = (BEYOND * points.len() as f64) as usize;
+    let beyond = (beyond * points.len() as f64) as usize;
     let interval = |direction: DVec3| {
         let mut along: Vec<f64> = points.iter().map(|p| p.dot(direction)).collect();
         along.sort_by(f64::total_cmp);
@@ -149,15 +150,13 @@ fn extents(
     (!points.is_empty()).then(|| directions.map(interval))
 }
 
-/// True if the thinner side of a panel is at the border of a carrier and its other extents are over it.
-fn lies_on(part: &[[f64; 2]; 3], carrier: &[[f64; 2]; 3], layer: f64) -> bool {
-    /// Share of a panel that is over its carrier.
-    const OVER: f64 = 0.7;
+/// True if the thinner side of a panel is at the border of a carrier and more than a share `over` of its other extents is over it.
+fn lies_on(part: &[[f64; 2]; 3], carrier: &[[f64; 2]; 3], layer: f64, over: f64) -> bool {
     let length = |[low, high]: [f64; 2]| high - low;
     let thin = usize::from(length(part[1]) < length(part[0]));
     let is_over = |side: usize| {
         let ([low, high], of) = (part[side], carrier[side]);
-        high.min(of[1]) - low.max(of[0]) > OVER * length([low, high])
+        high.min(of[1]) - low.max(of[0]) > over * length([low, high])
     };
     let [low, high] = part[thin];
     let is_at = |border: f64| (low - layer..=high + layer).contains(&border);
@@ -168,10 +167,16 @@ fn lies_on(part: &[[f64; 2]; 3], carrier: &[[f64; 2]; 3], layer: f64) -> bool {
 mod tests {
     use super::*;
     use crate::geometry::solid::Solid;
+    use crate::settings::SweepSettings;
     use artgs_core::{AssetJoint, AssetLink, Mesh, PerState};
 
     fn surface(low: [f32; 3], high: [f32; 3]) -> Surface {
-        Surface::of(Solid::new(&Mesh::cuboid(low, high), &|_| true).as_ref(), &|_| true, 0.01)
+        Surface::of(
+            Solid::new(&Mesh::cuboid(low, high), &|_| true).as_ref(),
+            &|_| true,
+            0.01,
+            &SweepSettings::default(),
+        )
     }
 
     /// A box, and a door about its left front edge that is open by `angle` at joint value 0 and opens in positive direction.
@@ -198,7 +203,7 @@ mod tests {
         let vertices =
             closed.vertices.iter().map(|v| (turn * DVec3::from_array(v.map(f64::from))).as_vec3().to_array());
         let open = Mesh { vertices: vertices.collect(), ..closed.clone() };
-        let open = Surface::of(Solid::new(&open, &|_| true).as_ref(), &|_| true, 0.01);
+        let open = Surface::of(Solid::new(&open, &|_| true).as_ref(), &|_| true, 0.01, &SweepSettings::default());
         let asset = Asset { links: vec![AssetLink::default(), door], ..Asset::default() };
         (asset, vec![surface([-0.3, 0.0, 0.0], [0.3, 0.5, 1.0]), open])
     }
@@ -207,7 +212,7 @@ mod tests {
     fn a_door_is_flush_where_it_closes_and_nowhere_else() {
         for angle in [0.0, 0.2, 0.9, 1.7, 2.6] {
             let (asset, surfaces) = with_door(angle, 0.6);
-            let found = folded(&asset, &surfaces, 1, 0.01);
+            let found = folded(&asset, &surfaces, 1, 0.01, &FlushSettings::default());
             assert!(found.iter().any(|v| (v + angle).abs() < 0.01), "{angle}: {found:?}");
             // Opened by a quarter turn it stands before the box, by half a turn beside it.
             assert!(found.iter().all(|v| !(0.01..3.2).contains(&(v + angle))), "{angle}: {found:?}");
@@ -225,7 +230,7 @@ mod tests {
             mesh.vertices.extend([0.0, 1.0].iter().flat_map(|z| ring.iter().map(move |p| [p[0], p[1], *z])));
             mesh.triangles.extend([[base, base + 1, base + 2], [base + 2, base + 1, base + 3]]);
         }
-        surfaces[0] = Surface::of(Solid::new(&mesh, &|_| true).as_ref(), &|_| true, 0.01);
-        assert_eq!(folded(&asset, &surfaces, 1, 0.01), Vec::<f64>::new());
+        surfaces[0] = Surface::of(Solid::new(&mesh, &|_| true).as_ref(), &|_| true, 0.01, &SweepSettings::default());
+        assert_eq!(folded(&asset, &surfaces, 1, 0.01, &FlushSettings::default()), Vec::<f64>::new());
     }
 }

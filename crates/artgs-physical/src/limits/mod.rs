@@ -9,4 +9,4 @@ pub(crate) mod sweep;
 mod tests;
 
 pub(crate) use nearer_state::nearer_state;
-pub(crate) use range::{NARROWEST, Range, Stop, extend};
+pub(crate) use range::{Range, Stop, extend};

@@ -74,19 +74,21 @@ pub(crate) fn extend(
     diagonal: f64,
     config: &PhysicalConfig,
 ) -> Vec<Option<Range>> {
-    let spacing = config.sample_share * diagonal;
-    let width = config.contact_width_share * diagonal;
+    let (settings, extends) = (&config.settings.limits, config.extend_limits);
+    let spacing = settings.sample_share * diagonal;
+    let width = settings.contact_width_share * diagonal;
     let precision = Precision {
         points: (width * width / (spacing * spacing)).ceil() as usize,
-        width: config.contact_rim_share * diagonal,
-        carrier_width: config.contact_rim_share * diagonal,
-        overlap: config.overlap_share * diagonal,
+        width: settings.contact_rim_share * diagonal,
+        carrier_width: settings.contact_rim_share * diagonal,
+        overlap: settings.overlap_share * diagonal,
+        settings: settings.sweep,
     };
-    let near = config.closed_share * diagonal;
-    let search = |link: usize| Search { asset, surfaces, link, precision, config, near, spacing };
+    let near = settings.closed_share * diagonal;
+    let search = |link: usize| Search { asset, surfaces, link, precision, settings, extends, near, spacing };
     let mut ranges: Vec<Option<Range>> =
         (0..asset.links.len()).map(|link| search(link).range(nearer[link].is_some())).collect();
-    if config.extend_limits {
+    if extends {
         let flush: Vec<Option<Flush>> =
             (0..asset.links.len()).map(|link| nearer[link].and_then(|_| search(link).flush(&ranges))).collect();
         for (link, flush) in flush.into_iter().enumerate().filter(|(link, _)| nearer[*link].is_some()) {
@@ -99,18 +101,15 @@ pub(crate) fn extend(
         }
     }
     for (link, range) in ranges.iter_mut().enumerate() {
-        let Some(range) = range.as_mut().filter(|_| config.extend_limits) else { continue };
+        let Some(range) = range.as_mut().filter(|_| extends) else { continue };
         // Engines refuse a range of nothing.
-        range.limits[1] = range.limits[1].max(range.limits[0] + NARROWEST);
+        range.limits[1] = range.limits[1].max(range.limits[0] + settings.narrowest);
         for state in State::ALL {
             range.free[state] = search(link).free(state, range.limits);
         }
     }
     ranges
 }
-
-/// Least range of a joint, radians or metres: engines refuse `lower = upper`.
-pub(crate) const NARROWEST: f64 = 1e-4;
 
 pub(super) fn ordered(values: PerState<f64>) -> [f64; 2] {
     let (start, end) = (values[State::START], values[State::END]);

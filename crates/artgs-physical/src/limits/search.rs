@@ -3,7 +3,7 @@
 use super::flush;
 use super::range::{Flush, Range, Source, Stop, ordered};
 use super::sweep::{Contact, Part, Precision, Surface, Sweep, first_contact, first_crossing, reach};
-use crate::config::PhysicalConfig;
+use crate::settings::LimitSettings;
 use artgs_core::{Asset, JointKind, PerState, State};
 use glam::DVec3;
 
@@ -20,7 +20,9 @@ pub(super) struct Search<'a> {
     pub(super) surfaces: &'a [Surface],
     pub(super) link: usize,
     pub(super) precision: Precision,
-    pub(super) config: &'a PhysicalConfig,
+    pub(super) settings: &'a LimitSettings,
+    /// True if limits go beyond the observed values.
+    pub(super) extends: bool,
     /// A part that meets another one within this way, metres, was observed closed.
     pub(super) near: f64,
     /// Distance of the points of the surfaces.
@@ -38,7 +40,7 @@ impl Search<'_> {
             free: PerState::new(observed, observed),
             closed: false,
         };
-        if !self.config.extend_limits {
+        if !self.extends {
             return Some(out);
         }
         for (end, sign) in [(0, -1.0), (1, 1.0)] {
@@ -60,8 +62,8 @@ impl Search<'_> {
     /// Farthest beyond what was observed that a contact closes a part which is flush nowhere.
     pub(super) fn most_unseen(&self) -> f64 {
         match self.kind() {
-            JointKind::Prismatic => self.config.most_unseen_slide,
-            _ => self.config.most_unseen_turn,
+            JointKind::Prismatic => self.settings.most_unseen_slide,
+            _ => self.settings.most_unseen_turn,
         }
     }
 
@@ -82,29 +84,27 @@ impl Search<'_> {
 
     /// Where a panel that turns lies on the face of its carrier.
     fn flush_panel(&self, sign: f64) -> Option<Flush> {
-        /// Error of the directions of faces, radians: surfaces are uneven.
-        const PRECISION: f64 = 0.035;
+        let settings = &self.settings.flush;
         let (asset, near) = (self.asset, self.near / self.reach());
-        let most = self.config.widest_turn - self.span();
-        let values = flush::folded(asset, self.surfaces, self.link, 2.0 * self.near);
+        let most = self.settings.widest_turn - self.span();
+        let values = flush::folded(asset, self.surfaces, self.link, settings.border * self.near, settings);
         let beyond = values.into_iter().filter(|v| (-near..=most).contains(&(sign * v)));
         let value = beyond.min_by(|a, b| (sign * a).total_cmp(&(sign * b)))?;
         let link = asset.links[asset.links[self.link].parent?].name.clone();
-        Some(Flush { value: sign * (sign * value).max(0.0), link, precision: PRECISION, closed: value.abs() <= near })
+        let closed = value.abs() <= near;
+        Some(Flush { value: sign * (sign * value).max(0.0), link, precision: settings.turn_error, closed })
     }
 
     /// Where the front of a slide is flush with the front of its carrier or, where it meets nothing, with those of parts beside it that
     /// close until a contact.
     fn flush_slide(&self, ranges: &[Option<Range>], end: usize, sign: f64) -> Option<Flush> {
-        /// Largest distance of a frame from the rim of the front, multiples of the largest way of a part that was observed closed.
-        const FRAME: f64 = 10.0;
-        let (asset, surfaces) = (self.asset, self.surfaces);
+        let (asset, surfaces, settings) = (self.asset, self.surfaces, &self.settings.flush);
         let joint = asset.links[self.link].joint?;
         let range = ranges[self.link].as_ref()?;
         // A front that overlaps its frame meets it before it is flush, by its thickness.
-        let most = sign * range.limits[end] + self.config.most_unseen_slide;
-        let (opens, layer, least) = (-sign * joint.axis, 0.5 * self.spacing, self.precision.points);
-        let plate = |link: usize| flush::plate(asset, surfaces, link, opens, layer, least);
+        let most = sign * range.limits[end] + self.settings.most_unseen_slide;
+        let (opens, layer, least) = (-sign * joint.axis, settings.layer * self.spacing, self.precision.points);
+        let plate = |link: usize| flush::plate(asset, surfaces, link, opens, (layer, least), settings);
         let own = plate(self.link)?;
         let flush_with = |depth: f64, link: usize| {
             let way = own.depth - depth;
@@ -116,7 +116,8 @@ impl Search<'_> {
         let parent = asset.links[self.link].parent?;
         let frame = {
             let within = [own.depth - most, own.depth + self.near];
-            flush::frame(asset, surfaces, parent, (&own, opens), (FRAME * self.near, within), (layer, least))
+            let around = (settings.frame * self.near, within);
+            flush::frame(asset, surfaces, parent, (&own, opens), around, (layer, least), settings)
         };
         if let Some(found) = frame.and_then(|depth| flush_with(depth, parent)) {
             return Some(found);
@@ -124,7 +125,7 @@ impl Search<'_> {
         if range.sources[end] != Source::Assumed {
             return None;
         }
-        let closed_beside = flush::beside(asset, self.link).filter_map(|other| {
+        let closed_beside = flush::beside(asset, self.link, settings.parallel).filter_map(|other| {
             let range = ranges[other].as_ref().filter(|r| matches!(r.stops[end], Stop::Contact(_)))?;
             flush_with(plate(other)?.depth - sign * range.limits[end], other)
         });
@@ -174,7 +175,7 @@ impl Search<'_> {
     pub(super) fn first_closing(&self, sign: f64, precision: &Precision) -> Option<Found> {
         let most = match self.kind() {
             JointKind::Prismatic => self.length(),
-            JointKind::Revolute => self.config.widest_turn - self.span(),
+            JointKind::Revolute => self.settings.widest_turn - self.span(),
             // The length of a thread is not visible.
             JointKind::Screw => 0.0,
         };
@@ -226,7 +227,7 @@ impl Search<'_> {
         }
         let zero = vec![0.0; self.asset.links.len()];
         let sweep = Sweep { link: self.link, from, way: sign * found.way, own: Part::Seen, others: Part::Seen };
-        let precision = Precision { overlap: 0.5 * self.precision.overlap, ..self.precision };
+        let precision = Precision { overlap: self.settings.crossing * self.precision.overlap, ..self.precision };
         match first_crossing(self.asset, self.surfaces, &zero, &sweep, &precision) {
             Some(contact) => self.met(contact, Source::Inferred),
             None => found,
@@ -256,8 +257,8 @@ impl Search<'_> {
     fn assumed(&self) -> Found {
         let span = self.span();
         let way = match self.kind() {
-            JointKind::Prismatic => self.config.most_slide * span,
-            JointKind::Revolute => self.config.most_turn.min(0.5 * (self.config.widest_turn - span)).max(0.0),
+            JointKind::Prismatic => self.settings.most_slide * span,
+            JointKind::Revolute => self.settings.most_turn.min(0.5 * (self.settings.widest_turn - span)).max(0.0),
             JointKind::Screw => 0.0,
         };
         Found { way, stop: Stop::Reach, source: Source::Assumed }
@@ -287,7 +288,7 @@ impl Search<'_> {
             true => carrier[1] - (own[0] + shift),
             false => own[1] + shift - carrier[0],
         };
-        let free = inside - self.config.least_support * length;
+        let free = inside - self.settings.least_support * length;
         if free.is_finite() { free.clamp(0.0, length) } else { 0.0 }
     }
 }

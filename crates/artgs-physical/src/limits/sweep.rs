@@ -11,6 +11,7 @@ use crate::geometry::convert::trimesh;
 use crate::geometry::convert::{from_parry, to_parry};
 use crate::geometry::solid::{Sample, Solid};
 use crate::geometry::topology::{corners, refine};
+use crate::settings::SweepSettings;
 use artgs_core::{Asset, JointKind, Mesh, Rigid};
 use glam::{DVec2, DVec3};
 use parry3d::query::{PointQueryWithLocation as _, Ray, RayCullingMode};
@@ -27,15 +28,13 @@ pub(crate) struct Surface {
 
 impl Surface {
     /// Surface of a solid with points about `spacing` apart; nothing without one.
-    pub(crate) fn of(solid: Option<&Solid>, observed: &Observed, spacing: f64) -> Self {
-        /// Longest edge of a triangle that is observed or not, distances between points.
-        const COARSEST: f64 = 4.0;
+    pub(crate) fn of(solid: Option<&Solid>, observed: &Observed, spacing: f64, settings: &SweepSettings) -> Self {
         let Some(solid) = solid else {
             return Self { samples: Vec::new(), all: None, seen: None };
         };
         // A triangle of a flat face is larger than what was observed of it.
         let mut seen = Mesh { colors: Vec::new(), ..solid.mesh.clone() };
-        refine(&mut seen, COARSEST * spacing);
+        refine(&mut seen, settings.edge * spacing);
         let middle = |t: &[u32; 3]| corners(&seen, *t).iter().sum::<DVec3>() / 3.0;
         let triangles = seen.triangles.par_iter().filter(|t| observed(middle(t))).copied().collect();
         let seen = Mesh { triangles, ..seen };
@@ -104,6 +103,8 @@ pub(crate) struct Precision {
     pub carrier_width: f64,
     /// Overlap at the beginning of the way, metres, that counts as a contact there.
     pub overlap: f64,
+    /// What a contact is.
+    pub settings: SweepSettings,
 }
 
 /// A contact on a way.
@@ -141,10 +142,7 @@ pub(crate) fn first_contact(
     sweep: &Sweep,
     precision: &Precision,
 ) -> Option<Contact> {
-    /// Way of a hinge between two tested poses, radians: chords leave arcs by 0.4 mm per metre.
-    const TURN: f64 = 0.05;
-    /// Tested poses of a slide.
-    const SLIDES: f64 = 12.0;
+    let settings = &precision.settings;
     let joint = asset.links[sweep.link].joint?;
     let arm = reach(asset, surfaces, sweep.link);
     if sweep.way == 0.0 || arm <= 0.0 {
@@ -153,7 +151,11 @@ pub(crate) fn first_contact(
     // The way begins earlier, so that surfaces that overlap already are met.
     let before = (precision.overlap / arm).min(1.0);
     let length = sweep.way.abs() + before;
-    let steps = if joint.kind == JointKind::Prismatic { SLIDES } else { (length / TURN).ceil().clamp(4.0, 400.0) };
+    let [least, most] = settings.turns;
+    let steps = match joint.kind {
+        JointKind::Prismatic => settings.slides,
+        _ => (length / settings.turn).ceil().clamp(least, most),
+    };
     let step = length / steps;
     let poses: Vec<Vec<Rigid>> = (0..=steps as usize)
         .map(|k| {
@@ -173,7 +175,7 @@ pub(crate) fn first_contact(
             let pair = [(&surfaces[own], sweep.own), (&surfaces[other], sweep.others)];
             let is_carrier = asset.links[sweep.link].parent == Some(other);
             let width = if is_carrier { precision.carrier_width } else { precision.width };
-            let met = first_of_pair(pair, &other_from_own, (precision.points, width));
+            let met = first_of_pair(pair, &other_from_own, (precision.points, width), settings);
             let Some(met) = met.map(|steps| (steps * step - before).max(0.0)) else { continue };
             if best.is_none_or(|best| met < best.way) {
                 best = Some(Contact { way: met, link: other });
@@ -193,12 +195,11 @@ pub(crate) fn first_crossing(
     sweep: &Sweep,
     precision: &Precision,
 ) -> Option<Contact> {
-    /// Tested places on the way.
-    const STEPS: usize = 16;
+    let steps = precision.settings.crossings;
     let is_carried = carried(asset, sweep.link);
     let poses = |k: usize| {
         let mut values = values.to_vec();
-        values[sweep.link] = sweep.from + sweep.way * k as f64 / STEPS as f64;
+        values[sweep.link] = sweep.from + sweep.way * k as f64 / steps as f64;
         asset.poses(&values)
     };
     let pairs = || (0..asset.links.len()).flat_map(|a| (0..asset.links.len()).map(move |b| (a, b)));
@@ -206,35 +207,36 @@ pub(crate) fn first_crossing(
     let inside = |(a, b): (usize, usize), poses: &[Rigid]| {
         let b_from_a = poses[b].inverse() * poses[a];
         let [own, other] = [&surfaces[a], &surfaces[b]];
-        let depth = precision.overlap;
-        deep(own.points(sweep.own), other.triangles(sweep.others), &b_from_a, depth)
-            + deep(other.points(sweep.others), own.triangles(sweep.own), &b_from_a.inverse(), depth)
+        deep(own.points(sweep.own), other.triangles(sweep.others), &b_from_a, precision)
+            + deep(other.points(sweep.others), own.triangles(sweep.own), &b_from_a.inverse(), precision)
     };
     let before: Vec<usize> = pairs.iter().map(|pair| inside(*pair, &poses(0))).collect();
-    (1..=STEPS).find_map(|k| {
+    (1..=steps).find_map(|k| {
         let now = poses(k);
         let crossed =
             pairs.iter().zip(&before).find(|(pair, before)| inside(**pair, &now) > **before + precision.points);
-        let way = sweep.way.abs() * (k - 1) as f64 / STEPS as f64;
+        let way = sweep.way.abs() * (k - 1) as f64 / steps as f64;
         crossed.map(|((_, link), _)| Contact { way, link: *link })
     })
 }
 
-/// Number of points that are behind a surface by more than `depth`, and near it.
-fn deep<'a>(points: impl Iterator<Item = &'a Sample>, shape: Option<&TriMesh>, pose: &Rigid, depth: f64) -> usize {
-    /// Largest depth, in multiples of the least one: what is farther from the surface is behind a wall.
-    const NEAR: f64 = 3.0;
-    /// Cosine of the largest angle between the way to the surface and its normal: beside a rim, nothing is known.
-    const STRAIGHT: f64 = 0.9;
+/// Number of points that are behind a surface by more than the overlap that is an error, and near it.
+fn deep<'a>(
+    points: impl Iterator<Item = &'a Sample>,
+    shape: Option<&TriMesh>,
+    pose: &Rigid,
+    precision: &Precision,
+) -> usize {
     let Some(shape) = shape else { return 0 };
+    let (depth, SweepSettings { deepest, straight, .. }) = (precision.overlap, precision.settings);
     let is_deep = |sample: &&&Sample| {
         let p = to_parry(pose.apply(sample.point));
-        let found = shape.project_local_point_and_get_location_with_max_dist(p, false, (NEAR * depth) as f32);
+        let found = shape.project_local_point_and_get_location_with_max_dist(p, false, (deepest * depth) as f32);
         let Some((near, (triangle, _))) = found else { return false };
         let Some(normal) = shape.triangle(triangle).normal() else { return false };
         let way = from_parry(p - near.point);
         let behind = -way.dot(from_parry(normal));
-        behind > depth && behind > STRAIGHT * way.length()
+        behind > depth && behind > straight * way.length()
     };
     let points: Vec<&Sample> = points.collect();
     points.par_iter().filter(|sample| is_deep(sample)).count()
@@ -242,17 +244,22 @@ fn deep<'a>(points: impl Iterator<Item = &'a Sample>, shape: Option<&TriMesh>, p
 
 /// The number of steps after which the surfaces of two links are in contact; `other_from_own`: poses of the first in the frame of
 /// the second, before and after each step.
-fn first_of_pair(pair: [(&Surface, Part); 2], other_from_own: &[Rigid], (points, width): (usize, f64)) -> Option<f64> {
+fn first_of_pair(
+    pair: [(&Surface, Part); 2],
+    other_from_own: &[Rigid],
+    (points, width): (usize, f64),
+    settings: &SweepSettings,
+) -> Option<f64> {
     let [(own, own_part), (other, other_part)] = pair;
     let own_from_other: Vec<Rigid> = other_from_own.iter().map(Rigid::inverse).collect();
     // Of a large part, more is needed than of a small one.
-    let leading = own.points(own_part).filter(|sample| presses(sample, other_from_own, PRESSING)).count();
-    let points = points.max((LEADING_SHARE * leading as f64) as usize);
+    let leading = own.points(own_part).filter(|sample| presses(sample, other_from_own, settings.pressing)).count();
+    let points = points.max((settings.leading * leading as f64) as usize);
     let stops = [
-        entered(own.points(own_part), other.triangles(other_part), other_from_own),
-        entered(other.points(other_part), own.triangles(own_part), &own_from_other),
+        entered(own.points(own_part), other.triangles(other_part), other_from_own, settings),
+        entered(other.points(other_part), own.triangles(own_part), &own_from_other, settings),
     ];
-    let first = stops.into_iter().filter_map(|stops| wide_contact(stops, points.max(1), width));
+    let first = stops.into_iter().filter_map(|stops| wide_contact(stops, points.max(1), width, settings));
     first.reduce(f64::min)
 }
 
@@ -269,10 +276,8 @@ struct StopPoint {
 
 /// The number of steps after which `points` points have stopped whose neighbourhood, of all that stopped so far, is as wide as `width` in
 /// both directions across the motion: a strip of one voxel, by which rims of measured surfaces overlap, is no contact.
-fn wide_contact(mut stops: Vec<StopPoint>, points: usize, width: f64) -> Option<f64> {
-    /// Radius of a neighbourhood, widths: that of the corner of a larger area is still wide enough.
-    const REACH: f64 = 1.5;
-    let reach = REACH * width;
+fn wide_contact(mut stops: Vec<StopPoint>, points: usize, width: f64, settings: &SweepSettings) -> Option<f64> {
+    let reach = settings.reach * width;
     stops.sort_by(|a, b| a.steps.total_cmp(&b.steps));
     if width <= 0.0 {
         return stops.get(points - 1).map(|stop| stop.steps);
@@ -299,7 +304,7 @@ fn wide_contact(mut stops: Vec<StopPoint>, points: usize, width: f64) -> Option<
             if j != i {
                 around[i].add(-between);
             }
-            if !is_wide[j] && around[j].width() >= width {
+            if !is_wide[j] && around[j].width(settings.few) >= width {
                 (is_wide[j], count) = (true, count + 1);
             }
         }
@@ -333,11 +338,10 @@ impl Spread {
         self.squares = [self.squares[0] + x * x, self.squares[1] + y * y, self.squares[2] + x * y];
     }
 
-    /// Width of the points in the direction in which it is least: that of a strip on which they are spread evenly.
-    fn width(&self) -> f64 {
-        /// Fewer points say nothing.
-        const LEAST: f64 = 4.0;
-        if self.count < LEAST {
+    /// Width of the points in the direction in which it is least: that of a strip on which they are spread evenly. Fewer points than `few`
+    /// have none.
+    fn width(&self, few: f64) -> f64 {
+        if self.count < few {
             return 0.0;
         }
         let mean = self.sum / self.count;
@@ -350,21 +354,23 @@ impl Spread {
 
 /// Where points that move from pose to pose enter a surface against which they press. All steps are the same motion of one
 /// joint, so that a point moves at the same angle to its normal on each of them.
-fn entered<'a>(points: impl Iterator<Item = &'a Sample>, shape: Option<&TriMesh>, poses: &[Rigid]) -> Vec<StopPoint> {
+fn entered<'a>(
+    points: impl Iterator<Item = &'a Sample>,
+    shape: Option<&TriMesh>,
+    poses: &[Rigid],
+    settings: &SweepSettings,
+) -> Vec<StopPoint> {
     /// Difference of cosines that may be rounding.
     const ROUNDING: f64 = 1e-6;
+    /// Rounding of single precision around a surface, as a share of its distance from the origin.
+    const MARGIN: f64 = 1e-5;
     let Some(shape) = shape else { return Vec::new() };
-    let points: Vec<&Sample> = points.filter(|sample| presses(sample, poses, PRESSING - ROUNDING)).collect();
+    let points: Vec<&Sample> = points.filter(|sample| presses(sample, poses, settings.pressing - ROUNDING)).collect();
     let bounds = shape.local_aabb();
-    let margin = DVec3::splat(1e-5 * f64::from(bounds.mins.length().max(bounds.maxs.length())));
+    let margin = DVec3::splat(MARGIN * f64::from(bounds.mins.length().max(bounds.maxs.length())));
     let near = [from_parry(bounds.mins) - margin, from_parry(bounds.maxs) + margin];
-    points.par_iter().filter_map(|sample| entry(sample, shape, near, poses)).collect()
+    points.par_iter().filter_map(|sample| entry(sample, shape, near, poses, settings)).collect()
 }
-
-/// Cosine of the largest angle between motion and normals: noise tilts surfaces that slide along each other.
-const PRESSING: f64 = 0.85;
-/// Share of the points that face forward that a contact stops at least.
-const LEADING_SHARE: f64 = 0.01;
 
 /// True if a point moves against its surface on the way between the first two poses, at an angle of at least this cosine.
 fn presses(sample: &Sample, poses: &[Rigid], cosine: f64) -> bool {
@@ -373,9 +379,16 @@ fn presses(sample: &Sample, poses: &[Rigid], cosine: f64) -> bool {
 }
 
 /// Where a point enters a surface against which it presses; `near`: a box that holds the surface.
-fn entry(sample: &Sample, shape: &TriMesh, near: [DVec3; 2], poses: &[Rigid]) -> Option<StopPoint> {
-    /// Surfaces that a point passes at a grazing angle on one step, before the rest of the step is left out.
-    const MOST: usize = 4;
+fn entry(
+    sample: &Sample,
+    shape: &TriMesh,
+    near: [DVec3; 2],
+    poses: &[Rigid],
+    settings: &SweepSettings,
+) -> Option<StopPoint> {
+    /// Share of a step behind a surface at which the next one is looked for.
+    const BEHIND: f64 = 1e-3;
+    let SweepSettings { pressing, grazed, .. } = *settings;
     let mut from = poses[0].apply(sample.point);
     for (k, pair) in poses.windows(2).enumerate() {
         let to = pair[1].apply(sample.point);
@@ -385,22 +398,22 @@ fn entry(sample: &Sample, shape: &TriMesh, near: [DVec3; 2], poses: &[Rigid]) ->
             continue;
         }
         let length = way.length();
-        if length <= 0.0 || pair[0].turn(sample.normal).dot(way) < PRESSING * length {
+        if length <= 0.0 || pair[0].turn(sample.normal).dot(way) < pressing * length {
             continue;
         }
         let mut passed = 0.0;
-        for _ in 0..MOST {
+        for _ in 0..grazed {
             let ray = Ray::new(to_parry(start + way * passed), to_parry(way));
             let left = (1.0 - passed) as f32;
             let Some(hit) = shape.cast_local_ray_with_culling(&ray, left, RayCullingMode::IgnoreBackfaces) else {
                 break;
             };
             passed += f64::from(hit.time_of_impact);
-            if from_parry(hit.normal).dot(way) < -PRESSING * length {
+            if from_parry(hit.normal).dot(way) < -pressing * length {
                 let place = start + way * passed;
                 return Some(StopPoint { steps: k as f64 + passed, place, way: way / length });
             }
-            passed += 1e-3;
+            passed += BEHIND;
             if passed >= 1.0 {
                 break;
             }

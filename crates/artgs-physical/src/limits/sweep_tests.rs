@@ -2,7 +2,10 @@ use super::*;
 use artgs_core::{AssetJoint, AssetLink, PerState};
 
 const SPACING: f64 = 5e-3;
-const PRECISION: Precision = Precision { points: 10, width: 8e-3, carrier_width: 0.0, overlap: 6e-3 };
+
+fn precision() -> Precision {
+    Precision { points: 10, width: 8e-3, carrier_width: 0.0, overlap: 6e-3, settings: SweepSettings::default() }
+}
 
 fn cuboid(low: DVec3, high: DVec3) -> Mesh {
     Mesh::cuboid(low.as_vec3().to_array(), high.as_vec3().to_array())
@@ -27,11 +30,12 @@ fn asset(kind: JointKind, axis: DVec3, origin: DVec3) -> Asset {
 
 /// The free way of the second mesh, link frames.
 fn free(asset: &Asset, meshes: [&Mesh; 2], way: f64, observed: &Observed) -> Option<f64> {
-    let surface =
-        |mesh: &Mesh, observed: &Observed| Surface::of(Solid::new(mesh, observed).as_ref(), observed, SPACING);
+    let surface = |mesh: &Mesh, observed: &Observed| {
+        Surface::of(Solid::new(mesh, observed).as_ref(), observed, SPACING, &SweepSettings::default())
+    };
     let surfaces = [surface(meshes[0], &|_| true), surface(meshes[1], observed)];
     let sweep = Sweep { link: 1, from: 0.0, way, own: Part::Seen, others: Part::Seen };
-    let met = first_contact(asset, &surfaces, &[0.0; 2], &sweep, &PRECISION);
+    let met = first_contact(asset, &surfaces, &[0.0; 2], &sweep, &precision());
     met.map(|contact| contact.way)
 }
 
@@ -63,13 +67,15 @@ fn a_rim_that_overlaps_that_of_another_moving_part_by_a_voxel_stops_nothing() {
     beside.links.push(AssetLink { name: "board".into(), ..beside.links[1].clone() });
     for (overlap, met) in [(0.004, [true, false]), (0.012, [true; 2])] {
         let board = cuboid(DVec3::new(0.0, 0.3, 0.2 - overlap), DVec3::new(0.4, 0.32, 0.5));
-        let surface = |mesh: &Mesh| Surface::of(Solid::new(mesh, &|_| true).as_ref(), &|_| true, SPACING);
+        let surface = |mesh: &Mesh| {
+            Surface::of(Solid::new(mesh, &|_| true).as_ref(), &|_| true, SPACING, &SweepSettings::default())
+        };
         let surfaces = [surface(&board), surface(&block), surface(&board)];
-        let nothing = Surface::of(None, &|_| true, SPACING);
+        let nothing = Surface::of(None, &|_| true, SPACING, &SweepSettings::default());
         let sweep = Sweep { link: 1, from: 0.0, way: 0.5, own: Part::Seen, others: Part::Seen };
-        let of_carrier = first_contact(&carried, &surfaces[..2], &[0.0; 2], &sweep, &PRECISION);
+        let of_carrier = first_contact(&carried, &surfaces[..2], &[0.0; 2], &sweep, &precision());
         let [_, own, board] = surfaces;
-        let of_part = first_contact(&beside, &[nothing, own, board], &[0.0; 3], &sweep, &PRECISION);
+        let of_part = first_contact(&beside, &[nothing, own, board], &[0.0; 3], &sweep, &precision());
         assert_eq!([of_carrier.is_some(), of_part.is_some()], met, "{overlap} {of_carrier:?} {of_part:?}");
         for contact in [of_carrier, of_part].into_iter().flatten() {
             assert!((contact.way - 0.2).abs() < 1e-3, "{contact:?}");
@@ -108,10 +114,11 @@ fn a_panel_that_enters_a_post_from_the_side_crosses_it() {
     let sheet = cuboid(DVec3::new(0.0, 0.0, 0.0), DVec3::new(0.3, 0.01, 0.3));
     let slide = asset(JointKind::Prismatic, DVec3::X, DVec3::ZERO);
     let sweep = Sweep { link: 1, from: 0.0, way: 0.4, own: Part::Seen, others: Part::Seen };
-    let precision = Precision { overlap: 5e-3, ..PRECISION };
+    let precision = Precision { overlap: 5e-3, ..precision() };
     for (overlap, met) in [(0.002, false), (0.008, true)] {
         let post = cuboid(DVec3::new(0.5, -0.05, 0.0), DVec3::new(0.6, overlap, 0.3));
-        let surfaces = [&post, &sheet].map(|m| Surface::of(Solid::new(m, &|_| true).as_ref(), &|_| true, SPACING));
+        let surfaces = [&post, &sheet]
+            .map(|m| Surface::of(Solid::new(m, &|_| true).as_ref(), &|_| true, SPACING, &SweepSettings::default()));
         let found = first_crossing(&slide, &surfaces, &[0.0; 2], &sweep, &precision);
         assert_eq!(found.is_some(), met, "{found:?}");
         // The way to the post is 0.2; the sheet is inside by less than one step.

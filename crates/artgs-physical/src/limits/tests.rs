@@ -5,6 +5,7 @@ use super::search::Found;
 use super::sweep::Surface;
 use crate::config::PhysicalConfig;
 use crate::geometry::solid::Solid;
+use crate::settings::SweepSettings;
 use artgs_core::{Asset, AssetJoint, AssetLink, JointKind, Mesh, PerState, State};
 use glam::DVec3;
 
@@ -48,7 +49,9 @@ fn cabinet_with_front([out, open]: [f64; 2], wide: f64) -> (Asset, Vec<Surface>)
         movable(JointKind::Prismatic, DVec3::NEG_Y, DVec3::new(0.0, -out, 0.1), open),
         movable(JointKind::Revolute, DVec3::NEG_Z, DVec3::new(-0.45, -0.01, 0.55), 1.2),
     ];
-    let surface = |mesh: &Mesh| Surface::of(Solid::new(mesh, &|_| true).as_ref(), &|_| true, 4e-3 * 1.7);
+    let surface = |mesh: &Mesh| {
+        Surface::of(Solid::new(mesh, &|_| true).as_ref(), &|_| true, 4e-3 * 1.7, &SweepSettings::default())
+    };
     (Asset { name: "a".into(), links, ..Asset::default() }, [base, drawer, door].iter().map(surface).collect())
 }
 
@@ -100,7 +103,8 @@ fn slides_without_contact_close_until_their_front_is_flush() {
     // An inset front, between side walls whose front edges are at y = 0; its neighbour overlaps the walls.
     let (mut asset, mut surfaces) = cabinet([0.2, 0.6]);
     let drawer = cuboid([-0.4, 0.0, 0.0], [0.4, 0.3, 0.4]);
-    surfaces[1] = Surface::of(Solid::new(&drawer, &|_| true).as_ref(), &|_| true, 4e-3 * 1.7);
+    surfaces[1] =
+        Surface::of(Solid::new(&drawer, &|_| true).as_ref(), &|_| true, 4e-3 * 1.7, &SweepSettings::default());
     let nearer = [None, Some(State::START), Some(State::START)];
     let closing = |asset: &Asset, surfaces: &[Surface]| {
         let found = extend(asset, surfaces, &nearer, 1.7, &PhysicalConfig::default())[1].clone().unwrap();
@@ -116,10 +120,11 @@ fn slides_without_contact_close_until_their_front_is_flush() {
     // Without walls, the front of a closed drawer beside it shows where it closes.
     asset.links[1].origin.y = -0.2;
     let base = cuboid([-0.5, 0.3, 0.55], [0.5, 0.35, 1.0]);
-    surfaces[0] = Surface::of(Solid::new(&base, &|_| true).as_ref(), &|_| true, 4e-3 * 1.7);
+    surfaces[0] = Surface::of(Solid::new(&base, &|_| true).as_ref(), &|_| true, 4e-3 * 1.7, &SweepSettings::default());
     asset.links[2] = movable(JointKind::Prismatic, DVec3::NEG_Y, DVec3::new(0.0, -0.001, 0.55), 0.3);
     asset.links[2].name = "closed".into();
-    surfaces[2] = Surface::of(Solid::new(&drawer, &|_| true).as_ref(), &|_| true, 4e-3 * 1.7);
+    surfaces[2] =
+        Surface::of(Solid::new(&drawer, &|_| true).as_ref(), &|_| true, 4e-3 * 1.7, &SweepSettings::default());
     let (limit, stop, source, closed) = closing(&asset, &surfaces);
     assert_eq!((stop, source, closed), (Stop::Flush("closed".into()), Source::Inferred, false), "{limit}");
     assert!((limit + 0.2).abs() < 0.005, "{limit}");
