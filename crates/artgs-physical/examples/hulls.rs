@@ -1,6 +1,7 @@
 //! Prints the convex pieces of the given meshes.
 #![allow(clippy::print_stdout, reason = "an example")]
 use artgs_physical::collision::decompose::{DecomposeOptions, decompose};
+use artgs_physical::settings::DecomposeSettings;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     for file in std::env::args().skip(1) {
@@ -15,6 +16,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 skin: 0.015,
                 least: 2e-3,
                 thinnest: 1e-3,
+                settings: DecomposeSettings::DEFAULT,
             };
             let hulls = decompose(&mesh, &|_| true, &options);
             let corners: usize = hulls.iter().map(|h| h.points().len()).sum();

@@ -19,6 +19,7 @@ use crate::limits::sweep::Surface;
 use crate::limits::{Range, extend};
 use crate::looks::{PartSurface, Seen, Wall};
 use crate::mass::{inertial, walls};
+use crate::settings::CollisionSettings;
 use crate::step::ExportStep;
 use artgs_core::{Asset, AssetLink, Mesh, Replica, Rigid, State, TexturedMesh};
 use glam::DVec3;
@@ -45,12 +46,6 @@ pub(crate) struct Decisions {
     pub to_link: Vec<Rigid>,
 }
 
-/// What the surface of a link counts against that of a part that it carries, where only one of them can be.
-const CARRIER: f64 = 0.3;
-/// Corners of a convex piece: MuJoCo and PhysX refuse more.
-const MOST_CORNERS: usize = 64;
-/// Corners that stand out by less than this share of the largest distance from the surface are left out.
-const ROUNDING: f64 = 0.1;
 /// Assembles an asset from a valid replica and the surfaces of its parts, without splats. Fails only if `decomposer` fails, or if
 /// the settings name a part that is not there.
 pub(crate) fn assemble(
@@ -102,7 +97,10 @@ fn limited(
         let visual = moved(&surfaces[part].visual, &to_link, config.scale);
         let from_link = to_link.inverse();
         let seen = surfaces[part].observed.as_ref();
-        let solid = Solid::new(&visual.mesh, &shown(Seen::holds, part, surfaces, &to_link, config.scale));
+        let mut solid = Solid::new(&visual.mesh, &shown(Seen::holds, part, surfaces, &to_link, config.scale));
+        if let Some(solid) = &mut solid {
+            solid.need_floors(&settings.collision.decompose.floor);
+        }
         let wall_at = |p: DVec3, normal: DVec3, most: f64| match seen {
             Some(seen) => {
                 let wall = seen.wall(from_link.apply(p) / config.scale, from_link.turn(normal), most / config.scale);
@@ -169,7 +167,7 @@ fn limit(
         let measured = shown(Seen::measures, part, surfaces, &decisions.to_link[part], config.scale);
         let link = &asset.links[part];
         // Points of another part that have the label of this one are apart from it.
-        let main = link.parent.and_then(|_| without_islands(&link.visual.mesh));
+        let main = link.parent.and_then(|_| without_islands(&link.visual.mesh, config.settings.collision.island));
         let main = main.and_then(|mesh| Solid::new(&mesh, &measured));
         Surface::of(main.as_ref().or(solid.as_ref()), &measured, limits.sample_share * diagonal, &limits.sweep)
     };
@@ -192,29 +190,14 @@ fn collide(
     config: &PhysicalConfig,
     decomposer: Option<&Decomposer>,
 ) -> Result<(), String> {
-    let thinnest = config.thinnest_share * diagonal;
-    let tolerance = 0.5 * config.contact_share * diagonal;
-    let margins = config.engine_margins.min(config.most_margins_share * diagonal);
-    // The others are left for what cuts leave open.
-    let most = (config.most_hulls - config.most_hulls / 8) as usize;
-    let cover = config.cover.min(config.cover_share * diagonal);
-    let apart = 2.0 * cover;
-    let gap = config.most_gap.min(config.gap_share * diagonal);
-    let (area, waste) = (apart * apart, 3.0 * cover);
-    let spacing =
-        Spacing { gap, margins, tolerance, thinnest, cover, area, carrier: CARRIER, waste, most, sure: false };
+    let settings = &config.settings.collision;
+    let spacing = Spacing::of(settings, diagonal, config.most_hulls);
+    let Spacing { cover, thinnest, waste, .. } = spacing;
+    let apart = settings.apart * cover;
+    let options =
+        DecomposeOptions::of(settings, diagonal, config.settings.mass.wall_share * diagonal, config.most_hulls);
     let parents: Vec<Option<usize>> = asset.links.iter().map(|link| link.parent).collect();
     let related = |a: usize, b: usize| parents[a] == Some(b) || parents[b] == Some(a);
-    let options = DecomposeOptions {
-        tolerance: 0.9 * cover,
-        // The others are left for the clearance between links.
-        most: config.most_hulls.div_ceil(2).max(1) + config.most_hulls / 4,
-        corners: MOST_CORNERS,
-        rounding: ROUNDING * cover,
-        skin: config.settings.mass.wall_share * diagonal,
-        least: 2.0 * thinnest,
-        thinnest,
-    };
     let convex = |(part, (link, solid)): (usize, (&AssetLink, &mut Option<Solid>))| {
         let Some(solid) = solid else { return Ok(Default::default()) };
         let observed = shown(Seen::holds, part, surfaces, &decisions.to_link[part], config.scale);
@@ -228,72 +211,69 @@ fn collide(
     let decomposed: Vec<(Vec<Hull>, Vec<DVec3>)> = links.map(convex).collect::<Result<_, String>>()?;
     let (mut pieces, mut surface): (Pieces, Vec<Vec<DVec3>>) = decomposed.into_iter().unzip();
     // Poses in which several joints move are not cleared: contacts there are real.
-    let motions = pair_motions(&stances(asset, &decisions.ranges), asset.links.len());
+    let motions = pair_motions(&stances(asset, &decisions.ranges, &settings.poses), asset.links.len());
     decisions.clearance = clear(&mut pieces, &surface, &motions, &spacing, related);
     // Finer than the distance within which surfaces are covered, so that no gap opens between points.
     let lean = |(part, link): (usize, &mut Vec<Hull>)| {
         let Some(solid) = &solids[part] else { return };
         let observed = shown(Seen::holds, part, surfaces, &decisions.to_link[part], config.scale);
-        without_redundant(link, &seen_points(solid, &observed, cover), LEAN * cover, config.most_hulls as usize);
+        without_redundant(
+            link,
+            &seen_points(solid, &observed, cover),
+            settings.lean * cover,
+            config.most_hulls as usize,
+        );
     };
     pieces.par_iter_mut().enumerate().for_each(lean);
     // What cuts left open gets thin pieces of its own.
-    let thin = DecomposeOptions { most: config.most_hulls, skin: 2.0 * options.least, ..options };
+    let thin = DecomposeOptions { most: config.most_hulls, skin: settings.patch * options.least, ..options };
     let patched = |part: usize| solids[part].as_ref().map_or(Vec::new(), |solid| patches(solid, &pieces[part], &thin));
     if decomposer.is_none() {
         let added: Pieces = (0..asset.links.len()).into_par_iter().map(patched).collect();
         pieces.iter_mut().zip(added).for_each(|(link, added)| link.extend(added));
         clear(&mut pieces, &surface, &motions, &spacing, related);
     }
-    separate(&mut pieces, &surface, &motions, &spacing, related);
-    pieces.iter_mut().for_each(|link| link.retain(|hull| !is_crumb(hull, cover)));
+    separate(&mut pieces, &surface, &motions, (&spacing, settings.rounds), related);
+    pieces.iter_mut().for_each(|link| link.retain(|hull| !is_crumb(hull, cover, settings)));
     pieces.par_iter_mut().enumerate().for_each(lean);
-    // A gap and both margins may be free of hulls.
-    let near = 2.0 * (cover + spacing.gap + spacing.margins);
+    let near = settings.lost * (cover + spacing.gap + spacing.margins);
     let links = asset.links.iter_mut().zip(&pieces).zip(&mut surface);
     links
         .filter(|((link, _), _)| link.parent.is_some())
-        .for_each(|((link, hulls), points)| remove_lost(link, hulls, points, near));
-    let missing = |(hulls, points): (&Vec<Hull>, &Vec<DVec3>)| uncovered(hulls, points, near, apart, 2.0 * waste);
+        .for_each(|((link, hulls), points)| remove_lost(link, hulls, points, near, settings.island));
+    let missing =
+        |(hulls, points): (&Vec<Hull>, &Vec<DVec3>)| uncovered(hulls, points, near, apart, settings.lost_width * waste);
     decisions.lost = pieces.par_iter().zip(&surface).map(missing).collect();
     let left = motions.iter().flat_map(|pair| overlaps(&pieces, pair));
     decisions.penetration = left.map(|(_, depth)| depth).fold(0.0, f64::max);
     if config.collision == Collision::Hulls {
         for (link, hulls) in asset.links.iter_mut().zip(&pieces) {
             // Cuts add corners.
-            let coarse = |hull: &Hull| hull.clone().for_engines(MOST_CORNERS, ROUNDING * cover, thinnest);
+            let coarse = |hull: &Hull| hull.clone().for_engines(options.corners, options.rounding, thinnest);
             link.collision = hulls.iter().filter_map(coarse).map(|hull| hull.mesh()).collect();
         }
-        asset.apart = links_apart(asset);
+        asset.apart = links_apart(asset, &settings.poses);
     }
     Ok(())
 }
 
-/// What a piece must cover alone lies within this share of the distance within which surfaces are covered: pieces lose corners later.
-const LEAN: f64 = 0.5;
-
-/// True for pieces shorter than 5 and smaller than a cube of 2 times what surfaces are covered within: engines report contacts of
-/// such pieces that are up to 2 cm deep where there is a gap of 6 mm (PhysX with a tetrahedron of 21 x 9 x 4 mm).
-fn is_crumb(hull: &Hull, cover: f64) -> bool {
-    const LONGEST: f64 = 5.0;
-    const SIDE: f64 = 2.0;
+/// True for pieces so short and small that engines report false contacts of them; surfaces are covered within `cover`.
+fn is_crumb(hull: &Hull, cover: f64, settings: &CollisionSettings) -> bool {
     let [low, high] = hull.bounds();
-    (high - low).max_element() < LONGEST * cover && hull.volume() < (SIDE * cover).powi(3)
+    (high - low).max_element() < settings.crumb_length * cover && hull.volume() < (settings.crumb_side * cover).powi(3)
 }
 
-/// Cuts what still penetrates: the query for contacts within a distance can miss a penetration of thin pieces that the query
+/// Cuts what still penetrates, in so many rounds at most: the query for contacts within a distance can miss a penetration of thin pieces that the query
 /// without a distance finds. Pieces keep the gap in these poses.
 fn separate(
     pieces: &mut Pieces,
     surface: &[Vec<DVec3>],
     motions: &[PairMotions],
-    spacing: &Spacing,
+    (spacing, rounds): (&Spacing, usize),
     related: impl Fn(usize, usize) -> bool,
 ) {
-    /// Cuts make new pieces, of which other pairs can be missed.
-    const ROUNDS: usize = 4;
     let sure = Spacing { sure: true, ..*spacing };
-    for _ in 0..ROUNDS {
+    for _ in 0..rounds {
         let left = |pair: &PairMotions| {
             let deep = overlaps(pieces, pair).into_iter().filter(|(_, depth)| *depth > spacing.tolerance);
             let motions: Vec<RelativeMotion> = deep.map(|(motion, _)| motion).collect();

@@ -257,6 +257,6 @@ fn crumbs_are_short_and_small() {
     };
     // A sliver at a corner, a rim, and a knob.
     let found = [(0.02, 0.009, 0.004), (0.2, 0.009, 0.004), (0.02, 0.02, 0.02)]
-        .map(|(x, y, z)| is_crumb(&piece(x, y, z), 5e-3));
+        .map(|(x, y, z)| is_crumb(&piece(x, y, z), 5e-3, &CollisionSettings::DEFAULT));
     assert_eq!(found, [true, false, false]);
 }

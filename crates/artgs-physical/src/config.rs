@@ -141,23 +141,6 @@ pub struct PhysicalConfig {
     pub texel: Option<f64>,
     /// What no option gives.
     pub settings: Settings,
-    /// Largest distance between surface and convex pieces, metres; half of it is left for the clearance between links.
-    pub cover: f64,
-    /// Upper bound of `cover`, so that small objects keep their shape.
-    pub cover_share: f64,
-    /// Least distance between convex pieces of different links: engines put margins around them.
-    pub gap_share: f64,
-    /// Upper bound of that distance, metres: the margins of engines do not grow with the object.
-    pub most_gap: f64,
-    /// Further distance between links of which neither carries the other, metres: 1 mm around each hull in PyBullet, and 1 mm for
-    /// its contacts beyond the rims of faces that pass each other.
-    pub engine_margins: f64,
-    /// Upper bound of `engine_margins`, so that small objects keep their shape.
-    pub most_margins_share: f64,
-    /// Shortfall of that distance that is ignored.
-    pub contact_share: f64,
-    /// Convex pieces thinner than this are removed: engines report false contacts at slivers.
-    pub thinnest_share: f64,
     /// Texels along the diagonal of a part at most, unless the edge of a texel is given.
     pub texels: f64,
     /// Largest side of a texture, pixels.
@@ -181,14 +164,6 @@ impl Default for PhysicalConfig {
             triangles: 20_000,
             texel: None,
             settings: Settings::default(),
-            cover: 5e-3,
-            cover_share: 5e-3,
-            gap_share: 2e-3,
-            most_gap: 2.5e-3,
-            engine_margins: 3e-3,
-            most_margins_share: 5e-3,
-            contact_share: 2e-4,
-            thinnest_share: 1e-3,
             texels: 900.0,
             texture_side: 4096,
         }

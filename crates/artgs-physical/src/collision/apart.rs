@@ -1,5 +1,6 @@
 //! Links that cannot touch: engines need not test them against each other.
 
+use crate::settings::PoseSettings;
 use artgs_core::{Asset, AssetJoint, AssetLink, JointKind, Mesh};
 use glam::DVec3;
 use parry3d_f64::bounding_volume::{Aabb, BoundingVolume as _};
@@ -11,8 +12,8 @@ use rayon::prelude::*;
 
 /// Pairs of links with the same parent whose convex pieces cannot touch at any values of their joints within the limits: planes in the
 /// frame of the parent separate all places of the pieces of one from those of the other. First link before second.
-pub(crate) fn links_apart(asset: &Asset) -> Vec<[usize; 2]> {
-    let swept: Vec<Vec<Swept>> = asset.links.par_iter().map(Swept::of_pieces).collect();
+pub(crate) fn links_apart(asset: &Asset, settings: &PoseSettings) -> Vec<[usize; 2]> {
+    let swept: Vec<Vec<Swept>> = asset.links.par_iter().map(|link| Swept::of_pieces(link, settings)).collect();
     let pairs = (0..asset.links.len()).flat_map(|a| (a + 1..asset.links.len()).map(move |b| [a, b]));
     let are_apart = |[a, b]: &[usize; 2]| {
         let same_parent = asset.links[*a].parent == asset.links[*b].parent;
@@ -35,19 +36,20 @@ struct Swept {
 
 impl Swept {
     /// All pieces of a link; none without a joint.
-    fn of_pieces(link: &AssetLink) -> Vec<Self> {
+    fn of_pieces(link: &AssetLink, settings: &PoseSettings) -> Vec<Self> {
         let Some(joint) = link.joint else { return Vec::new() };
         let of_piece = |piece: &Mesh| {
             let corners: Vec<DVec3> = piece.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from))).collect();
-            groups(&joint).into_iter().map(move |values| Self::of(&corners, &values, &joint, link.origin))
+            let at = move |values: Vec<f64>| Self::of(&corners, (&values, settings.sagitta), &joint, link.origin);
+            groups(&joint, settings).into_iter().map(at)
         };
         link.collision.iter().flat_map(of_piece).collect()
     }
 
     /// Corners at these values of a joint, the motions in between included.
-    fn of(corners: &[DVec3], values: &[f64], joint: &AssetJoint, origin: DVec3) -> Self {
+    fn of(corners: &[DVec3], (values, sagitta): (&[f64], f64), joint: &AssetJoint, origin: DVec3) -> Self {
         let arm = corners.iter().map(|p| p.reject_from_normalized(joint.axis).length()).fold(0.0, f64::max);
-        let radius = if joint.kind == JointKind::Prismatic { 0.0 } else { SAGITTA * arm };
+        let radius = if joint.kind == JointKind::Prismatic { 0.0 } else { sagitta * arm };
         let at = |value: &f64| {
             let motion = joint.motion(*value);
             corners.iter().map(move |p| Vec3::from_array((origin + motion.apply(*p)).to_array()))
@@ -71,22 +73,18 @@ impl Swept {
     }
 }
 
-/// Largest distance of an arc from the chords between poses, relative to the distance from the axis.
-const SAGITTA: f64 = 5e-4;
-
 /// Values of a joint in groups over its range, the last of one the first of the next: the limits of a slide; of a hinge, values so close
 /// that chords follow the arc, in groups so short that convex hulls do.
-fn groups(joint: &AssetJoint) -> Vec<Vec<f64>> {
-    /// Steps in a group: 22 degrees.
-    const STEPS: usize = 6;
+fn groups(joint: &AssetJoint, settings: &PoseSettings) -> Vec<Vec<f64>> {
+    let steps = settings.arc;
     let [lower, upper] = joint.limits;
     if joint.kind == JointKind::Prismatic {
         return vec![joint.limits.to_vec()];
     }
-    let step = 2.0 * (1.0 - SAGITTA).acos();
+    let step = 2.0 * (1.0 - settings.sagitta).acos();
     let count = ((upper - lower) / step).ceil().max(1.0) as usize;
     let value = |i: usize| lower + (upper - lower) * i as f64 / count as f64;
-    (0..count).step_by(STEPS).map(|from| (from..=(from + STEPS).min(count)).map(value).collect()).collect()
+    (0..count).step_by(steps).map(|from| (from..=(from + steps).min(count)).map(value).collect()).collect()
 }
 
 impl SupportMap for Swept {
@@ -122,7 +120,10 @@ mod tests {
 
     fn pairs(links: Vec<AssetLink>) -> Vec<[usize; 2]> {
         let base = AssetLink { collision: vec![Mesh::cuboid([0.0; 3], [1.0; 3])], ..AssetLink::default() };
-        links_apart(&Asset { links: std::iter::once(base).chain(links).collect(), ..Asset::default() })
+        links_apart(
+            &Asset { links: std::iter::once(base).chain(links).collect(), ..Asset::default() },
+            &PoseSettings::DEFAULT,
+        )
     }
 
     /// A drawer of 1 x 0.5 x 0.2 m that opens towards -Y.

@@ -7,6 +7,7 @@
 
 use crate::collision::motions::{PairMotions, RelativeMotion};
 use crate::geometry::hull::{Hull, Plane, pose};
+use crate::settings::{ClearanceSettings, CollisionSettings};
 use artgs_core::Rigid;
 use glam::DVec3;
 use parry3d_f64::bounding_volume::{Aabb, BoundingVolume as _};
@@ -33,10 +34,9 @@ pub(crate) type Pieces = Vec<Vec<Hull>>;
 /// Distances for [`clear`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Spacing {
-    /// Least distance of different links: engines put margins around hulls.
+    /// Least distance of different links.
     pub gap: f64,
-    /// Further distance of links of which neither carries the other. PyBullet tests only such pairs, with a margin of 1 mm
-    /// around each hull, and its contacts stop a part that passes another one closer than these margins.
+    /// Further distance of links of which neither carries the other.
     pub margins: f64,
     /// Shortfall that is ignored.
     pub tolerance: f64,
@@ -46,16 +46,42 @@ pub(crate) struct Spacing {
     pub cover: f64,
     /// Area of the surface for which each point stands.
     pub area: f64,
-    /// What a point of the link that carries the other one counts against one of that link: where a part passes, its carrier
-    /// cannot be, also where it was observed.
+    /// What a point of the link that carries the other one counts against one of that link.
     pub carrier: f64,
-    /// A piece of which a cut would uncover more than the square of this is split instead, as long as what is cut off is longer
-    /// than twice this, ...
+    /// A piece of which a cut would uncover more than the square of this is split instead, as long as what is cut off is no chip, ...
     pub waste: f64,
     /// ... and as long as the link has fewer pieces than this.
     pub most: usize,
     /// Each pair is tested twice, so that no penetration is missed.
     pub sure: bool,
+    /// How cuts are chosen.
+    pub settings: ClearanceSettings,
+}
+
+impl Spacing {
+    /// Distances for an object with this diagonal, metres, whose links may have `most` pieces.
+    pub(crate) fn of(settings: &CollisionSettings, diagonal: f64, most: u32) -> Self {
+        let cover = settings.cover_of(diagonal);
+        let apart = settings.apart * cover;
+        Self {
+            gap: settings.most_gap.min(settings.gap_share * diagonal),
+            margins: settings.engine_margins.min(settings.most_margins_share * diagonal),
+            tolerance: settings.contact_share * diagonal,
+            thinnest: settings.thinnest_share * diagonal,
+            cover,
+            area: apart * apart,
+            carrier: settings.clearance.carrier,
+            waste: settings.clearance.waste * cover,
+            most: CollisionSettings::while_cut(most) as usize,
+            sure: false,
+            settings: settings.clearance,
+        }
+    }
+
+    /// True for a piece too short to be kept for what it covers, unless that is much.
+    fn is_short(&self, [low, high]: [DVec3; 2]) -> bool {
+        (high - low).max_element() < self.settings.chip * self.waste
+    }
 }
 
 /// A piece of a link while it is cut.
@@ -104,9 +130,8 @@ pub(crate) fn clear(
         [whole[*a], whole[*b]] = pair;
     }
     let useful = |piece: Piece| {
-        let [low, high] = piece.hull.bounds();
-        let is_chip = (high - low).max_element() < 2.0 * spacing.waste
-            && piece.covers.len() as f64 * spacing.area < 0.5 * spacing.waste * spacing.waste;
+        let most = spacing.settings.chip_area * spacing.waste * spacing.waste;
+        let is_chip = spacing.is_short(piece.hull.bounds()) && piece.covers.len() as f64 * spacing.area < most;
         (!is_chip || piece.whole).then_some(piece.hull)
     };
     *pieces = whole.into_iter().map(|link| link.into_iter().filter_map(useful).collect()).collect();
@@ -190,11 +215,9 @@ impl Moving {
 
 /// Cuts the pieces of two links of which the second one moves.
 fn clear_pair(links: &mut [Vec<Piece>; 2], motion: &RelativeMotion, spacing: &Spacing, out: &mut Clearance) {
-    /// One cut separates two pieces; if rounding prevents that repeatedly, one of them is removed.
-    const MOST_TRIES: usize = 8;
     let still = RelativeMotion { start: Rigid::IDENTITY, way: DVec3::ZERO };
     let mut moving = [(&links[0], &still), (&links[1], motion)]
-        .map(|(pieces, motion)| Moving::new(pieces, motion, spacing.thinnest));
+        .map(|(pieces, motion)| Moving::new(pieces, motion, spacing.settings.swept * spacing.thinnest));
     let sure = spacing.sure || motion.way != DVec3::ZERO;
     let mut i = 0;
     'first: while i < links[0].len() {
@@ -215,7 +238,7 @@ fn clear_pair(links: &mut [Vec<Piece>; 2], motion: &RelativeMotion, spacing: &Sp
             }
             tries += 1;
             out.deepest = out.deepest.max(short - spacing.gap);
-            let cut = match tries > MOST_TRIES {
+            let cut = match tries > spacing.settings.tries {
                 true => Cut::lose_second(&links[1][j]),
                 false => part([&links[0][i], &links[1][j]], shapes, motion, spacing),
             };
@@ -313,8 +336,7 @@ fn split(piece: &Piece, plane: Option<&Plane>, obstacle: &Obstacle, spacing: &Sp
         Some(Piece { whole: false, ..Piece::of(rest, &piece.covers, spacing.cover) })
     };
     let [kept, rest] = [half(plane)?, half(&Plane { normal: -plane.normal, offset: -plane.offset })?];
-    let [low, high] = rest.hull.bounds();
-    (!kept.covers.is_empty() && (high - low).max_element() >= 2.0 * spacing.waste).then_some([kept, rest])
+    (!kept.covers.is_empty() && !spacing.is_short(rest.hull.bounds())).then_some([kept, rest])
 }
 
 /// Greatest shortfall from a gap between two links in one of their motions; with a gap of 0, the deepest penetration.
@@ -353,12 +375,7 @@ impl Cut {
 /// The cut that separates two pieces and uncovers the least of their surfaces, of these the one that removes the least: along
 /// a face of either, through one of them or between both. `shapes` are the volumes through which they move.
 fn part(pieces: [&Piece; 2], shapes: [&Hull; 2], motion: &RelativeMotion, spacing: &Spacing) -> Cut {
-    /// Number of faces, those with the least depth, that are tried.
-    const TRIED: usize = 6;
-    /// Places between the piece's own face and the other piece's far side.
-    const PLACES: usize = 8;
-    /// Weight of the area of the side of a cube with the removed volume.
-    const VOLUME: f64 = 0.1;
+    let ClearanceSettings { places, volume, .. } = spacing.settings;
     let poses = [motion.start.inverse(), motion.start];
     // A piece is inside a plane on its whole way if it begins inside this one.
     let begins = |link: usize, plane: Plane| match link {
@@ -368,19 +385,19 @@ fn part(pieces: [&Piece; 2], shapes: [&Hull; 2], motion: &RelativeMotion, spacin
     let mut best: Option<(f64, Cut)> = None;
     for own in 0..2 {
         let (piece, other) = (pieces[own], pieces[1 - own]);
-        for plane in faces(shapes[own], shapes[1 - own], &poses[own], TRIED) {
+        for plane in faces(shapes[own], shapes[1 - own], &poses[own], spacing.settings.faces) {
             // Along the normal, the piece ends at the plane and the other one begins `overlap` before it.
             let there = plane.moved(&poses[own]);
             let overlap = shapes[1 - own].depth(&there);
             let thickness = piece.hull.depth(&begins(own, plane));
             let length =
                 other.hull.depth(&there) + other.hull.depth(&Plane { normal: -there.normal, offset: -there.offset });
-            for place in 0..=PLACES {
-                let back = (overlap + spacing.gap) * place as f64 / PLACES as f64;
+            for place in 0..=places {
+                let back = (overlap + spacing.gap) * place as f64 / places as f64;
                 let own_cut = begins(own, Plane { offset: plane.offset - back, ..plane });
                 let beyond = there.offset - back + spacing.gap;
                 let other_cut = begins(1 - own, Plane { normal: -there.normal, offset: -beyond });
-                let planes = [(back > 0.0).then_some(own_cut), (place < PLACES).then_some(other_cut)];
+                let planes = [(back > 0.0).then_some(own_cut), (place < places).then_some(other_cut)];
                 let ahead = overlap + spacing.gap - back;
                 let cuts = [(piece, planes[0], thickness - back), (other, planes[1], length - ahead)];
                 let lost = cuts.map(|(of, plane, left)| match plane {
@@ -397,7 +414,7 @@ fn part(pieces: [&Piece; 2], shapes: [&Hull; 2], motion: &RelativeMotion, spacin
                     false => of.volume * cut / whole,
                 };
                 let removed = share(piece, back, thickness) + share(other, ahead, length);
-                let cost = area + VOLUME * removed.cbrt().powi(2);
+                let cost = area + volume * removed.cbrt().powi(2);
                 if best.as_ref().is_none_or(|(least, _)| cost < *least) {
                     let ordered = |[x, y]: [Option<Plane>; 2]| if own == 0 { [x, y] } else { [y, x] };
                     let lost = if own == 0 { lost } else { [lost[1], lost[0]] };
@@ -411,11 +428,13 @@ fn part(pieces: [&Piece; 2], shapes: [&Hull; 2], motion: &RelativeMotion, spacin
 
 /// Faces of a hull inside which another one reaches least, outermost first.
 fn faces(own: &Hull, other: &Hull, to_other: &Rigid, most: usize) -> Vec<Plane> {
+    /// Differences of depths and of cosines that are rounding.
+    const ROUNDING: f64 = 1e-7;
     let mut planes: Vec<(f64, Plane)> =
         own.planes().into_iter().map(|plane| (other.depth(&plane.moved(to_other)), plane)).collect();
     planes.sort_by(|x, y| x.0.total_cmp(&y.0));
     // Triangles of one face are tried once.
-    planes.dedup_by(|x, y| (x.0 - y.0).abs() < 1e-7 && x.1.normal.dot(y.1.normal) > 1.0 - 1e-7);
+    planes.dedup_by(|x, y| (x.0 - y.0).abs() < ROUNDING && x.1.normal.dot(y.1.normal) > 1.0 - ROUNDING);
     planes.truncate(most);
     planes.into_iter().map(|(_, plane)| plane).collect()
 }

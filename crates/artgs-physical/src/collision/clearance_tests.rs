@@ -14,6 +14,7 @@ const SPACING: Spacing = Spacing {
     waste: 0.02,
     most: 64,
     sure: false,
+    settings: ClearanceSettings::DEFAULT,
 };
 
 /// Without an observed surface.

@@ -10,17 +10,14 @@ use glam::DVec3;
 use parry3d::query::PointQueryWithLocation as _;
 use std::collections::BTreeMap;
 
-/// An island has less than this share of the surface of its part.
-const MOST_AREA: f64 = 0.1;
-
-/// Removes islands of a link's visual mesh that have no hull within `near`, of those with points of the observed surface, and these
+/// Removes islands of a link's visual mesh, which have less than the share `most` of its surface, that have no hull within `near`, of those with points of the observed surface, and these
 /// points: the clearance between parts removed their hulls.
-pub(crate) fn remove_lost(link: &mut AssetLink, hulls: &[Hull], points: &mut Vec<DVec3>, near: f64) {
+pub(crate) fn remove_lost(link: &mut AssetLink, hulls: &[Hull], points: &mut Vec<DVec3>, near: f64, most: f64) {
     let mesh = &mut link.visual.mesh;
     let (islands, area) = areas(mesh);
     let count = area.len();
     let all: f64 = area.iter().sum();
-    if count < 2 || area.iter().all(|own| *own >= MOST_AREA * all) {
+    if count < 2 || area.iter().all(|own| *own >= most * all) {
         return;
     }
     let Some(surface) = trimesh(mesh) else { return };
@@ -35,7 +32,7 @@ pub(crate) fn remove_lost(link: &mut AssetLink, hulls: &[Hull], points: &mut Vec
         let found = if is_covered(p) { &mut covered } else { &mut open };
         found[*owner] = true;
     }
-    let lost: Vec<bool> = (0..count).map(|i| open[i] && !covered[i] && area[i] < MOST_AREA * all).collect();
+    let lost: Vec<bool> = (0..count).map(|i| open[i] && !covered[i] && area[i] < most * all).collect();
     if !lost.contains(&true) {
         return;
     }
@@ -47,11 +44,11 @@ pub(crate) fn remove_lost(link: &mut AssetLink, hulls: &[Hull], points: &mut Vec
     points.retain(|_| owner.next().is_some_and(|i| !lost[*i]));
 }
 
-/// A mesh without islands, of which the points are kept; none if it has none.
-pub(crate) fn without_islands(mesh: &Mesh) -> Option<Mesh> {
+/// A mesh without islands, which have less than the share `most` of its surface; their points are kept. None if it has none.
+pub(crate) fn without_islands(mesh: &Mesh, most: f64) -> Option<Mesh> {
     let (islands, area) = areas(mesh);
     let all: f64 = area.iter().sum();
-    let is_main = |island: u32| area[island as usize] >= MOST_AREA * all;
+    let is_main = |island: u32| area[island as usize] >= most * all;
     let kept = islands.iter().zip(&mesh.triangles).filter(|(island, _)| is_main(**island)).map(|(_, t)| *t);
     let triangles: Vec<[u32; 3]> = kept.collect();
     (triangles.len() < mesh.triangles.len()).then(|| Mesh { triangles, ..mesh.clone() })
@@ -116,11 +113,11 @@ mod tests {
     #[test]
     fn only_large_pieces_are_no_islands() {
         let mut mesh = Mesh::cuboid([0.0; 3], [1.0, 0.1, 0.1]);
-        assert_eq!(without_islands(&mesh), None);
+        assert_eq!(without_islands(&mesh, 0.1), None);
         mesh.append(&Mesh::cuboid([1.1, 0.0, 0.0], [1.3, 0.1, 0.1]));
-        assert_eq!(without_islands(&mesh), None);
+        assert_eq!(without_islands(&mesh, 0.1), None);
         mesh.append(&Mesh::cuboid([1.4, 0.0, 0.0], [1.45, 0.1, 0.1]));
-        assert_eq!(without_islands(&mesh).unwrap().triangles, mesh.triangles[..24]);
+        assert_eq!(without_islands(&mesh, 0.1).unwrap().triangles, mesh.triangles[..24]);
     }
 
     #[test]
@@ -143,7 +140,7 @@ mod tests {
             let visual = TexturedMesh { mesh: mesh.clone(), ..TexturedMesh::default() };
             let (mut link, mut left) = (AssetLink { visual, ..AssetLink::default() }, points.to_vec());
             let hulls: Vec<Hull> = hulls.into_iter().map(hull).collect();
-            remove_lost(&mut link, &hulls, &mut left, 0.02);
+            remove_lost(&mut link, &hulls, &mut left, 0.02, 0.1);
             assert_eq!(link.visual.mesh.triangles.len(), kept);
             assert_eq!(link.visual.mesh.vertices.len(), 8 * kept / 12);
             assert_eq!(left.len(), points.len() - (36 - kept) / 12);

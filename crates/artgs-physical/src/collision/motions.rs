@@ -3,16 +3,10 @@
 use crate::geometry::hull::Hull;
 use crate::geometry::topology::points;
 use crate::limits::Range;
+use crate::settings::PoseSettings;
 use artgs_core::{Asset, AssetJoint, JointKind, Mesh, Rigid, State};
 use glam::DVec3;
 use std::collections::BTreeSet;
-
-/// Least and most tested poses of a hinge while the other joints are at zero.
-const POSES: [usize; 2] = [121, 401];
-/// Way of the farthest point of a part between them, metres: corners that pass each other at 2 mm are 2.3 mm apart at such a pose.
-const POSE_STEP: f64 = 2e-3;
-/// Tested poses of a hinge while the other joints are in an observed state.
-const POSES_WITH_OTHERS: usize = 31;
 
 /// Poses of the second link of a pair in the frame of the first one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,15 +52,14 @@ impl Stance {
 }
 
 impl RelativeMotion {
-    /// The volume through which a hull of the second link slides, in the frame of this link; none if it does not.
+    /// The volume through which a hull of the second link slides, in the frame of this link; none if it does not, or if it is
+    /// thinner than `thinnest`.
     pub(crate) fn swept(&self, hull: &Hull, thinnest: f64) -> Option<Hull> {
-        /// Corners of a swept hull may be closer than those of one that is exported.
-        const FINER: f64 = 0.1;
         if self.way == DVec3::ZERO {
             return None;
         }
         let ends = hull.points().iter().flat_map(|p| [*p, *p + self.way]);
-        Hull::of(&ends.collect::<Vec<_>>(), FINER * thinnest)
+        Hull::of(&ends.collect::<Vec<_>>(), thinnest)
     }
 
     /// Key for distinct motions.
@@ -93,18 +86,18 @@ pub(crate) fn pair_motions(stances: &[Stance], links: usize) -> Vec<PairMotions>
 
 /// Stances in which no penetration is allowed: both observed states, and every joint across its limits while the others are at
 /// zero, or across its free range while they are in either observed state. A slide is one stance, a hinge is many.
-pub(crate) fn stances(asset: &Asset, ranges: &[Option<Range>]) -> Vec<Stance> {
+pub(crate) fn stances(asset: &Asset, ranges: &[Option<Range>], settings: &PoseSettings) -> Vec<Stance> {
     let zero = vec![0.0; asset.links.len()];
     let observed = State::ALL.map(|state| asset.observed(state));
     let mut out: Vec<Stance> =
         observed.iter().chain([&zero]).map(|values| Stance::still(asset.poses(values))).collect();
     for (i, _, joint) in asset.movable() {
-        let [least, most] = POSES;
+        let [least, most] = settings.hinge;
         let arc = (joint.limits[1] - joint.limits[0]) * arm(joint, &asset.links[i].visual.mesh);
-        let alone = ((arc / POSE_STEP) as usize + 1).clamp(least, most);
+        let alone = ((arc / settings.step) as usize + 1).clamp(least, most);
         let free =
             |state: State| ranges.get(i).and_then(Option::as_ref).map_or(joint.limits, |range| range.free[state]);
-        let with_others = State::ALL.map(|state| (&observed[state.index()], free(state), POSES_WITH_OTHERS));
+        let with_others = State::ALL.map(|state| (&observed[state.index()], free(state), settings.with_others));
         for (others, [lower, upper], poses) in std::iter::once((&zero, joint.limits, alone)).chain(with_others) {
             let at = |value: f64| {
                 let mut values = others.clone();

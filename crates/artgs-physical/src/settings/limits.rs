@@ -45,25 +45,30 @@ pub struct LimitSettings {
     pub sweep: SweepSettings,
 }
 
+impl LimitSettings {
+    /// The settings that are used.
+    pub const DEFAULT: Self = Self {
+        most_turn: FRAC_PI_4,
+        widest_turn: PI,
+        most_unseen_turn: 15.0 * PI / 180.0,
+        most_unseen_slide: 0.05,
+        most_slide: 0.5,
+        least_support: 0.25,
+        sample_share: 4e-3,
+        contact_rim_share: 0.006,
+        contact_width_share: 0.015,
+        overlap_share: 6e-3,
+        closed_share: 7.5e-3,
+        narrowest: 1e-4,
+        crossing: 0.5,
+        flush: FlushSettings::DEFAULT,
+        sweep: SweepSettings::DEFAULT,
+    };
+}
+
 impl Default for LimitSettings {
     fn default() -> Self {
-        Self {
-            most_turn: FRAC_PI_4,
-            widest_turn: PI,
-            most_unseen_turn: 15.0 * PI / 180.0,
-            most_unseen_slide: 0.05,
-            most_slide: 0.5,
-            least_support: 0.25,
-            sample_share: 4e-3,
-            contact_rim_share: 0.006,
-            contact_width_share: 0.015,
-            overlap_share: 6e-3,
-            closed_share: 7.5e-3,
-            narrowest: 1e-4,
-            crossing: 0.5,
-            flush: FlushSettings::default(),
-            sweep: SweepSettings::default(),
-        }
+        Self::DEFAULT
     }
 }
 
@@ -95,20 +100,25 @@ pub struct FlushSettings {
     pub over: f64,
 }
 
+impl FlushSettings {
+    /// The settings that are used.
+    pub const DEFAULT: Self = Self {
+        facing: 0.9,
+        layer: 0.5,
+        parallel: 0.99,
+        frame: 10.0,
+        border: 2.0,
+        turn_error: 0.035,
+        boxlike: 0.5,
+        along: 0.5,
+        beyond: 0.02,
+        over: 0.7,
+    };
+}
+
 impl Default for FlushSettings {
     fn default() -> Self {
-        Self {
-            facing: 0.9,
-            layer: 0.5,
-            parallel: 0.99,
-            frame: 10.0,
-            border: 2.0,
-            turn_error: 0.035,
-            boxlike: 0.5,
-            along: 0.5,
-            beyond: 0.02,
-            over: 0.7,
-        }
+        Self::DEFAULT
     }
 }
 
@@ -144,21 +154,26 @@ pub struct SweepSettings {
     pub grazed: usize,
 }
 
+impl SweepSettings {
+    /// The settings that are used.
+    pub const DEFAULT: Self = Self {
+        edge: 4.0,
+        turn: 0.05,
+        turns: [4.0, 400.0],
+        slides: 12.0,
+        crossings: 16,
+        deepest: 3.0,
+        straight: 0.9,
+        reach: 1.5,
+        few: 4.0,
+        pressing: 0.85,
+        leading: 0.01,
+        grazed: 4,
+    };
+}
+
 impl Default for SweepSettings {
     fn default() -> Self {
-        Self {
-            edge: 4.0,
-            turn: 0.05,
-            turns: [4.0, 400.0],
-            slides: 12.0,
-            crossings: 16,
-            deepest: 3.0,
-            straight: 0.9,
-            reach: 1.5,
-            few: 4.0,
-            pressing: 0.85,
-            leading: 0.01,
-            grazed: 4,
-        }
+        Self::DEFAULT
     }
 }

@@ -22,15 +22,20 @@ pub struct MassSettings {
     pub least_mass: f64,
 }
 
+impl MassSettings {
+    /// The settings that are used.
+    pub const DEFAULT: Self = Self {
+        wall_share: 0.01,
+        closing_wall: 0.5,
+        thickest: 3.0,
+        measured: 0.02,
+        least_thickness: 0.1,
+        least_mass: 0.01,
+    };
+}
+
 impl Default for MassSettings {
     fn default() -> Self {
-        Self {
-            wall_share: 0.01,
-            closing_wall: 0.5,
-            thickest: 3.0,
-            measured: 0.02,
-            least_thickness: 0.1,
-            least_mass: 0.01,
-        }
+        Self::DEFAULT
     }
 }

@@ -17,7 +17,7 @@ pub(super) fn boxed(hull: Hull, solid: &Solid, options: &DecomposeOptions) -> Hu
 
 fn fits(found: &Hull, hull: &Hull, solid: &Solid, options: &DecomposeOptions) -> bool {
     let near = |p: &DVec3| hull.distance(*p) <= options.tolerance;
-    found.points().iter().all(near) && stays_within(found, solid, options.tolerance, options.tolerance)
+    found.points().iter().all(near) && stays_within(found, solid, options.tolerance, options)
 }
 
 /// The smallest box with one side along the largest face of a hull.

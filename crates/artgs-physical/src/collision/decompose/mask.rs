@@ -1,5 +1,6 @@
 //! Cells of a plane, covered by convex polygons.
 
+use crate::settings::SheetSettings;
 use glam::DVec2;
 
 /// A grid of cells.
@@ -177,20 +178,18 @@ impl Mask {
         convex(corners)
     }
 
-    /// True if the polygon reaches little beyond the set cells, by their distances: nowhere by more than twice the slack, and by
+    /// True if the polygon reaches little beyond the set cells, by their distances: nowhere by more than a few slacks, and by
     /// more than the slack only in a small share of its cells.
-    fn is_followed_by(&self, polygon: &[DVec2], distances: &[usize], slack: usize) -> bool {
-        /// Share of the cells of a polygon that may be beyond the slack.
-        const BEYOND: f64 = 0.015;
+    fn is_followed_by(&self, polygon: &[DVec2], distances: &[usize], slack: usize, settings: &SheetSettings) -> bool {
         let (mut all, mut beyond) = (0_u32, 0_u32);
         for cell in self.inside(polygon) {
-            if distances[cell] > 2 * slack {
+            if distances[cell] > settings.most_slack * slack {
                 return false;
             }
             all += 1;
             beyond += u32::from(distances[cell] > slack);
         }
-        f64::from(beyond) <= BEYOND * f64::from(all)
+        f64::from(beyond) <= settings.beyond * f64::from(all)
     }
 
     /// Cells of which the middle is in a polygon.
@@ -227,7 +226,9 @@ impl Mask {
 
 /// True if a point is in a convex polygon, counter-clockwise.
 pub(crate) fn holds(polygon: &[DVec2], p: DVec2) -> bool {
-    (0..polygon.len()).all(|i| (polygon[(i + 1) % polygon.len()] - polygon[i]).perp_dot(p - polygon[i]) >= -1e-9)
+    /// Distance outside, in cells, that is rounding.
+    const ROUNDING: f64 = 1e-9;
+    (0..polygon.len()).all(|i| (polygon[(i + 1) % polygon.len()] - polygon[i]).perp_dot(p - polygon[i]) >= -ROUNDING)
 }
 
 /// Convex hull, counter-clockwise.
@@ -268,25 +269,21 @@ fn coarser(polygon: Vec<DVec2>, most: usize) -> Vec<DVec2> {
 
 /// Convex polygons, in cells, that cover `todo` and reach little beyond `allowed`, which holds `todo`: see
 /// [`Mask::is_followed_by`]. What is at most twice `slack` cells wide is left out.
-pub(crate) fn cover(allowed: &Mask, todo: &Mask, slack: usize) -> Vec<Vec<DVec2>> {
-    /// Corners of a polygon.
-    const CORNERS: usize = 24;
-    /// Least share of a component that a rectangle has to cover; below it the component is split.
-    const WORTH: f64 = 0.2;
-    let distances = allowed.distances(2 * slack + 2);
+pub(crate) fn cover(allowed: &Mask, todo: &Mask, slack: usize, settings: &SheetSettings) -> Vec<Vec<DVec2>> {
+    let distances = allowed.distances(settings.most_slack * slack + 2);
     let (mut out, mut stack) = (Vec::new(), todo.components());
     while let Some(part) = stack.pop() {
         if part.is_empty() || part.widest() <= 2 * slack {
             continue;
         }
         let hull = part.hull();
-        if allowed.is_followed_by(&hull, &distances, slack) {
-            out.push(coarser(hull, CORNERS));
+        if allowed.is_followed_by(&hull, &distances, slack, settings) {
+            out.push(coarser(hull, settings.corners));
             continue;
         }
         let [x0, y0, x1, y1] = part.largest_rectangle();
         let count = part.cells.iter().filter(|c| **c).count();
-        if ((x1 - x0) * (y1 - y0)) as f64 <= WORTH * count as f64 {
+        if ((x1 - x0) * (y1 - y0)) as f64 <= settings.worth * count as f64 {
             stack.extend(part.split().iter().flat_map(Mask::components));
             continue;
         }
@@ -327,10 +324,10 @@ mod tests {
     #[test]
     fn a_rectangle_is_one_polygon_and_a_frame_is_four() {
         let plain = mask([60, 40], |x, y| (5..55).contains(&x) && (3..33).contains(&y));
-        let found = cover(&plain, &plain, 2);
+        let found = cover(&plain, &plain, 2, &SheetSettings::DEFAULT);
         assert_eq!((found.len(), found[0].len()), (1, 4));
         let frame = mask([60, 40], |x, y| !((10..50).contains(&x) && (10..30).contains(&y)));
-        let found = cover(&frame, &frame, 2);
+        let found = cover(&frame, &frame, 2, &SheetSettings::DEFAULT);
         assert_eq!((found.len(), faults(&frame, &found, 2)), (4, [0, 0]), "{found:?}");
     }
 
@@ -338,9 +335,9 @@ mod tests {
     fn round_shapes_are_covered_within_the_slack() {
         let radius = |x: usize, y: usize| (x as f64 - 50.0).hypot(y as f64 - 50.0);
         let disc = mask([100, 100], |x, y| radius(x, y) < 45.0);
-        assert_eq!(cover(&disc, &disc, 2).len(), 1);
+        assert_eq!(cover(&disc, &disc, 2, &SheetSettings::DEFAULT).len(), 1);
         let ring = mask([100, 100], |x, y| (30.0..45.0).contains(&radius(x, y)));
-        let found = cover(&ring, &ring, 2);
+        let found = cover(&ring, &ring, 2, &SheetSettings::DEFAULT);
         assert!(faults(&ring, &found, 4) == [0, 0] && (4..30).contains(&found.len()), "{} {found:?}", found.len());
     }
 
@@ -348,21 +345,24 @@ mod tests {
     fn a_ragged_rim_needs_one_polygon_and_a_deep_notch_more() {
         // The rim varies by two cells, which is the slack.
         let ragged = mask([120, 80], |x, y| x >= 4 + y % 3 && x < 116 - y % 2 && y >= 4 + x % 3 && y < 76);
-        assert_eq!(cover(&ragged, &ragged, 2).len(), 1);
+        assert_eq!(cover(&ragged, &ragged, 2, &SheetSettings::DEFAULT).len(), 1);
         let notched =
             mask([120, 80], |x, y| (4..116).contains(&x) && (4..76).contains(&y) && !(x > 50 && x < 70 && y > 50));
-        let found = cover(&notched, &notched, 2);
+        let found = cover(&notched, &notched, 2, &SheetSettings::DEFAULT);
         assert!(found.len() > 1 && faults(&notched, &found, 4) == [0, 0], "{found:?}");
     }
 
     #[test]
     fn only_what_is_to_do_is_covered_and_gaps_of_noise_are_closed() {
         let plain = mask([50, 50], |x, y| !(x == 20 && y == 20));
-        let found = cover(&plain.closed(1), &plain, 2);
+        let found = cover(&plain.closed(1), &plain, 2, &SheetSettings::DEFAULT);
         assert_eq!(found.len(), 1);
         let todo = mask([50, 50], |x, _| x < 10);
-        let found = cover(&mask([50, 50], |_, _| true), &todo, 2);
+        let found = cover(&mask([50, 50], |_, _| true), &todo, 2, &SheetSettings::DEFAULT);
         assert!(found.len() == 1 && found[0].iter().all(|p| p.x <= 10.0), "{found:?}");
-        assert!(cover(&plain, &mask([50, 50], |x, _| x < 2), 2).is_empty(), "a strip within the slack");
+        assert!(
+            cover(&plain, &mask([50, 50], |x, _| x < 2), 2, &SheetSettings::DEFAULT).is_empty(),
+            "a strip within the slack"
+        );
     }
 }

@@ -12,6 +12,7 @@ mod union;
 use crate::geometry::Observed;
 use crate::geometry::hull::Hull;
 use crate::geometry::solid::Solid;
+use crate::settings::{CollisionSettings, DecomposeSettings, RegionSettings};
 use artgs_core::Mesh;
 use glam::DVec3;
 
@@ -32,6 +33,26 @@ pub struct DecomposeOptions {
     pub least: f64,
     /// Pieces thinner than this are removed.
     pub thinnest: f64,
+    /// How pieces are chosen.
+    pub settings: DecomposeSettings,
+}
+
+impl DecomposeOptions {
+    /// Settings for an object with this diagonal and walls of this thickness, metres, whose links may have `most` pieces at the end.
+    pub(crate) fn of(settings: &CollisionSettings, diagonal: f64, wall: f64, most: u32) -> Self {
+        let cover = settings.cover_of(diagonal);
+        let thinnest = settings.thinnest_share * diagonal;
+        Self {
+            tolerance: settings.followed * cover,
+            most: CollisionSettings::before_cuts(most),
+            corners: settings.corners,
+            rounding: settings.rounding * cover,
+            skin: wall,
+            least: settings.least * thinnest,
+            thinnest,
+            settings: settings.decompose,
+        }
+    }
 }
 
 /// Decomposition of a mesh by another program: the corners of each piece, or the reason of a failure.
@@ -50,7 +71,10 @@ pub(crate) fn decompose_with(mesh: &Mesh, other: &Decomposer, options: &Decompos
 
 /// Convex pieces that together cover what was observed of a surface, and large flat regions of the rest, largest first.
 pub fn decompose(mesh: &Mesh, observed: &Observed, options: &DecomposeOptions) -> Vec<Hull> {
-    Solid::new(mesh, observed).map_or(Vec::new(), |mut solid| decompose_solid(&mut solid, options))
+    Solid::new(mesh, observed).map_or(Vec::new(), |mut solid| {
+        solid.need_floors(&options.settings.floor);
+        decompose_solid(&mut solid, options)
+    })
 }
 
 /// The same of a solid, which stays as it is.
@@ -63,24 +87,23 @@ pub(crate) fn decompose_solid(solid: &mut Solid, options: &DecomposeOptions) -> 
 
 /// Convex pieces; large regions count as seen from then on.
 fn pieces_with_regions(solid: &mut Solid, options: &DecomposeOptions) -> Vec<Hull> {
-    /// Distance of pieces beside which the surface is covered, in tolerances: samples are apart.
-    const COVERED: f64 = 0.9;
+    let DecomposeSettings { regions: of_regions, rest: of_rest, union: of_union, .. } = &options.settings;
     let mut pieces = Pieces::default();
     let neighbours = sheets::neighbours(solid);
-    let least = (3.0 * options.tolerance) * (3.0 * options.tolerance);
-    let regions = regions::regions(&solid.mesh, 0.8 * options.tolerance, least);
-    let seen: Vec<bool> = regions.iter().map(|region| is_seen(solid, region)).collect();
+    let regions = regions::regions(&solid.mesh, options.tolerance, of_regions);
+    let seen: Vec<bool> = regions.iter().map(|region| is_seen(solid, region, of_regions.seen)).collect();
     for (region, seen) in regions.iter().zip(seen) {
         if seen || is_large(region, options) {
             region.triangles.iter().for_each(|t| solid.seen[*t as usize] = true);
             sheets::add(solid, region, seen, &neighbours, options, &mut pieces);
         }
     }
-    rest::add(solid, &axes(&regions), [COVERED * options.tolerance, 0.0], options, &mut pieces);
+    rest::add(solid, &axes(&regions, of_regions), [of_rest.covered * options.tolerance, 0.0], options, &mut pieces);
     let needed = union::Needed::of(solid, options);
     let most = options.most as usize;
     let hulls = union::joined(needed.pruned(pieces.hulls, most, options.tolerance, options), solid, options);
-    let mut hulls = union::reduced(needed.pruned(hulls, most, 1.5 * options.tolerance, options), solid, options);
+    let mut hulls =
+        union::reduced(needed.pruned(hulls, most, of_union.speck * options.tolerance, options), solid, options);
     hulls = hulls
         .into_iter()
         .map(|hull| boxes::boxed(hull, solid, options))
@@ -93,10 +116,7 @@ fn pieces_with_regions(solid: &mut Solid, options: &DecomposeOptions) -> Vec<Hul
 /// Further pieces where `hulls` leave the observed surface uncovered, largest first, as thin as possible: what cuts left open is
 /// decomposed again. Together with `hulls` there are at most `options.most`.
 pub(crate) fn patches(solid: &Solid, hulls: &[Hull], options: &DecomposeOptions) -> Vec<Hull> {
-    /// Distance of pieces beside which the surface is covered, in tolerances: a gap is as wide as what they leave, and twice this. Where
-    /// another link passes, pieces are behind the surface.
-    const COVERED: f64 = 0.5;
-    let near = COVERED * options.tolerance;
+    let near = options.settings.rest.patched * options.tolerance;
     let mut pieces = Pieces::default();
     hulls.iter().for_each(|hull| pieces.push(hull.clone()));
     rest::add(solid, &[DVec3::X, DVec3::Y, DVec3::Z], [near, near], options, &mut pieces);
@@ -112,27 +132,26 @@ pub(crate) fn seen_points(solid: &Solid, observed: &Observed, spacing: f64) -> V
     solid.samples(spacing, false).into_iter().filter(|s| s.seen || observed(s.point)).map(|s| s.point).collect()
 }
 
-/// True for regions that were observed.
-fn is_seen(solid: &Solid, region: &regions::Region) -> bool {
-    const SEEN: f64 = 0.2;
+/// True for regions of which more than a share `least` was observed.
+fn is_seen(solid: &Solid, region: &regions::Region, least: f64) -> bool {
     let area =
         |t: &u32| 0.5 * crate::geometry::topology::cross(&solid.mesh, solid.mesh.triangles[*t as usize]).length();
     let seen: f64 = region.triangles.iter().filter(|t| solid.seen[**t as usize]).map(area).sum();
-    seen > SEEN * region.area
+    seen > least * region.area
 }
 
 /// True for regions that have pieces also if they were not observed: caps of bodies that stand on a floor or at a wall.
 fn is_large(region: &regions::Region, options: &DecomposeOptions) -> bool {
-    const LARGE: f64 = 30.0;
-    region.area > (LARGE * options.tolerance) * (LARGE * options.tolerance)
+    let side = options.settings.regions.large * options.tolerance;
+    region.area > side * side
 }
 
 /// Directions across which the rest is cut: normals of the largest regions, and the axes of the mesh.
-fn axes(regions: &[regions::Region]) -> Vec<DVec3> {
-    const MOST: usize = 6;
+fn axes(regions: &[regions::Region], settings: &RegionSettings) -> Vec<DVec3> {
     let mut out: Vec<DVec3> = Vec::new();
-    for axis in regions.iter().take(20).map(|r| r.normal).chain([DVec3::X, DVec3::Y, DVec3::Z]) {
-        if out.len() < MOST && out.iter().all(|other| other.dot(axis).abs() < 0.94) {
+    let normals = regions.iter().take(settings.sources).map(|r| r.normal);
+    for axis in normals.chain([DVec3::X, DVec3::Y, DVec3::Z]) {
+        if out.len() < settings.axes && out.iter().all(|other| other.dot(axis).abs() < settings.distinct) {
             out.push(axis);
         }
     }

@@ -1,6 +1,7 @@
 //! Flat regions of a surface.
 
 use crate::geometry::topology::{NONE, corners, cross, points, twins};
+use crate::settings::RegionSettings;
 use artgs_core::Mesh;
 use glam::DVec3;
 
@@ -17,9 +18,11 @@ pub(crate) struct Region {
     pub(crate) triangles: Vec<u32>,
 }
 
-/// Flat regions with at least `least` area, largest first: connected triangles with corners within `flat` of a plane.
+/// Flat regions that are large enough for a tolerance, largest first: connected triangles with corners near a plane.
 /// `mesh` has no doubled vertices.
-pub(crate) fn regions(mesh: &Mesh, flat: f64, least: f64) -> Vec<Region> {
+pub(crate) fn regions(mesh: &Mesh, tolerance: f64, settings: &RegionSettings) -> Vec<Region> {
+    let flat = settings.flat * tolerance;
+    let least = (settings.least * tolerance) * (settings.least * tolerance);
     let twins = twins(mesh);
     let crosses: Vec<DVec3> = mesh.triangles.iter().map(|t| cross(mesh, *t)).collect();
     let corner: Vec<DVec3> = points(mesh).collect();
@@ -33,8 +36,8 @@ pub(crate) fn regions(mesh: &Mesh, flat: f64, least: f64) -> Vec<Region> {
         let mut plane = (normal, normal.dot(corner[mesh.triangles[seed as usize][0] as usize]));
         let mut grown = Vec::new();
         // The plane of one triangle is not that of the region.
-        for _ in 0..3 {
-            grown = faces.grow(&free, seed, plane, flat);
+        for _ in 0..settings.rounds {
+            grown = faces.grow(&free, seed, plane, (flat, settings.agrees));
             plane = fit(mesh, &crosses, &grown).unwrap_or(plane);
         }
         let area = grown.iter().map(|t| 0.5 * crosses[*t as usize].length()).sum::<f64>();
@@ -61,14 +64,12 @@ struct Faces<'a> {
 }
 
 impl Faces<'_> {
-    /// Free triangles that connect to `seed` within `flat` of a plane.
-    fn grow(&self, free: &[bool], seed: u32, (normal, offset): (DVec3, f64), flat: f64) -> Vec<u32> {
-        /// Cosine of the largest angle of a triangle against the plane: small triangles are noisy.
-        const AGREES: f64 = 0.8;
+    /// Free triangles that connect to `seed` within `flat` of a plane, at an angle with a cosine above `agrees`.
+    fn grow(&self, free: &[bool], seed: u32, (normal, offset): (DVec3, f64), (flat, agrees): (f64, f64)) -> Vec<u32> {
         let fits = |t: usize| {
             let corners = self.mesh.triangles[t].map(|v| self.corners[v as usize]);
             let near = corners.iter().all(|corner| (normal.dot(*corner) - offset).abs() <= flat);
-            near && self.crosses[t].dot(normal) > AGREES * self.crosses[t].length()
+            near && self.crosses[t].dot(normal) > agrees * self.crosses[t].length()
         };
         let (mut seen, mut out) = (std::collections::BTreeSet::from([seed]), vec![seed]);
         let mut at = 0;

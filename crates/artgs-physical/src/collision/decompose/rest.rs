@@ -5,6 +5,7 @@ use super::union::stays_within;
 use super::{DecomposeOptions, Pieces};
 use crate::geometry::hull::Hull;
 use crate::geometry::solid::{Sample, Solid};
+use crate::settings::{DecomposeSettings, RestSettings, UnionSettings};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -17,28 +18,27 @@ pub(super) fn add(
     options: &DecomposeOptions,
     pieces: &mut Pieces,
 ) {
-    /// Samples of the whole surface at most.
-    const MOST: f64 = 250_000.0;
-    /// Samples that are grouped and split at most: hulls of many points are slow.
-    const MOST_OPEN: usize = 40_000;
+    /// Distance of a sample from the surface that is rounding.
+    const ROUNDING: f64 = 1e-4;
+    let DecomposeSettings { rest: settings, union, .. } = &options.settings;
     let area: f64 =
         solid.mesh.triangles.iter().map(|t| 0.5 * crate::geometry::topology::cross(&solid.mesh, *t).length()).sum();
-    let spacing = (0.5 * options.tolerance).max((area / MOST).sqrt());
+    let spacing = (settings.spacing * options.tolerance).max((area / union.surface).sqrt());
     let slabs = Slabs::new(pieces, near);
     let covered = |s: &Sample| slabs.cover(s.point) || behind > 0.0 && slabs.cover(s.point - s.normal * behind);
     let is_open = |s: &Sample| s.seen && !covered(s);
     let open: Vec<Sample> = solid.samples(spacing, true).into_par_iter().filter(is_open).collect();
-    let stride = open.len().div_ceil(MOST_OPEN).max(1);
+    let stride = open.len().div_ceil(settings.open).max(1);
     let open: Vec<Sample> = open.into_iter().step_by(stride).collect();
     let spacing = spacing * (stride as f64).sqrt();
-    let least = 5.0 * near * near / (spacing * spacing);
-    for group in groups(&open, 2.5 * spacing.max(options.tolerance)) {
+    let least = settings.speck * near * near / (spacing * spacing);
+    for group in groups(&open, settings.group * spacing.max(options.tolerance)) {
         // Specks have a piece beside them.
         if (group.len() as f64) < least {
             continue;
         }
         let points = group.iter().flat_map(|s| {
-            let depth = solid.thickness(s.point, s.normal, 1e-4, options.skin);
+            let depth = solid.thickness(s.point, s.normal, ROUNDING, options.skin);
             [s.point, s.point - s.normal * depth]
         });
         split(solid, points.collect(), axes, spacing, options, 0, pieces);
@@ -79,23 +79,20 @@ fn split(
     depth: usize,
     pieces: &mut Pieces,
 ) {
-    const DEEPEST: usize = 12;
-    /// Distance from the surface of a piece that cannot be split, in tolerances: one that protrudes farther fills a cavity.
-    const FAR: f64 = 2.0;
-    /// A cut that leaves a larger share of the volume, such as one across a straight strip, brings the pieces no nearer to the surface.
-    const USEFUL: f64 = 0.97;
+    let DecomposeSettings { rest: RestSettings { deepest, useful, .. }, union: UnionSettings { far, .. }, .. } =
+        options.settings;
     let Some(hull) = Hull::of(&points, options.thinnest) else { return };
-    let stays_within = |most: f64| stays_within(&hull, solid, most, options.tolerance);
+    let stays_within = |most: f64| stays_within(&hull, solid, most, options);
     if stays_within(options.tolerance) {
         return pieces.push(hull);
     }
-    let cut = if depth < DEEPEST { best_cut(&points, axes, spacing, options) } else { None };
+    let cut = if depth < deepest { best_cut(&points, axes, spacing, options) } else { None };
     match cut {
-        Some((left, _)) if left > USEFUL && stays_within(FAR * options.tolerance) => pieces.push(hull),
+        Some((left, _)) if left > useful && stays_within(far * options.tolerance) => pieces.push(hull),
         Some((_, halves)) => {
             halves.into_iter().for_each(|half| split(solid, half, axes, spacing, options, depth + 1, pieces));
         }
-        None if stays_within(FAR * options.tolerance) => pieces.push(hull),
+        None if stays_within(far * options.tolerance) => pieces.push(hull),
         None => {}
     }
 }
@@ -108,36 +105,31 @@ fn best_cut(
     spacing: f64,
     options: &DecomposeOptions,
 ) -> Option<(f64, [Vec<DVec3>; 2])> {
-    const PLACES: usize = 7;
-    /// Points that are used to choose a cut.
-    const MOST: usize = 1200;
-    /// Weight of the difference in size.
-    const BALANCE: f64 = 0.05;
-    /// Largest share of the points in one half: thin strips are not cut along their length again and again.
-    const LARGEST: f64 = 0.95;
-    // The halves overlap, so that no gap is between them.
-    let overlap = 1.2 * spacing;
+    /// Thickness below which a half counts as flat: it is rounding.
+    const FLAT: f64 = 1e-6;
+    let RestSettings { places, points: most, balance, largest, shortest, .. } = options.settings.rest;
+    let overlap = options.settings.rest.overlap * spacing;
     let part = |points: &[DVec3], axis: DVec3, at: f64, sign: f64| -> Vec<DVec3> {
         points.iter().copied().filter(|p| sign * (p.dot(axis) - at) <= overlap).collect()
     };
-    let stride = points.len().div_ceil(MOST);
+    let stride = points.len().div_ceil(most);
     let few: Vec<DVec3> = points.iter().copied().step_by(stride).collect();
     let whole = Hull::of(&few, options.thinnest)?.volume();
     let mut best: Option<(f64, f64, DVec3, f64)> = None;
     for axis in axes {
         let along = || points.iter().map(|p| p.dot(*axis));
         let (low, high) = (along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max));
-        if high - low < 2.0 * options.tolerance {
+        if high - low < shortest * options.tolerance {
             continue;
         }
-        for place in 1..=PLACES {
-            let at = low + (high - low) * place as f64 / (PLACES + 1) as f64;
+        for place in 1..=places {
+            let at = low + (high - low) * place as f64 / (places + 1) as f64;
             let halves = [1.0, -1.0].map(|sign| part(&few, *axis, at, sign));
-            if halves.iter().any(|half| half.len() as f64 > LARGEST * few.len() as f64) {
+            if halves.iter().any(|half| half.len() as f64 > largest * few.len() as f64) {
                 continue;
             }
-            let volume: f64 = halves.iter().map(|half| Hull::of(half, 1e-6).map_or(0.0, |h| h.volume())).sum();
-            let cost = volume / whole + BALANCE * (place as f64 / (PLACES + 1) as f64 - 0.5).abs();
+            let volume: f64 = halves.iter().map(|half| Hull::of(half, FLAT).map_or(0.0, |h| h.volume())).sum();
+            let cost = volume / whole + balance * (place as f64 / (places + 1) as f64 - 0.5).abs();
             if best.is_none_or(|(least, ..)| cost < least) {
                 best = Some((cost, volume / whole, *axis, at));
             }

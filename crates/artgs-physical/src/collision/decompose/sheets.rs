@@ -8,6 +8,7 @@ use super::{DecomposeOptions, Pieces};
 use crate::geometry::hull::Hull;
 use crate::geometry::solid::Solid;
 use crate::geometry::topology::{corners, twins};
+use crate::settings::SheetSettings;
 use glam::{DVec2, DVec3};
 
 /// A grid in the plane of a region.
@@ -21,10 +22,8 @@ struct Grid {
 }
 
 impl Grid {
-    /// Cells per side at most.
-    const MOST: f64 = 512.0;
-
-    fn new(solid: &Solid, region: &Region, twins: &[u32], finest: f64) -> Self {
+    /// Cells with edges of at least `finest`, at most `most` per side.
+    fn new(solid: &Solid, region: &Region, twins: &[u32], (finest, most): (f64, f64)) -> Self {
         let normal = region.normal;
         let (u, v) = axes(solid, region, twins);
         let plane = normal * region.offset;
@@ -32,7 +31,7 @@ impl Grid {
         let points = region.triangles.iter().flat_map(|t| corners(&solid.mesh, solid.mesh.triangles[*t as usize]));
         let (low, high) =
             points.map(flat).fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
-        let cell = finest.max((high - low).max_element() / Self::MOST);
+        let cell = finest.max((high - low).max_element() / most);
         // A rim of free cells; the region is in the middle of its cells.
         let size = ((high - low) / cell).ceil() + 2.0;
         let low = (low + high - size * cell) / 2.0;
@@ -50,6 +49,8 @@ impl Grid {
 
     /// Cells whose centres are on the triangles.
     fn mask(&self, solid: &Solid, triangles: &[u32]) -> Mask {
+        /// Area in cells, and weight of a corner, that are rounding.
+        const ROUNDING: [f64; 2] = [1e-12, 1e-9];
         let mut out = Mask::new(self.size);
         for t in triangles {
             let corner = corners(&solid.mesh, solid.mesh.triangles[*t as usize]).map(|p| {
@@ -58,7 +59,7 @@ impl Grid {
             });
             let [a, b, c] = corner;
             let area = (b - a).perp_dot(c - a);
-            if area.abs() < 1e-12 {
+            if area.abs() < ROUNDING[0] {
                 continue;
             }
             let (low, high) = (a.min(b).min(c).ceil().max(DVec2::ZERO), a.max(b).max(c).floor());
@@ -66,7 +67,7 @@ impl Grid {
                 for y in low.y as usize..=(high.y.max(0.0) as usize).min(self.size[1] - 1) {
                     let p = DVec2::new(x as f64, y as f64);
                     let weights = [(b, c), (c, a), (a, b)].map(|(q, r)| (q - p).perp_dot(r - p) / area);
-                    if weights.iter().all(|w| *w >= -1e-9) {
+                    if weights.iter().all(|w| *w >= -ROUNDING[1]) {
                         out.cells[x * self.size[1] + y] = true;
                     }
                 }
@@ -108,9 +109,10 @@ pub(super) fn add(
     options: &DecomposeOptions,
     pieces: &mut Pieces,
 ) {
-    let near = 0.8 * options.tolerance;
-    let grid = Grid::new(solid, region, twins, 0.4 * options.tolerance);
-    let slack = ((0.8 * options.tolerance / grid.cell).round() as usize).max(1);
+    let settings = &options.settings.sheets;
+    let near = settings.covered * options.tolerance;
+    let grid = Grid::new(solid, region, twins, (settings.cell * options.tolerance, settings.cells));
+    let slack = ((settings.slack * options.tolerance / grid.cell).round() as usize).max(1);
     let own = grid.mask(solid, &region.triangles).closed(slack);
     let (mut todo, slabs) = (own.clone(), Slabs::new(pieces, near));
     for i in 0..todo.cells.len() {
@@ -123,13 +125,13 @@ pub(super) fn add(
     // A prism may also be where the solid continues in front of the region.
     let mut allowed = own;
     for i in 0..allowed.cells.len() {
-        allowed.cells[i] = allowed.cells[i] || solid.signed(grid.middle(i)) < -0.2 * options.tolerance;
+        allowed.cells[i] = allowed.cells[i] || solid.signed(grid.middle(i)) < -settings.inside * options.tolerance;
     }
     // Prisms that reach into a notch are replaced by several that follow its rim closer.
     let mut slacks = (0..=slack).rev().peekable();
     while let Some(slack) = slacks.next() {
         let mut left = Mask::new(todo.size);
-        for polygon in cover(&allowed, &todo, slack) {
+        for polygon in cover(&allowed, &todo, slack, settings) {
             match prism(solid, &grid, &polygon, slacks.peek().is_none(), options) {
                 Some(hull) => pieces.push(hull),
                 None => todo.within(&polygon).for_each(|cell| left.cells[cell] = true),
@@ -144,14 +146,13 @@ pub(super) fn add(
 
 /// The prism of a polygon, as thick as fits; if none does, none, or the thinnest one if it is the `last` resort.
 fn prism(solid: &Solid, grid: &Grid, polygon: &[DVec2], last: bool, options: &DecomposeOptions) -> Option<Hull> {
-    /// Distance from the surface, in tolerances.
-    const FAR: f64 = 2.0;
+    let far = options.settings.union.far * options.tolerance;
     let of = |thickness: f64| {
         let corners = polygon.iter().map(|p| grid.point(*p));
         let points: Vec<DVec3> = corners.flat_map(|p| [p, p - grid.normal * thickness]).collect();
         Hull::of(&points, options.thinnest)
     };
-    let fits = |hull: &Hull| stays_within(hull, solid, FAR * options.tolerance, options.tolerance);
+    let fits = |hull: &Hull| stays_within(hull, solid, far, options);
     let [most, least] = thickness(solid, grid, polygon, options);
     of(most).filter(fits).or_else(|| of(least).filter(|hull| last || fits(hull)))
 }
@@ -159,20 +160,15 @@ fn prism(solid: &Solid, grid: &Grid, polygon: &[DVec2], last: bool, options: &De
 /// How thick a prism behind the region may be, so that it sticks out in a few thin places only, and in none: the whole sheet where
 /// its other side is near, else the skin.
 fn thickness(solid: &Solid, grid: &Grid, polygon: &[DVec2], options: &DecomposeOptions) -> [f64; 2] {
-    /// Samples per side of the box around the polygon.
-    const SIDE: usize = 12;
-    /// Share of thin places.
-    const IGNORED: f64 = 0.1;
-    /// A sheet is at most this many times as thick as a skin.
-    const SHEET: f64 = 2.5;
+    let SheetSettings { places: side, thin, sheet, near, .. } = options.settings.sheets;
     let (low, high) = polygon.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
-    let places = (0..SIDE * SIDE).map(|i| DVec2::new((i / SIDE) as f64 + 0.5, (i % SIDE) as f64 + 0.5) / SIDE as f64);
-    let most = SHEET * options.skin;
-    let depth = |p: DVec2| solid.thickness(grid.point(p), grid.normal, 0.5 * options.tolerance, most);
+    let places = (0..side * side).map(|i| DVec2::new((i / side) as f64 + 0.5, (i % side) as f64 + 0.5) / side as f64);
+    let most = sheet * options.skin;
+    let depth = |p: DVec2| solid.thickness(grid.point(p), grid.normal, near * options.tolerance, most);
     let mut depths: Vec<f64> =
         places.map(|s| low + (high - low) * s).filter(|p| holds(polygon, *p)).map(depth).collect();
     depths.sort_by(f64::total_cmp);
-    [IGNORED, 0.0].map(|share| {
+    [thin, 0.0].map(|share| {
         let found = depths.get((share * depths.len() as f64) as usize).copied().unwrap_or(options.skin);
         (if found < most { found } else { options.skin }).max(options.least)
     })

@@ -16,6 +16,7 @@ pub(super) struct Slabs<'a> {
 
 impl<'a> Slabs<'a> {
     pub(super) fn new(pieces: &'a Pieces, near: f64) -> Self {
+        /// Number of slabs.
         const COUNT: usize = 128;
         let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (low, high) = pieces.boxes.iter().fold(start, |(l, h), [low, high]| (l.min(*low), h.max(*high)));

@@ -8,6 +8,7 @@ pub(super) const OPTIONS: DecomposeOptions = DecomposeOptions {
     skin: 0.01,
     least: 2e-3,
     thinnest: 1e-3,
+    settings: DecomposeSettings::DEFAULT,
 };
 
 /// A box of five walls, open above.

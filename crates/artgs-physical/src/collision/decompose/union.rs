@@ -4,6 +4,7 @@ use super::slabs::Slabs;
 use super::{DecomposeOptions, Pieces};
 use crate::geometry::hull::Hull;
 use crate::geometry::solid::Solid;
+use crate::settings::UnionSettings;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::cmp::Ordering;
@@ -16,25 +17,20 @@ pub(super) struct Needed {
     area: f64,
 }
 
-/// Weight of a sample that was observed; others have 1.
-const OBSERVED: usize = 4;
-
 impl Needed {
     pub(super) fn of(solid: &Solid, options: &DecomposeOptions) -> Self {
-        /// Samples of the whole surface at most.
-        const MOST: f64 = 250_000.0;
+        let UnionSettings { surface, observed, .. } = options.settings.union;
         let area: f64 =
             solid.mesh.triangles.iter().map(|t| 0.5 * crate::geometry::topology::cross(&solid.mesh, *t).length()).sum();
-        let spacing = options.tolerance.max((area / MOST).sqrt());
-        let samples = solid.samples(spacing, false).into_iter().map(|s| (s.point, if s.seen { OBSERVED } else { 1 }));
+        let spacing = options.tolerance.max((area / surface).sqrt());
+        let samples = solid.samples(spacing, false).into_iter().map(|s| (s.point, if s.seen { observed } else { 1 }));
         Self { samples: samples.collect(), area: spacing * spacing }
     }
 
     /// Pieces without those that are needed for little: first those that alone cover next to nothing, then, as long as there are more
-    /// than `most`, those that alone cover the least, up to the square of `speck`. What was not observed may be four times as large.
+    /// than `most`, those that alone cover the least, up to the square of `speck`.
     pub(super) fn pruned(&self, hulls: Vec<Hull>, most: usize, speck: f64, options: &DecomposeOptions) -> Vec<Hull> {
-        /// Observed samples that need no piece.
-        const FEW: usize = 1;
+        let UnionSettings { observed, few, .. } = options.settings.union;
         let mut pieces = Pieces::default();
         hulls.into_iter().for_each(|hull| pieces.push(hull));
         let slabs = Slabs::new(&pieces, options.tolerance);
@@ -47,7 +43,7 @@ impl Needed {
         let mut times: Vec<usize> = covers.iter().map(Vec::len).collect();
         let mut kept = vec![true; pieces.hulls.len()];
         let mut count = kept.len();
-        let most_alone = OBSERVED * (speck * speck / self.area).max(1.0) as usize;
+        let most_alone = observed * (speck * speck / self.area).max(1.0) as usize;
         loop {
             let alone = |p: usize| -> usize {
                 of_piece[p].iter().filter(|s| times[**s] == 1).map(|s| self.samples[*s].1).sum()
@@ -55,7 +51,7 @@ impl Needed {
             // Later pieces are smaller.
             let candidates = (0..kept.len()).rev().filter(|p| kept[*p]).map(|p| (alone(p), p));
             let Some((least, p)) = candidates.min_by_key(|(alone, _)| *alone) else { break };
-            if least > FEW * OBSERVED && (count <= most || least > most_alone) {
+            if least > few * observed && (count <= most || least > most_alone) {
                 break;
             }
             kept[p] = false;
@@ -99,9 +95,8 @@ impl Ord for Candidate {
 /// Pieces, joined as long as a join stays within the tolerance of the solid.
 pub(super) fn joined(hulls: Vec<Hull>, solid: &Solid, options: &DecomposeOptions) -> Vec<Hull> {
     let mut alive: Vec<Option<Hull>> = hulls.into_iter().map(Some).collect();
-    let fits = |both: &Hull| {
-        both.points().len() <= options.corners && stays_within(both, solid, options.tolerance, options.tolerance)
-    };
+    let fits =
+        |both: &Hull| both.points().len() <= options.corners && stays_within(both, solid, options.tolerance, options);
     let added = |a: &Hull, b: &Hull, both: &Hull| both.volume() - a.volume() - b.volume();
     join(&mut alive, 1, options, (added, None::<fn(&Hull) -> f64>), fits);
     alive.into_iter().flatten().collect()
@@ -109,6 +104,7 @@ pub(super) fn joined(hulls: Vec<Hull>, solid: &Solid, options: &DecomposeOptions
 
 /// Pieces, joined until there are at most `options.most`, those first of which the join sticks out least.
 pub(super) fn reduced(hulls: Vec<Hull>, solid: &Solid, options: &DecomposeOptions) -> Vec<Hull> {
+    let UnionSettings { deep, deeply, size, outside: of_outside, samples: few, .. } = options.settings.union;
     let mut alive: Vec<Option<Hull>> = hulls.into_iter().map(Some).collect();
     let cost = |both: &Hull, samples: usize| {
         let samples = both.samples(samples);
@@ -116,12 +112,12 @@ pub(super) fn reduced(hulls: Vec<Hull>, solid: &Solid, options: &DecomposeOption
         let far = outside.iter().filter(|d| **d > options.tolerance).count();
         let area = both.area() * far as f64 / samples.len().max(1) as f64;
         let farthest = outside.iter().copied().fold(0.0, f64::max);
-        let deep = (farthest - DEEP * options.tolerance).max(0.0);
-        farthest + DEEPLY * deep + 0.05 * both.volume().cbrt() + OUTSIDE * area.sqrt()
+        let deep = (farthest - deep * options.tolerance).max(0.0);
+        farthest + deeply * deep + size * both.volume().cbrt() + of_outside * area.sqrt()
     };
-    let coarse = |_: &Hull, _: &Hull, both: &Hull| cost(both, SAMPLES);
+    let coarse = |_: &Hull, _: &Hull, both: &Hull| cost(both, few);
     // Notches of thin sheets are narrower than the distance of few samples.
-    let exact = |both: &Hull| cost(both, samples_of(both, options.tolerance).max(SAMPLES));
+    let exact = |both: &Hull| cost(both, samples_of(both, options).max(few));
     join(&mut alive, options.most as usize, options, (coarse, Some(exact)), |_| true);
     let mut hulls: Vec<Hull> = alive.into_iter().flatten().collect();
     // Pieces that touch no other one cannot be joined: the largest stay.
@@ -130,30 +126,20 @@ pub(super) fn reduced(hulls: Vec<Hull>, solid: &Solid, options: &DecomposeOption
     hulls
 }
 
-/// What the side of a square counts that is as large as the surface of a join outside the solid, against how far a join sticks out.
-const OUTSIDE: f64 = 0.2;
-/// What sticks out farther than this, in tolerances, counts so many times more.
-const DEEP: f64 = 2.0;
-const DEEPLY: f64 = 3.0;
-/// Samples of a hull that are tested first.
-const SAMPLES: usize = 100;
-
 /// True if no sample of the surface of a hull is outside the solid by more than `most`. Samples are as close as the tolerance asks for.
-pub(super) fn stays_within(hull: &Hull, solid: &Solid, most: f64, tolerance: f64) -> bool {
-    let few = hull.samples(SAMPLES);
-    let count = samples_of(hull, tolerance);
+pub(super) fn stays_within(hull: &Hull, solid: &Solid, most: f64, options: &DecomposeOptions) -> bool {
+    let first = options.settings.union.samples;
+    let few = hull.samples(first);
+    let count = samples_of(hull, options);
     few.into_iter().all(|p| solid.signed(p) <= most)
-        && (count <= SAMPLES || hull.samples(count).into_iter().all(|p| solid.signed(p) <= most))
+        && (count <= first || hull.samples(count).into_iter().all(|p| solid.signed(p) <= most))
 }
 
 /// Samples of the surface of a hull, a few tolerances apart.
-fn samples_of(hull: &Hull, tolerance: f64) -> usize {
-    /// Distance of the samples, in tolerances, ...
-    const SPACING: f64 = 1.5;
-    /// ... and how many there are at most.
-    const MOST: f64 = 3000.0;
-    let step = SPACING * tolerance;
-    (hull.area() / (step * step)).min(MOST) as usize
+fn samples_of(hull: &Hull, options: &DecomposeOptions) -> usize {
+    let UnionSettings { spacing, most_samples, .. } = options.settings.union;
+    let step = spacing * options.tolerance;
+    (hull.area() / (step * step)).min(most_samples) as usize
 }
 
 /// Joins neighbours, those with the least cost first, as long as there are more than `most` and while `fits` is true for the join. The second
@@ -165,9 +151,10 @@ fn join(
     (cost, exact): (impl Fn(&Hull, &Hull, &Hull) -> f64, Option<impl Fn(&Hull) -> f64>),
     fits: impl Fn(&Hull) -> bool,
 ) {
+    let reach = options.settings.union.neighbours * options.tolerance;
     let near = |a: &Hull, b: &Hull| {
         let ([al, ah], [bl, bh]) = (a.bounds(), b.bounds());
-        (al - 2.0 * options.tolerance).cmple(bh).all() && (bl - 2.0 * options.tolerance).cmple(ah).all()
+        (al - reach).cmple(bh).all() && (bl - reach).cmple(ah).all()
     };
     let candidate = |alive: &[Option<Hull>], i: usize, j: usize| {
         let (a, b) = (alive[i].as_ref()?, alive[j].as_ref()?);
