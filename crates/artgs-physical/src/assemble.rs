@@ -136,7 +136,7 @@ fn limited(
         link.joint = link.joint.map(|joint| dynamics(joint, &link.inertial, arm, &settings.dynamics));
     }
     let mut asset = Asset { name: to_identifier(name, "replica"), links, apart: Vec::new(), front };
-    let handles = semantics::handles(&asset);
+    let handles = semantics::handles(&asset, &settings.describe);
     asset.links.iter_mut().zip(handles).for_each(|(link, handles)| link.handles = handles);
     let to_link = frames.iter().map(|f| Rigid::shift(-f.origin) * f.from_start).collect();
     let mut decisions = Decisions {

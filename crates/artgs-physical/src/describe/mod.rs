@@ -6,6 +6,7 @@ pub(crate) mod semantics;
 use crate::config::{Front, PhysicalConfig};
 use crate::geometry::topology::{bounds, diagonal, points};
 use crate::limits::nearer_state;
+use crate::settings::ClosedSettings;
 use artgs_core::{
     Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, PartSemantics, PerState, Replica, Rigid, State, TexturedMesh,
 };
@@ -29,21 +30,23 @@ pub(crate) struct Described {
 
 /// Describes a valid replica by the meshes of its parts, world frame, start state.
 pub(crate) fn describe(replica: &Replica, meshes: &[&Mesh], config: &PhysicalConfig) -> Described {
+    let settings = &config.settings.describe;
     let nearer: Vec<Option<State>> =
-        (0..replica.parts.len()).map(|part| nearer_state_of(replica, meshes, part)).collect();
+        (0..replica.parts.len()).map(|part| nearer_state_of(replica, meshes, part, &settings.closed)).collect();
     let upright = Rigid { rotation: config.up.upright(), translation: DVec3::ZERO };
     let captured = posed(replica, meshes, &frames(replica, &nearer, config, upright), config.scale);
     let known: Vec<bool> = nearer.iter().map(Option::is_some).collect();
-    let semantics = semantics::classes(&captured, &known, &config.classes);
+    let semantics = semantics::classes(&captured, &known, &config.classes, settings);
     let front = match config.front {
         Front::Captured => None,
-        Front::Found => semantics::front(&captured, &semantics),
+        Front::Found => semantics::front(&captured, &semantics, settings),
         Front::Towards(direction) => Some(direction),
     };
     let object = if config.front == Front::Captured { upright } else { canonical(&captured, front) * upright };
     let front = front.map(|_| DVec3::NEG_Y);
     let frames = frames(replica, &nearer, config, object);
-    let names = names(replica, &posed(replica, meshes, &frames, config.scale), &semantics, config.part_names);
+    let posed = posed(replica, meshes, &frames, config.scale);
+    let names = names(replica, semantics::names(&posed, &semantics, settings), config.part_names);
     Described { nearer, frames, names, semantics, object, front }
 }
 
@@ -139,24 +142,20 @@ fn metric(joint: Joint, scale: f64) -> Joint {
 }
 
 /// The state in which a part is nearer to being closed; none if it protrudes equally in both.
-fn nearer_state_of(replica: &Replica, meshes: &[&Mesh], part: usize) -> Option<State> {
-    /// Least difference, as a share of the diagonal, that is significant, ...
-    const SIGNIFICANT: f64 = 0.01;
-    /// ... or as a share of the mean motion of the part, whichever is smaller.
-    const SIGNIFICANT_OF_MOTION: f64 = 0.15;
+fn nearer_state_of(replica: &Replica, meshes: &[&Mesh], part: usize, settings: &ClosedSettings) -> Option<State> {
     let parent = replica.parts[part].parent?;
     // Compared with its parent, in the parent's frame.
     let joint = replica.joint(part)?;
     let end = meshes[part].moved(&joint.start_to_end());
     let distances = points(meshes[part]).zip(points(&end)).map(|(a, b)| a.distance(b));
     let mean_motion = distances.sum::<f64>() / end.vertices.len().max(1) as f64;
-    let significant = (SIGNIFICANT * diagonal(meshes)).min(SIGNIFICANT_OF_MOTION * mean_motion);
-    nearer_state(PerState::new(meshes[part], &end), PerState::new(meshes[parent], meshes[parent]), significant)
+    let significant = (settings.significant_share * diagonal(meshes)).min(settings.of_motion * mean_motion);
+    let (own, carrier) = (PerState::new(meshes[part], &end), PerState::new(meshes[parent], meshes[parent]));
+    nearer_state(own, carrier, significant, settings.points)
 }
 
-/// Unique names that are valid in every format: of the class where the replica has none of its own, unless `keep`.
-fn names(replica: &Replica, posed: &Asset, classes: &[PartSemantics], keep: bool) -> Vec<String> {
-    let by_class = semantics::names(posed, classes);
+/// Unique names that are valid in every format: `by_class` where the replica has none of its own, unless `keep`.
+fn names(replica: &Replica, by_class: Vec<Option<String>>, keep: bool) -> Vec<String> {
     let mut out: Vec<String> = Vec::new();
     for (i, part) in replica.parts.iter().enumerate() {
         let is_number = part.name == format!("part_{i}");

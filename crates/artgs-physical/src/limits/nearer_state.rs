@@ -5,9 +5,14 @@ use artgs_core::{Mesh, PerState, State};
 use glam::DVec3;
 
 /// The state in which a part lies closer to its parent, nearer to being closed; none if the distances differ by less than
-/// `significant`. `part` and `parent` are the surfaces in both states, in one frame. Open drawers and doors protrude.
-pub(crate) fn nearer_state(part: PerState<&Mesh>, parent: PerState<&Mesh>, significant: f64) -> Option<State> {
-    let distances = PerState::try_from_fn(|state| protrusion(part[state], parent[state]))?;
+/// `significant`; of each mesh, about `count` vertices are compared. `part` and `parent` are the surfaces in both states, in one frame. Open drawers and doors protrude.
+pub(crate) fn nearer_state(
+    part: PerState<&Mesh>,
+    parent: PerState<&Mesh>,
+    significant: f64,
+    count: usize,
+) -> Option<State> {
+    let distances = PerState::try_from_fn(|state| protrusion(part[state], parent[state], count))?;
     let (start, end) = (distances[State::START], distances[State::END]);
     if (start - end).abs() < significant {
         return None;
@@ -16,10 +21,9 @@ pub(crate) fn nearer_state(part: PerState<&Mesh>, parent: PerState<&Mesh>, signi
 }
 
 /// Mean distance of the vertices of a part from the convex hull of its parent.
-fn protrusion(part: &Mesh, parent: &Mesh) -> Option<f64> {
-    const SAMPLE: usize = 4000;
+fn protrusion(part: &Mesh, parent: &Mesh, count: usize) -> Option<f64> {
     let sampled = |mesh: &Mesh| -> Vec<DVec3> {
-        let stride = mesh.vertices.len().div_ceil(SAMPLE).max(1);
+        let stride = mesh.vertices.len().div_ceil(count).max(1);
         mesh.vertices.iter().step_by(stride).map(|v| DVec3::from_array(v.map(f64::from))).collect()
     };
     let hull = Hull::of(&sampled(parent), 0.0)?;
@@ -39,7 +43,7 @@ mod tests {
         let at = |y: f64| cuboid([-0.4, y, 0.0], [0.4, y + 0.8, 0.4]);
         let (shut, open) = (at(0.1), at(-0.5));
         let empty = Mesh::default();
-        let closed = |start, end| nearer_state(PerState::new(start, end), PerState::new(&base, &base), 0.01);
+        let closed = |start, end| nearer_state(PerState::new(start, end), PerState::new(&base, &base), 0.01, 100);
         assert_eq!(closed(&shut, &open), Some(State::START));
         assert_eq!(closed(&open, &shut), Some(State::END));
         assert_eq!(closed(&shut, &shut), None);

@@ -103,7 +103,7 @@ pub struct FlushSettings {
 impl FlushSettings {
     /// The settings that are used.
     pub const DEFAULT: Self = Self {
-        facing: 0.9,
+        facing: super::FACING,
         layer: 0.5,
         parallel: 0.99,
         frame: 10.0,

@@ -2,19 +2,26 @@
 
 mod collision;
 mod decompose;
+mod describe;
 mod dynamics;
 mod limits;
 mod mass;
 
 pub use collision::{ClearanceSettings, CollisionSettings, PoseSettings};
 pub use decompose::{DecomposeSettings, FloorSettings, RegionSettings, RestSettings, SheetSettings, UnionSettings};
+pub use describe::{ClassSettings, ClosedSettings, DescribeSettings, FrontSettings, HandleSettings};
 pub use dynamics::DynamicsSettings;
 pub use limits::{FlushSettings, LimitSettings, SweepSettings};
 pub use mass::MassSettings;
 
+/// Least cosine between the motion of a part that opens and the normals of its front.
+const FACING: f64 = 0.9;
+
 /// Settings by question.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Settings {
+    /// What are the links?
+    pub describe: DescribeSettings,
     /// How heavy are the links?
     pub mass: MassSettings,
     /// How are the joints driven, and what holds them?

@@ -1,6 +1,7 @@
 //! Measures of a part that its class follows from: extents along its joint, how it lies against the part that carries it.
 
 use crate::geometry::topology::corners;
+use crate::settings::DescribeSettings;
 use artgs_core::{AssetJoint, AssetLink, JointKind, Mesh, Rigid, State};
 use glam::DVec3;
 
@@ -40,11 +41,9 @@ pub(crate) fn samples(mesh: &Mesh, motion: &Rigid, spacing: f64) -> Vec<Sample> 
     out
 }
 
-/// Lowest and highest coordinate along `axis` between which all but the outermost hundredth of the area at each end lies;
+/// Lowest and highest coordinate along `axis` between which all but the share `beyond` of the area at each end lies;
 /// none without area.
-pub(crate) fn span(samples: &[Sample], axis: DVec3) -> Option<[f64; 2]> {
-    /// Share of the area beyond each end: reconstructed surfaces have a few loose triangles.
-    const BEYOND: f64 = 0.01;
+pub(crate) fn span(samples: &[Sample], axis: DVec3, beyond: f64) -> Option<[f64; 2]> {
     let mut along: Vec<(f64, f64)> = samples.iter().map(|s| (s.at.dot(axis), s.area)).collect();
     along.sort_by(|a, b| a.0.total_cmp(&b.0));
     let total: f64 = along.iter().map(|(_, area)| area).sum();
@@ -52,10 +51,10 @@ pub(crate) fn span(samples: &[Sample], axis: DVec3) -> Option<[f64; 2]> {
     let mut ends = [None, None];
     for (at, area) in along {
         before += area;
-        if before >= BEYOND * total {
+        if before >= beyond * total {
             ends[0].get_or_insert(at);
         }
-        if before >= (1.0 - BEYOND) * total {
+        if before >= (1.0 - beyond) * total {
             ends[1].get_or_insert(at);
         }
     }
@@ -88,11 +87,11 @@ pub(crate) struct Form {
 
 impl Form {
     /// None for a link without joint or without a surface. `diagonal` is that of the object.
-    pub(super) fn of(link: &AssetLink, diagonal: f64) -> Option<Self> {
-        /// Distance of samples as a share of the object's diagonal.
-        const SPACING: f64 = 0.01;
+    pub(super) fn of(link: &AssetLink, diagonal: f64, settings: &DescribeSettings) -> Option<Self> {
+        /// Length that guards a division, metres.
+        const TINY: f64 = 1e-12;
         let joint = link.joint.as_ref()?;
-        let surface = samples(&link.visual.mesh, &Rigid::shift(link.origin), SPACING * diagonal);
+        let surface = samples(&link.visual.mesh, &Rigid::shift(link.origin), settings.spacing_share * diagonal);
         let area: f64 = surface.iter().map(|s| s.area).sum();
         if area <= 0.0 {
             return None;
@@ -101,7 +100,7 @@ impl Form {
         let AssetJoint { kind, axis, .. } = *joint;
         let (reach, opens) = match kind {
             JointKind::Prismatic => {
-                let up = if axis.z.abs() < 0.7 { DVec3::Z } else { DVec3::NEG_Y };
+                let up = if axis.z.abs() < settings.upright { DVec3::Z } else { DVec3::NEG_Y };
                 (up.reject_from_normalized(axis).normalize_or_zero(), axis)
             }
             JointKind::Revolute | JointKind::Screw => {
@@ -112,29 +111,28 @@ impl Form {
         };
         let mut extent = [0.0; 3];
         for (extent, direction) in extent.iter_mut().zip([axis, reach, axis.cross(reach)]) {
-            let [low, high] = span(&surface, direction)?;
+            let [low, high] = span(&surface, direction, settings.beyond)?;
             *extent = high - low;
         }
-        let across = longest(&surface, middle, axis)?;
+        let across = longest(&surface, middle, axis, settings.beyond)?;
         let far = |p: DVec3| (p - link.origin).reject_from_normalized(axis).length();
         let radius = surface.iter().map(|s| far(s.at)).fold(0.0, f64::max);
         let turns = kind != JointKind::Prismatic;
-        let (radius, offset) = if turns { (radius, far(middle) / radius.max(1e-12)) } else { (0.0, 0.0) };
+        let (radius, offset) = if turns { (radius, far(middle) / radius.max(TINY)) } else { (0.0, 0.0) };
         let travel = (joint.observed[State::END] - joint.observed[State::START]).abs();
         Some(Self { kind, axis, reach, opens, middle, extent, across, radius, offset, surface, travel })
     }
 
-    /// Mean outward normal of the faces that look where the part opens; [`Form::opens`] if there is none.
-    pub(super) fn facing(&self) -> DVec3 {
-        /// Cosine of the largest angle between such a face and the motion.
-        const ALIGNED: f64 = 0.9;
-        let fits = self.surface.iter().filter(|s| s.normal.dot(self.opens) > ALIGNED);
+    /// Mean outward normal of the faces that look where the part opens, at an angle with a cosine above `cosine`; [`Form::opens`] if there is
+    /// none.
+    pub(super) fn facing(&self, cosine: f64) -> DVec3 {
+        let fits = self.surface.iter().filter(|s| s.normal.dot(self.opens) > cosine);
         fits.map(|s| s.normal * s.area).sum::<DVec3>().normalize_or(self.opens)
     }
 }
 
 /// Extents of a surface across `axis`: along the direction in which it is longest, and along the other.
-fn longest(surface: &[Sample], middle: DVec3, axis: DVec3) -> Option<[f64; 2]> {
+fn longest(surface: &[Sample], middle: DVec3, axis: DVec3, beyond: f64) -> Option<[f64; 2]> {
     let (u, v) = axis.any_orthonormal_pair();
     let mut moments = [0.0; 3];
     for s in surface {
@@ -145,23 +143,25 @@ fn longest(surface: &[Sample], middle: DVec3, axis: DVec3) -> Option<[f64; 2]> {
     }
     let angle = 0.5 * (2.0 * moments[2]).atan2(moments[0] - moments[1]);
     let along = u * angle.cos() + v * angle.sin();
-    let width = |direction: DVec3| span(surface, direction).map(|[low, high]| high - low);
+    let width = |direction: DVec3| span(surface, direction, beyond).map(|[low, high]| high - low);
     let [a, b] = [width(along)?, width(axis.cross(along))?];
     Some([a.max(b), a.min(b)])
 }
 
 /// Share of the footprint of a panel, in its plane across `normal`, that has a surface of `others` within `depth` on either
-/// side.
-pub(crate) fn covered(panel: &[Sample], normal: DVec3, others: &[DVec3], depth: f64) -> f64 {
+/// side; the panel is that without the share `beyond` of its area at each end.
+pub(crate) fn covered(panel: &[Sample], normal: DVec3, others: &[DVec3], depth: f64, beyond: f64) -> f64 {
     /// Cells along each side.
     const CELLS: usize = 12;
+    /// Length that guards a division, metres.
+    const TINY: f64 = 1e-12;
     let (u, v) = normal.any_orthonormal_pair();
-    let (Some([u0, u1]), Some([v0, v1]), Some([n0, n1])) = (span(panel, u), span(panel, v), span(panel, normal)) else {
+    let [Some([u0, u1]), Some([v0, v1]), Some([n0, n1])] = [u, v, normal].map(|axis| span(panel, axis, beyond)) else {
         return 0.0;
     };
     let cell = |p: DVec3| {
         let at = |x: f64, low: f64, high: f64| {
-            let i = (x - low) / (high - low).max(1e-12) * CELLS as f64;
+            let i = (x - low) / (high - low).max(TINY) * CELLS as f64;
             (0.0..CELLS as f64).contains(&i).then_some(i as usize)
         };
         Some(CELLS * at(p.dot(v), v0, v1)? + at(p.dot(u), u0, u1)?)
@@ -189,9 +189,9 @@ mod tests {
         let area: f64 = surface.iter().map(|s| s.area).sum();
         assert!((area - 22.0).abs() < 1e-6, "{area}");
         mesh.append(&Mesh::cuboid([9.0; 3], [9.1; 3]));
-        let [low, high] = span(&samples(&mesh, &Rigid::IDENTITY, 0.05), DVec3::Z).unwrap();
+        let [low, high] = span(&samples(&mesh, &Rigid::IDENTITY, 0.05), DVec3::Z, 0.01).unwrap();
         assert!((0.0..0.1).contains(&low) && (2.9..=3.0).contains(&high), "{low} {high}");
-        assert_eq!(span(&[], DVec3::X), None);
+        assert_eq!(span(&[], DVec3::X, 0.01), None);
     }
 
     #[test]
@@ -199,8 +199,8 @@ mod tests {
         let panel = samples(&Mesh::cuboid([0.0; 3], [1.0, 1.0, 0.02]), &Rigid::IDENTITY, 0.02);
         let plate = samples(&Mesh::cuboid([0.0, 0.0, -0.2], [0.5, 1.0, -0.1]), &Rigid::IDENTITY, 0.02);
         let points: Vec<DVec3> = plate.iter().map(|s| s.at).collect();
-        let share = covered(&panel, DVec3::Z, &points, 0.3);
+        let share = covered(&panel, DVec3::Z, &points, 0.3, 0.01);
         assert!((0.45..0.6).contains(&share), "{share}");
-        assert_eq!(covered(&panel, DVec3::Z, &points, 0.05), 0.0);
+        assert_eq!(covered(&panel, DVec3::Z, &points, 0.05, 0.01), 0.0);
     }
 }

@@ -1,36 +1,28 @@
 //! Handles: what stands out from the front of a moving part, and how a gripper with two fingers holds it.
 
 use super::form::{Form, Sample, samples, span};
+use crate::settings::{DescribeSettings, HandleSettings};
 use artgs_core::{Asset, Handle, PartClass, Rigid};
 use glam::{DMat3, DVec3};
 
-/// Cells of the height field along the larger side of a front, at most.
-const CELLS: usize = 160;
-/// A handle stands out by this share of the object's diagonal at least.
-const LEAST_DEPTH: f64 = 0.008;
-/// Handles cover less than this share of the front: what covers more is a frame or a second face.
-const MOST_AREA: f64 = 0.3;
-/// Extents of a handle are this share of the object's diagonal at least.
-const LEAST_SIZE: f64 = 0.01;
-/// A part has so many handles at most.
-const MOST: usize = 4;
-
 /// Handles of all links, named after them. Only parts that a hand pulls or turns by a handle have some.
-pub(crate) fn handles(asset: &Asset) -> Vec<Vec<Handle>> {
+pub(crate) fn handles(asset: &Asset, settings: &DescribeSettings) -> Vec<Vec<Handle>> {
     let diagonal = asset.bounds_diagonal();
+    let of_handles = &settings.handles;
     let of = |link: &artgs_core::AssetLink| {
         let class = link.semantics.map_or(PartClass::Part, |s| s.class);
         let pulled = matches!(
             class,
             PartClass::Drawer | PartClass::Door | PartClass::SlidingDoor | PartClass::Flap | PartClass::Lid
         );
-        let Some(form) = Form::of(link, diagonal).filter(|_| pulled) else { return Vec::new() };
+        let Some(form) = Form::of(link, diagonal, settings).filter(|_| pulled) else { return Vec::new() };
         let front = match class {
             PartClass::SlidingDoor => front_of_sheet(asset, &form),
-            _ => form.facing(),
+            _ => form.facing(settings.facing),
         };
-        let surface = samples(&link.visual.mesh, &Rigid::IDENTITY, 0.3 * LEAST_SIZE * diagonal);
-        let found = protrusions(&surface, front, diagonal);
+        let surface =
+            samples(&link.visual.mesh, &Rigid::IDENTITY, of_handles.spacing * of_handles.size_share * diagonal);
+        let found = protrusions(&surface, front, diagonal, settings);
         let number = |(k, mut handle): (usize, Handle)| {
             let place = if k == 0 { String::new() } else { format!("_{}", k + 1) };
             handle.name = format!("{}_handle{place}", link.name);
@@ -65,11 +57,12 @@ struct Heights {
 }
 
 impl Heights {
-    fn of(surface: &[Sample], front: DVec3, least_cell: f64) -> Option<Self> {
+    /// Cells have edges of at least `least_cell`.
+    fn of(surface: &[Sample], front: DVec3, least_cell: f64, settings: &DescribeSettings) -> Option<Self> {
         let right = DVec3::Z.cross(front).try_normalize().unwrap_or(DVec3::X);
         let up = front.cross(right);
-        let ([x0, x1], [y0, y1]) = (span(surface, right)?, span(surface, up)?);
-        let cell = ((x1 - x0).max(y1 - y0) / CELLS as f64).max(least_cell);
+        let ([x0, x1], [y0, y1]) = (span(surface, right, settings.beyond)?, span(surface, up, settings.beyond)?);
+        let cell = ((x1 - x0).max(y1 - y0) / settings.handles.cells as f64).max(least_cell);
         if !(cell > 0.0 && cell.is_finite()) {
             return None;
         }
@@ -127,26 +120,27 @@ impl Heights {
 
 /// Handles on the side of a surface that looks along `front`, without names, the largest first. Samples and results are in
 /// one frame with +Z up.
-fn protrusions(surface: &[Sample], front: DVec3, diagonal: f64) -> Vec<Handle> {
-    let (depth, size) = (LEAST_DEPTH * diagonal, LEAST_SIZE * diagonal);
-    let Some(field) = Heights::of(surface, front, 0.4 * size) else { return Vec::new() };
-    let Some(face) = field.face(0.5 * depth) else { return Vec::new() };
+fn protrusions(surface: &[Sample], front: DVec3, diagonal: f64, settings: &DescribeSettings) -> Vec<Handle> {
+    let of_handles = &settings.handles;
+    let (depth, size) = (of_handles.depth_share * diagonal, of_handles.size_share * diagonal);
+    let Some(field) = Heights::of(surface, front, of_handles.cell * size, settings) else { return Vec::new() };
+    let Some(face) = field.face(of_handles.face * depth) else { return Vec::new() };
     let filled = field.height.iter().flatten().count();
     let mut found: Vec<(usize, Handle)> = Vec::new();
     for island in field.islands(face + depth) {
-        if island.len() as f64 > MOST_AREA * filled as f64 {
+        if island.len() as f64 > of_handles.most_area * filled as f64 {
             continue;
         }
-        if let Some(handle) = grasp(&field, &island, front, face).filter(|h| h.length >= size) {
+        if let Some(handle) = grasp(&field, &island, (front, face), of_handles).filter(|h| h.length >= size) {
             found.push((island.len(), handle));
         }
     }
     found.sort_by_key(|(cells, _)| std::cmp::Reverse(*cells));
-    found.into_iter().take(MOST).map(|(_, handle)| handle).collect()
+    found.into_iter().take(of_handles.most).map(|(_, handle)| handle).collect()
 }
 
 /// The handle over some cells: fingers close across its longer side.
-fn grasp(field: &Heights, island: &[usize], front: DVec3, face: f64) -> Option<Handle> {
+fn grasp(field: &Heights, island: &[usize], (front, face): (DVec3, f64), settings: &HandleSettings) -> Option<Handle> {
     let place = |i: &usize| {
         let (x, y) = ((i % field.size[0]) as f64 + 0.5, (i / field.size[0]) as f64 + 0.5);
         (x * field.cell, y * field.cell)
@@ -160,13 +154,10 @@ fn grasp(field: &Heights, island: &[usize], front: DVec3, face: f64) -> Option<H
     let (y, tall) = ends(island.iter().map(|i| place(i).1).collect());
     let top = island.iter().filter_map(|i| field.height[*i]).fold(f64::NEG_INFINITY, f64::max);
     let depth = top - face;
-    /// A handle that is longer than this multiple of its height is held from above and below, others from the sides.
-    const LYING: f64 = 1.5;
-    let lies = wide > LYING * tall;
+    let lies = wide > settings.lying * tall;
     let (closing, width, length) = if lies { (field.up, tall, wide) } else { (field.right, wide, tall) };
-    // Half of what stands out is between the fingers.
     let on_plane = field.origin + field.right * x + field.up * y;
-    let translation = on_plane + front * (top - 0.5 * depth - on_plane.dot(front));
+    let translation = on_plane + front * (top - settings.held * depth - on_plane.dot(front));
     let approach = -front;
     let turn = DMat3::from_cols(closing.cross(approach), closing, approach);
     let name = String::new();
@@ -181,7 +172,7 @@ mod tests {
     fn panel_with(parts: &[Mesh]) -> Vec<Handle> {
         let mut mesh = Mesh::cuboid([-0.3, 0.0, 0.0], [0.3, 0.02, 0.4]);
         parts.iter().for_each(|part| mesh.append(part));
-        protrusions(&samples(&mesh, &Rigid::IDENTITY, 0.002), DVec3::NEG_Y, 1.0)
+        protrusions(&samples(&mesh, &Rigid::IDENTITY, 0.002), DVec3::NEG_Y, 1.0, &DescribeSettings::DEFAULT)
     }
 
     #[test]

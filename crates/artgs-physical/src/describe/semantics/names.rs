@@ -1,6 +1,7 @@
 //! Names of links by their class: `drawer`, `door_left`, `drawer_2`.
 
 use super::form::{Sample, samples, span};
+use crate::settings::DescribeSettings;
 use artgs_core::{Asset, HingeSide, PartClass, PartSemantics, Rigid};
 use glam::DVec3;
 
@@ -8,7 +9,7 @@ use glam::DVec3;
 ///
 /// A class with one part names it. Of two doors with hinges at different sides, one is `door_left`, the other `door_right`.
 /// Others are numbered as one reads them from the front, row by row from the top, each from the left.
-pub(crate) fn names(asset: &Asset, classes: &[PartSemantics]) -> Vec<Option<String>> {
+pub(crate) fn names(asset: &Asset, classes: &[PartSemantics], settings: &DescribeSettings) -> Vec<Option<String>> {
     let mut out: Vec<Option<String>> = vec![None; asset.links.len()];
     for class in PartClass::ALL {
         if matches!(class, PartClass::Body | PartClass::Part) {
@@ -26,7 +27,7 @@ pub(crate) fn names(asset: &Asset, classes: &[PartSemantics]) -> Vec<Option<Stri
                 }
             }
             _ => {
-                for (k, i) in in_reading_order(asset, &members).into_iter().enumerate() {
+                for (k, i) in in_reading_order(asset, &members, settings).into_iter().enumerate() {
                     out[i] = Some(format!("{}_{}", class.name(), k + 1));
                 }
             }
@@ -36,12 +37,12 @@ pub(crate) fn names(asset: &Asset, classes: &[PartSemantics]) -> Vec<Option<Stri
 }
 
 /// Links row by row from the top, those of a row from the left.
-fn in_reading_order(asset: &Asset, members: &[usize]) -> Vec<usize> {
-    let spacing = 0.02 * asset.bounds_diagonal();
+fn in_reading_order(asset: &Asset, members: &[usize], settings: &DescribeSettings) -> Vec<usize> {
+    let spacing = settings.order_share * asset.bounds_diagonal();
     let place = |i: &usize| {
         let link = &asset.links[*i];
         let surface: Vec<Sample> = samples(&link.visual.mesh, &Rigid::shift(link.origin), spacing);
-        let of = |axis: DVec3| span(&surface, axis).unwrap_or([link.origin.dot(axis); 2]);
+        let of = |axis: DVec3| span(&surface, axis, settings.beyond).unwrap_or([link.origin.dot(axis); 2]);
         (*i, of(DVec3::Z), of(DVec3::X))
     };
     let mut left: Vec<(usize, [f64; 2], [f64; 2])> = members.iter().map(place).collect();
