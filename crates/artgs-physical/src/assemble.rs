@@ -103,7 +103,12 @@ fn limited(
         }
         let wall_at = |p: DVec3, normal: DVec3, most: f64| match seen {
             Some(seen) => {
-                let wall = seen.wall(from_link.apply(p) / config.scale, from_link.turn(normal), most / config.scale);
+                let wall = seen.wall(
+                    from_link.apply(p) / config.scale,
+                    from_link.turn(normal),
+                    most / config.scale,
+                    settings.looks.alike,
+                );
                 Wall { thickness: wall.thickness.map(|thickness| thickness * config.scale), ..wall }
             }
             None => Wall { seen: true, thickness: None },

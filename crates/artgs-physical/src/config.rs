@@ -141,10 +141,6 @@ pub struct PhysicalConfig {
     pub texel: Option<f64>,
     /// What no option gives.
     pub settings: Settings,
-    /// Texels along the diagonal of a part at most, unless the edge of a texel is given.
-    pub texels: f64,
-    /// Largest side of a texture, pixels.
-    pub texture_side: u32,
 }
 
 impl Default for PhysicalConfig {
@@ -164,8 +160,6 @@ impl Default for PhysicalConfig {
             triangles: 20_000,
             texel: None,
             settings: Settings::default(),
-            texels: 900.0,
-            texture_side: 4096,
         }
     }
 }

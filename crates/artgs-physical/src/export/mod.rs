@@ -15,6 +15,7 @@ pub use run::{export_run, export_with_photos, upward};
 use crate::GivenClass;
 use crate::build::{BuiltAsset, Parts, build};
 use crate::collision::coacd;
+use crate::settings::PortraitSettings;
 use artgs_core::{Capture, Mesh, State, odd_size};
 use artgs_io::asset::{Format, Provenance, WriteOptions, check_asset};
 use artgs_io::export_report::ExportReport;
@@ -58,13 +59,13 @@ pub fn export(
     }
     let options = &ExportOptions { formats: [options.formats.clone(), again].concat(), ..options.clone() };
     watch(ExportEvent::Begins(ExportStep::Write));
-    let write = write_options(folder, options, &built);
+    let write = write_options(folder, options, &built, &config.settings.portrait);
     let mut files = Vec::new();
     for (i, format) in options.formats.iter().enumerate() {
         files.extend(format.replace_with(&folder.exports(), &built.asset, &write).map_err(ExportError::Output)?);
         watch(ExportEvent::Written(i + 1, options.formats.len()));
     }
-    let decided = report(&built, &replica, options);
+    let decided = report(&built, &replica, options, &config.settings.looks.sides);
     let mut report = ExportReport { options: options.requested(), files, density: config.density, ..decided };
     report.record_digests(folder, &options.formats).map_err(ExportError::Output)?;
     report.save(folder).map_err(ExportError::Output)?;
@@ -72,12 +73,17 @@ pub fn export(
 }
 
 /// What formats are asked for, with what this export knows of the provenance.
-fn write_options(folder: &RunFolder, options: &ExportOptions, built: &BuiltAsset) -> WriteOptions {
+fn write_options(
+    folder: &RunFolder,
+    options: &ExportOptions,
+    built: &BuiltAsset,
+    settings: &PortraitSettings,
+) -> WriteOptions {
     if !options.formats.contains(&Format::Simready) {
         return options.write.clone();
     }
     let source = folder.replica().file_name().map(|name| name.to_string_lossy().into_owned());
-    let (date, picture) = (Some(today()), portrait(&built.asset));
+    let (date, picture) = (Some(today()), portrait(&built.asset, settings));
     WriteOptions {
         provenance: Provenance { source, date, picture, ..options.write.provenance.clone() },
         ..options.write.clone()

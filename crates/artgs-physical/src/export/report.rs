@@ -4,12 +4,18 @@ use super::ExportOptions;
 use crate::build::BuiltAsset;
 use crate::limits::{Range, Stop};
 use crate::looks::unrecorded_sides;
+use crate::settings::SideSettings;
 use artgs_core::{JointInterval, JointKind, Replica, State};
 use artgs_io::asset::Format;
 use artgs_io::export_report::{ExportReport, HandleReport, LinkReport, RequestedOptions};
 
 /// What was decided about an asset.
-pub(super) fn report(built: &BuiltAsset, replica: &Replica, asked: &ExportOptions) -> ExportReport {
+pub(super) fn report(
+    built: &BuiltAsset,
+    replica: &Replica,
+    asked: &ExportOptions,
+    sides: &SideSettings,
+) -> ExportReport {
     let BuiltAsset { asset, decisions, .. } = built;
     let [before, after] = decisions.clearance.volume;
     ExportReport {
@@ -22,7 +28,7 @@ pub(super) fn report(built: &BuiltAsset, replica: &Replica, asked: &ExportOption
         links: (0..asset.links.len()).map(|i| link_report(built, replica, i, &asked.formats)).collect(),
         penetration: [decisions.clearance.deepest, decisions.penetration],
         lost_pieces: decisions.clearance.lost,
-        unrecorded_sides: unrecorded_sides(asset).into_iter().map(String::from).collect(),
+        unrecorded_sides: unrecorded_sides(asset, sides).into_iter().map(String::from).collect(),
         cut_share: if before > 0.0 { 1.0 - after / before } else { 0.0 },
         ..ExportReport::default()
     }

@@ -123,6 +123,9 @@ impl Sets {
     }
 }
 
+/// Share of the distance by which vertices are moved apart, so that other programs do not weld them.
+pub(crate) const NUDGE: f64 = 1e-3;
+
 /// The same triangles with vertices split until every vertex has one fan of triangles, each of which meets the next at an
 /// edge; unused vertices are removed. A `nudge` above 0 moves copies towards their own fan by that share of the distance, so
 /// that other programs do not weld them.

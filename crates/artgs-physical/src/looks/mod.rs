@@ -13,14 +13,15 @@ pub(crate) mod unwrap;
 use crate::config::PhysicalConfig;
 use crate::geometry::convert::{from_parry, pose, to_parry};
 use crate::geometry::topology::{bounds, corners, cross, diagonal, points};
-use crate::looks::bake::{BakeOptions, BakeView, JUMP, Photo, bake, depth_of, equalise};
+use crate::looks::bake::{BakeOptions, BakeView, Photo, bake, depth_of, equalise};
 use crate::looks::fused::Fused;
 use crate::looks::passage::{Passage, carved, freed};
 use crate::looks::repair::{RepairOptions, mean_edge, repair};
-use crate::looks::shade::{CREASE, with_normals};
+use crate::looks::shade::with_normals;
 use crate::looks::simplify::{Original, SurfaceError, smoothed};
 use crate::looks::spread::spread;
 use crate::looks::unwrap::{UnwrapOptions, unwrap};
+use crate::settings::{BakeSettings, LookSettings, PassageSettings};
 use artgs_core::{Camera, Capture, DepthMap, FaceEvidence, Joint, Mesh, PerState, Replica, State, TexturedMesh, View};
 use artgs_io::export_report::Evidence;
 use glam::DVec3;
@@ -100,11 +101,10 @@ impl Seen {
         Self { measured: Some(measured.into()), ..self }
     }
 
-    /// What was observed of a wall at a point of its surface with this outward unit normal. Distances in units of the capture.
-    pub fn wall(&self, point: DVec3, normal: DVec3, most: f64) -> Wall {
-        /// Cosine of the largest angle between the normals: surfaces are noisy at edges.
-        const ALIKE: f64 = 0.3;
-        let faces = |t: u32| self.shape.triangle(t).normal().is_some_and(|n| from_parry(n).dot(normal) > ALIKE);
+    /// What was observed of a wall at a point of its surface with this outward unit normal; the cosine between it and that of what was seen
+    /// is above `alike`. Distances in units of the capture.
+    pub fn wall(&self, point: DVec3, normal: DVec3, most: f64, alike: f64) -> Wall {
+        let faces = |t: u32| self.shape.triangle(t).normal().is_some_and(|n| from_parry(n).dot(normal) > alike);
         let ray = Ray::new(to_parry(point), to_parry(-normal));
         let exit = self.shape.cast_local_ray_with_culling(&ray, most as f32, RayCullingMode::IgnoreFrontfaces);
         let seen = self.nearest(point).is_some_and(faces);
@@ -121,18 +121,6 @@ pub struct Wall {
     pub thickness: Option<f64>,
 }
 
-/// Edge length of a voxel relative to the mean edge of marching cubes meshes.
-const VOXEL_PER_EDGE: f64 = 1.4;
-
-/// Longest mean edge of such a mesh, as a share of the object's diagonal. A mesh of longer edges is not one of voxels: its corners are
-/// exact and are not smoothed away, ...
-const COARSEST_EDGE: f64 = 0.03;
-/// ... as if its voxels were so small.
-const EXACT_EDGE: f64 = 5e-3;
-
-/// Points of each part whose colours are compared between photos.
-const COMPARED: usize = 2000;
-
 /// Surfaces of all parts of a valid replica. `meshes[i]` is the fused mesh of part `i` at the start state; without a capture
 /// textures hold the colours of the meshes.
 pub fn surfaces(
@@ -141,21 +129,23 @@ pub fn surfaces(
     capture: Option<&Capture>,
     config: &PhysicalConfig,
 ) -> Vec<PartSurface> {
+    let settings = &config.settings.looks;
     let better = PerState::from_fn(|state| better_depth(replica, meshes, capture, state));
-    let fused = &consistent(replica, meshes);
+    let fused = &consistent(replica, meshes, settings);
     fused.par_iter().for_each(|fused| {
         fused.shape();
     });
     let diagonal = diagonal(&fused.iter().map(Fused::mesh).collect::<Vec<_>>());
-    let voxels: Vec<f64> = fused.iter().map(|fused| voxel(fused.mesh(), diagonal)).collect();
+    let voxels: Vec<f64> = fused.iter().map(|fused| voxel(fused.mesh(), diagonal, settings)).collect();
     let finest = voxels.iter().copied().filter(|voxel| *voxel > 0.0).fold(f64::INFINITY, f64::min);
-    let photos = photos(capture, &better, JUMP * finest);
+    let photos = photos(capture, &better, settings.bake.jump * finest, &settings.bake);
     let mut views: Vec<Vec<BakeView>> = (0..fused.len()).map(|part| views(part, replica, &photos)).collect();
     let shape = |part| shape(part, replica, fused, voxels[part], &views[part], config);
     let mut shapes: Vec<Shape> = (0..fused.len()).into_par_iter().map(shape).collect();
     let compared: Vec<Vec<[DVec3; 2]>> =
-        shapes.par_iter().map(|shape| spread(&shape.surface.visual.mesh, COMPARED)).collect();
-    let options: Vec<BakeOptions> = voxels.iter().map(|voxel| BakeOptions::at_resolution(*voxel)).collect();
+        shapes.par_iter().map(|shape| spread(&shape.surface.visual.mesh, settings.compared)).collect();
+    let options: Vec<BakeOptions> =
+        voxels.iter().map(|voxel| BakeOptions::at_resolution(*voxel, &settings.bake)).collect();
     shapes.par_iter_mut().zip(&views).zip(&options).for_each(|((shape, views), options)| {
         // Depth that was rendered from the meshes measures nothing.
         let observed = shape.surface.observed.as_ref().filter(|_| capture.is_some_and(Capture::has_depth));
@@ -169,7 +159,7 @@ pub fn surfaces(
     shapes.par_iter_mut().zip(&views).zip(fused).zip(&options).for_each(|(((shape, views), fused), options)| {
         if let Some(size) = shape.atlas {
             let surface = &mut shape.surface;
-            let baked = bake(&surface.visual, size, views, fused.mesh(), options);
+            let baked = bake(&surface.visual, size, views, (fused.mesh(), settings.atlas.padding), options);
             surface.texels = [baked.texels, baked.seen];
             surface.visual.mesh.colors = baked.colors;
             surface.visual.texture = Some(baked.texture);
@@ -231,10 +221,10 @@ struct Shape {
 }
 
 /// Edge of a voxel of a fused mesh.
-fn voxel(mesh: &Mesh, diagonal: f64) -> f64 {
-    VOXEL_PER_EDGE
+fn voxel(mesh: &Mesh, diagonal: f64, settings: &LookSettings) -> f64 {
+    settings.voxel_per_edge
         * match mean_edge(mesh) {
-            edge if edge > COARSEST_EDGE * diagonal => EXACT_EDGE * diagonal,
+            edge if edge > settings.coarsest_share * diagonal => settings.exact_share * diagonal,
             edge => edge,
         }
 }
@@ -245,23 +235,25 @@ fn carried_by(replica: &Replica, part: usize) -> impl Iterator<Item = (usize, Jo
     (0..replica.parts.len()).filter(own).filter_map(|q| Some((q, replica.joint(q)?)))
 }
 
-fn passages(replica: &Replica, meshes: &[Fused], part: usize, voxel: f64) -> Vec<Passage> {
-    carried_by(replica, part).filter_map(|(q, joint)| Passage::of(&meshes[q], &joint, voxel)).collect()
+fn passages(replica: &Replica, meshes: &[Fused], part: usize, voxel: f64, settings: &PassageSettings) -> Vec<Passage> {
+    carried_by(replica, part).filter_map(|(q, joint)| Passage::of(&meshes[q], &joint, voxel, settings)).collect()
 }
 
 /// Fused meshes without surfaces that contradict the motions: first those of carriers, then those of what they carry.
-fn consistent(replica: &Replica, meshes: &[Mesh]) -> Vec<Fused> {
+fn consistent(replica: &Replica, meshes: &[Mesh], settings: &LookSettings) -> Vec<Fused> {
     let diagonal = diagonal(&meshes.iter().collect::<Vec<_>>());
-    let voxels: Vec<f64> = meshes.iter().map(|mesh| voxel(mesh, diagonal)).collect();
+    let voxels: Vec<f64> = meshes.iter().map(|mesh| voxel(mesh, diagonal, settings)).collect();
     let known = |part: usize| voxels[part] > 0.0;
     let fused: Vec<Fused> = meshes.iter().cloned().map(Fused::from).collect();
     let carve = |part: usize| match known(part) {
-        true => carved(&fused[part], &passages(replica, &fused, part, voxels[part])),
+        true => carved(&fused[part], &passages(replica, &fused, part, voxels[part], &settings.passage)),
         false => fused[part].clone(),
     };
     let carved: Vec<Fused> = (0..meshes.len()).into_par_iter().map(carve).collect();
     let free = |part: usize| match (replica.parts[part].parent, replica.joint(part)) {
-        (Some(parent), Some(joint)) if known(part) => freed(&carved[part], &joint, &carved[parent], voxels[part]),
+        (Some(parent), Some(joint)) if known(part) => {
+            freed(&carved[part], &joint, &carved[parent], voxels[part], &settings.passage)
+        }
         _ => carved[part].clone(),
     };
     (0..meshes.len()).into_par_iter().map(free).collect()
@@ -286,24 +278,23 @@ fn shape(
     config: &PhysicalConfig,
 ) -> Shape {
     let fused = meshes[part].mesh();
-    let edge = voxel / VOXEL_PER_EDGE;
+    let settings = &config.settings.looks;
+    let edge = voxel / settings.voxel_per_edge;
     if fused.is_empty() || edge.is_nan() || edge <= 0.0 {
         let warnings =
             vec![format!("{} has no surface: nothing is drawn and nothing collides", replica.parts[part].name)];
         return Shape { surface: PartSurface { warnings, ..PartSurface::default() }, atlas: None };
     }
-    let carried = passages(replica, meshes, part, voxel);
+    let carried = passages(replica, meshes, part, voxel, &settings.passage);
     let others = others(replica, meshes, part);
     let obstacles = |p: DVec3| carried.iter().any(|c| c.holds(p));
-    let repaired = repair(fused, &obstacles, &others, &RepairOptions::at_resolution(edge));
-    /// Share of the triangles asked for that is enough where it keeps the surface within a part of a voxel.
-    const FLAT: usize = 4;
-    const EXACT: f64 = 0.25;
-    let smooth = smoothed(&repaired.mesh, 6, 0.5 * voxel);
+    let repaired = repair(fused, &obstacles, &others, &RepairOptions::at_resolution(edge, &settings.repair));
+    let simplify = &settings.simplify;
+    let smooth = smoothed(&repaired.mesh, simplify.rounds, simplify.reach * voxel);
     // Flat panels need few triangles.
-    let original = Original::new(&smooth);
-    let exact = original.simplified_to(config.triangles / FLAT, EXACT * voxel, config.triangles);
-    let simple = exact.unwrap_or_else(|| original.simplified(config.triangles, voxel));
+    let original = Original::new(&smooth, simplify);
+    let exact = original.simplified_to(config.triangles / simplify.flat, simplify.exact * voxel, config.triangles);
+    let simple = exact.unwrap_or_else(|| original.simplified(config.triangles, simplify.most * voxel));
     let mut surface = PartSurface {
         closed: repaired.watertight,
         thickened: repaired.thickened,
@@ -312,11 +303,11 @@ fn shape(
         observed: meshes[part].shape().cloned().map(|shape| Seen { shape, reach: voxel, measured: None }),
         ..PartSurface::default()
     };
-    let shaded = with_normals(&simple.mesh, CREASE);
-    let extent = bounds(fused).map_or(0.0, |[low, high]| low.distance(high)).max(1e-12);
-    let of_views = || texel_density(views, fused).unwrap_or(1.0 / voxel).min(config.texels / extent);
+    let shaded = with_normals(&simple.mesh, settings.crease);
+    let extent = bounds(fused).map_or(0.0, |[low, high]| low.distance(high)).max(TINY);
+    let of_views = || texel_density(views, fused).unwrap_or(1.0 / voxel).min(settings.atlas.texels / extent);
     let texels_per_unit = config.texel.map_or_else(of_views, |edge| config.scale / edge);
-    let options = UnwrapOptions { texels_per_unit, max_side: config.texture_side, ..UnwrapOptions::default() };
+    let options = UnwrapOptions { texels_per_unit, settings: settings.atlas };
     match unwrap(&shaded, &options) {
         Ok(flat) => {
             surface.visual = flat.mesh;
@@ -330,6 +321,9 @@ fn shape(
     }
 }
 
+/// Length that guards a division.
+const TINY: f64 = 1e-12;
+
 /// A photo with the state and the camera in the world.
 type Placed<'a> = (State, Camera, Photo<'a>);
 
@@ -337,7 +331,12 @@ type Placed<'a> = (State, Camera, Photo<'a>);
 type Source<'a> = (State, &'a View, &'a DepthMap);
 
 /// Photos of both states; those whose depth is not of their size are left out.
-fn photos<'a>(capture: Option<&'a Capture>, better: &'a PerState<Vec<Option<DepthMap>>>, jump: f64) -> Vec<Placed<'a>> {
+fn photos<'a>(
+    capture: Option<&'a Capture>,
+    better: &'a PerState<Vec<Option<DepthMap>>>,
+    jump: f64,
+    settings: &BakeSettings,
+) -> Vec<Placed<'a>> {
     let Some(capture) = capture else { return Vec::new() };
     let of_state = |state: State| {
         let views = capture.states[state].train.iter().zip(&better[state]);
@@ -345,7 +344,7 @@ fn photos<'a>(capture: Option<&'a Capture>, better: &'a PerState<Vec<Option<Dept
     };
     let all: Vec<Source> = State::ALL.into_iter().flat_map(of_state).collect();
     let photo = |(state, view, depth): Source<'a>| {
-        let photo = Photo::new(&view.rgba, depth, view.camera.intrinsics, jump)?;
+        let photo = Photo::new(&view.rgba, depth, view.camera.intrinsics, (jump, settings))?;
         Some((state, view.camera, photo.with_derived(view.derived.as_ref())))
     };
     all.into_par_iter().filter_map(photo).collect()
@@ -372,7 +371,7 @@ fn better_depth(replica: &Replica, meshes: &[Mesh], capture: Option<&Capture>, s
 /// Texels per unit that match the photos: pixels per unit at the part's distance, in the nearest view.
 fn texel_density(views: &[BakeView], mesh: &Mesh) -> Option<f64> {
     let middle = points(mesh).sum::<DVec3>() / mesh.vertices.len().max(1) as f64;
-    let density = |v: &BakeView| v.camera.intrinsics.fx / v.camera.position().distance(middle).max(1e-9);
+    let density = |v: &BakeView| v.camera.intrinsics.fx / v.camera.position().distance(middle).max(TINY);
     views.iter().map(density).reduce(f64::max).filter(|d| d.is_finite() && *d > 0.0)
 }
 
@@ -391,10 +390,11 @@ mod tests {
         let depth = depth_of(&camera, &[cube.mesh()]);
         let rgba = vec![[9, 9, 9, 255]; depth.len()];
         let left = DepthMap::new((0..depth.len()).map(|i| u16::from(i % 100 < 50)).collect(), 1.0);
-        let photo = |derived| Photo::new(&rgba, &depth, k, 0.1).unwrap().with_derived(derived);
+        let photo =
+            |derived| Photo::new(&rgba, &depth, k, (0.1, &BakeSettings::DEFAULT)).unwrap().with_derived(derived);
         let photos = [photo(Some(&left)), photo(Some(&left)), photo(None)];
         let views: Vec<BakeView> = photos.iter().map(|photo| BakeView::new(photo, camera)).collect();
-        let options = BakeOptions::at_resolution(0.05);
+        let options = BakeOptions::at_resolution(0.05, &BakeSettings::DEFAULT);
         let seen = || Seen { shape: cube.shape().unwrap().clone(), reach: 0.05, measured: None };
         let right_of = |x: f64| camera.project(DVec3::new(x, 0.5, 0.0)).0.x > 50.0;
         let places = [0.2, 0.8].map(|x| (DVec3::new(x, 0.5, 0.01), right_of(x)));
@@ -416,7 +416,7 @@ mod tests {
     #[test]
     fn walls_that_close_an_open_box_are_invented() {
         let whole = open_box(DVec3::ONE, 12, [true; 6]);
-        let options = BakeOptions::at_resolution(0.01);
+        let options = BakeOptions::at_resolution(0.01, &BakeSettings::DEFAULT);
         let of = |sides: [bool; 6]| faces(&whole, &seen_box(sides), &[], &options);
         assert_eq!(shares(&whole, &of([true; 6])).unwrap().seen, 1.0);
         // One side of six was not recorded.

@@ -9,6 +9,7 @@
 use crate::geometry::convert::{from_parry, to_parry};
 use crate::geometry::topology::{bounds, corners, cross, points};
 use crate::looks::fused::Fused;
+use crate::settings::PassageSettings;
 use artgs_core::{Joint, JointKind, Mesh, Rigid, State};
 use glam::DVec3;
 use parry3d::query::{PointQueryWithLocation as _, Ray, RayCast as _, RayCullingMode};
@@ -31,24 +32,21 @@ pub(crate) struct Passage {
     step: f64,
     surface: Option<Arc<TriMesh>>,
     voxel: f64,
+    settings: PassageSettings,
 }
 
 impl Passage {
     /// None if the part has no surface. `voxel`: resolution of its fused mesh, scene units.
-    pub(crate) fn of(fused: &Fused, joint: &Joint, voxel: f64) -> Option<Self> {
-        /// Tested positions on the way, at least and at most; between, one per voxel.
-        const STOPS: [f64; 2] = [8.0, 64.0];
-        /// Measured surfaces overlap a little where parts touch.
-        const SHRINK: f64 = 0.03;
+    pub(crate) fn of(fused: &Fused, joint: &Joint, voxel: f64, settings: &PassageSettings) -> Option<Self> {
         let mesh = fused.mesh();
         let [low, high] = bounds(mesh)?;
-        let shrink = SHRINK * (high - low);
+        let shrink = settings.shrink * (high - low);
         let travel = joint.state_values[State::END] - joint.state_values[State::START];
         let arm = match joint.kind {
             JointKind::Prismatic => 1.0,
             _ => points(mesh).map(|p| (p - joint.origin).reject_from(joint.axis).length()).fold(0.0, f64::max),
         };
-        let stops = (travel.abs() * arm / voxel).clamp(STOPS[0], STOPS[1]).ceil();
+        let stops = (travel.abs() * arm / voxel).clamp(settings.stops[0], settings.stops[1]).ceil();
         let ways: Vec<Rigid> = (0..=stops as usize).map(|i| joint.motion(travel * i as f64 / stops)).collect();
         let corner = |i: usize| DVec3::select(glam::BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0), high, low);
         let corners = ways.iter().flat_map(|way| (0..8).map(move |i| way.apply(corner(i))));
@@ -65,19 +63,20 @@ impl Passage {
             way: (joint.kind == JointKind::Prismatic).then(|| joint.motion(travel).inverse().translation),
             joint: *joint,
             step: travel.abs() / stops,
+            settings: *settings,
         })
     }
 
     /// True where nothing may be invented: in the box that the part sweeps, or in its solid.
     pub(crate) fn holds(&self, point: DVec3) -> bool {
-        /// Surfaces of both parts are that uncertain, in voxels.
-        const NOISE: f64 = 0.5;
-        self.sweeps(point) || self.contradicts(point, NOISE * self.voxel)
+        self.sweeps(point) || self.contradicts(point, self.settings.noise * self.voxel)
     }
 
     /// The poses back to the start state at which a point can be in this box of the part, and the point there: none at which it is
     /// farther from the box than a voxel.
     fn reached(&self, point: DVec3, [low, high]: [DVec3; 2]) -> impl Iterator<Item = (&Rigid, DVec3)> {
+        /// Least approach from pose to pose, in voxels, that guards a division.
+        const TINY: f64 = 1e-3;
         let stops = self.candidates(point, [low, high]);
         let farthest = match self.joint.kind {
             JointKind::Prismatic => self.step,
@@ -96,7 +95,7 @@ impl Passage {
                     return Some((back, p));
                 }
                 // The point comes nearer by at most `farthest` from each pose to the next.
-                next += (outside / farthest.max(1e-3 * self.voxel)) as usize;
+                next += (outside / farthest.max(TINY * self.voxel)) as usize;
             }
             None
         })
@@ -144,15 +143,12 @@ impl Passage {
 
     /// True for points of a surface with this unit normal that are inside the part or on its surface in both observed states.
     fn explains(&self, point: DVec3, normal: DVec3) -> bool {
-        /// Least depth inside, and largest distance in front of the surface, in voxels.
-        const NOISE: f64 = 0.5;
-        /// Cosine of the largest angle between normals of the same surface: a wall beside the part faces the other way.
-        const ALIKE: f64 = 0.5;
+        let (noise, same) = (self.settings.noise * self.voxel, self.settings.same);
         let is_part = |back: &Rigid| {
             let p = back.apply(point);
             let Some((way, own)) = self.nearest(p, self.voxel) else { return false };
-            let alike = own.dot(back.turn(normal)) > ALIKE && way.dot(own) < NOISE * self.voxel;
-            alike || self.encloses(p, NOISE * self.voxel)
+            let alike = own.dot(back.turn(normal)) > same && way.dot(own) < noise;
+            alike || self.encloses(p, noise)
         };
         match &self.back[..] {
             [first, .., last] => is_part(first) && is_part(last),
@@ -163,18 +159,13 @@ impl Passage {
     /// True for points of a surface with this unit normal that are, at some position of the part, on a side of it that faces the same
     /// way: what is behind one of the two surfaces would be in the place of the other.
     fn covers(&self, point: DVec3, normal: DVec3) -> bool {
-        /// Largest distances in front of the surface and behind it, in voxels.
-        const NEAR: [f64; 2] = [0.5, 0.75];
-        /// Cosine of the largest angle between the normals.
-        const ALIKE: f64 = 0.8;
-        /// Largest distance beside the surface, in voxels: the carrier may be flush with the part.
-        const RIM: f64 = 0.1;
+        let PassageSettings { covered: near, alike, rim, .. } = self.settings;
         self.reached(point, self.outer).any(|(back, p)| {
-            let Some((way, own)) = self.nearest(p, NEAR[1] * self.voxel) else { return false };
+            let Some((way, own)) = self.nearest(p, near[1] * self.voxel) else { return false };
             let height = way.dot(own);
-            height < NEAR[0] * self.voxel
-                && (way - own * height).length() < RIM * self.voxel
-                && own.dot(back.turn(normal)) > ALIKE
+            height < near[0] * self.voxel
+                && (way - own * height).length() < rim * self.voxel
+                && own.dot(back.turn(normal)) > alike
         })
     }
 
@@ -192,19 +183,16 @@ impl Passage {
 
     /// True for points more than `depth` inside the solid of the part at the start state.
     fn encloses(&self, p: DVec3, depth: f64) -> bool {
-        /// Farthest surface of the part that is looked for, in voxels.
-        const FARTHEST: f64 = 10.0;
-        /// Cosine of the largest angle between the way to the surface and its normal: at rims the other side is not known.
-        const STRAIGHT: f64 = 0.7;
+        let PassageSettings { farthest, straight, .. } = self.settings;
         let [low, high] = self.outer;
         if p.cmple(low).any() || p.cmpge(high).any() {
             return false;
         }
-        let (Some(surface), Some((way, normal))) = (&self.surface, self.nearest(p, FARTHEST * self.voxel)) else {
+        let (Some(surface), Some((way, normal))) = (&self.surface, self.nearest(p, farthest * self.voxel)) else {
             return false;
         };
         let distance = way.length();
-        if distance <= depth || way.dot(normal) > -STRAIGHT * distance {
+        if distance <= depth || way.dot(normal) > -straight * distance {
             return false;
         }
         // Behind one side; the next surface on the way has to be the back of the other side.
@@ -222,13 +210,13 @@ impl Passage {
 /// A carrier's fused mesh without the triangles that contradict the motion of what it carries.
 pub(crate) fn carved(fused: &Fused, passages: &[Passage]) -> Fused {
     let mesh = fused.mesh();
-    if passages.is_empty() {
-        return fused.clone();
-    }
+    let Some(rings) = passages.first().map(|passage| passage.settings.rings) else { return fused.clone() };
     let is_wrong = |t: &[u32; 3]| {
         let (p, normal) = (middle(mesh, *t), cross(mesh, *t).normalize_or_zero());
         passages.iter().any(|passage| {
-            passage.contradicts(p, passage.voxel) || passage.explains(p, normal) || passage.covers(p, normal)
+            passage.contradicts(p, passage.settings.inside * passage.voxel)
+                || passage.explains(p, normal)
+                || passage.covers(p, normal)
         })
     };
     let mut wrong: Vec<bool> = mesh.triangles.par_iter().map(is_wrong).collect();
@@ -236,7 +224,7 @@ pub(crate) fn carved(fused: &Fused, passages: &[Passage]) -> Fused {
     let slides: Vec<&Passage> = passages.iter().filter(|passage| passage.way.is_some()).collect();
     let is_inside = |t: &[u32; 3]| slides.iter().any(|passage| passage.sweeps(middle(mesh, *t)));
     let inside: Vec<bool> = mesh.triangles.par_iter().map(is_inside).collect();
-    for _ in 0..RINGS {
+    for _ in 0..rings {
         let mut of_vertex = vec![false; mesh.vertices.len()];
         let removed = mesh.triangles.iter().zip(&wrong).filter(|(_, wrong)| **wrong);
         removed.flat_map(|(t, _)| t).for_each(|v| of_vertex[*v as usize] = true);
@@ -247,35 +235,24 @@ pub(crate) fn carved(fused: &Fused, passages: &[Passage]) -> Fused {
     fused.kept(&wrong.iter().map(|wrong| !wrong).collect::<Vec<bool>>())
 }
 
-/// Rings of triangles about those that contradict the motion that go as well where the box of a sliding part moves: about four
-/// voxels of the same surface.
-const RINGS: usize = 6;
-
 fn middle(mesh: &Mesh, t: [u32; 3]) -> DVec3 {
     corners(mesh, t).iter().sum::<DVec3>() / 3.0
 }
 
 /// A part's fused mesh without the triangles that pass through the surface of its carrier, which is `carrier`.
-pub(crate) fn freed(fused: &Fused, joint: &Joint, carrier: &Fused, voxel: f64) -> Fused {
-    let (Some(passage), Some(surface)) = (Passage::of(fused, joint, voxel), carrier.shape()) else {
+pub(crate) fn freed(fused: &Fused, joint: &Joint, carrier: &Fused, voxel: f64, settings: &PassageSettings) -> Fused {
+    let (Some(passage), Some(surface)) = (Passage::of(fused, joint, voxel, settings), carrier.shape()) else {
         return fused.clone();
     };
-    let stride = passage.back.len().div_ceil(MOST_CHORDS);
+    let stride = passage.back.len().div_ceil(settings.chords);
     let ways: Vec<Rigid> = passage.back.iter().step_by(stride).chain(passage.back.last()).map(Rigid::inverse).collect();
     let mesh = fused.mesh();
-    let stays = |t: &[u32; 3]| !pierces(middle(mesh, *t), &ways, surface, voxel);
+    let stays = |t: &[u32; 3]| !pierces(middle(mesh, *t), &ways, surface, (voxel, settings));
     fused.kept(&mesh.triangles.par_iter().map(stays).collect::<Vec<bool>>())
 }
 
-/// Straight pieces of a part's way at most.
-const MOST_CHORDS: usize = 24;
-
 /// True if a point that takes these poses passes straight through a surface, with more than noise on both sides.
-fn pierces(p: DVec3, ways: &[Rigid], surface: &TriMesh, voxel: f64) -> bool {
-    /// Cosine of the largest angle between way and normal.
-    const STRAIGHT: f64 = 0.5;
-    /// Way on either side, in voxels.
-    const CLEAR: f64 = 2.0;
+fn pierces(p: DVec3, ways: &[Rigid], surface: &TriMesh, (voxel, settings): (f64, &PassageSettings)) -> bool {
     let (first, last) = match ways {
         [first, .., last] => (first.apply(p), last.apply(p)),
         _ => return false,
@@ -289,8 +266,8 @@ fn pierces(p: DVec3, ways: &[Rigid], surface: &TriMesh, voxel: f64) -> bool {
         let ray = Ray::new(to_parry(from), to_parry(way / length));
         let Some(hit) = surface.cast_local_ray_and_get_normal(&ray, length as f32, false) else { return false };
         let (at, normal) = (from + way * (f64::from(hit.time_of_impact) / length), from_parry(hit.normal));
-        let far = |end: DVec3| (end - at).dot(normal).abs() > CLEAR * voxel;
-        normal.dot(way).abs() > STRAIGHT * length && far(first) && far(last)
+        let far = |end: DVec3| (end - at).dot(normal).abs() > settings.clear * voxel;
+        normal.dot(way).abs() > settings.pierced * length && far(first) && far(last)
     })
 }
 
@@ -317,7 +294,7 @@ mod tests {
     #[test]
     fn a_remainder_of_a_door_is_removed_and_the_wall_beside_it_stays() {
         let (door, joint) = door();
-        let passage = Passage::of(&door.clone().into(), &joint, 0.005).unwrap();
+        let passage = Passage::of(&door.clone().into(), &joint, 0.005, &PassageSettings::DEFAULT).unwrap();
         // A body in the middle of the door beside its hinge, one where the open door is, and a wall behind the closed door.
         let remainder = Mesh::cuboid([0.02, -0.025, 0.3], [0.04, -0.015, 0.6]);
         let open = Mesh::cuboid([-0.025, -0.4, 0.3], [-0.015, -0.3, 0.6]);
@@ -336,7 +313,7 @@ mod tests {
         let axis = DVec3::new(0.2, -1.0, 0.1).normalize();
         let sliding = Joint { kind: JointKind::Prismatic, axis, state_values: PerState::new(-0.1, 0.35), ..turning };
         for joint in [turning, sliding] {
-            let passage = Passage::of(&mesh.clone().into(), &joint, 0.005).unwrap();
+            let passage = Passage::of(&mesh.clone().into(), &joint, 0.005, &PassageSettings::DEFAULT).unwrap();
             let holds = |back: &Rigid, p: DVec3| {
                 let [low, high] = passage.outer;
                 back.apply(p).cmpgt(low).all() && back.apply(p).cmplt(high).all()
@@ -361,7 +338,7 @@ mod tests {
         let front = |t: &[u32; 3]| t.iter().all(|v| door.vertices[*v as usize][1] < -0.03);
         door.triangles = door.triangles.iter().filter(|t| front(t)).copied().collect();
         assert!(!door.triangles.is_empty());
-        let passage = Passage::of(&door.clone().into(), &joint, 0.005).unwrap();
+        let passage = Passage::of(&door.clone().into(), &joint, 0.005, &PassageSettings::DEFAULT).unwrap();
         let behind = Mesh::cuboid([0.2, -0.025, 0.3], [0.4, -0.015, 0.6]);
         assert_eq!(carved(&behind.clone().into(), &[passage]).mesh().triangles.len(), behind.triangles.len());
     }
@@ -378,7 +355,7 @@ mod tests {
             state_values: PerState::new(0.0, 0.2),
             limits: [0.0, 0.2],
         };
-        let passage = Passage::of(&wall.clone().into(), &joint, 0.01).unwrap();
+        let passage = Passage::of(&wall.clone().into(), &joint, 0.01, &PassageSettings::DEFAULT).unwrap();
         let copy = Mesh::cuboid([0.001, 0.02, 0.02], [0.014, 0.28, 0.18]);
         let cabinet = Mesh::cuboid([0.019, -0.1, 0.0], [0.05, 0.6, 0.2]);
         let mut base = cabinet.clone();
@@ -404,7 +381,7 @@ mod tests {
             state_values: PerState::new(0.0, 0.3),
             limits: [0.0, 0.3],
         };
-        let passage = Passage::of(&floor.clone().into(), &joint, 0.01).unwrap();
+        let passage = Passage::of(&floor.clone().into(), &joint, 0.01, &PassageSettings::DEFAULT).unwrap();
         let mut sheet = Mesh::cuboid([0.02, 0.1, -0.05], [0.38, 0.48, 0.013]);
         refine(&mut sheet, 0.05);
         let upper = |mesh: &Mesh| mesh.triangles.iter().filter(|t| cross(mesh, **t).normalize().z > 0.9).count();
@@ -412,7 +389,7 @@ mod tests {
         assert_eq!(upper(carved(&sheet.clone().into(), &[passage]).mesh()), 0);
         // The front of a frame, flush with that of a door beside it; a wall whose front is behind that of the door, by its thickness.
         let (door, joint) = door();
-        let passage = [Passage::of(&door.clone().into(), &joint, 0.01).unwrap()];
+        let passage = [Passage::of(&door.clone().into(), &joint, 0.01, &PassageSettings::DEFAULT).unwrap()];
         let mut frame = Mesh::cuboid([0.602, -0.04, 0.0], [0.8, 0.1, 0.9]);
         frame.append(&Mesh::cuboid([0.0, 0.002, 0.0], [0.6, 0.1, 0.9]));
         assert_eq!(carved(&frame.clone().into(), &passage).mesh().triangles, frame.triangles);
@@ -425,10 +402,20 @@ mod tests {
         let front = Mesh::cuboid([0.5, 0.005, 0.0], [1.0, 0.015, 0.9]);
         let mut part = door.clone();
         part.append(&Mesh::cuboid([0.5, 0.1, 0.2], [0.55, 0.3, 0.7]));
-        assert_eq!(freed(&part.clone().into(), &joint, &front.clone().into(), 0.005).mesh().triangles, door.triangles);
+        assert_eq!(
+            freed(&part.clone().into(), &joint, &front.clone().into(), 0.005, &PassageSettings::DEFAULT)
+                .mesh()
+                .triangles,
+            door.triangles
+        );
         // A front beside the door stops nothing.
         let beside = Mesh::cuboid([0.605, -0.04, 0.0], [1.0, 0.0, 0.9]);
-        assert_eq!(freed(&door.clone().into(), &joint, &beside.clone().into(), 0.005).mesh().triangles, door.triangles);
+        assert_eq!(
+            freed(&door.clone().into(), &joint, &beside.clone().into(), 0.005, &PassageSettings::DEFAULT)
+                .mesh()
+                .triangles,
+            door.triangles
+        );
     }
 
     #[test]
@@ -451,7 +438,8 @@ mod tests {
             mesh.triangles.iter().filter(|t| (low..high).contains(&x(t))).count()
         };
         assert!(inside(&sheet, 0.045, 0.08) > 50);
-        let passage = Passage::of(&drawer.clone().into(), &joint(JointKind::Prismatic), 0.01).unwrap();
+        let passage =
+            Passage::of(&drawer.clone().into(), &joint(JointKind::Prismatic), 0.01, &PassageSettings::DEFAULT).unwrap();
         let left = carved(&sheet.clone().into(), &[passage]).mesh().clone();
         assert!(inside(&left, 0.045, 0.07) == 0, "{}", inside(&left, 0.045, 0.07));
         assert_eq!(inside(&left, -0.2, -0.01), inside(&sheet, -0.2, -0.01));

@@ -4,9 +4,6 @@ use crate::geometry::topology::{NONE, Sets, corner_angle, corners, cross, ends, 
 use artgs_core::{Mesh, TexturedMesh};
 use glam::DVec3;
 
-/// Crease angle that keeps edges of boxes sharp and others smooth, radians.
-pub(crate) const CREASE: f64 = 40.0 * std::f64::consts::PI / 180.0;
-
 /// The mesh with a normal per vertex; vertices are split along edges whose triangles differ by more than `crease` radians.
 /// Triangles are weighted by area and angle, so that large flat ones stay flat beside bevels. Positions, triangles and their
 /// order stay; texture coordinates are empty.
@@ -52,14 +49,15 @@ mod tests {
     use super::*;
     use crate::geometry::topology::testing::{open_box, sphere};
     use crate::geometry::weld::welded;
+    use crate::settings::LookSettings;
     use glam::Vec3;
 
     #[test]
     fn a_box_has_flat_sides_and_a_sphere_is_round() {
-        let block = with_normals(&welded(&open_box(DVec3::ONE, 3, [true; 6]), 1e-6), CREASE);
+        let block = with_normals(&welded(&open_box(DVec3::ONE, 3, [true; 6]), 1e-6), LookSettings::DEFAULT.crease);
         assert_eq!(block.mesh.vertices.len(), 6 * 16);
         assert!(block.normals.iter().all(|n| n.map(f32::abs).iter().sum::<f32>() < 1.0 + 1e-6));
-        let ball = with_normals(&welded(&sphere(2.0, 20), 1e-6), CREASE);
+        let ball = with_normals(&welded(&sphere(2.0, 20), 1e-6), LookSettings::DEFAULT.crease);
         assert_eq!(ball.mesh.vertices.len(), 6 * 20 * 20 + 2);
         let along = |(v, n): (&[f32; 3], &[f32; 3])| Vec3::from_array(*v).normalize().dot(Vec3::from_array(*n));
         assert!(ball.mesh.vertices.iter().zip(&ball.normals).map(along).all(|c| c > 0.998));

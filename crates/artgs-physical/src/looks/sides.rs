@@ -1,26 +1,21 @@
 //! Sides of the object that were not recorded: what closes them is invented.
 
 use crate::geometry::topology::{corners, cross, points};
+use crate::settings::SideSettings;
 use artgs_core::{Asset, AssetLink, FaceEvidence};
 use glam::DVec3;
 
 /// Names of the sides of the static part of which most is invented, of `back`, `left`, `right` (as seen from the front) and `top`; none where the
 /// front or the evidence is unknown. What is below stands on the floor.
-pub(crate) fn unrecorded_sides(asset: &Asset) -> Vec<&'static str> {
+pub(crate) fn unrecorded_sides(asset: &Asset, settings: &SideSettings) -> Vec<&'static str> {
     let (Some(front), Some(base)) = (asset.front, asset.links.first()) else { return Vec::new() };
     let right = (-front).cross(DVec3::Z);
     let sides = [("back", -front), ("left", -right), ("right", right), ("top", DVec3::Z)];
-    sides.into_iter().filter(|(_, towards)| is_invented(base, *towards)).map(|(name, _)| name).collect()
+    sides.into_iter().filter(|(_, towards)| is_invented(base, *towards, settings)).map(|(name, _)| name).collect()
 }
 
 /// True if most of the surface that faces outwards there is invented.
-fn is_invented(link: &AssetLink, towards: DVec3) -> bool {
-    /// Depth of what is the side, of the extent of the part.
-    const DEPTH: f64 = 0.15;
-    /// Least cosine between the normals of its faces and its direction.
-    const FACING: f64 = 0.7;
-    /// Least share of it that is invented.
-    const MOST: f64 = 0.7;
+fn is_invented(link: &AssetLink, towards: DVec3, settings: &SideSettings) -> bool {
     let mesh = &link.visual.mesh;
     let along = || points(mesh).map(|p| p.dot(towards));
     let [low, high] = [along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max)];
@@ -29,18 +24,22 @@ fn is_invented(link: &AssetLink, towards: DVec3) -> bool {
         let normal = cross(mesh, *triangle);
         let middle = corners(mesh, *triangle).into_iter().sum::<DVec3>() / 3.0;
         let facing = normal.dot(towards);
-        if facing > FACING * normal.length() && middle.dot(towards) > high - DEPTH * (high - low) {
+        if facing > settings.facing * normal.length() && middle.dot(towards) > high - settings.depth * (high - low) {
             all += facing;
             invented += if *evidence == FaceEvidence::Invented { facing } else { 0.0 };
         }
     }
-    invented > MOST * all
+    invented > settings.invented * all
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use artgs_core::{Mesh, TexturedMesh};
+
+    fn sides(asset: &Asset) -> Vec<&'static str> {
+        unrecorded_sides(asset, &SideSettings::DEFAULT)
+    }
 
     /// A box whose faces that point along `unseen` are invented.
     fn recorded_without(unseen: &[DVec3]) -> Asset {
@@ -58,19 +57,19 @@ mod tests {
 
     #[test]
     fn invented_sides_are_named_as_seen_from_the_front() {
-        assert!(unrecorded_sides(&recorded_without(&[])).is_empty());
+        assert!(sides(&recorded_without(&[])).is_empty());
         // The front is towards -Y: who stands there has +X on the right.
-        assert_eq!(unrecorded_sides(&recorded_without(&[DVec3::Y, DVec3::NEG_X])), ["back", "left"]);
-        assert_eq!(unrecorded_sides(&recorded_without(&[DVec3::X, DVec3::Z, DVec3::NEG_Z])), ["right", "top"]);
+        assert_eq!(sides(&recorded_without(&[DVec3::Y, DVec3::NEG_X])), ["back", "left"]);
+        assert_eq!(sides(&recorded_without(&[DVec3::X, DVec3::Z, DVec3::NEG_Z])), ["right", "top"]);
     }
 
     #[test]
     fn without_front_or_evidence_nothing_is_named() {
         let asset = recorded_without(&[DVec3::Y]);
-        assert!(unrecorded_sides(&Asset { front: None, ..asset.clone() }).is_empty());
+        assert!(sides(&Asset { front: None, ..asset.clone() }).is_empty());
         let mut unknown = asset;
         unknown.links[0].visual.evidence.clear();
-        assert!(unrecorded_sides(&unknown).is_empty());
-        assert!(unrecorded_sides(&Asset::default()).is_empty());
+        assert!(sides(&unknown).is_empty());
+        assert!(sides(&Asset::default()).is_empty());
     }
 }

@@ -1,8 +1,9 @@
 //! Mesh simplification with a measured error.
 
 use crate::geometry::convert::trimesh;
-use crate::geometry::topology::{open_edges, point, split_to_manifold};
+use crate::geometry::topology::{NUDGE, open_edges, point, split_to_manifold};
 use crate::looks::spread::spread;
+use crate::settings::SimplifySettings;
 use artgs_core::Mesh;
 use glam::DVec3;
 use meshopt::{SimplifyOptions, VertexDataAdapter};
@@ -31,20 +32,18 @@ pub(crate) struct Simplified {
     pub error: SurfaceError,
 }
 
-/// Samples of each surface for measuring the error.
-const SAMPLES: usize = 60_000;
-
 /// A mesh that is simplified several times.
 pub(crate) struct Original<'a> {
     mesh: &'a Mesh,
     shape: Option<TriMesh>,
     samples: Vec<DVec3>,
+    settings: &'a SimplifySettings,
 }
 
 impl<'a> Original<'a> {
     /// Prepares measuring distances.
-    pub(crate) fn new(mesh: &'a Mesh) -> Self {
-        Self { mesh, shape: trimesh(mesh), samples: samples(mesh) }
+    pub(crate) fn new(mesh: &'a Mesh, settings: &'a SimplifySettings) -> Self {
+        Self { mesh, shape: trimesh(mesh), samples: samples(mesh, settings.samples), settings }
     }
 
     /// Reduces the mesh to about `budget` triangles; where that would move more than a hundredth of the surface by more than
@@ -63,10 +62,11 @@ impl<'a> Original<'a> {
         if self.mesh.triangles.len() <= budget {
             return Some(Simplified { mesh: self.mesh.clone(), error: SurfaceError::default() });
         }
+        let tighter = self.settings.tighter;
         let mut bound = max_error;
         let mut done = None;
         // The library limits only an estimate of the error, so the measured error decides.
-        for _ in 0..3 {
+        for _ in 0..self.settings.attempts {
             let mesh = collapsed(self.mesh, budget, bound);
             if mesh.triangles.len() > most {
                 // A smaller bound needs even more.
@@ -77,23 +77,25 @@ impl<'a> Original<'a> {
             if error.most <= max_error {
                 break;
             }
-            bound *= (0.5 * max_error / error.most).min(0.5);
+            bound *= (tighter * max_error / error.most).min(tighter);
         }
         done
     }
 
     /// Distances from points of each surface to the other. Points are vertices and spread over triangles by area.
     fn error(&self, other: &Mesh) -> SurfaceError {
+        /// Of `SurfaceError::most`.
+        const PERCENTILE: usize = 99;
         let one_way = |points: &[DVec3], to: Option<&TriMesh>| -> Vec<f64> {
             let Some(shape) = to else { return Vec::new() };
             points.par_iter().map(|p| distance(shape, *p)).collect()
         };
         let there = one_way(&self.samples, trimesh(other).as_ref());
-        let mut all = [there, one_way(&samples(other), self.shape.as_ref())].concat();
+        let mut all = [there, one_way(&samples(other, self.settings.samples), self.shape.as_ref())].concat();
         all.sort_unstable_by(f64::total_cmp);
         SurfaceError {
             max: all.last().copied().unwrap_or(0.0),
-            most: all.get(all.len() * 99 / 100).copied().unwrap_or(0.0),
+            most: all.get(all.len() * PERCENTILE / 100).copied().unwrap_or(0.0),
             mean: all.iter().sum::<f64>() / all.len().max(1) as f64,
         }
     }
@@ -109,7 +111,7 @@ fn collapsed(mesh: &Mesh, budget: usize, max_error: f64) -> Mesh {
     let mut simpler = crate::looks::repair::reduced(mesh, kept.as_chunks::<3>().0);
     // Thin parts may have collapsed.
     if closed && open_edges(&simpler.triangles) > 0 {
-        simpler = split_to_manifold(&simpler, 1e-3);
+        simpler = split_to_manifold(&simpler, NUDGE);
     }
     simpler
 }
@@ -118,21 +120,23 @@ fn distance(solid: &TriMesh, p: DVec3) -> f64 {
     f64::from(solid.distance_to_local_point(Vector::from_array(p.as_vec3().to_array()), false))
 }
 
-/// Up to [`SAMPLES`] points on a surface: some vertices, then points evenly spread by area.
-fn samples(mesh: &Mesh) -> Vec<DVec3> {
-    let stride = mesh.vertices.len().div_ceil(SAMPLES / 2).max(1);
+/// Up to `most` points on a surface: some vertices, then points evenly spread by area.
+fn samples(mesh: &Mesh, most: usize) -> Vec<DVec3> {
+    let stride = mesh.vertices.len().div_ceil(most / 2).max(1);
     let mut points: Vec<DVec3> = (0..mesh.vertices.len() as u32).step_by(stride).map(|v| point(mesh, v)).collect();
-    points.extend(spread(mesh, SAMPLES / 2).into_iter().map(|[point, _]| point));
+    points.extend(spread(mesh, most / 2).into_iter().map(|[point, _]| point));
     points
 }
 
-/// Smooths the steps of marching cubes: Taubin's two passes (0.5, -0.53), which do not shrink, `rounds` times; no vertex
+/// Smooths the steps of marching cubes: Taubin's two passes, which do not shrink, `rounds` times; no vertex
 /// moves by more than `reach` (scene units). Borders stay.
 pub(crate) fn smoothed(mesh: &Mesh, rounds: usize, reach: f64) -> Mesh {
+    /// Way of each pass to the mean of the neighbours.
+    const PASSES: [f64; 2] = [0.5, -0.53];
     let around = Around::new(mesh);
     let was: Vec<DVec3> = (0..mesh.vertices.len() as u32).map(|v| point(mesh, v)).collect();
     let mut now = was.clone();
-    for step in (0..rounds).flat_map(|_| [0.5, -0.53]) {
+    for step in (0..rounds).flat_map(|_| PASSES) {
         now = (0..now.len())
             .into_par_iter()
             .map(|i| {
@@ -185,7 +189,7 @@ mod tests {
     #[test]
     fn a_sphere_is_simplified_within_the_error_it_states() {
         let fine = welded(&sphere(1.0, 60), 1e-6);
-        let done = Original::new(&fine).simplified(2000, 0.02);
+        let done = Original::new(&fine, &SimplifySettings::DEFAULT).simplified(2000, 0.02);
         assert!(done.mesh.triangles.len() <= 2000 && open_edges(&done.mesh.triangles) == 0);
         // What a sphere of so many triangles has by theory: area per triangle a, sagitta about 0.385 a / r.
         let sagitta = 0.385 * 4.0 * std::f64::consts::PI / done.mesh.triangles.len() as f64;
@@ -199,14 +203,14 @@ mod tests {
         assert!(done.error.mean > 0.2 * sagitta && done.error.mean < 2.0 * sagitta, "{:?}, {sagitta}", done.error);
         assert!(done.error.max <= 0.02);
         // A small error bound needs more triangles than the budget.
-        let careful = Original::new(&fine).simplified(100, 0.002);
+        let careful = Original::new(&fine, &SimplifySettings::DEFAULT).simplified(100, 0.002);
         assert!(careful.error.most <= 0.002 && careful.mesh.triangles.len() > 2000);
     }
 
     #[test]
     fn a_bound_that_needs_too_many_triangles_is_given_up() {
         let fine = welded(&sphere(1.0, 60), 1e-6);
-        let original = Original::new(&fine);
+        let original = Original::new(&fine, &SimplifySettings::DEFAULT);
         let done = original.simplified(100, 0.002);
         let count = done.mesh.triangles.len();
         assert_eq!(original.simplified_to(100, 0.002, count), Some(done));
@@ -216,11 +220,11 @@ mod tests {
     #[test]
     fn a_box_needs_twelve_triangles_and_a_sheet_keeps_its_border() {
         let fine = welded(&open_box(DVec3::ONE, 20, [true; 6]), 1e-6);
-        let done = Original::new(&fine).simplified(12, 1e-3);
+        let done = Original::new(&fine, &SimplifySettings::DEFAULT).simplified(12, 1e-3);
         assert!(done.mesh.triangles.len() <= 40 && done.error.max < 1e-3, "{}", done.mesh.triangles.len());
         assert_eq!(done.mesh.colors.len(), done.mesh.vertices.len());
         let sheet = welded(&open_box(DVec3::ONE, 20, [false, true, false, false, false, false]), 1e-6);
-        let done = Original::new(&sheet).simplified(12, 1e-3);
+        let done = Original::new(&sheet, &SimplifySettings::DEFAULT).simplified(12, 1e-3);
         assert_eq!(open_edges(&done.mesh.triangles), 80);
     }
 

@@ -1,5 +1,6 @@
 //! Texture atlases: unwraps a surface into charts.
 
+use crate::settings::AtlasSettings;
 use artgs_core::{Mesh, TexturedMesh};
 use uvunwrap::{Atlas, Density, MeshInput, Options};
 
@@ -8,16 +9,8 @@ use uvunwrap::{Atlas, Density, MeshInput, Options};
 pub(crate) struct UnwrapOptions {
     /// Requested texels per scene unit; fewer if the atlas would become too large.
     pub texels_per_unit: f64,
-    /// Largest width and height of the atlas, texels.
-    pub max_side: u32,
-    /// Empty texels around every chart; charts are twice that apart.
-    pub padding: u32,
-}
-
-impl Default for UnwrapOptions {
-    fn default() -> Self {
-        Self { texels_per_unit: 200.0, max_side: 4096, padding: 4 }
-    }
+    /// Size and padding of the atlas.
+    pub settings: AtlasSettings,
 }
 
 /// Result of [`unwrap`].
@@ -52,24 +45,25 @@ pub(crate) enum UnwrapError {
 
 /// Unwraps a mesh. Charts do not overlap; normals and colours are kept; positions and the order of triangles stay.
 pub(crate) fn unwrap(mesh: &TexturedMesh, options: &UnwrapOptions) -> Result<Unwrapped, UnwrapError> {
+    let AtlasSettings { side: most, attempts, spare, .. } = options.settings;
     let mut density = options.texels_per_unit;
     let mut atlas = unwrapped_at(mesh, options, density)?;
-    for _ in 0..6 {
+    for _ in 0..attempts {
         let side = atlas.width.max(atlas.height);
-        if side <= options.max_side {
+        if side <= most {
             return Ok(collect(mesh, &atlas));
         }
-        density *= 0.95 * f64::from(options.max_side) / f64::from(side);
+        density *= spare * f64::from(most) / f64::from(side);
         atlas = unwrapped_at(mesh, options, density)?;
     }
-    Err(UnwrapError::TooLarge { charts: atlas.chart_count, side: options.max_side })
+    Err(UnwrapError::TooLarge { charts: atlas.chart_count, side: most })
 }
 
 fn unwrapped_at(mesh: &TexturedMesh, options: &UnwrapOptions, texels_per_unit: f64) -> Result<Atlas, UnwrapError> {
     let input = MeshInput::new(&mesh.mesh.vertices, mesh.mesh.triangles.as_flattened());
     let density = Density::Fixed { texels_per_unit: texels_per_unit as f32, page_size: None };
     let settings =
-        Options { density, padding: options.padding, packing: uvunwrap::Packing::Fast, ..Options::default() };
+        Options { density, padding: options.settings.padding, packing: uvunwrap::Packing::Fast, ..Options::default() };
     Ok(uvunwrap::generate(&[input], &settings)?)
 }
 
@@ -97,7 +91,8 @@ mod tests {
     use super::*;
     use crate::geometry::topology::testing::{open_box, sphere};
     use crate::geometry::weld::welded;
-    use crate::looks::shade::{CREASE, with_normals};
+    use crate::looks::shade::with_normals;
+    use crate::settings::LookSettings;
     use glam::{DVec3, Vec2};
 
     /// Area of every triangle in texels, and how many triangles own each texel whose centre is well inside of them.
@@ -126,8 +121,8 @@ mod tests {
     fn charts_do_not_overlap_and_have_the_density_asked_for() {
         let block = welded(&open_box(DVec3::new(1.0, 2.0, 0.5), 6, [true; 6]), 1e-6);
         for (mesh, tolerance) in [(block, 0.02), (welded(&sphere(0.7, 16), 1e-6), 0.6)] {
-            let options = UnwrapOptions { texels_per_unit: 100.0, ..UnwrapOptions::default() };
-            let flat = unwrap(&with_normals(&mesh, CREASE), &options).unwrap();
+            let options = UnwrapOptions { texels_per_unit: 100.0, settings: AtlasSettings::DEFAULT };
+            let flat = unwrap(&with_normals(&mesh, LookSettings::DEFAULT.crease), &options).unwrap();
             let (areas, owners) = layout(&flat);
             assert!(owners.iter().all(|o| o.len() <= 1), "{} charts", flat.charts);
             for (t, area) in flat.mesh.mesh.triangles.iter().zip(&areas) {
@@ -141,8 +136,9 @@ mod tests {
 
     #[test]
     fn a_large_surface_gets_fewer_texels_instead_of_a_larger_atlas() {
-        let mesh = with_normals(&welded(&open_box(DVec3::ONE, 2, [true; 6]), 1e-6), CREASE);
-        let options = UnwrapOptions { texels_per_unit: 1000.0, max_side: 256, padding: 4 };
+        let mesh = with_normals(&welded(&open_box(DVec3::ONE, 2, [true; 6]), 1e-6), LookSettings::DEFAULT.crease);
+        let options =
+            UnwrapOptions { texels_per_unit: 1000.0, settings: AtlasSettings { side: 256, ..AtlasSettings::DEFAULT } };
         let flat = unwrap(&mesh, &options).unwrap();
         assert!(flat.size.iter().all(|s| *s <= 256) && flat.texels_per_unit > 40.0, "{}", flat.texels_per_unit);
         let none = unwrap(&mesh, &UnwrapOptions { texels_per_unit: f64::NAN, ..options });

@@ -2,21 +2,13 @@
 
 use super::atlas::Texel;
 use crate::geometry::convert::trimesh;
+use crate::settings::FillSettings;
 use artgs_core::Mesh;
 use glam::{DVec3, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use parry3d::math::Vector;
 use parry3d::query::PointQueryWithLocation;
 use rayon::prelude::*;
-use std::num::NonZero;
-
-/// Number of known texels that are mixed for an unknown one.
-const NEIGHBOURS: NonZero<usize> = NonZero::new(12).expect("12 is not 0");
-/// Distance, as a share of the extent of the part, that is added to that of surfaces which face another way: a texel takes
-/// colours of its own side of a panel from farther away than those of the other side.
-const TURN: f64 = 0.02;
-/// Distance, as a share of the extent of the part, at which the colour of the whole part counts as much as the neighbours.
-const FAR: f64 = 0.25;
 
 /// What views show of a texel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,23 +26,26 @@ pub(super) fn from_similar(
     seen: &[Option<Seen>],
     colors: &mut [Option<Vec3>],
     size: [u32; 2],
+    settings: &FillSettings,
 ) -> bool {
+    /// Extent that guards a division.
+    const TINY: f64 = 1e-12;
     let known = || texels.iter().zip(seen).filter_map(|(t, seen)| Some((t, (*seen)?)));
     let any_certain = known().any(|(_, seen)| seen.certain);
     let usable = |seen: &Seen| seen.certain || !any_certain;
     let mut usable_at = vec![false; colors.len()];
     known().for_each(|(t, seen)| usable_at[t.index] = usable(&seen));
-    let sources: Vec<(&Texel, Vec3)> =
-        known().filter(|(t, _)| is_source(&usable_at, t.index, size)).map(|(t, seen)| (t, seen.color)).collect();
+    let is_source = |t: &Texel| is_source(&usable_at, t.index, size, settings.grid);
+    let sources: Vec<(&Texel, Vec3)> = known().filter(|(t, _)| is_source(t)).map(|(t, seen)| (t, seen.color)).collect();
     if sources.is_empty() {
         return false;
     }
     let [low, high] = texels
         .iter()
         .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], t| [low.min(t.point), high.max(t.point)]);
-    let extent = low.distance(high).max(1e-12);
-    let index = Index::new(&sources, extent);
-    let part = (median(sources.iter().map(|(_, color)| *color)), 1.0 / (FAR * FAR) as f32);
+    let extent = low.distance(high).max(TINY);
+    let index = Index::new(&sources, extent, settings);
+    let part = (median(sources.iter().map(|(_, color)| *color)), 1.0 / (settings.far * settings.far) as f32);
     let blend = |texel: &&Texel| -> Vec3 {
         let mut parts = vec![part];
         parts.extend(index.near(texel));
@@ -70,14 +65,13 @@ struct Index<'a> {
     /// Those that face along +x, -x, +y, -y, +z, -z, more or less, with their places; the last has all.
     sides: Vec<Option<(ImmutableKdTree<f32, 3>, Vec<usize>)>>,
     extent: f64,
+    settings: &'a FillSettings,
 }
 
 impl<'a> Index<'a> {
-    fn new(sources: &'a [(&'a Texel, Vec3)], extent: f64) -> Self {
+    fn new(sources: &'a [(&'a Texel, Vec3)], extent: f64, settings: &'a FillSettings) -> Self {
         let side = |axis: DVec3| {
-            /// Least cosine with the axis; every normal has a cosine of 0.57 or more with one.
-            const FACING: f64 = 0.4;
-            let facing = |i: &usize| axis == DVec3::ZERO || sources[*i].0.normal.dot(axis) > FACING;
+            let facing = |i: &usize| axis == DVec3::ZERO || sources[*i].0.normal.dot(axis) > settings.facing;
             let places: Vec<usize> = (0..sources.len()).filter(facing).collect();
             let point = |i: &usize| (sources[*i].0.point / extent).as_vec3().to_array();
             let points: Vec<[f32; 3]> = places.iter().map(point).collect();
@@ -85,23 +79,28 @@ impl<'a> Index<'a> {
             Some((tree, places))
         };
         let axes = DVec3::AXES.into_iter().flat_map(|axis| [axis, -axis]).chain([DVec3::ZERO]);
-        Self { sources, sides: axes.map(side).collect(), extent }
+        Self { sources, sides: axes.map(side).collect(), extent, settings }
     }
 
     /// Colours near a texel with weights; those of similar surfaces at a distance of 1 extent weigh 1 together.
     fn near(&self, texel: &Texel) -> Vec<(Vec3, f32)> {
+        /// Cosine of a side and a texel below which what it shows weighs next to nothing.
+        const ASIDE: f64 = 0.05;
+        /// Squared distance that guards a division.
+        const TINY: f64 = 1e-10;
+        let FillSettings { neighbours, turn, .. } = *self.settings;
         let query = (texel.point / self.extent).as_vec3().to_array();
         let mut out = Vec::new();
         for (k, side) in self.sides.iter().enumerate() {
             let any = k == 6;
             let facing = if any { 1.0 } else { texel.normal[k / 2] * if k % 2 == 0 { 1.0 } else { -1.0 } };
-            let Some((tree, places)) = side.as_ref().filter(|_| facing > 0.05) else { continue };
-            let found = tree.query(&query).nearest_n::<SquaredEuclidean<f32>>(NEIGHBOURS).execute();
+            let Some((tree, places)) = side.as_ref().filter(|_| facing > ASIDE) else { continue };
+            let found = tree.query(&query).nearest_n::<SquaredEuclidean<f32>>(neighbours).execute();
             for hit in found {
                 let (source, color) = self.sources[places[hit.item as usize]];
-                let distance = f64::from(hit.distance).sqrt() + if any { TURN } else { 0.0 };
+                let distance = f64::from(hit.distance).sqrt() + if any { turn } else { 0.0 };
                 let alike = if any { 1.0 } else { source.normal.dot(texel.normal).max(0.0).powi(2) };
-                let weight = (facing * facing * alike) / (distance * distance + 1e-10) / NEIGHBOURS.get() as f64;
+                let weight = (facing * facing * alike) / (distance * distance + TINY) / neighbours.get() as f64;
                 out.push((color, weight as f32));
             }
         }
@@ -120,13 +119,13 @@ fn median(colors: impl Iterator<Item = Vec3>) -> Vec3 {
     Vec3::new(of(0), of(1), of(2))
 }
 
-/// Usable texels that are sources: every fourth in both directions, and all at the border of the usable area.
-fn is_source(usable: &[bool], index: usize, size: [u32; 2]) -> bool {
+/// Usable texels that are sources: one in `grid` in both directions, and all at the border of the usable area.
+fn is_source(usable: &[bool], index: usize, size: [u32; 2], grid: usize) -> bool {
     let [width, height] = size.map(|s| s as usize);
     let (x, y) = (index % width, index / width);
     let other = |x: usize, y: usize| x < width && y < height && !usable[y * width + x];
     let at_rim = || other(x.wrapping_sub(1), y) || other(x + 1, y) || other(x, y.wrapping_sub(1)) || other(x, y + 1);
-    usable[index] && ((x % 4 == 0 && y % 4 == 0) || at_rim())
+    usable[index] && ((x % grid == 0 && y % grid == 0) || at_rim())
 }
 
 /// Gives every texel the interpolated vertex colours at the nearest point of a mesh. False if the mesh has no colours.
@@ -167,7 +166,7 @@ mod tests {
         let texels = panel();
         let seen: Vec<Option<Seen>> = texels.iter().map(seen).collect();
         let mut colors = vec![None; texels.len()];
-        (from_similar(&texels, &seen, &mut colors, [40, 40]), colors)
+        (from_similar(&texels, &seen, &mut colors, [40, 40], &FillSettings::DEFAULT), colors)
     }
 
     fn side(t: &Texel) -> Vec3 {

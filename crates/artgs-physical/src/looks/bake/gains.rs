@@ -7,6 +7,7 @@
 use super::BakeOptions;
 use super::solve::{Row, conjugate_gradients, dot, solved};
 use super::view::BakeView;
+use crate::settings::GainSettings;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -22,16 +23,13 @@ pub(crate) struct Gain {
 impl Gain {
     /// The colour without the gain at a point with this unit normal, and the share of its weight that it keeps: what is
     /// changed much is less certain.
-    pub(super) fn removed(&self, color: Vec3, normal: DVec3) -> (Vec3, f32) {
-        /// Largest logarithm of a shading: surfaces with the same normal can lie in the shadow, or shine less.
-        const MOST: f64 = 0.35;
-        /// Logarithm of a shading at which the weight has halved.
-        const HALF: f64 = 0.35;
+    pub(super) fn removed(&self, color: Vec3, normal: DVec3, settings: &GainSettings) -> (Vec3, f32) {
+        let GainSettings { most, half, .. } = *settings;
         if *self == Self::default() {
             return (color, 1.0);
         }
-        let shading = dot(&self.shading, &basis(normal)).clamp(-MOST, MOST);
-        let share = (1.0 + (shading / HALF).powi(2)).recip();
+        let shading = dot(&self.shading, &basis(normal)).clamp(-most, most);
+        let share = (1.0 + (shading / half).powi(2)).recip();
         (color * (-self.channels - shading).exp().as_vec3(), share as f32)
     }
 }
@@ -39,26 +37,18 @@ impl Gain {
 /// Points of a part that are compared, with unit normals.
 pub(crate) type Compared = Vec<[DVec3; 2]>;
 
-/// Mean difference of the logarithms of colours that can be seen as a seam.
-const VISIBLE: f64 = 0.01;
-/// Share of the differences that gains may leave. On five captures of equal exposure, exposures leave 0.72 to 1.03; on a copy of one whose
-/// photos vary by 30 % 0.08, but 0.64 where a lamp moves with the camera as well. Shadings leave 0.7 to 0.99 of parts in light
-/// that stays, 0.12 to 0.5 of parts that turned towards it, and 0.13 to 0.31 under a lamp at the camera.
-const EXPLAINED: f64 = 0.6;
-/// Least distance to edges of pixels that are compared, pixels.
-const CLEAR: u8 = 3;
-
 /// What a view shows of a point: its number, the normal, the colour in the photo.
 type Shown = (usize, DVec3, Vec3);
 
 /// Sets the gains of the views of all parts. `views[part]` has the views of every photo in the same order.
 pub(crate) fn equalise(views: &mut [Vec<BakeView>], points: &[Compared], options: &[BakeOptions]) {
+    let Some(settings) = options.first().map(|options| &options.settings.gains) else { return };
     let shown: Vec<Vec<Vec<Shown>>> =
         views.iter().zip(points).zip(options).map(|((views, points), options)| seen(views, points, options)).collect();
     let count = views.iter().map(Vec::len).max().unwrap_or(0);
-    let exposures = exposures(&shown, count);
+    let exposures = exposures(&shown, count, settings);
     views.par_iter_mut().zip(&shown).for_each(|(views, shown)| {
-        let shadings = shadings(shown, &exposures);
+        let shadings = shadings(shown, &exposures, settings);
         for ((view, channels), shading) in views.iter_mut().zip(&exposures).zip(shadings) {
             view.gain = Gain { channels: *channels, shading };
         }
@@ -67,11 +57,12 @@ pub(crate) fn equalise(views: &mut [Vec<BakeView>], points: &[Compared], options
 
 /// What the views show of points that at least two of them show.
 fn seen(views: &[BakeView], points: &[[DVec3; 2]], options: &BakeOptions) -> Vec<Vec<Shown>> {
+    let settings = &options.settings.gains;
     let of_point = |[point, normal]: &[DVec3; 2]| {
         let one = |(i, view): (usize, &BakeView)| {
-            let sight = view.sight(*point, *normal, options).filter(|sight| sight.clear >= CLEAR)?;
+            let sight = view.sight(*point, *normal, options).filter(|sight| sight.clear >= settings.clear)?;
             let color = view.color(&sight);
-            usable(color).then_some((i, *normal, color))
+            usable(color, settings).then_some((i, *normal, color))
         };
         let shown: Vec<Shown> = views.iter().enumerate().filter_map(one).collect();
         (shown.len() > 1).then_some(shown)
@@ -80,10 +71,8 @@ fn seen(views: &[BakeView], points: &[[DVec3; 2]], options: &BakeOptions) -> Vec
 }
 
 /// Colours that are neither dark, so that noise and offsets count, nor saturated.
-fn usable(color: Vec3) -> bool {
-    const DARK: f32 = 16.0;
-    const BRIGHT: f32 = 250.0;
-    color.element_sum() > 3.0 * DARK && color.max_element() < BRIGHT
+fn usable(color: Vec3, settings: &GainSettings) -> bool {
+    color.element_sum() > 3.0 * settings.dark && color.max_element() < settings.bright
 }
 
 /// Logarithm of the brightness.
@@ -93,10 +82,10 @@ fn brightness(color: Vec3) -> f64 {
 
 /// Gain of each channel and view. The brightness decides about what is common to all channels: single channels of a coloured
 /// surface can be dark.
-fn exposures(parts: &[Vec<Vec<Shown>>], count: usize) -> Vec<DVec3> {
-    /// Least value of a channel in all compared colours.
-    const DARK: f32 = 24.0;
-    let fitted = |rows: &[Vec<Row<1>>]| explaining(centred(solved(rows, count, [1.0]), rows), rows);
+fn exposures(parts: &[Vec<Vec<Shown>>], count: usize, settings: &GainSettings) -> Vec<DVec3> {
+    let fitted = |rows: &[Vec<Row<1>>]| {
+        explaining(centred(solved(rows, count, [settings.prior], settings), rows), rows, settings)
+    };
     let points = || parts.iter().flatten();
     let row = |shown: &Shown| Row { view: shown.0, basis: [1.0], value: brightness(shown.2) };
     let rows: Vec<Vec<Row<1>>> = points().map(|shown| shown.iter().map(row).collect()).collect();
@@ -107,7 +96,7 @@ fn exposures(parts: &[Vec<Vec<Shown>>], count: usize) -> Vec<DVec3> {
             let value = f64::from(shown.2[channel]).ln() - brightness(shown.2);
             Row { view: shown.0, basis: [1.0], value }
         };
-        let bright = |shown: &&Vec<Shown>| shown.iter().all(|(_, _, color)| color[channel] > DARK);
+        let bright = |shown: &&Vec<Shown>| shown.iter().all(|(_, _, color)| color[channel] > settings.dark_channel);
         let rows: Vec<Vec<Row<1>>> = points().filter(bright).map(|shown| shown.iter().map(row).collect()).collect();
         for (gain, [balance]) in out.iter_mut().zip(fitted(&rows).unwrap_or_default()) {
             gain[channel] += balance;
@@ -118,15 +107,15 @@ fn exposures(parts: &[Vec<Vec<Shown>>], count: usize) -> Vec<DVec3> {
 
 /// What the exposures leave of a part, by the normal. The hue stays: highlights on surfaces of one colour would tint those of
 /// another.
-fn shadings(points: &[Vec<Shown>], exposures: &[DVec3]) -> Vec<[f64; 4]> {
-    /// Slopes hold for normals that a view does not show, too, and have to be small there.
-    const PRIOR: [f64; 4] = [1.0, 10.0, 10.0, 10.0];
+fn shadings(points: &[Vec<Shown>], exposures: &[DVec3], settings: &GainSettings) -> Vec<[f64; 4]> {
+    let slope = settings.prior * settings.slope_prior;
+    let prior = [settings.prior, slope, slope, slope];
     let row = |(view, normal, color): &Shown| {
         let color = *color * (-exposures[*view]).exp().as_vec3();
         Row { view: *view, basis: basis(*normal), value: brightness(color) }
     };
     let rows: Vec<Vec<Row<4>>> = points.iter().map(|shown| shown.iter().map(row).collect()).collect();
-    let gains = explaining(centred(solved(&rows, exposures.len(), PRIOR), &rows), &rows);
+    let gains = explaining(centred(solved(&rows, exposures.len(), prior, settings), &rows), &rows, settings);
     gains.unwrap_or_else(|| vec![[0.0; 4]; exposures.len()])
 }
 
@@ -136,6 +125,8 @@ fn basis(normal: DVec3) -> [f64; 4] {
 
 /// Gains less their mean over all rows of a direction, so that the brightness of what is seen stays.
 fn centred<const K: usize>(mut gains: Vec<[f64; K]>, points: &[Vec<Row<K>>]) -> Vec<[f64; K]> {
+    /// Weight that guards a division where no row has a direction.
+    const TINY: f64 = 1e-9;
     let rows = || points.iter().flatten();
     let normal = |of: &dyn Fn(&Row<K>) -> f64| {
         let mut sum = [[0.0; K]];
@@ -143,7 +134,7 @@ fn centred<const K: usize>(mut gains: Vec<[f64; K]>, points: &[Vec<Row<K>>]) -> 
         sum
     };
     let right = normal(&|row| dot(&gains[row.view], &row.basis));
-    let mut diagonal = [[1e-9; K]];
+    let mut diagonal = [[TINY; K]];
     rows().for_each(|row| diagonal[0].iter_mut().zip(row.basis).for_each(|(d, b)| *d += b * b));
     let apply = |x: &[[f64; K]]| normal(&|row| dot(&x[0], &row.basis)).to_vec();
     let mean = conjugate_gradients(&apply, &right, &diagonal, vec![[0.0; K]])[0];
@@ -152,19 +143,21 @@ fn centred<const K: usize>(mut gains: Vec<[f64; K]>, points: &[Vec<Row<K>>]) -> 
 }
 
 /// The gains if they explain why views disagree, else none: the mean difference from the median of each point has to be
-/// visible, and to fall to [`EXPLAINED`].
-fn explaining<const K: usize>(gains: Vec<[f64; K]>, points: &[Vec<Row<K>>]) -> Option<Vec<[f64; K]>> {
-    /// Larger differences, as those of highlights and shadows, count like this one.
-    const MOST: f64 = 0.3;
+/// visible, and to fall to the share that gains may leave.
+fn explaining<const K: usize>(
+    gains: Vec<[f64; K]>,
+    points: &[Vec<Row<K>>],
+    settings: &GainSettings,
+) -> Option<Vec<[f64; K]>> {
     let left = |of: &dyn Fn(&Row<K>) -> f64| {
         let differences = |rows: &Vec<Row<K>>| -> f64 {
             let mut values: Vec<f64> = rows.iter().map(of).collect();
             values.sort_unstable_by(f64::total_cmp);
             let median = values[values.len() / 2];
-            values.iter().map(|value| (value - median).abs().min(MOST)).sum()
+            values.iter().map(|value| (value - median).abs().min(settings.outlier)).sum()
         };
         points.iter().map(differences).sum::<f64>() / points.iter().map(Vec::len).sum::<usize>().max(1) as f64
     };
     let (before, after) = (left(&|row| row.value), left(&|row| row.value - dot(&gains[row.view], &row.basis)));
-    (before > VISIBLE && after < EXPLAINED * before).then_some(gains)
+    (before > settings.visible && after < settings.explained * before).then_some(gains)
 }

@@ -19,6 +19,7 @@ pub(crate) use view::BakeView;
 pub(crate) use zbuffer::depth_of;
 pub use zbuffer::{Hit, visible};
 
+use crate::settings::BakeSettings;
 use artgs_core::{Mesh, Texture, TexturedMesh};
 use atlas::Texel;
 use blend::blend;
@@ -32,21 +33,14 @@ use view::Sample;
 pub(crate) struct BakeOptions {
     /// Largest difference between a view's depth and a visible point, scene units.
     pub tolerance: f64,
-    /// Exponent of the cosine between normal and ray in the weight of a view.
-    pub sharpness: f64,
-    /// Difference in colour, [0, 255], at which a sample has a quarter of its weight.
-    pub outlier: f64,
-    /// Texels of padding around charts.
-    pub padding: u32,
+    /// How colours are chosen.
+    pub settings: BakeSettings,
 }
-
-/// Step of depth between pixels that counts as an edge between two surfaces, voxels.
-pub(crate) const JUMP: f64 = 4.0;
 
 impl BakeOptions {
     /// Settings for surfaces with an accuracy of about `voxel` (scene units).
-    pub(crate) fn at_resolution(voxel: f64) -> Self {
-        Self { tolerance: 2.5 * voxel, sharpness: 8.0, outlier: 40.0, padding: 4 }
+    pub(crate) fn at_resolution(voxel: f64, settings: &BakeSettings) -> Self {
+        Self { tolerance: settings.tolerance * voxel, settings: *settings }
     }
 }
 
@@ -65,12 +59,12 @@ pub(crate) struct Baked {
 
 /// Bakes a texture of `size` texels (width, height) for a mesh with texture coordinates and normals. Texels that no view
 /// sees get colours of near surfaces of similar orientation; if no view sees the mesh, all get the vertex colours of `dense`, the
-/// mesh before simplification.
+/// mesh before simplification. Colours spread over `padding` texels around charts.
 pub(crate) fn bake(
     mesh: &TexturedMesh,
     size: [u32; 2],
     views: &[BakeView],
-    dense: &Mesh,
+    (dense, padding): (&Mesh, u32),
     options: &BakeOptions,
 ) -> Baked {
     let n = mesh.mesh.vertices.len();
@@ -81,10 +75,10 @@ pub(crate) fn bake(
     let found = blended(&texels, size[0], views, options);
     let mut colors: Vec<Option<Vec3>> = vec![None; size[0] as usize * size[1] as usize];
     let seen = found.iter().flatten().count();
-    if !fill::from_similar(&texels, &found, &mut colors, size) {
+    if !fill::from_similar(&texels, &found, &mut colors, size, &options.settings.fill) {
         fill::from_vertices(&texels, &mut colors, dense);
     }
-    let rgb = atlas::pad(&mut colors, size, options.padding);
+    let rgb = atlas::pad(&mut colors, size, padding);
     let texture = Texture { width: size[0], height: size[1], rgb };
     let colors = mesh.uvs.iter().map(|uv| texel_at(&texture, *uv)).collect();
     Baked { texture, colors, texels: texels.len(), seen }
@@ -111,7 +105,7 @@ fn blended(texels: &[Texel], width: u32, views: &[BakeView], options: &BakeOptio
             }
         }
         let seen = |samples: &mut Vec<Sample>| {
-            let color = blend(samples, options.outlier as f32)?;
+            let color = blend(samples, options.settings.outlier as f32, options.settings.rounds)?;
             Some(Seen { color, certain: samples.iter().any(|sample| sample.clear) })
         };
         samples.iter_mut().take(square.len()).map(seen).collect()

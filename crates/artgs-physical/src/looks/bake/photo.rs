@@ -1,12 +1,8 @@
 //! Photos prepared for all parts, with the distance of each pixel to edges that make its colour unreliable.
 
+use crate::settings::BakeSettings;
 use artgs_core::{DepthMap, Intrinsics};
 use glam::Vec3;
-
-/// Distance from the nearest edge at which pixels have full weight, pixels.
-pub(super) const FULL_TRUST: u8 = 8;
-/// Least alpha of a pixel that shows only the object.
-const OPAQUE: u8 = 250;
 
 /// A photo as a source of colours.
 pub(crate) struct Photo<'a> {
@@ -22,10 +18,15 @@ pub(crate) struct Photo<'a> {
 impl<'a> Photo<'a> {
     /// Straight colours and planar depth, both `[height * width]`; alpha is the mask of the object. A step of depth of `jump`
     /// between pixels (scene units) is an edge between two surfaces. None if a buffer does not have the size of the image.
-    pub(crate) fn new(rgba: &'a [[u8; 4]], depth: &'a DepthMap, intrinsics: Intrinsics, jump: f64) -> Option<Self> {
+    pub(crate) fn new(
+        rgba: &'a [[u8; 4]],
+        depth: &'a DepthMap,
+        intrinsics: Intrinsics,
+        (jump, settings): (f64, &BakeSettings),
+    ) -> Option<Self> {
         let pixels = intrinsics.width as usize * intrinsics.height as usize;
         let whole = rgba.len() == pixels && depth.len() == pixels;
-        let clear = || clearance(rgba, depth, &intrinsics, jump as f32);
+        let clear = || clearance(rgba, depth, &intrinsics, (jump as f32, settings));
         whole.then(|| Self { clear: clear(), rgba, depth, derived: None, intrinsics })
     }
 
@@ -51,11 +52,12 @@ impl<'a> Photo<'a> {
 }
 
 /// Distance of every pixel to the nearest jump of depth, rim of the mask or border of the image, in pixels (1: adjacent, at
-/// most [`FULL_TRUST`]); 0 for pixels that do not show the object.
-fn clearance(rgba: &[[u8; 4]], depth: &DepthMap, k: &Intrinsics, jump: f32) -> Vec<u8> {
+/// most that of full trust); 0 for pixels that do not show the object.
+fn clearance(rgba: &[[u8; 4]], depth: &DepthMap, k: &Intrinsics, (jump, settings): (f32, &BakeSettings)) -> Vec<u8> {
+    let BakeSettings { opaque, full_trust, .. } = *settings;
     let (w, h) = (k.width as usize, k.height as usize);
-    let shows = |i: usize| rgba[i][3] >= OPAQUE && depth.counts()[i] > 0;
-    let mut clear: Vec<u8> = (0..w * h).map(|i| if shows(i) { FULL_TRUST } else { 0 }).collect();
+    let shows = |i: usize| rgba[i][3] >= opaque && depth.counts()[i] > 0;
+    let mut clear: Vec<u8> = (0..w * h).map(|i| if shows(i) { full_trust } else { 0 }).collect();
     let depths: Vec<f32> = depth.iter().collect();
     for y in 0..h {
         for x in 0..w {
@@ -114,7 +116,7 @@ mod tests {
 
     #[test]
     fn pixels_count_their_distance_to_the_nearest_edge() {
-        let mut clear = vec![FULL_TRUST; 30 * 20];
+        let mut clear = vec![8; 30 * 20];
         clear[10 * 30 + 12] = 0;
         spread(&mut clear, 30, 20);
         assert_eq!([12, 13, 14, 17].map(|x| clear[10 * 30 + x]), [0, 1, 2, 5]);

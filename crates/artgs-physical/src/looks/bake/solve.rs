@@ -1,5 +1,7 @@
 //! Robust least squares for what views add to values that they share.
 
+use crate::settings::GainSettings;
+
 /// What a view shows of a point: the value of the point, unknown, plus `basis` times the coefficients of the view.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Row<const K: usize> {
@@ -8,26 +10,23 @@ pub(super) struct Row<const K: usize> {
     pub(super) value: f64,
 }
 
-/// Rounds of reweighting.
-const ROUNDS: usize = 6;
-/// Residual at which the weight of a row has halved, logarithms of colours: shadows and highlights differ by more, light that
-/// falls on a surface at another angle differs by less in most photos.
-const SCALE: f64 = 0.1;
-/// Weight of a coefficient of 1, relative to the mean weight of a view. Views that share few points with others keep their
-/// colours.
-const PRIOR: f64 = 3e-3;
-
 /// Coefficients of `views` views from the rows of every point. Rows that contradict the others of their point count less;
-/// `prior` has factors of the weights that keep coefficients small.
-pub(super) fn solved<const K: usize>(points: &[Vec<Row<K>>], views: usize, prior: [f64; K]) -> Vec<[f64; K]> {
-    let mut weights: Vec<Vec<f64>> = points.iter().map(|rows| initial(rows)).collect();
+/// `prior` has the weights that keep coefficients small, relative to the mean weight of a view.
+pub(super) fn solved<const K: usize>(
+    points: &[Vec<Row<K>>],
+    views: usize,
+    prior: [f64; K],
+    settings: &GainSettings,
+) -> Vec<[f64; K]> {
+    let scale = settings.scale;
+    let mut weights: Vec<Vec<f64>> = points.iter().map(|rows| initial(rows, scale)).collect();
     let mut out = vec![[0.0; K]; views];
-    for _ in 0..ROUNDS {
+    for _ in 0..settings.rounds {
         out = step(points, &weights, prior, out);
         for (rows, weights) in points.iter().zip(&mut weights) {
             let left: Vec<f64> = rows.iter().map(|row| row.value - dot(&out[row.view], &row.basis)).collect();
             let mean = mean(&left, weights);
-            weights.iter_mut().zip(left).for_each(|(w, left)| *w = robust(left - mean));
+            weights.iter_mut().zip(left).for_each(|(w, left)| *w = robust(left - mean, scale));
         }
     }
     out
@@ -46,7 +45,7 @@ fn step<const K: usize>(
         diagonal[row.view].iter_mut().zip(row.basis).for_each(|(d, b)| *d += w * b * b);
     }
     let mean_weight = diagonal.iter().flatten().sum::<f64>() / (K * views).max(1) as f64;
-    let prior = prior.map(|factor| (PRIOR * factor * mean_weight).max(f64::MIN_POSITIVE));
+    let prior = prior.map(|share| (share * mean_weight).max(f64::MIN_POSITIVE));
     diagonal.iter_mut().for_each(|view| view.iter_mut().zip(prior).for_each(|(d, p)| *d += p));
     let normal = |of: &dyn Fn(&Row<K>) -> f64, sum: &mut Vec<[f64; K]>| {
         for (rows, weights) in points.iter().zip(weights) {
@@ -116,16 +115,17 @@ pub(super) fn dot<const K: usize>(a: &[f64; K], b: &[f64; K]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-fn robust(residual: f64) -> f64 {
-    1.0 / (1.0 + (residual / SCALE).powi(2))
+/// Weight of a row by its residual, half at `scale`.
+fn robust(residual: f64, scale: f64) -> f64 {
+    1.0 / (1.0 + (residual / scale).powi(2))
 }
 
 /// Weights by the distance to the median of the rows.
-fn initial<const K: usize>(rows: &[Row<K>]) -> Vec<f64> {
+fn initial<const K: usize>(rows: &[Row<K>], scale: f64) -> Vec<f64> {
     let mut values: Vec<f64> = rows.iter().map(|row| row.value).collect();
     values.sort_unstable_by(f64::total_cmp);
     let median = values.get(values.len() / 2).copied().unwrap_or(0.0);
-    rows.iter().map(|row| robust(row.value - median)).collect()
+    rows.iter().map(|row| robust(row.value - median, scale)).collect()
 }
 
 #[cfg(test)]
@@ -149,7 +149,8 @@ mod tests {
     #[test]
     fn differences_of_views_are_found_despite_wrong_rows() {
         let truth = |view: usize| [0.05 * (view as f64 - 3.5), 0.02 * ((view % 3) as f64 - 1.0)];
-        let found = solved(&points(|view, slope| dot(&truth(view), &[1.0, slope])), 8, [1.0; 2]);
+        let found =
+            solved(&points(|view, slope| dot(&truth(view), &[1.0, slope])), 8, [3e-3; 2], &GainSettings::DEFAULT);
         for (view, [offset, slope]) in found.iter().enumerate() {
             let (wanted, first) = (truth(view), truth(0));
             assert!((offset - found[0][0] - wanted[0] + first[0]).abs() < 0.01, "{found:?}");
@@ -159,9 +160,9 @@ mod tests {
 
     #[test]
     fn views_that_agree_or_see_nothing_stay_as_they_are() {
-        let found = solved(&points(|_, _| 0.0), 9, [1.0; 2]);
+        let found = solved(&points(|_, _| 0.0), 9, [3e-3; 2], &GainSettings::DEFAULT);
         assert!(found.iter().flatten().all(|c| c.abs() < 5e-3), "{found:?}");
         assert_eq!(found[8], [0.0; 2]);
-        assert_eq!(solved(&[], 2, [1.0]), [[0.0], [0.0]]);
+        assert_eq!(solved(&[], 2, [3e-3], &GainSettings::DEFAULT), [[0.0], [0.0]]);
     }
 }

@@ -2,8 +2,9 @@ use super::gains::Gain;
 use super::*;
 use crate::geometry::topology::testing::open_box;
 use crate::geometry::weld::welded;
-use crate::looks::shade::{CREASE, with_normals};
+use crate::looks::shade::with_normals;
 use crate::looks::unwrap::{UnwrapOptions, unwrap};
+use crate::settings::{AtlasSettings, LookSettings};
 use artgs_core::{Camera, DepthMap, Intrinsics};
 use glam::DVec3;
 
@@ -61,7 +62,7 @@ type Images = Vec<(Vec<[u8; 4]>, DepthMap)>;
 
 fn prepared<'a>(cameras: &[Camera], images: &'a Images) -> Vec<Photo<'a>> {
     let photo = |(camera, (rgba, map)): (&Camera, &'a (Vec<[u8; 4]>, DepthMap))| {
-        Photo::new(rgba, map, camera.intrinsics, 0.04).unwrap()
+        Photo::new(rgba, map, camera.intrinsics, (0.04, &BakeSettings::DEFAULT)).unwrap()
     };
     cameras.iter().zip(images).map(photo).collect()
 }
@@ -71,8 +72,8 @@ fn seen_by<'a>(cameras: &[Camera], photos: &'a [Photo<'a>]) -> Vec<BakeView<'a>>
 }
 
 fn flat(mesh: &Mesh) -> (TexturedMesh, [u32; 2]) {
-    let options = UnwrapOptions { texels_per_unit: 100.0, ..UnwrapOptions::default() };
-    let flat = unwrap(&with_normals(mesh, CREASE), &options).unwrap();
+    let options = UnwrapOptions { texels_per_unit: 100.0, settings: AtlasSettings::DEFAULT };
+    let flat = unwrap(&with_normals(mesh, LookSettings::DEFAULT.crease), &options).unwrap();
     (flat.mesh, flat.size)
 }
 
@@ -82,7 +83,8 @@ fn baked(wrong: Option<usize>, extra: Option<&Mesh>) -> (TexturedMesh, Baked, [u
     let images = photos(&cameras, wrong);
     let photos = prepared(&cameras, &images);
     let views = seen_by(&cameras, &photos);
-    let done = bake(&mesh, size, &views, &Mesh::default(), &BakeOptions::at_resolution(0.01));
+    let done =
+        bake(&mesh, size, &views, (&Mesh::default(), 4), &BakeOptions::at_resolution(0.01, &BakeSettings::DEFAULT));
     (mesh, done, size)
 }
 
@@ -140,10 +142,10 @@ fn equalised(factor: impl Fn(usize, DVec3) -> f64) -> (TexturedMesh, Baked, [u32
     }
     let photos = prepared(&cameras, &images);
     let mut views = [seen_by(&cameras, &photos)];
-    let options = BakeOptions::at_resolution(0.01);
+    let options = BakeOptions::at_resolution(0.01, &BakeSettings::DEFAULT);
     equalise(&mut views, &[crate::looks::spread::spread(&cube, 2000)], &[options]);
     let changed = views[0].iter().any(|view| view.gain != Gain::default());
-    let done = bake(&mesh, size, &views[0], &Mesh::default(), &options);
+    let done = bake(&mesh, size, &views[0], (&Mesh::default(), 4), &options);
     (mesh, done, size, changed)
 }
 
@@ -206,8 +208,12 @@ fn without_views_the_vertex_colours_are_painted() {
     let mut dense = cube();
     let color = |v: &[f32; 3]| [(v[0] * 200.0) as u8, (v[1] * 200.0) as u8, 30];
     dense.colors = dense.vertices.iter().map(color).collect();
-    let flat = unwrap(&with_normals(&dense, CREASE), &UnwrapOptions::default()).unwrap();
-    let done = bake(&flat.mesh, flat.size, &[], &dense, &BakeOptions::at_resolution(0.01));
+    let flat = unwrap(
+        &with_normals(&dense, LookSettings::DEFAULT.crease),
+        &UnwrapOptions { texels_per_unit: 200.0, settings: AtlasSettings::DEFAULT },
+    )
+    .unwrap();
+    let done = bake(&flat.mesh, flat.size, &[], (&dense, 4), &BakeOptions::at_resolution(0.01, &BakeSettings::DEFAULT));
     for t in atlas::texels(&flat.mesh, flat.size) {
         let is = done.texture.rgb[t.index].map(f64::from);
         assert!(
@@ -218,9 +224,15 @@ fn without_views_the_vertex_colours_are_painted() {
     }
     assert_eq!(done.seen, 0);
     let empty = DepthMap::nearest(&[]);
-    assert!(Photo::new(&[], &empty, cameras()[0].intrinsics, 0.1).is_none());
+    assert!(Photo::new(&[], &empty, cameras()[0].intrinsics, (0.1, &BakeSettings::DEFAULT)).is_none());
     assert_eq!(
-        bake(&TexturedMesh { uvs: vec![], ..flat.mesh }, [8, 8], &[], &dense, &BakeOptions::at_resolution(0.1)),
+        bake(
+            &TexturedMesh { uvs: vec![], ..flat.mesh },
+            [8, 8],
+            &[],
+            (&dense, 4),
+            &BakeOptions::at_resolution(0.1, &BakeSettings::DEFAULT)
+        ),
         Baked::default()
     );
 }
@@ -230,7 +242,7 @@ fn points_that_only_derived_depth_shows_are_not_measured() {
     let cameras = &cameras()[..1];
     let images = photos(cameras, None);
     let derived = DepthMap::new(vec![1; images[0].1.len()], 1.0);
-    let options = BakeOptions::at_resolution(0.01);
+    let options = BakeOptions::at_resolution(0.01, &BakeSettings::DEFAULT);
     let normal = (cameras[0].position() - DVec3::splat(0.5)).dot(DVec3::Z).signum() * DVec3::Z;
     let (top, inside) = (DVec3::new(0.5, 0.5, 0.5 + 0.5 * normal.z), DVec3::splat(0.5));
     for (map, expected) in [(None, true), (Some(&derived), false)] {

@@ -2,12 +2,10 @@
 
 use super::BakeOptions;
 use super::gains::Gain;
-use super::photo::{FULL_TRUST, Photo};
+use super::photo::Photo;
+use crate::settings::BakeSettings;
 use artgs_core::Camera;
 use glam::{DMat3, DVec3, Vec3};
-
-/// Least cosine between the normal and the direction to the camera.
-const LEAST_COSINE: f64 = 0.1;
 
 /// A photo seen from the frame of a part.
 #[derive(Clone)]
@@ -67,7 +65,7 @@ impl<'a> BakeView<'a> {
             return None;
         }
         let cosine = along / ray.length();
-        if cosine < LEAST_COSINE {
+        if cosine < options.settings.facing {
             return None;
         }
         let k = &self.photo.intrinsics;
@@ -113,20 +111,21 @@ impl<'a> BakeView<'a> {
     /// Equalised colour of a point with a unit normal, if this view sees it.
     pub(super) fn sample(&self, point: DVec3, normal: DVec3, options: &BakeOptions) -> Option<Sample> {
         let sight = self.sight(point, normal, options)?;
-        let weight = sight.cosine.powf(options.sharpness) / (sight.footprint * sight.footprint);
-        let (color, share) = self.gain.removed(self.color(&sight), normal);
-        Some(Sample { color, weight: weight as f32 * trust(sight.clear) * share, clear: sight.clear > 1 })
+        let settings = &options.settings;
+        let weight = sight.cosine.powf(settings.sharpness) / (sight.footprint * sight.footprint);
+        let (color, share) = self.gain.removed(self.color(&sight), normal, &settings.gains);
+        Some(Sample { color, weight: weight as f32 * trust(sight.clear, settings) * share, clear: sight.clear > 1 })
     }
 }
 
 /// Weight by distance from edges: almost zero at edges, smoothly rising beyond two pixels.
-fn trust(clear: u8) -> f32 {
+fn trust(clear: u8, settings: &BakeSettings) -> f32 {
     match clear {
         0 => 0.0,
-        1 => 1e-4,
-        2 => 1e-3,
+        1 => settings.edge_trust[0],
+        2 => settings.edge_trust[1],
         _ => {
-            let t = f32::from(clear - 2) / f32::from(FULL_TRUST - 2);
+            let t = f32::from(clear - 2) / f32::from(settings.full_trust - 2);
             t * t
         }
     }
@@ -138,6 +137,8 @@ mod tests {
 
     #[test]
     fn trust_grows_with_the_distance_from_edges() {
-        assert!((0..FULL_TRUST).all(|d| trust(d) < trust(d + 1)) && trust(FULL_TRUST) == 1.0);
+        let full = BakeSettings::DEFAULT.full_trust;
+        let trust = |clear: u8| trust(clear, &BakeSettings::DEFAULT);
+        assert!((0..full).all(|d| trust(d) < trust(d + 1)) && trust(full) == 1.0);
     }
 }

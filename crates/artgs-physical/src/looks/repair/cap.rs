@@ -5,6 +5,7 @@ use super::{Obstacles, RepairOptions};
 use crate::geometry::convert::to_parry;
 use crate::geometry::convert::trimesh;
 use crate::geometry::topology::{components, corners, cross, ends, point, twins};
+use crate::settings::RepairSettings;
 use artgs_core::Mesh;
 use glam::{DVec2, DVec3};
 use parry3d::math::Vector;
@@ -29,10 +30,10 @@ impl Cap {
     }
 
     /// Removes the triangles that hide the outer side of the surface from a large cap that passes through it: with the solid behind
-    /// more than the fraction `least` of it, and nothing but air behind as much. Air only is behind the back of a compartment: it
-    /// becomes a wall.
-    fn remove_crossing(&mut self, mesh: &Mesh, surface: &TriMesh, least: f64, noise: f64) {
-        let Some(step) = self.step else { return };
+    /// more than a fraction of it, and nothing but air behind as much. Air only is behind the back of a compartment: it
+    /// becomes a wall. `noise`: distance from the cap at which its sides are looked at.
+    fn remove_crossing(&mut self, mesh: &Mesh, surface: &TriMesh, noise: f64, settings: &RepairSettings) {
+        let (least, Some(step)) = (settings.obstructed, self.step) else { return };
         // Behind a cap is the solid if its inner side looks at the inner side of the surface.
         let is_solid = |p: DVec3, normal: DVec3| meets_outside(surface, p - normal * noise, -normal) == Some(false);
         let solid = share(mesh, &self.triangles, step, is_solid);
@@ -43,22 +44,25 @@ impl Cap {
         // What is before the cap was seen.
         let hides = |p: DVec3, normal: DVec3| meets_outside(surface, p + normal * noise, normal) == Some(true);
         let stays = |p: DVec3, normal: DVec3| is_solid(p, normal) || !hides(p, normal);
-        self.triangles.retain(|t| share(mesh, std::slice::from_ref(t), step, stays) >= 0.5);
+        self.triangles.retain(|t| share(mesh, std::slice::from_ref(t), step, stays) >= settings.hidden);
         self.whole &= self.triangles.len() == before;
     }
 }
 
 /// True if a ray first meets the outer side of the surface; none if it meets nothing.
 fn meets_outside(surface: &TriMesh, from: DVec3, along: DVec3) -> Option<bool> {
+    /// Factor of a distance that holds it in spite of rounding.
+    const BEYOND: f32 = 1.01;
     let ray = Ray::new(to_parry(from), to_parry(along));
     let first = surface.cast_local_ray(&ray, f32::MAX, false)?;
-    let back = surface.cast_local_ray_with_culling(&ray, first * 1.01, RayCullingMode::IgnoreFrontfaces);
+    let back = surface.cast_local_ray_with_culling(&ray, first * BEYOND, RayCullingMode::IgnoreFrontfaces);
     Some(back.is_none_or(|back| back.time_of_impact > first))
 }
 
 /// Caps for all holes, without the pieces that other parts move through and what hides the surface of caps that pass through it. A
 /// component gets no caps if they would enclose less than half of a wall: a sheet, or a compartment seen from inside.
 pub(super) fn close(mesh: &mut Mesh, holes: &[Vec<u32>], obstacles: &Obstacles, options: &RepairOptions) -> Vec<Cap> {
+    let settings = &options.settings;
     let component = components(&twins(mesh));
     let mut of_vertex = vec![0; mesh.vertices.len()];
     for (t, c) in mesh.triangles.iter().zip(&component) {
@@ -69,9 +73,8 @@ pub(super) fn close(mesh: &mut Mesh, holes: &[Vec<u32>], obstacles: &Obstacles, 
     let mut all = Mesh { colors: Vec::new(), ..mesh.clone() };
     caps.iter().for_each(|cap| all.triangles.extend(&cap.triangles));
     if let Some(surface) = trimesh(&all) {
-        // Less than the thickness of walls.
-        let noise = 0.5 * options.rim_smoothing;
-        caps.iter_mut().for_each(|cap| cap.remove_crossing(mesh, &surface, options.obstructed, noise));
+        let noise = settings.noise * options.rim_smoothing;
+        caps.iter_mut().for_each(|cap| cap.remove_crossing(mesh, &surface, noise, settings));
     }
     let mut volumes = vec![[0.0; 2]; mesh.triangles.len()];
     let about = mesh.triangles.first().map_or(DVec3::ZERO, |t| point(mesh, t[0]));
@@ -89,7 +92,7 @@ pub(super) fn close(mesh: &mut Mesh, holes: &[Vec<u32>], obstacles: &Obstacles, 
     }
     for (hole, cap) in holes.iter().zip(&mut caps) {
         let [volume, area] = volumes[owner(hole)];
-        if !partly[owner(hole)] && volume < 0.25 * options.thickness * area {
+        if !partly[owner(hole)] && volume < settings.sheet * options.thickness * area {
             *cap = Cap::none(false);
         }
     }
@@ -116,23 +119,26 @@ impl Caps {
 
     /// Closes a hole in pieces that nearly lie in planes. Vertices that pieces need are added to the mesh.
     fn close(&mut self, mesh: &mut Mesh, hole: &[u32], obstacles: &Obstacles, o: &RepairOptions) -> Cap {
+        let settings = &o.settings;
         let width = flatten(mesh, hole).width;
         let hole_is_large = width > o.small_hole;
-        let mut closed = Cap { step: hole_is_large.then_some(width / 40.0), ..Cap::none(true) };
+        let mut closed = Cap { step: hole_is_large.then_some(width / settings.tested), ..Cap::none(true) };
         let mut rest = vec![hole.to_vec()];
         while let Some(piece) = rest.pop() {
             let flat = flatten(mesh, &piece);
             let large = flat.width > o.small_hole;
-            let allowed = o.planarity * flat.width;
-            let crooked = large && (flat.deviation > allowed || flat.farthest > 2.5 * allowed);
+            let allowed = settings.planarity * flat.width;
+            let crooked = large && (flat.deviation > allowed || flat.farthest > settings.corner * allowed);
             let mut cap = None;
             if !crooked {
                 cap = Some(clip_ears(&piece, &flat, &self.taken, mesh.vertices.len() as u32));
             }
             // A cap that cuts through the part is divided into smaller pieces as long as its rim can be halved.
-            let cuts = |(cap, center): &(Vec<[u32; 3]>, bool)| large && !center && self.pierces_any(mesh, cap);
+            let cuts = |(cap, center): &(Vec<[u32; 3]>, bool)| {
+                large && !center && self.pierces_any(mesh, cap, settings.chord_end)
+            };
             if cap.as_ref().is_none_or(cuts)
-                && let Some((i, j)) = self.narrowest(mesh, &piece)
+                && let Some((i, j)) = self.narrowest(mesh, &piece, settings)
             {
                 self.taken.insert([piece[i].min(piece[j]), piece[i].max(piece[j])]);
                 rest.push(piece[i..=j].to_vec());
@@ -146,9 +152,9 @@ impl Caps {
             }
             let edges = cap.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
             self.taken.extend(edges.map(|[a, b]| [a.min(b), a.max(b)]));
-            let harmless = !hole_is_large || mean_width(mesh, &piece, &cap) < 0.25 * o.small_hole;
-            let step = flat.width / 40.0;
-            if harmless || share(mesh, &cap, step, |p, _| obstacles(p)) <= o.obstructed {
+            let harmless = !hole_is_large || mean_width(mesh, &piece, &cap) < settings.strip * o.small_hole;
+            let step = flat.width / settings.tested;
+            if harmless || share(mesh, &cap, step, |p, _| obstacles(p)) <= settings.obstructed {
                 closed.triangles.extend(cap);
             } else {
                 closed.whole = false;
@@ -158,8 +164,8 @@ impl Caps {
     }
 
     /// The chord between two corners of a rim with the smallest ratio of its length to the path along the rim, if possible one
-    /// that does not cut through the surface; neither side is shorter than a twentieth of the rim, and the edge is unused.
-    fn narrowest(&self, mesh: &Mesh, rim: &[u32]) -> Option<(usize, usize)> {
+    /// that does not cut through the surface; neither side is a short part of the rim, and the edge is unused.
+    fn narrowest(&self, mesh: &Mesh, rim: &[u32], settings: &RepairSettings) -> Option<(usize, usize)> {
         let n = rim.len();
         let points: Vec<DVec3> = rim.iter().map(|v| point(mesh, *v)).collect();
         let mut along = vec![0.0];
@@ -168,37 +174,38 @@ impl Caps {
         }
         let all = along[n];
         // On long rims only a few hundred corners are tested.
-        let stride = n.div_ceil(500);
+        let stride = n.div_ceil(settings.chord_ends);
         let mut chords = Vec::new();
         for i in (0..n).step_by(stride) {
             for j in (i + 2..n).step_by(stride) {
                 let way = (along[j] - along[i]).min(all - along[j] + along[i]);
-                if way >= 0.05 * all && (i, j) != (0, n - 1) {
+                if way >= settings.chord_way * all && (i, j) != (0, n - 1) {
                     chords.push((points[i].distance_squared(points[j]) / (way * way), i, j));
                 }
             }
         }
         let free = |c: &&(f64, usize, usize)| !self.taken.contains(&[rim[c.1].min(rim[c.2]), rim[c.1].max(rim[c.2])]);
-        let first = chords.len().min(200);
+        let first = chords.len().min(settings.chords);
         if first < chords.len() {
             chords.select_nth_unstable_by(first, |a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
         }
         chords.truncate(first);
         chords.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        let clear = chords.iter().filter(free).find(|c| !self.pierces(points[c.1], points[c.2]));
+        let clear = chords.iter().filter(free).find(|c| !self.pierces(points[c.1], points[c.2], settings.chord_end));
         clear.or_else(|| chords.iter().find(free)).map(|c| (c.1, c.2))
     }
 
     /// True if an edge of a cap cuts through the surface.
-    fn pierces_any(&self, mesh: &Mesh, cap: &[[u32; 3]]) -> bool {
+    fn pierces_any(&self, mesh: &Mesh, cap: &[[u32; 3]], end: f64) -> bool {
         let edges = cap.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
         let mut inner = edges.filter(|[a, b]| !self.taken.contains(&[*a.min(b), *a.max(b)]));
-        inner.any(|[a, b]| self.pierces(point(mesh, a), point(mesh, b)))
+        inner.any(|[a, b]| self.pierces(point(mesh, a), point(mesh, b), end))
     }
 
-    /// True if a straight line, shortened a little at its ends, cuts through the surface.
-    fn pierces(&self, a: DVec3, b: DVec3) -> bool {
-        let [from, way] = [a.lerp(b, 0.03), (b - a) * 0.94].map(|p| Vector::from_array(p.as_vec3().to_array()));
+    /// True if a straight line, shortened by the share `end` at both ends, cuts through the surface.
+    fn pierces(&self, a: DVec3, b: DVec3, end: f64) -> bool {
+        let [from, way] =
+            [a.lerp(b, end), (b - a) * (1.0 - 2.0 * end)].map(|p| Vector::from_array(p.as_vec3().to_array()));
         self.surface.as_ref().is_some_and(|s| s.intersects_local_ray(&Ray::new(from, way), 1.0))
     }
 }
@@ -224,11 +231,13 @@ fn mean_width(mesh: &Mesh, rim: &[u32], cap: &[[u32; 3]]) -> f64 {
 
 /// Fraction of the area for which a test of points and unit normals is true, sampled about every `step`.
 fn share(mesh: &Mesh, triangles: &[[u32; 3]], step: f64, is_true: impl Fn(DVec3, DVec3) -> bool) -> f64 {
+    /// Divisions of an edge at most.
+    const MOST: f64 = 60.0;
     let (mut hit, mut all) = (0.0, 0.0);
     for t in triangles {
         let [a, b, c] = corners(mesh, *t);
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-        let n = (longest / step).ceil().clamp(1.0, 60.0) as usize;
+        let n = (longest / step).ceil().clamp(1.0, MOST) as usize;
         let normal = (b - a).cross(c - a);
         let weight = normal.length() / (n * n) as f64;
         let normal = normal.normalize_or_zero();
@@ -294,11 +303,13 @@ fn clip_ears(hole: &[u32], flat: &Flat, taken: &HashSet<[u32; 2]>, next_vertex: 
 
 /// Twice the area over the squared sides, positive for an ear that may be clipped.
 fn ear_quality(i: usize, ring: &[Corner], left: &[usize], hole: &[u32], flat: &Flat, taken: &HashSet<[u32; 2]>) -> f64 {
+    /// Quality of a corner that is straight but for rounding.
+    const STRAIGHT: f64 = 1e-9;
     let (u, w) = (ring[i].before, ring[i].after);
     let [a, b, c] = [u, i, w].map(|k| flat.points[k]);
     let sides = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
     let quality = (b - a).perp_dot(c - a) / sides.max(f64::MIN_POSITIVE);
-    if quality <= 1e-9 || taken.contains(&[hole[u].min(hole[w]), hole[u].max(hole[w])]) {
+    if quality <= STRAIGHT || taken.contains(&[hole[u].min(hole[w]), hole[u].max(hole[w])]) {
         return 0.0;
     }
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
@@ -345,7 +356,7 @@ mod tests {
             all.triangles.extend(&triangles);
             let count = triangles.len();
             let mut cap = Cap { triangles, whole: true, step: Some(0.05) };
-            cap.remove_crossing(&mesh, &trimesh(&all).unwrap(), 0.05, 0.05);
+            cap.remove_crossing(&mesh, &trimesh(&all).unwrap(), 0.05, &RepairSettings::DEFAULT);
             assert_eq!((cap.triangles.len(), cap.whole), (kept, kept == count));
         }
     }

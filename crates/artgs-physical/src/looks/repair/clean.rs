@@ -15,7 +15,7 @@ pub(super) fn clean(mesh: &Mesh, options: &RepairOptions) -> Mesh {
     let mut mesh = welded(&compact(mesh, &usable), options.weld.max(f64::MIN_POSITIVE));
     orient(&mut mesh);
     let mesh = split_to_manifold(&mesh, 0.0);
-    without_islands(&mesh, options.island_fraction)
+    without_islands(&mesh, options.settings.island)
 }
 
 /// Flips triangles until neighbours agree; each component keeps the orientation of the larger area.

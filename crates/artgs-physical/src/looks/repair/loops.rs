@@ -1,6 +1,8 @@
 //! Rims of holes.
 
+use super::RepairOptions;
 use crate::geometry::topology::{NONE, ends, point, twins};
+use crate::settings::RepairSettings;
 use artgs_core::Mesh;
 use glam::{DMat3, DVec2, DVec3};
 
@@ -28,12 +30,13 @@ pub(super) fn holes(mesh: &Mesh) -> Vec<Vec<u32>> {
     holes
 }
 
-/// Smooths a rim, moving no vertex by more than `reach`. Sharp turns between long edges stay.
-pub(super) fn smooth(mesh: &mut Mesh, hole: &[u32], reach: f64) {
+/// Smooths a rim of many corners a little. Sharp turns between long edges stay.
+pub(super) fn smooth(mesh: &mut Mesh, hole: &[u32], options: &RepairOptions) {
+    let (reach, RepairSettings { rim_rounds, rim_corners, .. }) = (options.rim_smoothing, options.settings);
     let was: Vec<DVec3> = hole.iter().map(|v| point(mesh, *v)).collect();
     let mut now = was.clone();
     let n = now.len();
-    for _ in 0..if n > 8 { 10 } else { 0 } {
+    for _ in 0..if n > rim_corners { rim_rounds } else { 0 } {
         let old = now.clone();
         for i in 0..n {
             let wanted = 0.5 * old[i] + 0.25 * (old[(i + 1) % n] + old[(i + n - 1) % n]);

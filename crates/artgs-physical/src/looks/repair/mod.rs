@@ -11,7 +11,8 @@ mod thicken;
 
 pub(crate) use clean::reduced;
 
-use crate::geometry::topology::{open_edges, refine, signed_volume, split_to_manifold};
+use crate::geometry::topology::{NUDGE, open_edges, refine, signed_volume, split_to_manifold};
+use crate::settings::RepairSettings;
 use artgs_core::Mesh;
 use glam::DVec3;
 use parry3d::math::Pose3;
@@ -28,34 +29,25 @@ pub(crate) type Others<'a> = [(&'a TriMesh, Pose3)];
 pub(crate) struct RepairOptions {
     /// Vertices that fall into the same cell of this size become one.
     pub weld: f64,
-    /// Components with less of the largest one's area are dropped.
-    pub island_fraction: f64,
     /// Holes not wider than this are always capped.
     pub small_hole: f64,
-    /// Larger holes are capped in pieces whose rims leave their planes by less than this fraction of their width (root mean
-    /// square; no corner by more than 2.5 times that).
-    pub planarity: f64,
-    /// A piece of a cap is removed if other parts move through more than this fraction of it; small holes, and strips narrower than
-    /// a quarter of one, are always capped: they are gaps between parts, level with their surroundings. A large cap that passes
-    /// through the surface, with more than this on either side, loses what is before it.
-    pub obstructed: f64,
     /// Largest motion of a vertex when rims are smoothed before capping or thickening.
     pub rim_smoothing: f64,
     /// Thickness of shells.
     pub thickness: f64,
+    /// How holes are closed.
+    pub settings: RepairSettings,
 }
 
 impl RepairOptions {
     /// Settings for a mesh whose edges are about `edge` long (see [`mean_edge`]).
-    pub(crate) fn at_resolution(edge: f64) -> Self {
+    pub(crate) fn at_resolution(edge: f64, settings: &RepairSettings) -> Self {
         Self {
-            weld: 1e-3 * edge,
-            island_fraction: 0.003,
-            small_hole: 25.0 * edge,
-            planarity: 0.025,
-            obstructed: 0.05,
-            rim_smoothing: 1.5 * edge,
-            thickness: 4.0 * edge,
+            weld: settings.weld * edge,
+            small_hole: settings.small_hole * edge,
+            rim_smoothing: settings.rim_smoothing * edge,
+            thickness: settings.thickness * edge,
+            settings: *settings,
         }
     }
 }
@@ -89,13 +81,13 @@ pub(crate) fn mean_edge(mesh: &Mesh) -> f64 {
 }
 
 /// Converts a part's mesh to a closed, oriented one: welds, removes debris, orients, caps holes outside `obstacles`, and
-/// thickens what is still open. Walls are at most a third of the distance to the surface behind them thick, also to those of
-/// `others`, and stay out of obstacles. An empty mesh stays empty and is not watertight.
+/// thickens what is still open. Walls are at most about a third of the distance to the surface behind them thick, also to
+/// those of `others`, and stay out of obstacles. An empty mesh stays empty and is not watertight.
 pub(crate) fn repair(mesh: &Mesh, obstacles: &Obstacles, others: &Others, options: &RepairOptions) -> Repaired {
     let mut mesh = clean::clean(mesh, options);
     let mut holes = loops::holes(&mesh);
     for hole in &mut holes {
-        loops::smooth(&mut mesh, hole, options.rim_smoothing);
+        loops::smooth(&mut mesh, hole, options);
     }
     let caps = cap::close(&mut mesh, &holes, obstacles, options);
     let capped = caps.iter().filter(|cap| cap.whole).count();
@@ -104,11 +96,11 @@ pub(crate) fn repair(mesh: &Mesh, obstacles: &Obstacles, others: &Others, option
     if capped < holes.len() && options.thickness > 0.0 {
         thickened = true;
         // Refined, so that walls behind caps can follow the surface behind them.
-        refine(&mut mesh, 3.0 * options.thickness);
-        thicken::thicken(&mut mesh, obstacles, others, options.thickness);
+        refine(&mut mesh, options.settings.shell_edge * options.thickness);
+        thicken::thicken(&mut mesh, obstacles, others, options);
     }
     mesh = if open_edges(&mesh.triangles) > 0 {
-        split_to_manifold(&mesh, 1e-3)
+        split_to_manifold(&mesh, NUDGE)
     } else {
         clean::reduced(&mesh, &mesh.triangles)
     };

@@ -5,7 +5,7 @@ use crate::geometry::topology::testing::{open_box, sphere};
 const EDGE: f64 = 0.1;
 
 fn options() -> RepairOptions {
-    RepairOptions { thickness: 8.0 * EDGE, ..RepairOptions::at_resolution(EDGE) }
+    RepairOptions { thickness: 8.0 * EDGE, ..RepairOptions::at_resolution(EDGE, &RepairSettings::DEFAULT) }
 }
 
 fn nothing(_: DVec3) -> bool {
