@@ -1,5 +1,6 @@
 //! Convex polyhedra that can be cut by planes, in double precision.
 
+use super::in_triangle;
 use artgs_core::{Mesh, Rigid};
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
@@ -52,11 +53,13 @@ impl Hull {
     /// Convex hull of points; none if it has no volume or is thinner than `thinnest`. Corners are at least half of that apart:
     /// engines report false contacts at the needles between closer corners.
     pub fn of(points: &[DVec3], thinnest: f64) -> Option<Self> {
+        /// Least distances of corners that are tried, in multiples of `thinnest`.
+        const APART: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
         if points.len() < 4 || points.iter().any(|p| !p.is_finite()) {
             return None;
         }
         // Nearly flat corners can be beyond the library: fewer of them, farther apart, span almost the same hull.
-        let (vertices, triangles, shape) = [0.5, 1.0, 2.0, 4.0].into_iter().find_map(|least| {
+        let (vertices, triangles, shape) = APART.into_iter().find_map(|least| {
             let single: Vec<Vec3> = apart(points, least * thinnest).into_iter().map(to_parry).collect();
             let (vertices, triangles) = try_convex_hull(&single).ok()?;
             let shape = ConvexPolyhedron::from_convex_mesh(vertices.clone(), &triangles)?;
@@ -172,10 +175,7 @@ impl Hull {
             while left >= step && step > 0.0 {
                 left -= step;
                 let n = out.len() as f64;
-                let (mut s, mut r) = ((0.754_877_666 * n).fract(), (0.569_840_291 * n).fract());
-                if s + r > 1.0 {
-                    (s, r) = (1.0 - s, 1.0 - r);
-                }
+                let [s, r] = in_triangle(n);
                 out.push(a + (b - a) * s + (c - a) * r);
             }
         }

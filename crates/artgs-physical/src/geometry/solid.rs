@@ -132,10 +132,7 @@ impl Solid {
             while left >= spacing * spacing {
                 left -= spacing * spacing;
                 let n = out.len() as f64;
-                let (mut s, mut r) = ((0.754_877_666 * n).fract(), (0.569_840_291 * n).fract());
-                if s + r > 1.0 {
-                    (s, r) = (1.0 - s, 1.0 - r);
-                }
+                let [s, r] = super::in_triangle(n);
                 out.push(Sample { point: a + (b - a) * s + (c - a) * r, normal, seen: *seen });
             }
             if every && out.len() == before {
