@@ -8,7 +8,6 @@ use crate::collision::decompose::{
 use crate::collision::islands::{remove_lost, without_islands};
 use crate::collision::motions::{PairMotions, RelativeMotion, arm, pair_motions, stances};
 use crate::collision::redundant::without_redundant;
-use crate::config::{Collision, PhysicalConfig};
 use crate::describe::semantics;
 use crate::describe::{Described, describe, to_identifier};
 use crate::dynamics::dynamics;
@@ -19,7 +18,7 @@ use crate::limits::sweep::Surface;
 use crate::limits::{Range, extend};
 use crate::looks::{PartSurface, Seen, Wall};
 use crate::mass::{inertial, walls};
-use crate::settings::CollisionSettings;
+use crate::settings::{Collision, CollisionSettings, PhysicalConfig};
 use crate::step::ExportStep;
 use artgs_core::{Asset, AssetLink, Mesh, Replica, Rigid, State, TexturedMesh};
 use glam::DVec3;
@@ -268,8 +267,8 @@ fn is_crumb(hull: &Hull, cover: f64, settings: &CollisionSettings) -> bool {
     (high - low).max_element() < settings.crumb_length * cover && hull.volume() < (settings.crumb_side * cover).powi(3)
 }
 
-/// Cuts what still penetrates, in so many rounds at most: the query for contacts within a distance can miss a penetration of thin pieces that the query
-/// without a distance finds. Pieces keep the gap in these poses.
+/// Cuts what still penetrates, in so many rounds at most: the query for contacts within a distance can miss a penetration of thin
+/// pieces that the query without a distance finds. Pieces keep the gap in these poses.
 fn separate(
     pieces: &mut Pieces,
     surface: &[Vec<DVec3>],

@@ -1,6 +1,6 @@
 use super::*;
-use crate::config::{Front, Up};
 use crate::looks::surfaces;
+use crate::settings::{Front, Up};
 use artgs_core::{Joint, JointKind, PerState};
 
 fn cuboid(low: DVec3, high: DVec3) -> Mesh {

@@ -2,8 +2,8 @@
 
 use crate::assemble::{Decisions, assemble};
 use crate::collision::decompose::Decomposer;
-use crate::config::PhysicalConfig;
 use crate::looks::{PartSurface, surfaces};
+use crate::settings::PhysicalConfig;
 use crate::step::ExportStep;
 use artgs_core::{Asset, Capture, Mesh, Replica, Rigid, Splats};
 

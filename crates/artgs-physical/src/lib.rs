@@ -3,7 +3,6 @@
 mod assemble;
 mod build;
 pub mod collision;
-mod config;
 mod describe;
 mod dynamics;
 pub mod export;
@@ -14,4 +13,4 @@ mod mass;
 pub mod settings;
 mod step;
 
-pub use config::{Collision, Front, GivenClass, PhysicalConfig, Up};
+pub use settings::{Collision, Front, GivenClass, PhysicalConfig, Up};

@@ -10,8 +10,8 @@ use glam::DVec3;
 use parry3d::query::PointQueryWithLocation as _;
 use std::collections::BTreeMap;
 
-/// Removes islands of a link's visual mesh, which have less than the share `most` of its surface, that have no hull within `near`, of those with points of the observed surface, and these
-/// points: the clearance between parts removed their hulls.
+/// Removes islands of a link's visual mesh that have no hull within `near`, of those with points of the observed surface, and these
+/// points: the clearance between parts removed their hulls. An island has less than the share `most` of the surface.
 pub(crate) fn remove_lost(link: &mut AssetLink, hulls: &[Hull], points: &mut Vec<DVec3>, near: f64, most: f64) {
     let mesh = &mut link.visual.mesh;
     let (islands, area) = areas(mesh);

@@ -3,10 +3,9 @@
 
 pub(crate) mod semantics;
 
-use crate::config::{Front, PhysicalConfig};
 use crate::geometry::topology::{bounds, diagonal, points};
 use crate::limits::nearer_state;
-use crate::settings::ClosedSettings;
+use crate::settings::{ClosedSettings, Front, PhysicalConfig};
 use artgs_core::{
     Asset, AssetJoint, AssetLink, Joint, JointKind, Mesh, PartSemantics, PerState, Replica, Rigid, State, TexturedMesh,
 };

@@ -5,7 +5,8 @@ use artgs_core::{Mesh, PerState, State};
 use glam::DVec3;
 
 /// The state in which a part lies closer to its parent, nearer to being closed; none if the distances differ by less than
-/// `significant`; of each mesh, about `count` vertices are compared. `part` and `parent` are the surfaces in both states, in one frame. Open drawers and doors protrude.
+/// `significant`. `part` and `parent` are the surfaces in both states, in one frame; about `count` vertices of each are compared. Open
+/// drawers and doors protrude.
 pub(crate) fn nearer_state(
     part: PerState<&Mesh>,
     parent: PerState<&Mesh>,

@@ -2,7 +2,7 @@
 
 use super::search::{Found, Search};
 use super::sweep::{Precision, Surface};
-use crate::config::PhysicalConfig;
+use crate::settings::PhysicalConfig;
 use artgs_core::{Asset, PerState, State};
 
 /// Reason of a joint limit.

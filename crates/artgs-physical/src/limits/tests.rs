@@ -3,9 +3,8 @@
 use super::range::{Flush, Range, Source, Stop, extend};
 use super::search::Found;
 use super::sweep::Surface;
-use crate::config::PhysicalConfig;
 use crate::geometry::solid::Solid;
-use crate::settings::SweepSettings;
+use crate::settings::{PhysicalConfig, SweepSettings};
 use artgs_core::{Asset, AssetJoint, AssetLink, JointKind, Mesh, PerState, State};
 use glam::DVec3;
 

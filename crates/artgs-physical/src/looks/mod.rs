@@ -10,7 +10,6 @@ pub(crate) mod simplify;
 pub(crate) mod spread;
 pub(crate) mod unwrap;
 
-use crate::config::PhysicalConfig;
 use crate::geometry::convert::{from_parry, pose, to_parry};
 use crate::geometry::topology::{bounds, corners, cross, diagonal, points};
 use crate::looks::bake::{BakeOptions, BakeView, Photo, bake, depth_of, equalise};
@@ -21,7 +20,7 @@ use crate::looks::shade::with_normals;
 use crate::looks::simplify::{Original, SurfaceError, smoothed};
 use crate::looks::spread::spread;
 use crate::looks::unwrap::{UnwrapOptions, unwrap};
-use crate::settings::{BakeSettings, LookSettings, PassageSettings};
+use crate::settings::{BakeSettings, LookSettings, PassageSettings, PhysicalConfig};
 use artgs_core::{Camera, Capture, DepthMap, FaceEvidence, Joint, Mesh, PerState, Replica, State, TexturedMesh, View};
 use artgs_io::export_report::Evidence;
 use glam::DVec3;

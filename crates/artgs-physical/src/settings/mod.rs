@@ -1,7 +1,9 @@
-//! Every number that an export depends on, that nothing measures and that no option gives: one type for each question.
+//! Every number that an export depends on and that nothing measures: what users ask for in `config`, all others in one type for each
+//! question.
 
 mod bake;
 mod collision;
+mod config;
 mod decompose;
 mod describe;
 mod dynamics;
@@ -13,6 +15,7 @@ mod repair;
 
 pub use bake::{BakeSettings, FillSettings, GainSettings};
 pub use collision::{ClearanceSettings, CollisionSettings, PoseSettings};
+pub use config::{Collision, Front, GivenClass, PhysicalConfig, Up};
 pub use decompose::{DecomposeSettings, FloorSettings, RegionSettings, RestSettings, SheetSettings, UnionSettings};
 pub use describe::{ClassSettings, ClosedSettings, DescribeSettings, FrontSettings, HandleSettings};
 pub use dynamics::DynamicsSettings;

@@ -12,8 +12,7 @@ pub(crate) use front::front;
 pub(crate) use handles::handles;
 pub(crate) use names::names;
 
-use crate::config::GivenClass;
-use crate::settings::DescribeSettings;
+use crate::settings::{DescribeSettings, GivenClass};
 use artgs_core::{Asset, PartClass, PartSemantics, Rigid, State};
 use classes::Place;
 use form::{Form, Sample, samples};

@@ -1,6 +1,6 @@
 //! What an export is asked for.
 
-use crate::settings::Settings;
+use super::Settings;
 use artgs_core::PartClass;
 use glam::{DQuat, DVec3};
 use std::fmt;
