@@ -6,6 +6,7 @@ mod passage;
 pub(crate) mod repair;
 pub(crate) mod shade;
 mod sides;
+mod sights;
 pub(crate) mod simplify;
 pub(crate) mod spread;
 pub(crate) mod unwrap;
@@ -17,6 +18,7 @@ use crate::looks::fused::Fused;
 use crate::looks::passage::{Passage, carved, freed};
 use crate::looks::repair::{RepairOptions, mean_edge, repair};
 use crate::looks::shade::with_normals;
+use crate::looks::sights::Sights;
 use crate::looks::simplify::{Original, SurfaceError, smoothed};
 use crate::looks::spread::spread;
 use crate::looks::unwrap::{UnwrapOptions, unwrap};
@@ -130,14 +132,15 @@ pub fn surfaces(
 ) -> Vec<PartSurface> {
     let settings = &config.settings.looks;
     let better = PerState::from_fn(|state| better_depth(replica, meshes, capture, state));
-    let fused = &consistent(replica, meshes, settings);
+    let finest = voxels(meshes.iter(), settings).into_iter().filter(|v| *v > 0.0).fold(f64::INFINITY, f64::min);
+    let photos = photos(capture, &better, settings.bake.jump * finest, &settings.bake);
+    // Depth that was rendered from the meshes measures nothing.
+    let measured = if capture.is_some_and(Capture::has_depth) { &photos[..] } else { &[] };
+    let fused = &consistent(replica, meshes, measured, settings);
     fused.par_iter().for_each(|fused| {
         fused.shape();
     });
-    let diagonal = diagonal(&fused.iter().map(Fused::mesh).collect::<Vec<_>>());
-    let voxels: Vec<f64> = fused.iter().map(|fused| voxel(fused.mesh(), diagonal, settings)).collect();
-    let finest = voxels.iter().copied().filter(|voxel| *voxel > 0.0).fold(f64::INFINITY, f64::min);
-    let photos = photos(capture, &better, settings.bake.jump * finest, &settings.bake);
+    let voxels = voxels(fused.iter().map(Fused::mesh), settings);
     let mut views: Vec<Vec<BakeView>> = (0..fused.len()).map(|part| views(part, replica, &photos)).collect();
     let shape = |part| shape(part, replica, fused, voxels[part], &views[part], config);
     let mut shapes: Vec<Shape> = (0..fused.len()).into_par_iter().map(shape).collect();
@@ -228,6 +231,13 @@ fn voxel(mesh: &Mesh, diagonal: f64, settings: &LookSettings) -> f64 {
         }
 }
 
+/// Edges of the voxels of fused meshes.
+fn voxels<'a>(meshes: impl Iterator<Item = &'a Mesh>, settings: &LookSettings) -> Vec<f64> {
+    let meshes: Vec<&Mesh> = meshes.collect();
+    let diagonal = diagonal(&meshes);
+    meshes.iter().map(|mesh| voxel(mesh, diagonal, settings)).collect()
+}
+
 /// The parts that another one carries, with their joints.
 fn carried_by(replica: &Replica, part: usize) -> impl Iterator<Item = (usize, Joint)> {
     let own = move |q: &usize| replica.parts[*q].parent == Some(part);
@@ -239,13 +249,16 @@ fn passages(replica: &Replica, meshes: &[Fused], part: usize, voxel: f64, settin
 }
 
 /// Fused meshes without surfaces that contradict the motions: first those of carriers, then those of what they carry.
-fn consistent(replica: &Replica, meshes: &[Mesh], settings: &LookSettings) -> Vec<Fused> {
-    let diagonal = diagonal(&meshes.iter().collect::<Vec<_>>());
-    let voxels: Vec<f64> = meshes.iter().map(|mesh| voxel(mesh, diagonal, settings)).collect();
+fn consistent(replica: &Replica, meshes: &[Mesh], photos: &[Placed], settings: &LookSettings) -> Vec<Fused> {
+    let voxels = voxels(meshes.iter(), settings);
     let known = |part: usize| voxels[part] > 0.0;
     let fused: Vec<Fused> = meshes.iter().cloned().map(Fused::from).collect();
     let carve = |part: usize| match known(part) {
-        true => carved(&fused[part], &passages(replica, &fused, part, voxels[part], &settings.passage)),
+        true => {
+            let passages = passages(replica, &fused, part, voxels[part], &settings.passage);
+            let options = BakeOptions::at_resolution(voxels[part], &settings.bake);
+            carved(&fused[part], &passages, Some(&Sights::of(part, replica, photos, options)))
+        }
         false => fused[part].clone(),
     };
     let carved: Vec<Fused> = (0..meshes.len()).into_par_iter().map(carve).collect();

@@ -9,6 +9,7 @@
 use crate::geometry::convert::{from_parry, to_parry};
 use crate::geometry::topology::{bounds, corners, cross, points};
 use crate::looks::fused::Fused;
+use crate::looks::sights::Sights;
 use crate::settings::PassageSettings;
 use artgs_core::{Joint, JointKind, Mesh, Rigid, State};
 use glam::DVec3;
@@ -169,6 +170,13 @@ impl Passage {
         })
     }
 
+    /// True for points that are in the part or near its surface in a state.
+    fn is_at(&self, point: DVec3, state: State) -> bool {
+        let back = if state == State::START { self.back.first() } else { self.back.last() };
+        back.map(|back| back.apply(point))
+            .is_some_and(|p| self.nearest(p, self.settings.beside * self.voxel).is_some() || self.encloses(p, 0.0))
+    }
+
     /// The way from the nearest point of the surface, within `reach`, to a point, and the unit normal there.
     fn nearest(&self, p: DVec3, reach: f64) -> Option<(DVec3, DVec3)> {
         let ([low, high], surface) = (self.outer, self.surface.as_ref()?);
@@ -207,22 +215,34 @@ impl Passage {
     }
 }
 
-/// A carrier's fused mesh without the triangles that contradict the motion of what it carries.
-pub(crate) fn carved(fused: &Fused, passages: &[Passage]) -> Fused {
+/// A carrier's fused mesh without the triangles that contradict the motion of what it carries. What `sights` show in a state in which no part is
+/// there stays: the motion may be wrong.
+pub(crate) fn carved(fused: &Fused, passages: &[Passage], sights: Option<&Sights<'_>>) -> Fused {
     let mesh = fused.mesh();
-    let Some(rings) = passages.first().map(|passage| passage.settings.rings) else { return fused.clone() };
+    let Some(PassageSettings { rings, shown, .. }) = passages.first().map(|passage| passage.settings) else {
+        return fused.clone();
+    };
+    let is_shown = |p: DVec3, normal: DVec3| {
+        let is_free = |state: State| passages.iter().all(|passage| !passage.is_at(p, state));
+        sights
+            .is_some_and(|sights| State::ALL.into_iter().any(|s| is_free(s) && sights.views_of(s, p, normal) >= shown))
+    };
     let is_wrong = |t: &[u32; 3]| {
         let (p, normal) = (middle(mesh, *t), cross(mesh, *t).normalize_or_zero());
-        passages.iter().any(|passage| {
+        let contradicts = passages.iter().any(|passage| {
             passage.contradicts(p, passage.settings.inside * passage.voxel)
                 || passage.explains(p, normal)
                 || passage.covers(p, normal)
-        })
+        });
+        contradicts && !is_shown(p, normal)
     };
     let mut wrong: Vec<bool> = mesh.triangles.par_iter().map(is_wrong).collect();
     // The box of a part that slides holds nothing of its carrier; what turns is not its box.
     let slides: Vec<&Passage> = passages.iter().filter(|passage| passage.way.is_some()).collect();
-    let is_inside = |t: &[u32; 3]| slides.iter().any(|passage| passage.sweeps(middle(mesh, *t)));
+    let is_inside = |t: &[u32; 3]| {
+        let (p, normal) = (middle(mesh, *t), cross(mesh, *t).normalize_or_zero());
+        slides.iter().any(|passage| passage.sweeps(p)) && !is_shown(p, normal)
+    };
     let inside: Vec<bool> = mesh.triangles.par_iter().map(is_inside).collect();
     for _ in 0..rings {
         let mut of_vertex = vec![false; mesh.vertices.len()];
@@ -275,7 +295,9 @@ fn pierces(p: DVec3, ways: &[Rigid], surface: &TriMesh, (voxel, settings): (f64,
 mod tests {
     use super::*;
     use crate::geometry::topology::refine;
-    use artgs_core::PerState;
+    use crate::looks::bake::{BakeOptions, BakeView, Photo, depth_of};
+    use crate::settings::BakeSettings;
+    use artgs_core::{Camera, Intrinsics, PerState};
 
     /// A door of 60 x 4 x 90 cm with its hinge at the left edge, that opens by 90 degrees.
     fn door() -> (Mesh, Joint) {
@@ -302,9 +324,36 @@ mod tests {
         let mut base = wall.clone();
         base.append(&remainder);
         base.append(&open);
-        let left = carved(&base.clone().into(), &[passage]).mesh().clone();
+        let left = carved(&base.clone().into(), &[passage], None).mesh().clone();
         assert_eq!(left.triangles, wall.triangles);
-        assert_eq!(carved(&base.clone().into(), &[]).mesh().triangles.len(), base.triangles.len());
+        assert_eq!(carved(&base.clone().into(), &[], None).mesh().triangles.len(), base.triangles.len());
+    }
+
+    #[test]
+    fn what_a_state_shows_where_no_part_is_stays() {
+        let (door, joint) = door();
+        let passage = || Passage::of(&door.clone().into(), &joint, 0.005, &PassageSettings::DEFAULT).unwrap();
+        // A body in the way of the door, and a copy of the door's front where the door is.
+        let body = Mesh::cuboid([0.25, -0.30, 0.3], [0.27, -0.28, 0.6]);
+        let copy = Mesh::cuboid([0.3, -0.0401, 0.1], [0.5, -0.01, 0.2]);
+        let mut base = body.clone();
+        base.append(&copy);
+        assert!(carved(&base.clone().into(), &[passage()], None).mesh().is_empty());
+        let k = Intrinsics { fx: 400.0, fy: 400.0, cx: 150.0, cy: 150.0, width: 300, height: 300 };
+        let at = DVec3::new(0.26, 0.0, 0.45);
+        let camera = Camera::look_at(k, at - 2.0 * DVec3::Y, at, DVec3::Z);
+        let (depth, rgba) = (depth_of(&camera, &[&door, &base]), vec![[9, 9, 9, 255]; 300 * 300]);
+        let photo = Photo::new(&rgba, &depth, k, (0.04, &BakeSettings::DEFAULT)).unwrap();
+        let left = |count: usize| {
+            let views = PerState::new((0..count).map(|_| BakeView::new(&photo, camera)).collect(), Vec::new());
+            let sights = Sights { views, options: BakeOptions::at_resolution(0.005, &BakeSettings::DEFAULT) };
+            carved(&base.clone().into(), &[passage()], Some(&sights)).mesh().triangles.clone()
+        };
+        let front = |t: &&[u32; 3]| cross(&body, **t).normalize().y < -0.99;
+        let front: Vec<[u32; 3]> = body.triangles.iter().filter(front).copied().collect();
+        assert_eq!(front.len(), 2);
+        assert_eq!(left(2), front, "the side that the cameras see");
+        assert!(left(1).is_empty(), "one view may be wrong");
     }
 
     #[test]
@@ -340,7 +389,7 @@ mod tests {
         assert!(!door.triangles.is_empty());
         let passage = Passage::of(&door.clone().into(), &joint, 0.005, &PassageSettings::DEFAULT).unwrap();
         let behind = Mesh::cuboid([0.2, -0.025, 0.3], [0.4, -0.015, 0.6]);
-        assert_eq!(carved(&behind.clone().into(), &[passage]).mesh().triangles.len(), behind.triangles.len());
+        assert_eq!(carved(&behind.clone().into(), &[passage], None).mesh().triangles.len(), behind.triangles.len());
     }
 
     #[test]
@@ -360,7 +409,7 @@ mod tests {
         let cabinet = Mesh::cuboid([0.019, -0.1, 0.0], [0.05, 0.6, 0.2]);
         let mut base = cabinet.clone();
         base.append(&copy);
-        let left = carved(&base.clone().into(), &[passage]).mesh().triangles.clone();
+        let left = carved(&base.clone().into(), &[passage], None).mesh().triangles.clone();
         assert!(cabinet.triangles.iter().all(|t| left.contains(t)));
         // Both large sides of the copy.
         let mut large = copy.clone();
@@ -386,13 +435,13 @@ mod tests {
         refine(&mut sheet, 0.05);
         let upper = |mesh: &Mesh| mesh.triangles.iter().filter(|t| cross(mesh, **t).normalize().z > 0.9).count();
         assert!(upper(&sheet) > 20);
-        assert_eq!(upper(carved(&sheet.clone().into(), &[passage]).mesh()), 0);
+        assert_eq!(upper(carved(&sheet.clone().into(), &[passage], None).mesh()), 0);
         // The front of a frame, flush with that of a door beside it; a wall whose front is behind that of the door, by its thickness.
         let (door, joint) = door();
         let passage = [Passage::of(&door.clone().into(), &joint, 0.01, &PassageSettings::DEFAULT).unwrap()];
         let mut frame = Mesh::cuboid([0.602, -0.04, 0.0], [0.8, 0.1, 0.9]);
         frame.append(&Mesh::cuboid([0.0, 0.002, 0.0], [0.6, 0.1, 0.9]));
-        assert_eq!(carved(&frame.clone().into(), &passage).mesh().triangles, frame.triangles);
+        assert_eq!(carved(&frame.clone().into(), &passage, None).mesh().triangles, frame.triangles);
     }
 
     #[test]
@@ -440,7 +489,7 @@ mod tests {
         assert!(inside(&sheet, 0.045, 0.08) > 50);
         let passage =
             Passage::of(&drawer.clone().into(), &joint(JointKind::Prismatic), 0.01, &PassageSettings::DEFAULT).unwrap();
-        let left = carved(&sheet.clone().into(), &[passage]).mesh().clone();
+        let left = carved(&sheet.clone().into(), &[passage], None).mesh().clone();
         assert!(inside(&left, 0.045, 0.07) == 0, "{}", inside(&left, 0.045, 0.07));
         assert_eq!(inside(&left, -0.2, -0.01), inside(&sheet, -0.2, -0.01));
     }

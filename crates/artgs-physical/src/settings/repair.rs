@@ -28,6 +28,10 @@ pub struct PassageSettings {
     /// Rings of triangles about those that contradict the motion that go as well where the box of a sliding part moves: about four
     /// voxels of the same surface.
     pub rings: usize,
+    /// Distance to a part within which a surface that a state shows may be that of the part. Raising it removes more of carriers.
+    pub beside: f64,
+    /// Views of a state that show a surface which stays although it contradicts the motion, at least. Raising it removes more of carriers.
+    pub shown: usize,
     /// Straight pieces of a part's way at most.
     pub chords: usize,
     /// Least cosine between such a piece and the normal of a surface that it pierces.
@@ -50,6 +54,8 @@ impl PassageSettings {
         farthest: 10.0,
         straight: 0.7,
         rings: 6,
+        beside: 3.0,
+        shown: 2,
         chords: 24,
         pierced: 0.5,
         clear: 2.0,
