@@ -132,16 +132,17 @@ pub fn surfaces(
 ) -> Vec<PartSurface> {
     let settings = &config.settings.looks;
     let better = PerState::from_fn(|state| better_depth(replica, meshes, capture, state));
-    let finest = voxels(meshes.iter(), settings).into_iter().filter(|v| *v > 0.0).fold(f64::INFINITY, f64::min);
+    let whole = voxels(meshes.iter(), settings);
+    let finest = whole.iter().copied().filter(|voxel| *voxel > 0.0).fold(f64::INFINITY, f64::min);
     let photos = photos(capture, &better, settings.bake.jump * finest, &settings.bake);
     // Depth that was rendered from the meshes measures nothing.
     let measured = if capture.is_some_and(Capture::has_depth) { &photos[..] } else { &[] };
-    let fused = &consistent(replica, meshes, measured, settings);
+    let fused = &consistent(replica, meshes, &whole, measured, settings);
     fused.par_iter().for_each(|fused| {
         fused.shape();
     });
     let voxels = voxels(fused.iter().map(Fused::mesh), settings);
-    let mut views: Vec<Vec<BakeView>> = (0..fused.len()).map(|part| views(part, replica, &photos)).collect();
+    let mut views: Vec<Vec<BakeView>> = (0..fused.len()).map(|part| views(part, replica, photos.iter())).collect();
     let shape = |part| shape(part, replica, fused, voxels[part], &views[part], config);
     let mut shapes: Vec<Shape> = (0..fused.len()).into_par_iter().map(shape).collect();
     let compared: Vec<Vec<[DVec3; 2]>> =
@@ -248,16 +249,22 @@ fn passages(replica: &Replica, meshes: &[Fused], part: usize, voxel: f64, settin
     carried_by(replica, part).filter_map(|(q, joint)| Passage::of(&meshes[q], &joint, voxel, settings)).collect()
 }
 
-/// Fused meshes without surfaces that contradict the motions: first those of carriers, then those of what they carry.
-fn consistent(replica: &Replica, meshes: &[Mesh], photos: &[Placed], settings: &LookSettings) -> Vec<Fused> {
-    let voxels = voxels(meshes.iter(), settings);
+/// Fused meshes, of these edges of voxels, without surfaces that contradict the motions and that no `measured` photos show: first those of carriers, then
+/// those of what they carry.
+fn consistent(
+    replica: &Replica,
+    meshes: &[Mesh],
+    voxels: &[f64],
+    measured: &[Placed],
+    settings: &LookSettings,
+) -> Vec<Fused> {
     let known = |part: usize| voxels[part] > 0.0;
     let fused: Vec<Fused> = meshes.iter().cloned().map(Fused::from).collect();
     let carve = |part: usize| match known(part) {
         true => {
             let passages = passages(replica, &fused, part, voxels[part], &settings.passage);
             let options = BakeOptions::at_resolution(voxels[part], &settings.bake);
-            carved(&fused[part], &passages, Some(&Sights::of(part, replica, photos, options)))
+            carved(&fused[part], &passages, &Sights::of(part, replica, measured, options))
         }
         false => fused[part].clone(),
     };
@@ -362,10 +369,10 @@ fn photos<'a>(
     all.into_par_iter().filter_map(photo).collect()
 }
 
-/// The photos in the frame of a part at the start state.
-fn views<'a>(part: usize, replica: &Replica, photos: &'a [Placed<'a>]) -> Vec<BakeView<'a>> {
+/// Photos in the frame of a part at the start state.
+fn views<'a>(part: usize, replica: &Replica, photos: impl Iterator<Item = &'a Placed<'a>>) -> Vec<BakeView<'a>> {
     let motions = PerState::from_fn(|state| replica.motion_to(part, state));
-    photos.iter().map(|(state, camera, photo)| BakeView::new(photo, camera.moved_with(&motions[*state]))).collect()
+    photos.map(|(state, camera, photo)| BakeView::new(photo, camera.moved_with(&motions[*state]))).collect()
 }
 
 /// Depth in those training views of a state whose measured depth is not enough: of the meshes where there is none, else with derived depth.

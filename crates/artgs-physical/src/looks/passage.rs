@@ -217,15 +217,14 @@ impl Passage {
 
 /// A carrier's fused mesh without the triangles that contradict the motion of what it carries. What `sights` show in a state in which no part is
 /// there stays: the motion may be wrong.
-pub(crate) fn carved(fused: &Fused, passages: &[Passage], sights: Option<&Sights<'_>>) -> Fused {
+pub(crate) fn carved(fused: &Fused, passages: &[Passage], sights: &Sights<'_>) -> Fused {
     let mesh = fused.mesh();
     let Some(PassageSettings { rings, shown, .. }) = passages.first().map(|passage| passage.settings) else {
         return fused.clone();
     };
     let is_shown = |p: DVec3, normal: DVec3| {
         let is_free = |state: State| passages.iter().all(|passage| !passage.is_at(p, state));
-        sights
-            .is_some_and(|sights| State::ALL.into_iter().any(|s| is_free(s) && sights.views_of(s, p, normal) >= shown))
+        State::ALL.into_iter().any(|s| is_free(s) && sights.show(s, p, normal, shown))
     };
     let is_wrong = |t: &[u32; 3]| {
         let (p, normal) = (middle(mesh, *t), cross(mesh, *t).normalize_or_zero());
@@ -299,6 +298,12 @@ mod tests {
     use crate::settings::BakeSettings;
     use artgs_core::{Camera, Intrinsics, PerState};
 
+    /// These views of the start, none of the end.
+    fn seen_by(views: Vec<BakeView<'_>>) -> Sights<'_> {
+        let options = BakeOptions::at_resolution(0.005, &BakeSettings::DEFAULT);
+        Sights { views: PerState::new(views, Vec::new()), options }
+    }
+
     /// A door of 60 x 4 x 90 cm with its hinge at the left edge, that opens by 90 degrees.
     fn door() -> (Mesh, Joint) {
         let mesh = Mesh::cuboid([0.0, -0.04, 0.0], [0.6, 0.0, 0.9]);
@@ -324,9 +329,12 @@ mod tests {
         let mut base = wall.clone();
         base.append(&remainder);
         base.append(&open);
-        let left = carved(&base.clone().into(), &[passage], None).mesh().clone();
+        let left = carved(&base.clone().into(), &[passage], &seen_by(Vec::new())).mesh().clone();
         assert_eq!(left.triangles, wall.triangles);
-        assert_eq!(carved(&base.clone().into(), &[], None).mesh().triangles.len(), base.triangles.len());
+        assert_eq!(
+            carved(&base.clone().into(), &[], &seen_by(Vec::new())).mesh().triangles.len(),
+            base.triangles.len()
+        );
     }
 
     #[test]
@@ -338,16 +346,15 @@ mod tests {
         let copy = Mesh::cuboid([0.3, -0.0401, 0.1], [0.5, -0.01, 0.2]);
         let mut base = body.clone();
         base.append(&copy);
-        assert!(carved(&base.clone().into(), &[passage()], None).mesh().is_empty());
+        assert!(carved(&base.clone().into(), &[passage()], &seen_by(Vec::new())).mesh().is_empty());
         let k = Intrinsics { fx: 400.0, fy: 400.0, cx: 150.0, cy: 150.0, width: 300, height: 300 };
         let at = DVec3::new(0.26, 0.0, 0.45);
         let camera = Camera::look_at(k, at - 2.0 * DVec3::Y, at, DVec3::Z);
         let (depth, rgba) = (depth_of(&camera, &[&door, &base]), vec![[9, 9, 9, 255]; 300 * 300]);
         let photo = Photo::new(&rgba, &depth, k, (0.04, &BakeSettings::DEFAULT)).unwrap();
         let left = |count: usize| {
-            let views = PerState::new((0..count).map(|_| BakeView::new(&photo, camera)).collect(), Vec::new());
-            let sights = Sights { views, options: BakeOptions::at_resolution(0.005, &BakeSettings::DEFAULT) };
-            carved(&base.clone().into(), &[passage()], Some(&sights)).mesh().triangles.clone()
+            let sights = seen_by((0..count).map(|_| BakeView::new(&photo, camera)).collect());
+            carved(&base.clone().into(), &[passage()], &sights).mesh().triangles.clone()
         };
         let front = |t: &&[u32; 3]| cross(&body, **t).normalize().y < -0.99;
         let front: Vec<[u32; 3]> = body.triangles.iter().filter(front).copied().collect();
@@ -389,7 +396,10 @@ mod tests {
         assert!(!door.triangles.is_empty());
         let passage = Passage::of(&door.clone().into(), &joint, 0.005, &PassageSettings::DEFAULT).unwrap();
         let behind = Mesh::cuboid([0.2, -0.025, 0.3], [0.4, -0.015, 0.6]);
-        assert_eq!(carved(&behind.clone().into(), &[passage], None).mesh().triangles.len(), behind.triangles.len());
+        assert_eq!(
+            carved(&behind.clone().into(), &[passage], &seen_by(Vec::new())).mesh().triangles.len(),
+            behind.triangles.len()
+        );
     }
 
     #[test]
@@ -409,7 +419,7 @@ mod tests {
         let cabinet = Mesh::cuboid([0.019, -0.1, 0.0], [0.05, 0.6, 0.2]);
         let mut base = cabinet.clone();
         base.append(&copy);
-        let left = carved(&base.clone().into(), &[passage], None).mesh().triangles.clone();
+        let left = carved(&base.clone().into(), &[passage], &seen_by(Vec::new())).mesh().triangles.clone();
         assert!(cabinet.triangles.iter().all(|t| left.contains(t)));
         // Both large sides of the copy.
         let mut large = copy.clone();
@@ -435,13 +445,13 @@ mod tests {
         refine(&mut sheet, 0.05);
         let upper = |mesh: &Mesh| mesh.triangles.iter().filter(|t| cross(mesh, **t).normalize().z > 0.9).count();
         assert!(upper(&sheet) > 20);
-        assert_eq!(upper(carved(&sheet.clone().into(), &[passage], None).mesh()), 0);
+        assert_eq!(upper(carved(&sheet.clone().into(), &[passage], &seen_by(Vec::new())).mesh()), 0);
         // The front of a frame, flush with that of a door beside it; a wall whose front is behind that of the door, by its thickness.
         let (door, joint) = door();
         let passage = [Passage::of(&door.clone().into(), &joint, 0.01, &PassageSettings::DEFAULT).unwrap()];
         let mut frame = Mesh::cuboid([0.602, -0.04, 0.0], [0.8, 0.1, 0.9]);
         frame.append(&Mesh::cuboid([0.0, 0.002, 0.0], [0.6, 0.1, 0.9]));
-        assert_eq!(carved(&frame.clone().into(), &passage, None).mesh().triangles, frame.triangles);
+        assert_eq!(carved(&frame.clone().into(), &passage, &seen_by(Vec::new())).mesh().triangles, frame.triangles);
     }
 
     #[test]
@@ -489,7 +499,7 @@ mod tests {
         assert!(inside(&sheet, 0.045, 0.08) > 50);
         let passage =
             Passage::of(&drawer.clone().into(), &joint(JointKind::Prismatic), 0.01, &PassageSettings::DEFAULT).unwrap();
-        let left = carved(&sheet.clone().into(), &[passage], None).mesh().clone();
+        let left = carved(&sheet.clone().into(), &[passage], &seen_by(Vec::new())).mesh().clone();
         assert!(inside(&left, 0.045, 0.07) == 0, "{}", inside(&left, 0.045, 0.07));
         assert_eq!(inside(&left, -0.2, -0.01), inside(&sheet, -0.2, -0.01));
     }

@@ -1,7 +1,7 @@
 //! Measured depth of both states, asked about the surface of a part.
 
-use crate::looks::Placed;
 use crate::looks::bake::{BakeOptions, BakeView};
+use crate::looks::{Placed, views};
 use artgs_core::{PerState, Replica, State};
 use glam::DVec3;
 
@@ -15,17 +15,13 @@ pub(super) struct Sights<'a> {
 impl<'a> Sights<'a> {
     /// The photos of both states, which the part's motion takes to the start.
     pub(super) fn of(part: usize, replica: &Replica, photos: &'a [Placed<'a>], options: BakeOptions) -> Self {
-        let of = |state: State| {
-            let motion = replica.motion_to(part, state);
-            let own = photos.iter().filter(|(s, ..)| *s == state);
-            own.map(|(_, camera, photo)| BakeView::new(photo, camera.moved_with(&motion))).collect()
-        };
+        let of = |state: State| views(part, replica, photos.iter().filter(move |(of, ..)| *of == state));
         Self { views: PerState::from_fn(of), options }
     }
 
-    /// Number of views of a state that show a point of a surface, with its unit normal, where it is.
-    pub(super) fn views_of(&self, state: State, point: DVec3, normal: DVec3) -> usize {
+    /// True if at least so many views of a state show a point of a surface, with its unit normal, where it is.
+    pub(super) fn show(&self, state: State, point: DVec3, normal: DVec3, least: usize) -> bool {
         let shows = |view: &&BakeView| view.measures(point, normal, &self.options) == Some(true);
-        self.views[state].iter().filter(shows).count()
+        self.views[state].iter().filter(shows).take(least).count() == least
     }
 }
