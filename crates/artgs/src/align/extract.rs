@@ -6,8 +6,9 @@ use super::consistent::factor_at;
 use super::exposure::applied;
 use super::frames::DepthFrame;
 use super::object::Selection;
+use super::outline::{Sides, changed};
 use artgs_core::capture::{HIDDEN_ALPHA, OBJECT_ALPHA};
-use artgs_core::{Camera, DepthMap, Intrinsics, PerState, RecordedFrame, State, View};
+use artgs_core::{Camera, DepthMap, Intrinsics, PerState, RecordedFrame, Rigid, State, View};
 use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -18,6 +19,11 @@ use serde::{Deserialize, Serialize};
 pub struct ExtractConfig {
     /// Pixels without depth take the label of a pixel at most this far away, in measured depth pixels.
     pub fill: f64,
+    /// Cost of the outline of the object between two pixels of one colour, where no depth was measured, in pixels that change sides. Raising it
+    /// makes outlines shorter and follow edges of the photo; 0 leaves pixels what they are taken for.
+    pub outline: f32,
+    /// Farthest cell whose plane a pixel takes that changes sides, measured depth pixels.
+    pub nearby: usize,
     /// Pixels around the object that are kept.
     pub margin: usize,
     /// Share of the object's surface that other things may hide before a frame is left out, 0 to 1.
@@ -28,7 +34,7 @@ pub struct ExtractConfig {
 
 impl Default for ExtractConfig {
     fn default() -> Self {
-        Self { fill: 3.0, margin: 8, hidden: 0.08, least_share: 0.01 }
+        Self { fill: 3.0, outline: 15.0, nearby: 6, margin: 8, hidden: 0.08, least_share: 0.01 }
     }
 }
 
@@ -118,7 +124,7 @@ impl<'a> Labelled<'a> {
         let depth = corrected(recorded.view.depth.as_ref()?, width, frame, factors);
         let camera = Camera { world_to_camera: frame.camera.world_to_camera, ..recorded.view.camera };
         let mut labels = labels(&camera, &depth, &recorded.view.rgba, selection);
-        let derived = derive(&mut labels, recorded, &camera, frame, &state.planes[index], selection);
+        let derived = derive(&mut labels, recorded, &camera, frame, &state.planes[index], (selection, config));
         let reach = (config.fill * recorded.depth_step).ceil() as usize;
         let farthest = farthest(&camera, state.surface, state.spacing);
         doubt(&mut labels, &derived, &enclosed(&farthest, width));
@@ -213,40 +219,93 @@ fn labels(camera: &Camera, depth: &DepthMap, rgba: &[[u8; 4]], selection: &Selec
 }
 
 /// Depth of pixels without measured depth: that of the plane of one of the cells around them whose colour is most like theirs. Their
-/// labels are those of the planes.
+/// labels are those of the planes, then the outline of the object moves to edges of the photo.
 fn derive(
     labels: &mut [Label],
     recorded: &RecordedFrame,
     camera: &Camera,
     frame: &DepthFrame,
     planes: &[CellPlane],
-    selection: &Selection,
+    (selection, config): (&Selection, &ExtractConfig),
 ) -> DepthMap {
     let width = recorded.view.size().0;
-    let (columns, pose, k) = (frame.columns(), camera.world_to_camera.inverse(), &camera.intrinsics);
-    // Pixels beyond the last whole cell belong to it.
-    let (rows, step) = (planes.len() / columns.max(1), (k.fx / frame.camera.intrinsics.fx).round().max(1.0) as usize);
-    let belongs: Vec<bool> =
-        planes.iter().map(|p| p.is_some() && selection.contains(pose.apply(p.source.as_dvec3()))).collect();
+    let rgba = &recorded.view.rgba;
     let mut depths = vec![0.0; labels.len()];
-    for i in 0..labels.len() {
-        if labels[i] != Label::Unknown || planes.is_empty() {
-            continue;
-        }
-        let (x, y) = (i % width, i / width);
-        let own = Vec3::from(std::array::from_fn(|c| f32::from(recorded.view.rgba[i][c])));
-        let difference = |cell: &usize| (Vec3::from(frame.colors[*cell].map(f32::from)) - own).length_squared();
-        let cell = (y / step).min(rows - 1) * columns + (x / step).min(columns - 1);
-        let shown = window(cell, 1, columns, planes.len()).filter(|cell| planes[*cell].is_some());
-        let Some(cell) = shown.min_by(|a, b| difference(a).total_cmp(&difference(b))) else { continue };
-        let ray = Vec3::new(((x as f64 + 0.5 - k.cx) / k.fx) as f32, ((y as f64 + 0.5 - k.cy) / k.fy) as f32, 1.0);
-        if let Some(depth) = planes[cell].depth(ray) {
-            let within = selection.is_within_given(pose.apply((ray * depth).as_dvec3()));
+    let free: Vec<bool> = labels.iter().map(|label| *label == Label::Unknown && !planes.is_empty()).collect();
+    let shown = Shown::new(rgba, camera, frame, planes, selection);
+    for i in (0..labels.len()).filter(|&i| free[i]) {
+        if let Some((depth, is_object)) = shown.at(i, 1, |_| true) {
             depths[i] = depth;
-            labels[i] = if belongs[cell] && within { Label::Object } else { Label::Other };
+            labels[i] = if is_object { Label::Object } else { Label::Other };
+        }
+    }
+    let of_label = |label: &Label| match label {
+        Label::Object => Some(true),
+        Label::Other => Some(false),
+        _ => None,
+    };
+    let shows_object: Vec<Option<bool>> = labels.iter().map(of_label).collect();
+    for i in changed(&Sides { shows_object: &shows_object, free: &free, rgba, width }, config.outline) {
+        let is_object = labels[i] != Label::Object;
+        labels[i] = if is_object { Label::Object } else { Label::Other };
+        // A background without a plane keeps its depth: one that was not measured carves nothing.
+        match (1..=config.nearby).find_map(|radius| shown.at(i, radius, |object| object == is_object)) {
+            Some((depth, _)) => depths[i] = depth,
+            None if is_object => depths[i] = 0.0,
+            None => {}
         }
     }
     DepthMap::nearest(&depths)
+}
+
+/// What pixels of an image show by the planes of the cells around them.
+struct Shown<'a> {
+    rgba: &'a [[u8; 4]],
+    camera: &'a Camera,
+    pose: Rigid,
+    frame: &'a DepthFrame,
+    planes: &'a [CellPlane],
+    /// True for cells whose plane is of the object.
+    belongs: Vec<bool>,
+    /// Pixels per cell along a row or a column.
+    step: usize,
+    selection: &'a Selection,
+}
+
+impl<'a> Shown<'a> {
+    fn new(
+        rgba: &'a [[u8; 4]],
+        camera: &'a Camera,
+        frame: &'a DepthFrame,
+        planes: &'a [CellPlane],
+        selection: &'a Selection,
+    ) -> Self {
+        let pose = camera.world_to_camera.inverse();
+        let step = (camera.intrinsics.fx / frame.camera.intrinsics.fx).round().max(1.0) as usize;
+        let belongs =
+            planes.iter().map(|p| p.is_some() && selection.contains(pose.apply(p.source.as_dvec3()))).collect();
+        Self { rgba, camera, pose, frame, planes, belongs, step, selection }
+    }
+
+    /// Depth of a pixel and whether it shows the object, by the plane of the cell at most `radius` columns and rows away whose colour is most
+    /// like its own, of those that may be, by whether they are of the object.
+    fn at(&self, pixel: usize, radius: usize, may_be: impl Fn(bool) -> bool) -> Option<(f32, bool)> {
+        let (k, columns) = (&self.camera.intrinsics, self.frame.columns());
+        let (x, y) = (pixel % k.width as usize, pixel / k.width as usize);
+        // Pixels beyond the last whole cell belong to it.
+        let rows = self.planes.len() / columns.max(1);
+        let cell = (y / self.step).min(rows - 1) * columns + (x / self.step).min(columns - 1);
+        let color = |rgb: &[u8]| Vec3::from(std::array::from_fn(|c| f32::from(rgb[c])));
+        let own = color(&self.rgba[pixel]);
+        let difference = |cell: &usize| color(&self.frame.colors[*cell]).distance_squared(own);
+        let shown = window(cell, radius, columns, self.planes.len());
+        let shown = shown.filter(|cell| self.planes[*cell].is_some() && may_be(self.belongs[*cell]));
+        let cell = shown.min_by(|a, b| difference(a).total_cmp(&difference(b)))?;
+        let ray = Vec3::new(((x as f64 + 0.5 - k.cx) / k.fx) as f32, ((y as f64 + 0.5 - k.cy) / k.fy) as f32, 1.0);
+        let depth = self.planes[cell].depth(ray)?;
+        let is_within = self.selection.is_within_given(self.pose.apply((ray * depth).as_dvec3()));
+        Some((depth, self.belongs[cell] && is_within))
+    }
 }
 
 /// Depth of the farthest surface of the object at each pixel, as other frames see it; 0 where there is none.

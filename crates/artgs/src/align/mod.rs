@@ -21,6 +21,7 @@ mod features;
 pub(crate) mod frames;
 pub(crate) mod global;
 mod object;
+mod outline;
 mod planes;
 mod refine;
 mod upward;
