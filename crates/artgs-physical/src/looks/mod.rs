@@ -16,7 +16,7 @@ use crate::geometry::topology::{bounds, corners, cross, diagonal, points};
 use crate::looks::bake::{BakeOptions, BakeView, Photo, bake, depth_of, equalise};
 use crate::looks::fused::Fused;
 use crate::looks::passage::{Passage, carved, freed};
-use crate::looks::repair::{RepairOptions, mean_edge, repair};
+use crate::looks::repair::{Obstacles, RepairOptions, mean_edge, repair};
 use crate::looks::shade::with_normals;
 use crate::looks::sights::Sights;
 use crate::looks::simplify::{Original, SurfaceError, smoothed};
@@ -143,7 +143,10 @@ pub fn surfaces(
     });
     let voxels = voxels(fused.iter().map(Fused::mesh), settings);
     let mut views: Vec<Vec<BakeView>> = (0..fused.len()).map(|part| views(part, replica, photos.iter())).collect();
-    let shape = |part| shape(part, replica, fused, voxels[part], &views[part], config);
+    let shape = |part| {
+        let sights = Sights::of(part, replica, measured, BakeOptions::at_resolution(voxels[part], &settings.bake));
+        shape(part, replica, fused, voxels[part], &views[part], &sights, config)
+    };
     let mut shapes: Vec<Shape> = (0..fused.len()).into_par_iter().map(shape).collect();
     let compared: Vec<Vec<[DVec3; 2]>> =
         shapes.par_iter().map(|shape| spread(&shape.surface.visual.mesh, settings.compared)).collect();
@@ -294,6 +297,7 @@ fn shape(
     meshes: &[Fused],
     voxel: f64,
     views: &[BakeView],
+    sights: &Sights,
     config: &PhysicalConfig,
 ) -> Shape {
     let fused = meshes[part].mesh();
@@ -306,7 +310,9 @@ fn shape(
     }
     let carried = passages(replica, meshes, part, voxel, &settings.passage);
     let others = others(replica, meshes, part);
-    let obstacles = |p: DVec3| carried.iter().any(|c| c.holds(p));
+    let passed = |p: DVec3| carried.iter().any(|c| c.holds(p));
+    let empty = |p: DVec3| sights.look_through(p, settings.passage.shown);
+    let obstacles = Obstacles { passed: &passed, empty: &empty };
     let repaired = repair(fused, &obstacles, &others, &RepairOptions::at_resolution(edge, &settings.repair));
     let simplify = &settings.simplify;
     let smooth = smoothed(&repaired.mesh, simplify.rounds, simplify.reach * voxel);

@@ -24,4 +24,10 @@ impl<'a> Sights<'a> {
         let shows = |view: &&BakeView| view.measures(point, normal, &self.options) == Some(true);
         self.views[state].iter().filter(shows).take(least).count() == least
     }
+
+    /// True if at least so many views measure something behind a point.
+    pub(super) fn look_through(&self, point: DVec3, least: usize) -> bool {
+        let views = State::ALL.into_iter().flat_map(|state| &self.views[state]);
+        views.filter(|view| view.looks_through(point, &self.options)).take(least).count() == least
+    }
 }

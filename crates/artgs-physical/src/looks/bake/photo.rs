@@ -35,6 +35,11 @@ impl<'a> Photo<'a> {
         Self { derived: derived.filter(|map| map.len() == self.depth.len()), ..self }
     }
 
+    /// True for pixels whose depth was not derived.
+    pub(super) fn is_measured(&self, index: usize) -> bool {
+        self.derived.is_none_or(|derived| derived.counts()[index] == 0)
+    }
+
     pub(super) fn pixel(&self, index: usize) -> Vec3 {
         let [r, g, b, _] = self.rgba[index];
         Vec3::new(r.into(), g.into(), b.into())

@@ -94,7 +94,24 @@ impl<'a> BakeView<'a> {
     /// True if this view sees a point by a depth that was measured, false if by one that was derived; none if it does not see it.
     pub(crate) fn measures(&self, point: DVec3, normal: DVec3, options: &BakeOptions) -> Option<bool> {
         let sight = self.sight(point, normal, options)?;
-        Some(self.photo.derived.is_none_or(|derived| derived.counts()[sight.index] == 0))
+        Some(self.photo.is_measured(sight.index))
+    }
+
+    /// True if this view measures something behind a point, clear of edges.
+    pub(crate) fn looks_through(&self, point: DVec3, options: &BakeOptions) -> bool {
+        let p = self.rotation * point + self.translation;
+        if p.z <= 0.0 {
+            return false;
+        }
+        let k = &self.photo.intrinsics;
+        let (x, y) = (k.fx * p.x / p.z + k.cx, k.fy * p.y / p.z + k.cy);
+        if !(x >= 0.0 && y >= 0.0 && x < f64::from(k.width) && y < f64::from(k.height)) {
+            return false;
+        }
+        let index = y as usize * k.width as usize + x as usize;
+        self.photo.clear[index] > 1
+            && self.photo.is_measured(index)
+            && f64::from(self.photo.depth.at(index)) > p.z + options.tolerance
     }
 
     /// True if some of the depth of this view was derived.

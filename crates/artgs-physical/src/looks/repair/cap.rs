@@ -154,7 +154,8 @@ impl Caps {
             self.taken.extend(edges.map(|[a, b]| [a.min(b), a.max(b)]));
             let harmless = !hole_is_large || mean_width(mesh, &piece, &cap) < settings.strip * o.small_hole;
             let step = flat.width / settings.tested;
-            if harmless || share(mesh, &cap, step, |p, _| obstacles(p)) <= settings.obstructed {
+            let is_taken = |p: DVec3, _| (obstacles.empty)(p) || !harmless && (obstacles.passed)(p);
+            if share(mesh, &cap, step, is_taken) <= settings.obstructed {
                 closed.triangles.extend(cap);
             } else {
                 closed.whole = false;

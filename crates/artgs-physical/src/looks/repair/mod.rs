@@ -18,8 +18,23 @@ use glam::DVec3;
 use parry3d::math::Pose3;
 use parry3d::shape::TriMesh;
 
-/// Where a part must not have material: true for points that other parts occupy or pass through. Called from many threads.
-pub(crate) type Obstacles<'a> = dyn Fn(DVec3) -> bool + Sync + 'a;
+/// Points of which something is true; asked from many threads.
+type Points<'a> = dyn Fn(DVec3) -> bool + Sync + 'a;
+
+/// Where a part must not have material.
+#[derive(Clone, Copy)]
+pub(crate) struct Obstacles<'a> {
+    /// Other parts occupy or pass through these points.
+    pub(crate) passed: &'a Points<'a>,
+    /// Views measure something behind these points.
+    pub(crate) empty: &'a Points<'a>,
+}
+
+impl Obstacles<'_> {
+    fn hold(&self, point: DVec3) -> bool {
+        (self.passed)(point) || (self.empty)(point)
+    }
+}
 
 /// Observed surfaces of other parts and their poses in the observed states: walls end before them.
 pub(crate) type Others<'a> = [(&'a TriMesh, Pose3)];

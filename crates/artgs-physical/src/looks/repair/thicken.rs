@@ -82,9 +82,9 @@ fn depths(
         let least = (least * thickness).min(depth);
         // An obstacle can be narrower than the wall.
         let step = thickness / steps;
-        let free = (1..).map(|k| k as f64 * step).take_while(|d| *d < depth).find(|d| obstacles(p - n * *d));
+        let free = (1..).map(|k| k as f64 * step).take_while(|d| *d < depth).find(|d| obstacles.hold(p - n * *d));
         depth = free.map_or(depth, |met| (met - step).max(least));
-        while depth > least && obstacles(p - n * depth) {
+        while depth > least && obstacles.hold(p - n * depth) {
             depth *= shrink;
         }
         depth.max(least).max(TINY * thickness)
