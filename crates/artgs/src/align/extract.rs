@@ -22,8 +22,6 @@ pub struct ExtractConfig {
     /// Cost of the outline of the object between two pixels of one colour, where no depth was measured, in pixels that change sides. Raising it
     /// makes outlines shorter and follow edges of the photo; 0 leaves pixels what they are taken for.
     pub outline: f32,
-    /// Farthest cell whose plane a pixel takes that changes sides, measured depth pixels.
-    pub nearby: usize,
     /// Pixels around the object that are kept.
     pub margin: usize,
     /// Share of the object's surface that other things may hide before a frame is left out, 0 to 1.
@@ -34,7 +32,7 @@ pub struct ExtractConfig {
 
 impl Default for ExtractConfig {
     fn default() -> Self {
-        Self { fill: 3.0, outline: 15.0, nearby: 6, margin: 8, hidden: 0.08, least_share: 0.01 }
+        Self { fill: 3.0, outline: 15.0, margin: 8, hidden: 0.08, least_share: 0.01 }
     }
 }
 
@@ -228,6 +226,8 @@ fn derive(
     planes: &[CellPlane],
     (selection, config): (&Selection, &ExtractConfig),
 ) -> DepthMap {
+    /// Farthest cell whose plane a pixel takes that changes sides, columns and rows.
+    const NEARBY: usize = 6;
     let width = recorded.view.size().0;
     let rgba = &recorded.view.rgba;
     let mut depths = vec![0.0; labels.len()];
@@ -249,7 +249,7 @@ fn derive(
         let is_object = labels[i] != Label::Object;
         labels[i] = if is_object { Label::Object } else { Label::Other };
         // A background without a plane keeps its depth: one that was not measured carves nothing.
-        match (1..=config.nearby).find_map(|radius| shown.at(i, radius, |object| object == is_object)) {
+        match (1..=NEARBY).find_map(|radius| shown.at(i, radius, |object| object == is_object)) {
             Some((depth, _)) => depths[i] = depth,
             None if is_object => depths[i] = 0.0,
             None => {}

@@ -34,12 +34,12 @@ pub(super) fn fuse_labelled(
     Ok(part_meshes_with_progress(views, half_motions, config, &mut within(done, LABELLED, 1.0))?.meshes)
 }
 
-/// Pixels of the object without depth, those in which something else hides it, and those of a background that was not measured, say nothing: any part as their label keeps their rays from being carved.
+/// Pixels of the object without depth, and those in which something else hides it, say nothing: any part as their label keeps their rays from
+/// being carved.
 fn keep_unmeasured(view: &FusionView<'_>, labels: &mut [u16]) {
     let Some(rgba) = &view.rgba else { return };
     for (i, label) in labels.iter_mut().enumerate().filter(|(i, _)| view.depth[*i] <= 0.0) {
-        let derived = view.derived.as_ref().is_some_and(|derived| derived[i]);
-        if derived || may_hold_object(&rgba[i]) {
+        if may_hold_object(&rgba[i]) {
             *label = 0;
         }
     }
@@ -89,10 +89,6 @@ mod tests {
         let mut labels = [BACKGROUND, BACKGROUND, 3, BACKGROUND];
         keep_unmeasured(&view, &mut labels);
         assert_eq!(labels, [0, BACKGROUND, 3, BACKGROUND]);
-        let derived = Some(vec![false, false, false, true].into());
-        let mut labels = [BACKGROUND; 4];
-        keep_unmeasured(&FusionView { derived, ..view }, &mut labels);
-        assert_eq!(labels, [0, BACKGROUND, BACKGROUND, 0], "a background that was not measured carves nothing");
     }
 
     #[test]

@@ -147,6 +147,8 @@ pub(super) const PLANES: &[Entry] = &[
 pub(super) const EXTRACT: &[Entry] = &[
     number("fill", 0.0, 1_000.0, "measured depth pixels",
         "Pixels without depth take the label of a pixel at most this far away, in measured depth pixels"),
+    number("outline", 0.0, 1_000.0, "pixels",
+        "Cost of an outline in pixels that change sides, where no depth was measured: higher values make it shorter, 0 leaves it as it is"),
     whole("margin", 0, 10_000, "pixels", "Pixels around the object that are kept"),
     number("hidden", 0.0, 1.0, "share",
         "Share of the object's surface that other things may hide before a frame is left out, 0 to 1"),

@@ -14,6 +14,9 @@ pub(super) const SIDE: usize = 8;
 const VOXELS: usize = SIDE * SIDE * SIDE;
 /// Weight of a derived depth against a measured one.
 const DERIVED: f32 = 0.1;
+/// Weight of the empty ray of a background that was not measured, against a measured one. Four times as much erodes: of a phone recording 4.5 instead
+/// of 3.2 % of the silhouettes are missing.
+const EMPTY: f32 = 0.005;
 /// Views prepared at a time; bounds memory, not results.
 const CHUNK: usize = 16;
 /// Bits and bias of one block coordinate in a key.
@@ -222,7 +225,11 @@ fn add_view(block: &mut Block, origin: DVec3, view: &Prepared, params: &TsdfPara
             let steep = slant.max(MIN_SCALE);
             let distance = if code < 0.0 { -code - z[i] } else { (code - z[i]) * steep };
             if distance >= truncation {
-                let w = if derived { 0.0 } else { 1.0 };
+                let w = match (derived, code < 0.0) {
+                    (false, _) => 1.0,
+                    (true, true) => EMPTY,
+                    (true, false) => 0.0,
+                };
                 sum[i] += w;
                 weight[i] += w;
             } else if code > 0.0 && distance > -behind {
@@ -267,6 +274,7 @@ fn project_row(start: Vec3, step: Vec3, [fx, fy, cx, cy]: [f32; 4], [width, heig
 #[cfg(test)]
 mod tests {
     use super::super::testing::{Scene, orbit};
+    use super::super::view::BACKGROUND;
     use super::*;
     use artgs_core::Camera;
 
@@ -353,6 +361,32 @@ mod tests {
         volume.integrate(&free, other);
         let values: Vec<f32> = volume.blocks.iter().flat_map(|b| (0..VOXELS).filter_map(|i| b.value(i, 0.5))).collect();
         assert!(!values.is_empty() && values.iter().all(|v| *v == 1.0));
+    }
+
+    #[test]
+    fn backgrounds_that_were_not_measured_end_derived_surfaces_only() {
+        let camera = orbit(1, 64, 2.0)[0];
+        let near = vec![2.0; 64 * 64];
+        let nothing = vec![0.0; 64 * 64];
+        let all: Vec<bool> = vec![true; 64 * 64];
+        let background = FusionView {
+            labels: Some(vec![BACKGROUND; 64 * 64].into()),
+            derived: Some(all.as_slice().into()),
+            ..FusionView::new(camera, &nothing)
+        };
+        let is_solid = |derived: bool| {
+            let wall = FusionView {
+                labels: Some(vec![0; 64 * 64].into()),
+                derived: derived.then(|| all.as_slice().into()),
+                ..FusionView::new(camera, &near)
+            };
+            let views: Vec<FusionView> = [wall].into_iter().chain((0..10).map(|_| background.clone())).collect();
+            let mut volume = Tsdf::new(TsdfParams::with_voxel(0.05));
+            assert!(volume.allocate(&views, Selection::ALL, usize::MAX));
+            volume.integrate(&views, Selection::ALL);
+            volume.blocks.iter().any(|b| (0..VOXELS).any(|i| b.value(i, 0.01).is_some_and(|v| v < 0.0)))
+        };
+        assert_eq!([false, true].map(is_solid), [true, false]);
     }
 
     #[test]

@@ -20,7 +20,8 @@ pub struct FusionView<'a> {
     /// Part of every pixel, `[height * width]`, [`BACKGROUND`] for none. Without labels every pixel with depth belongs to
     /// the surface, and the others say nothing.
     pub labels: Option<Cow<'a, [u16]>>,
-    /// True for pixels whose depth was derived, `[height * width]`; none in views whose depth was measured everywhere.
+    /// True for pixels whose depth, or the background that they show, was derived, `[height * width]`; none in views whose depth was measured
+    /// everywhere.
     pub derived: Option<Cow<'a, [bool]>>,
 }
 
@@ -69,6 +70,7 @@ impl FusionView<'_> {
             Some(BACKGROUND) => PixelUse::Ignore,
             Some(_) if depth.is_nan() || depth <= 0.0 => PixelUse::Ignore,
             Some(label) if wanted(label) => PixelUse::Surface,
+            Some(_) if self.derived.as_ref().is_some_and(|derived| derived[index]) => PixelUse::Ignore,
             Some(_) => PixelUse::FreeOnly,
         };
         match pixel_use {
@@ -156,7 +158,7 @@ impl Prepared {
         let mut pixels: Vec<[f32; 2]> = code.iter().copied().zip(slants(&code, &k)).map(<[f32; 2]>::from).collect();
         let mut reach: Vec<[f32; 2]> = code.iter().map(|c| [c.abs(); 2]).collect();
         if let Some(derived) = &view.derived {
-            // A weight below zero: space before a derived surface is not seen to be empty.
+            // A weight below zero: space before a derived surface is not seen to be empty, and rays of derived backgrounds are hardly.
             for i in (0..code.len()).filter(|&i| derived[i]) {
                 (pixels[i][1], reach[i][0]) = (-pixels[i][1], 0.0);
             }
