@@ -153,7 +153,8 @@ impl Caps {
             let edges = cap.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
             self.taken.extend(edges.map(|[a, b]| [a.min(b), a.max(b)]));
             let harmless = !hole_is_large || mean_width(mesh, &piece, &cap) < settings.strip * o.small_hole;
-            let step = flat.width / settings.tested;
+            // Not finer than the mesh.
+            let step = (flat.width / settings.tested).max(o.small_hole / settings.small_hole);
             let is_taken = |p: DVec3, _| (obstacles.empty)(p) || !harmless && (obstacles.passed)(p);
             if share(mesh, &cap, step, is_taken) <= settings.obstructed {
                 closed.triangles.extend(cap);

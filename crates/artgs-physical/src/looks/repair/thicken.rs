@@ -82,7 +82,7 @@ fn depths(
         let least = (least * thickness).min(depth);
         // An obstacle can be narrower than the wall.
         let step = thickness / steps;
-        let free = (1..).map(|k| k as f64 * step).take_while(|d| *d < depth).find(|d| obstacles.hold(p - n * *d));
+        let free = (1..).map(|k| k as f64 * step).take_while(|d| *d < depth).find(|d| (obstacles.passed)(p - n * *d));
         depth = free.map_or(depth, |met| (met - step).max(least));
         while depth > least && obstacles.hold(p - n * depth) {
             depth *= shrink;
