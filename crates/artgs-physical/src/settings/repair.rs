@@ -30,7 +30,8 @@ pub struct PassageSettings {
     pub rings: usize,
     /// Distance to a part within which a surface that a state shows may be that of the part. Raising it removes more of carriers.
     pub beside: f64,
-    /// Views of a state that show a surface which stays although it contradicts the motion, at least. Raising it removes more of carriers.
+    /// Views of a state that show a surface which stays although it contradicts the motion, at least, and of both states that look through a place
+    /// where nothing is invented. Raising it removes more of carriers and invents more.
     pub shown: usize,
     /// Straight pieces of a part's way at most.
     pub chords: usize,

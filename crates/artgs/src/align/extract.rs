@@ -248,7 +248,7 @@ fn derive(
     for i in changed(&Sides { shows_object: &shows_object, free: &free, rgba, width }, config.outline) {
         let is_object = labels[i] != Label::Object;
         labels[i] = if is_object { Label::Object } else { Label::Other };
-        // A background without a plane keeps its depth: one that was not measured carves nothing.
+        // A background without a plane keeps its depth: one that was not measured hardly carves.
         match (1..=NEARBY).find_map(|radius| shown.at(i, radius, |object| object == is_object)) {
             Some((depth, _)) => depths[i] = depth,
             None if is_object => depths[i] = 0.0,

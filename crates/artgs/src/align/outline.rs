@@ -1,5 +1,6 @@
 //! The outline of the object where no depth was measured: it follows edges of the photo.
 
+use super::complete::window;
 use crate::discover::graph_cut::expand;
 use glam::Vec3;
 
@@ -14,12 +15,11 @@ pub(super) struct Sides<'a> {
     pub(super) width: usize,
 }
 
-/// Weight of the outline between two pixels of one colour, and of the part of it that does not fall with their contrast.
-const EVEN: f32 = 0.1;
-
 /// The free pixels that change sides where the sum of two costs is least: 1 for each pixel that changes, and for each pair of neighbours
 /// (eight) on different sides `cost` where their colours are alike, and a tenth of that where they differ (Boykov and Jolly 2001).
 pub(super) fn changed(sides: &Sides<'_>, cost: f32) -> Vec<usize> {
+    /// Share of the cost that does not fall with contrast. A fifth of it gives the same masks.
+    const EVEN: f32 = 0.1;
     let Sides { shows_object, free, width, .. } = *sides;
     let nodes: Vec<usize> = (0..free.len()).filter(|&i| free[i] && shows_object[i].is_some()).collect();
     if nodes.is_empty() {
@@ -43,12 +43,10 @@ pub(super) fn changed(sides: &Sides<'_>, cost: f32) -> Vec<usize> {
         }
     }
     let mut labels: Vec<u16> = nodes.iter().map(|&i| u16::from(is_object(i))).collect();
-    expand(&data, 2, &edges, 1.0, &mut labels, SWEEPS);
+    // With two labels, one round of expansion finds the least sum.
+    expand(&data, 2, &edges, 1.0, &mut labels, 1);
     nodes.into_iter().zip(labels).filter(|(i, label)| (*label == 1) != is_object(*i)).map(|(i, _)| i).collect()
 }
-
-/// Rounds of expansion: with two labels, one of each finds the least sum.
-const SWEEPS: usize = 1;
 
 /// One over twice the mean squared difference of neighbours in a row.
 fn contrast(sides: &Sides<'_>) -> f32 {
@@ -66,13 +64,9 @@ fn difference(rgba: &[[u8; 4]], i: usize, j: usize) -> f32 {
 
 /// The eight neighbours of a pixel, with their distances.
 fn neighbours(i: usize, width: usize, pixels: usize) -> impl Iterator<Item = (usize, f32)> {
-    let (x, y) = ((i % width) as isize, (i / width) as isize);
-    let (columns, rows) = (width as isize, (pixels / width) as isize);
-    let steps = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy))).filter(|step| *step != (0, 0));
-    let inside = move |(dx, dy): &(isize, isize)| (0..columns).contains(&(x + dx)) && (0..rows).contains(&(y + dy));
-    let at =
-        move |(dx, dy): (isize, isize)| (((y + dy) * columns + x + dx) as usize, ((dx * dx + dy * dy) as f32).sqrt());
-    steps.filter(inside).map(at)
+    let is_aside = move |j: usize| i % width != j % width && i / width != j / width;
+    let length = move |j: usize| if is_aside(j) { std::f32::consts::SQRT_2 } else { 1.0 };
+    window(i, 1, width, pixels).filter(move |j| *j != i).map(move |j| (j, length(j)))
 }
 
 #[cfg(test)]

@@ -25,7 +25,7 @@ pub struct FusionView<'a> {
     pub derived: Option<Cow<'a, [bool]>>,
 }
 
-/// Which pixels of labelled views are samples of the fused surface. Depth of all other parts shows where space is empty.
+/// Which pixels of labelled views are samples of the fused surface. Measured depth of all other parts shows where space is empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Selection {
     /// The part to fuse; none: all parts.

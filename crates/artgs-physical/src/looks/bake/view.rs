@@ -57,6 +57,18 @@ impl<'a> BakeView<'a> {
         }
     }
 
+    /// Index of the pixel in which a point is, its place in the image and its depth; none outside of the image.
+    fn pixel(&self, point: DVec3) -> Option<(usize, [f64; 2], f64)> {
+        let k = &self.photo.intrinsics;
+        let p = self.rotation * point + self.translation;
+        if p.z <= 0.0 {
+            return None;
+        }
+        let (x, y) = (k.fx * p.x / p.z + k.cx, k.fy * p.y / p.z + k.cy);
+        let inside = x >= 0.0 && y >= 0.0 && x < f64::from(k.width) && y < f64::from(k.height);
+        inside.then(|| (y as usize * k.width as usize + x as usize, [x, y], p.z))
+    }
+
     /// Where this view sees a point with a unit normal; none if it does not.
     pub(super) fn sight(&self, point: DVec3, normal: DVec3, options: &BakeOptions) -> Option<Sight> {
         let ray = self.eye - point;
@@ -68,27 +80,18 @@ impl<'a> BakeView<'a> {
         if cosine < options.settings.facing {
             return None;
         }
-        let k = &self.photo.intrinsics;
-        let p = self.rotation * point + self.translation;
-        if p.z <= 0.0 {
-            return None;
-        }
-        let (x, y) = (k.fx * p.x / p.z + k.cx, k.fy * p.y / p.z + k.cy);
-        if !(x >= 0.0 && y >= 0.0 && x < f64::from(k.width) && y < f64::from(k.height)) {
-            return None;
-        }
-        let index = y as usize * k.width as usize + x as usize;
+        let (index, at, depth) = self.pixel(point)?;
         let clear = self.photo.clear[index];
         if clear == 0 {
             return None;
         }
         // The depth of an inclined surface changes within a pixel.
-        let footprint = p.z / k.fx;
+        let footprint = depth / self.photo.intrinsics.fx;
         let slope = (1.0 - cosine * cosine).sqrt() / cosine;
-        if (f64::from(self.photo.depth.at(index)) - p.z).abs() > options.tolerance + footprint * slope {
+        if (f64::from(self.photo.depth.at(index)) - depth).abs() > options.tolerance + footprint * slope {
             return None;
         }
-        Some(Sight { index, at: [x, y], clear, cosine, footprint })
+        Some(Sight { index, at, clear, cosine, footprint })
     }
 
     /// True if this view sees a point by a depth that was measured, false if by one that was derived; none if it does not see it.
@@ -99,19 +102,11 @@ impl<'a> BakeView<'a> {
 
     /// True if this view measures something behind a point, clear of edges.
     pub(crate) fn looks_through(&self, point: DVec3, options: &BakeOptions) -> bool {
-        let p = self.rotation * point + self.translation;
-        if p.z <= 0.0 {
-            return false;
-        }
-        let k = &self.photo.intrinsics;
-        let (x, y) = (k.fx * p.x / p.z + k.cx, k.fy * p.y / p.z + k.cy);
-        if !(x >= 0.0 && y >= 0.0 && x < f64::from(k.width) && y < f64::from(k.height)) {
-            return false;
-        }
-        let index = y as usize * k.width as usize + x as usize;
-        self.photo.clear[index] > 1
-            && self.photo.is_measured(index)
-            && f64::from(self.photo.depth.at(index)) > p.z + options.tolerance
+        self.pixel(point).is_some_and(|(index, _, depth)| {
+            self.photo.clear[index] > 1
+                && self.photo.is_measured(index)
+                && f64::from(self.photo.depth.at(index)) > depth + options.tolerance
+        })
     }
 
     /// True if some of the depth of this view was derived.

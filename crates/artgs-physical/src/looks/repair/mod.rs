@@ -1,7 +1,7 @@
 //! Closes meshes: cleans them, caps holes that no other part moves through, and thickens what is still open.
 //!
 //! A part's mesh lacks surfaces that no photo shows: its back, its underside, the inside of a compartment. A hole gets a cap,
-//! in several flat pieces if the rim is not planar, unless another part moves through it. A component that is still open
+//! in several flat pieces if the rim is not planar, unless another part moves through it or views look through it. A component that is still open
 //! after that, or a sheet to which caps give no volume, becomes a shell: an inner copy, joined at the rims, makes it solid.
 
 mod cap;
