@@ -360,9 +360,10 @@ impl fmt::Display for ExportReport {
         if let Some(sides) = sides_in_words(&self.unrecorded_sides) {
             writeln!(
                 f,
-                "not recorded: {sides}; what closes the surface there is invented. To have it measured, record it in either state"
+                "not recorded: {sides}; the surface there is missing or invented. To have it measured, record it in either state"
             )?;
         }
+        writeln!(f, "size: 1 unit of the capture is taken as {} m; --scale gives another length", self.scale)?;
         if let (Some(source), Some(confidence)) = (self.up_source, self.up_confidence) {
             writeln!(f, "up: {} of the capture, {}, certainty {confidence:.2}", self.up, source.words())?;
         }

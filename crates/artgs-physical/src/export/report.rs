@@ -5,18 +5,22 @@ use crate::build::BuiltAsset;
 use crate::limits::{Range, Stop};
 use crate::looks::unrecorded_sides;
 use crate::settings::SideSettings;
-use artgs_core::{JointInterval, JointKind, Replica, State};
+use artgs_core::{Capture, JointInterval, JointKind, Replica, State};
 use artgs_io::asset::Format;
 use artgs_io::export_report::{ExportReport, HandleReport, LinkReport, RequestedOptions};
+use glam::DVec3;
 
 /// What was decided about an asset.
 pub(super) fn report(
     built: &BuiltAsset,
     replica: &Replica,
     asked: &ExportOptions,
-    sides: &SideSettings,
+    (capture, sides): (Option<&Capture>, &SideSettings),
 ) -> ExportReport {
     let BuiltAsset { asset, decisions, .. } = built;
+    let views = capture.into_iter().flat_map(|capture| capture.states.iter().flat_map(|state| &state.train));
+    let cameras: Vec<DVec3> =
+        views.map(|view| decisions.object.apply(decisions.scale * view.camera.position())).collect();
     let [before, after] = decisions.clearance.volume;
     ExportReport {
         options: RequestedOptions::default(),
@@ -28,7 +32,7 @@ pub(super) fn report(
         links: (0..asset.links.len()).map(|i| link_report(built, replica, i, &asked.formats)).collect(),
         penetration: [decisions.clearance.deepest, decisions.penetration],
         lost_pieces: decisions.clearance.lost,
-        unrecorded_sides: unrecorded_sides(asset, sides).into_iter().map(String::from).collect(),
+        unrecorded_sides: unrecorded_sides(asset, &cameras, sides).into_iter().map(String::from).collect(),
         cut_share: if before > 0.0 { 1.0 - after / before } else { 0.0 },
         ..ExportReport::default()
     }

@@ -1,17 +1,34 @@
-//! Sides of the object that were not recorded: what closes them is invented.
+//! Sides of the object that were not recorded: their surface is missing, or what closes it is invented.
 
 use crate::geometry::topology::{corners, cross, points};
 use crate::settings::SideSettings;
 use artgs_core::{Asset, AssetLink, FaceEvidence};
 use glam::DVec3;
 
-/// Names of the sides of the static part of which most is invented, of `back`, `left`, `right` (as seen from the front) and `top`; none where the
-/// front or the evidence is unknown. What is below stands on the floor.
-pub(crate) fn unrecorded_sides(asset: &Asset, settings: &SideSettings) -> Vec<&'static str> {
+/// Names of the sides of the static part that hardly a camera looks at, or of which most is invented, of `back`, `left`, `right` (as seen from
+/// the front) and `top`; none where the front or the evidence is unknown. What is below stands on the floor. `cameras` are the positions of the cameras of
+/// both states, frame of the asset; without any, invented surface alone decides.
+pub(crate) fn unrecorded_sides(asset: &Asset, cameras: &[DVec3], settings: &SideSettings) -> Vec<&'static str> {
     let (Some(front), Some(base)) = (asset.front, asset.links.first()) else { return Vec::new() };
     let right = (-front).cross(DVec3::Z);
     let sides = [("back", -front), ("left", -right), ("right", right), ("top", DVec3::Z)];
-    sides.into_iter().filter(|(_, towards)| is_invented(base, *towards, settings)).map(|(name, _)| name).collect()
+    if base.visual.evidence.is_empty() {
+        return Vec::new();
+    }
+    let is_unseen = |towards| !cameras.is_empty() && looking(base, towards, cameras, settings) < settings.cameras;
+    let lacks = |(_, towards): &(&str, DVec3)| is_unseen(*towards) || is_invented(base, *towards, settings);
+    sides.into_iter().filter(lacks).map(|(name, _)| name).collect()
+}
+
+/// Number of cameras that look at a side from far enough in front of it.
+fn looking(link: &AssetLink, towards: DVec3, cameras: &[DVec3], settings: &SideSettings) -> usize {
+    let mesh = &link.visual.mesh;
+    let lower = points(mesh).fold(DVec3::INFINITY, DVec3::min);
+    let upper = points(mesh).fold(DVec3::NEG_INFINITY, DVec3::max);
+    let middle = 0.5 * (lower + upper);
+    let side = middle + towards * (points(mesh).map(|p| (p - middle).dot(towards)).fold(0.0, f64::max));
+    let looks = |camera: &&DVec3| (**camera - side).normalize_or_zero().dot(towards) > settings.grazing;
+    cameras.iter().filter(looks).count()
 }
 
 /// True if most of the surface that faces outwards there is invented.
@@ -38,7 +55,7 @@ mod tests {
     use artgs_core::{Mesh, TexturedMesh};
 
     fn sides(asset: &Asset) -> Vec<&'static str> {
-        unrecorded_sides(asset, &SideSettings::DEFAULT)
+        unrecorded_sides(asset, &[], &SideSettings::DEFAULT)
     }
 
     /// A box whose faces that point along `unseen` are invented.
@@ -61,6 +78,26 @@ mod tests {
         // The front is towards -Y: who stands there has +X on the right.
         assert_eq!(sides(&recorded_without(&[DVec3::Y, DVec3::NEG_X])), ["back", "left"]);
         assert_eq!(sides(&recorded_without(&[DVec3::X, DVec3::Z, DVec3::NEG_Z])), ["right", "top"]);
+    }
+
+    #[test]
+    fn sides_that_no_camera_looks_at_are_named_also_if_nothing_closes_them() {
+        // The mesh has no back.
+        let mut open = recorded_without(&[]);
+        let visual = &mut open.links[0].visual;
+        let faces_back: Vec<bool> =
+            visual.mesh.triangles.iter().map(|t| cross(&visual.mesh, *t).normalize().dot(DVec3::Y) > 0.9).collect();
+        let mut kept = faces_back.iter().map(|back| !back);
+        visual.mesh.triangles.retain(|_| kept.next().unwrap());
+        visual.evidence.truncate(visual.mesh.triangles.len());
+        assert!(sides(&open).is_empty(), "without cameras it is unknown");
+        // From the front, up to 60 degrees to both sides, from above.
+        let from = |degrees: f64| DVec3::new(3.0 * degrees.to_radians().sin(), -3.0 * degrees.to_radians().cos(), 1.6);
+        let arc = |most: i32| (-6..=6).map(|i| from(f64::from(i * most) / 6.0)).collect::<Vec<DVec3>>();
+        let named = |cameras: &[DVec3]| unrecorded_sides(&open, cameras, &SideSettings::DEFAULT);
+        assert_eq!(named(&arc(60)), ["back"]);
+        assert_eq!(named(&arc(8)), ["back", "left", "right"]);
+        assert!(named(&arc(170)).is_empty());
     }
 
     #[test]

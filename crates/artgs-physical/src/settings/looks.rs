@@ -125,11 +125,15 @@ pub struct SideSettings {
     pub facing: f64,
     /// Share of it that is invented, above which it was not recorded. Raising it names fewer sides.
     pub invented: f64,
+    /// Cameras that must look at it. Raising it names more sides.
+    pub cameras: usize,
+    /// Sine of the least angle between its plane and the way to such a camera: views along a surface measure nothing of it.
+    pub grazing: f64,
 }
 
 impl SideSettings {
     /// The settings that are used.
-    pub const DEFAULT: Self = Self { depth: 0.15, facing: 0.7, invented: 0.7 };
+    pub const DEFAULT: Self = Self { depth: 0.15, facing: 0.7, invented: 0.7, cameras: 2, grazing: 0.17 };
 }
 
 impl Default for SideSettings {

@@ -53,7 +53,7 @@ impl fmt::Display for Viewpoints {
         let [low, high] = self.above_deg;
         write!(f, "from {:.0} of 360 degrees around, {low:.0} to {high:.0} degrees above", self.around_deg)?;
         if self.around_deg < ALL_SIDES {
-            write!(f, "; sides that face away are not recorded and will be invented")?;
+            write!(f, "; sides that face away are not recorded: their surface will be missing or invented")?;
         }
         Ok(())
     }
