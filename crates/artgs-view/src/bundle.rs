@@ -3,9 +3,9 @@
 /// HTML of the page.
 pub(crate) const HTML: &str = include_str!("../dist/index.html");
 /// Script of the page with all its dependencies.
-pub(crate) const SCRIPT: &str = include_str!("../dist/viewer.js");
+pub(crate) static SCRIPT: &str = include_str!("../dist/viewer.js");
 /// Style of the page.
-pub(crate) const STYLE: &str = include_str!("../dist/viewer.css");
+pub(crate) static STYLE: &str = include_str!("../dist/viewer.css");
 
 /// Content security policy: the page may load only itself. Workers of the splat sorter are blobs, its code is a data URL,
 /// files of an exported page are blobs.
