@@ -12,6 +12,11 @@ use std::path::Path;
 
 /// Scores, in a file as well if it is named.
 pub(crate) fn run(args: &Evaluate, style: Style) -> Result<(), Failure> {
+    if args.gt.is_none() && args.capture.is_none() {
+        return Err(Failure::bad(
+            "nothing to compare with: give --gt DIR, the ground truth, --capture DIR, held-out photos, or both",
+        ));
+    }
     use_threads(args.threads)?;
     let file = args.json.as_ref().filter(|file| file.as_os_str() != "-");
     file.map_or(Ok(()), |file| require_place(file))?;

@@ -20,7 +20,8 @@ pub(crate) fn run(args: &Inspect, style: Style) -> Result<(), Failure> {
         all if style.json => say(format!("{:#}", json!(all)))?,
         all => all.iter().try_for_each(|one| say(format!("{}\n{one}", one.path().display())))?,
     }
-    let refusals: Vec<String> = inspected.iter().flat_map(named_refusals).collect();
+    let few = inspected.iter().filter_map(Inspected::few_depths);
+    let refusals: Vec<String> = inspected.iter().flat_map(named_refusals).chain(few.map(String::from)).collect();
     if refusals.is_empty() {
         return if style.json { Ok(()) } else { say(verdict(&inspected, args)) };
     }
@@ -43,9 +44,6 @@ fn verdict(inspected: &[Inspected], args: &Inspect) -> String {
         1 => "usable, with the warning above".into(),
         n => format!("usable, with the {n} warnings above"),
     };
-    if let Some(why) = inspected.iter().find_map(Inspected::few_depths) {
-        return format!("not usable: {why}");
-    }
     let options = recordings::given_options(&args.recording);
     match inspected {
         [recording] if !recording.is_capture() => {
@@ -60,7 +58,11 @@ fn verdict(inspected: &[Inspected], args: &Inspect) -> String {
         }
         _ => {
             let paths: Vec<String> = args.capture.iter().map(|path| path.display().to_string()).collect();
-            format!("{usable}: artgs reconstruct {}{options} -o OUT makes a replica", paths.join(" "))
+            let command = format!("artgs reconstruct {}{options} -o OUT", paths.join(" "));
+            match inspected {
+                [_, _] => format!("{usable}: {command} makes a replica if both show one object"),
+                _ => format!("{usable}: {command} makes a replica"),
+            }
         }
     }
 }

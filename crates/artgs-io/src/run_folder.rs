@@ -278,6 +278,10 @@ impl RunFolder {
             Err(NoReplica::NoFolder(folder()))
         } else if self.stage("").is_dir() {
             Err(NoReplica::Unfinished(folder()))
+        } else if let Some(above) = self.root().parent().filter(|above| Self::new(above).has_replica()) {
+            Err(NoReplica::Within(folder(), above.to_path_buf()))
+        } else if crate::capture::is_capture(self.root()) {
+            Err(NoReplica::Capture(folder()))
         } else {
             Err(NoReplica::Other(folder()))
         }
@@ -352,6 +356,12 @@ pub enum NoReplica {
     /// Its run is not finished.
     #[error("{shown}: its run stopped before there was a replica; artgs reconstruct CAPTURE -o {shown} --resume continues it", shown = .0.display())]
     Unfinished(PathBuf),
+    /// It is a folder of a replica.
+    #[error("{}: is a folder of a replica; give {}", .0.display(), .1.display())]
+    Within(PathBuf, PathBuf),
+    /// It is a capture.
+    #[error("{shown}: is a capture, not a replica; artgs reconstruct {shown} -o OUT makes one", shown = .0.display())]
+    Capture(PathBuf),
     /// It was not written by a run.
     #[error("{}: there is no replica.json here; artgs reconstruct makes one", .0.display())]
     Other(PathBuf),

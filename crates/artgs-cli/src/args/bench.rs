@@ -97,10 +97,10 @@ pub(crate) struct Bench {
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub(crate) timeout: Option<Duration>,
     /// Runs at a time; times and memory are comparable only with one
-    #[arg(long, value_name = "N", default_value = "1")]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = crate::args::count)]
     pub(crate) jobs: NonZeroUsize,
     /// Number of threads of a run; all cores if absent
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = crate::args::count)]
     pub(crate) threads: Option<NonZeroUsize>,
     /// What training runs on, as `artgs reconstruct` reads it
     #[arg(long, value_name = "DEVICE", default_value_t = DeviceChoice::Auto)]

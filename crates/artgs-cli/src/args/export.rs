@@ -81,7 +81,7 @@ pub(crate) struct Export {
     #[arg(long, value_name = "MM")]
     pub(crate) texel: Option<f64>,
     /// Number of threads; all cores if absent
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = crate::args::count)]
     pub(crate) threads: Option<NonZeroUsize>,
     /// Write JSON
     #[arg(long)]

@@ -36,7 +36,7 @@ pub(crate) struct Reconstruct {
     #[arg(long)]
     pub(crate) force_input: bool,
     /// Memory that the run may take, such as 4GiB: larger images are reduced to fit; what is free on the machine if absent
-    #[arg(long, value_name = "SIZE")]
+    #[arg(long, value_name = "SIZE", value_parser = crate::args::size)]
     pub(crate) memory: Option<ByteSize>,
     /// Show training in the browser while it runs
     #[arg(long)]
@@ -114,7 +114,7 @@ pub(crate) struct Method {
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
     /// Number of threads; all cores if absent
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = crate::args::count)]
     pub(crate) threads: Option<NonZeroUsize>,
     /// What training runs on: auto (a graphics processor if there is one), cpu, gpu or gpu:N; `artgs devices` lists them
     #[arg(long, value_name = "DEVICE", default_value_t = DeviceChoice::Auto)]

@@ -14,6 +14,7 @@ pub(crate) use export::{CollisionKind, Export, FormatArg};
 pub(crate) use method::{Demo, Earlier, Method, Preset, Reconstruct, RecordingArgs};
 pub(crate) use synth::{Synth, SynthLayout, SynthScene, SynthSensor};
 
+use bytesize::ByteSize;
 use clap::{Args, Parser, Subcommand};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -117,7 +118,7 @@ pub(crate) struct Inspect {
     #[command(flatten)]
     pub(crate) recording: RecordingArgs,
     /// Number of threads; all cores if absent
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = crate::args::count)]
     pub(crate) threads: Option<NonZeroUsize>,
     /// Write JSON
     #[arg(long)]
@@ -170,12 +171,22 @@ pub(crate) struct View {
     pub(crate) save_box: Option<PathBuf>,
 }
 
+/// A number of at least 1.
+fn count(text: &str) -> Result<NonZeroUsize, String> {
+    text.parse().map_err(|_| "give a whole number of at least 1".into())
+}
+
+/// Bytes with or without a unit.
+fn size(text: &str) -> Result<ByteSize, String> {
+    text.parse().map_err(|_| "give a number with a unit, such as 4GiB or 800MB".into())
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct Evaluate {
     /// Folder that `reconstruct` made
     pub(crate) out: PathBuf,
     /// Folder with the ground truth: joints and meshes
-    #[arg(long, value_name = "DIR", required_unless_present = "capture")]
+    #[arg(long, value_name = "DIR")]
     pub(crate) gt: Option<PathBuf>,
     /// Folder with the capture: its held-out views are compared with what the replica shows there
     #[arg(long, value_name = "DIR")]
@@ -187,7 +198,7 @@ pub(crate) struct Evaluate {
     #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-")]
     pub(crate) json: Option<PathBuf>,
     /// Number of threads; all cores if absent
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = crate::args::count)]
     pub(crate) threads: Option<NonZeroUsize>,
 }
 

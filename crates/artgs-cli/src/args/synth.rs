@@ -72,7 +72,7 @@ pub(crate) struct Synth {
     #[arg(long)]
     pub(crate) force: bool,
     /// Number of threads; all cores if absent
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = crate::args::count)]
     pub(crate) threads: Option<NonZeroUsize>,
     /// Write JSON, one line per object
     #[arg(long)]

@@ -1,6 +1,6 @@
 //! Recordings in one file: bags, MCAP and the archives of Record3D.
 
-use crate::case::{bad, check, odd};
+use crate::case::{bad, check};
 
 const BAG: &str = "inspect IN/small.bag --poses IN/poses.txt";
 const MCAP: &str = "inspect IN/small.mcap --poses IN/poses.txt";
@@ -9,7 +9,7 @@ const R3D: &str = "inspect IN/small.r3d";
 #[test]
 fn bags() {
     check(&[
-        odd("as it is", "containers", BAG, &["3 of 3 recorded"], |_| {}),
+        bad("as it is", "containers", BAG, &["3 frames have depth, at least 4", "refuses this input"], |_| {}),
         bad(
             "no poses",
             "containers",
@@ -48,7 +48,7 @@ fn bags() {
 #[test]
 fn mcap_files() {
     check(&[
-        odd("as it is", "containers", MCAP, &["3 of 3 recorded"], |_| {}),
+        bad("as it is", "containers", MCAP, &["3 frames have depth, at least 4", "refuses this input"], |_| {}),
         bad("empty", "containers", MCAP, &["small.mcap", "no MCAP file"], |f| f.write("small.mcap", "")),
         bad("only the magic bytes", "containers", MCAP, &["small.mcap", "damaged or incomplete"], |f| {
             f.bytes("small.mcap", |b| b.truncate(8))
@@ -78,7 +78,7 @@ fn mcap_files() {
 #[test]
 fn archives() {
     check(&[
-        odd("as it is", "containers", R3D, &["3 of 3 recorded"], |_| {}),
+        bad("as it is", "containers", R3D, &["3 frames have depth, at least 4", "refuses this input"], |_| {}),
         bad("empty", "containers", R3D, &["small.r3d", "no camera file"], |f| f.write("small.r3d", "")),
         bad("cut in the middle", "containers", R3D, &["small.r3d"], |f| f.cut("small.r3d", 0.5)),
         bad("cut at the end", "containers", R3D, &["small.r3d"], |f| {

@@ -64,7 +64,13 @@ fn options() {
         bad("photos that are missing", "replica", "export IN --capture IN/none", &["none"], nothing),
         bad("photos that are none", "replica", "export IN --capture IN/meshes", &["not a capture"], nothing),
         bad("no threads", "replica", "export IN --threads 0", &["--threads"], nothing),
-        bad("a capture in place of a replica", "tiny", "export IN", &["no replica.json"], nothing),
+        bad(
+            "a capture in place of a replica",
+            "tiny",
+            "export IN",
+            &["is a capture, not a replica", "artgs reconstruct"],
+            nothing,
+        ),
         bad(
             "a run that stopped",
             "found",

@@ -93,13 +93,9 @@ fn nerfstudio() {
             &["1 frames name a depth image that does not exist", "depth/000001.png"],
             |f| f.remove("start/depth/000001.png"),
         ),
-        odd(
-            "all depth images are missing",
-            "nerfstudio",
-            INSPECT,
-            &["5 frames name a depth image that does not exist"],
-            |f| f.remove("start/depth"),
-        ),
+        bad("all depth images are missing", "nerfstudio", INSPECT, &["0 frames have depth, at least 4"], |f| {
+            f.remove("start/depth")
+        }),
         bad("colour and depth have changed places", "nerfstudio", INSPECT, &["colour and depth mixed up"], |f| {
             nerf(f, |r| {
                 for frame in r["frames"].as_array_mut().unwrap() {
@@ -169,11 +165,11 @@ fn nerfstudio() {
             nerf(f, |r| r["frames"][0]["transform_matrix"][0][3] = json!(1e300))
         }),
         bad("no depth at all", "nerfstudio", BOTH, &["start: 0 frames have depth", "record with depth"], without_depth),
-        odd(
+        bad(
             "no depth at all, inspected",
             "nerfstudio",
             INSPECT,
-            &["not usable: ", "start: 0 frames have depth"],
+            &["start: 0 frames have depth", "refuses this input"],
             without_depth,
         ),
         bad(
@@ -384,7 +380,7 @@ fn record3d() {
         odd("a quaternion of zero", "record3d", INSPECT, &["1 poses are lost", "rgb/2.jpg"], |f| {
             f.json(FILE, |r| r["poses"][2] = json!([0, 0, 0, 0, 1, 1, 1]))
         }),
-        odd("fewer poses than images", "record3d", INSPECT, &["images have no pose"], |f| {
+        bad("fewer poses than images", "record3d", INSPECT, &["3 frames have depth, at least 4"], |f| {
             f.json(FILE, |r| r["poses"].as_array_mut().unwrap().truncate(3))
         }),
         bad(

@@ -38,7 +38,7 @@ fn ground_truth() {
         bad("an empty folder", "replica", "evaluate IN --gt IN/empty", &["trans.json"], |f| {
             std::fs::create_dir(f.path("empty")).unwrap();
         }),
-        bad("no replica", "replica", "evaluate IN/gt --gt IN/gt", &["no replica.json"], |_| {}),
+        bad("no replica", "replica", "evaluate IN/gt --gt IN/gt", &["is a folder of a replica; give"], |_| {}),
         bad("empty", "replica", EVALUATE, &["trans.json", "EOF"], |f| f.write(FILE, "")),
         bad("cut", "replica", EVALUATE, &["trans.json", "EOF"], |f| f.cut(FILE, 0.5)),
         bad("a list", "replica", EVALUATE, &["trans.json", "trans_info"], |f| f.write(FILE, "[]")),

@@ -31,6 +31,14 @@ pub enum RecordingError {
         /// The folder, which has a known format.
         folder: PathBuf,
     },
+    /// A folder of one state of a capture.
+    #[error("{}: is a folder of the capture {whole}; give the capture alone: artgs reconstruct {whole} -o OUT", path.display(), whole = whole.display())]
+    OneState {
+        /// The given path.
+        path: PathBuf,
+        /// The capture.
+        whole: PathBuf,
+    },
     /// Images alone.
     #[error("{}: {}", path.display(), crate::capture::NO_POSES)]
     NoPoses {

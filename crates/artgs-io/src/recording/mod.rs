@@ -69,10 +69,12 @@ pub fn load_recording(path: &Path, options: &RecordingOptions) -> Result<Recordi
     options.check(path)?;
     let format = options.format.or_else(|| RecordingFormat::detect(path)).or_else(|| RecordingFormat::by_name(path));
     let folder = path.parent().filter(|_| path.is_file()).filter(|folder| RecordingFormat::detect(folder).is_some());
-    let unknown = || match (folder, crate::capture::has_only_images(path)) {
-        (Some(folder), _) => RecordingError::OneFile { path: path.into(), folder: folder.into() },
-        (None, true) => RecordingError::NoPoses { path: path.into() },
-        (None, false) => RecordingError::Unknown {
+    let whole = path.parent().filter(|above| crate::capture::is_capture(above));
+    let unknown = || match (whole, folder, crate::capture::has_only_images(path)) {
+        (Some(whole), ..) => RecordingError::OneState { path: path.into(), whole: whole.into() },
+        (None, Some(folder), _) => RecordingError::OneFile { path: path.into(), folder: folder.into() },
+        (None, None, true) => RecordingError::NoPoses { path: path.into() },
+        (None, None, false) => RecordingError::Unknown {
             path: path.into(),
             found: survey::identify(path).map(|what| format!(": {what}")).unwrap_or_default(),
             known: RecordingFormat::known(),
