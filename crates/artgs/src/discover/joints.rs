@@ -3,7 +3,6 @@
 use super::DiscoverConfig;
 use super::cloud::{Cloud, IndexedCloud};
 use super::front::Front;
-use super::glide::GlideSettings;
 use super::registration::{
     Matching, Registration, RegistrationOptions, matched, register, register_along, shows_other_side,
 };
@@ -45,10 +44,6 @@ pub(crate) struct JointSettings {
     pub(crate) more: f64,
     /// or nearly as many (`as_many`) with a root mean square distance below this fraction of the hinge's.
     pub(crate) much_better: f64,
-    /// Motions that turn less may be slides that surfaces do not hold, radians.
-    pub(crate) straight: f64,
-    /// Panels that slide within their plane.
-    pub(crate) glide: GlideSettings,
     /// Screws of parts that look alike from many sides.
     pub(crate) screws: ScrewSettings,
 }
@@ -70,8 +65,6 @@ impl Default for JointSettings {
             slide_spacings: 3.0,
             more: 1.2,
             much_better: 0.5,
-            straight: 0.02,
-            glide: GlideSettings::default(),
             screws: ScrewSettings::default(),
         }
     }
@@ -125,9 +118,6 @@ impl<'a> JointFit<'a> {
         let points = own.as_ref().map(|own| IndexedCloud::gridded(own, self.lengths.spacing));
         let options = self.options(&points, &part.motion);
         let free = register(both(&points), part.motion, None, &options);
-        if let Some(shift) = self.glide(&points, &part.motion, &free) {
-            return general(&Registration { motion: Rigid::shift(shift), ..free });
-        }
         let slide = || self.slide(&points, &free, &options);
         let slides = self.may_slide(&free).then(slide).filter(|slide| self.as_many(slide, &free));
         general(&slides.unwrap_or(free))
@@ -142,12 +132,6 @@ impl<'a> JointFit<'a> {
         let points = own.as_ref().map(|own| IndexedCloud::gridded(own, self.lengths.spacing));
         let options = self.options(&points, &part.motion);
         let free = register(both(&points), part.motion, None, &options);
-        let may_slide = known.is_none_or(|known| known == JointKind::Prismatic);
-        if let Some(shift) = may_slide.then(|| self.glide(&points, &part.motion, &free)).flatten() {
-            let joint =
-                JointEstimate { rms: free.rms, ..JointEstimate::new(JointKind::Prismatic, Rigid::shift(shift)) };
-            return Decided { joint, general: None, misfit: 0.0 };
-        }
         let (kind, fit) = match known {
             Some(kind) => (kind, on_joint(&points, &free, kind, &options)),
             None => self.choose(&points, &free, &options),
@@ -162,17 +146,6 @@ impl<'a> JointFit<'a> {
         }
         let misfit = if turn.is_some() { f64::INFINITY } else { self.misfit(&free, &fit) };
         Decided { joint, general: turn.or(is_general.then(|| general(&free))), misfit }
-    }
-
-    /// The slide of a part that slid so far (`before`), where its surfaces leave directions free.
-    fn glide(&self, points: &PerState<IndexedCloud<'_>>, before: &Rigid, free: &Registration) -> Option<DVec3> {
-        if self.spreading || !self.config.decide_joints || before.angle() > self.settings.straight {
-            return None;
-        }
-        let middle = points[State::START].cloud.middle().as_dvec3();
-        let shift = |motion: &Rigid| motion.apply(middle) - middle;
-        let spacing = f64::from(self.lengths.spacing);
-        self.settings.glide.held(points, shift(before), shift(&free.motion), spacing)
     }
 
     /// The turn of a part that looks alike from many sides and slides by more than noise; none of parts that slide and

@@ -93,7 +93,7 @@ impl RailSettings {
 }
 
 /// Angle between two lines, degrees; 90 if one has no direction.
-pub(super) fn angle_deg(a: DVec3, b: DVec3) -> f64 {
+fn angle_deg(a: DVec3, b: DVec3) -> f64 {
     let cosine = (a.dot(b) / (a.length() * b.length()).max(1e-300)).abs();
     cosine.min(1.0).acos().to_degrees()
 }

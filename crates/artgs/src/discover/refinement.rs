@@ -48,9 +48,6 @@ impl Refinement<'_> {
         if self.scene.spreading && self.config.decide_joints {
             self.settings.rails.align(self.scene, self.clouds, &found.labels, &mut found.parts, self.front);
         }
-        if !self.scene.spreading && self.config.decide_joints {
-            self.settings.joints.glide.align(self.scene, self.clouds, &found.labels, &mut found.parts);
-        }
         found
     }
 
@@ -215,25 +212,16 @@ impl Refinement<'_> {
     /// The part with the least support, if that is too little: few points moved for certain, or other motions explain all
     /// of them.
     fn unsupported(&self, found: &Parts) -> Option<usize> {
-        /// Least share of the moved points that only the motion of a panel explains.
-        const PANEL_SHARE: f64 = 0.05;
         let Self { scene, clouds, evidence, settings, .. } = *self;
         let supports = settings.support.of_parts(scene, clouds, evidence, found);
         let least_moved = self.least_moved();
-        // Of a panel, rails hold what surfaces leave free, if the motion explains enough.
-        let least_of_panel = PANEL_SHARE * evidence.total() as f64;
-        let is_loose = |s: &Support| s.stiffness < settings.support.least_stiffness;
-        let rails = (!scene.spreading && supports.iter().any(is_loose))
-            .then(|| settings.joints.glide.rails(scene, clouds, &found.labels, &found.parts));
-        let lacks = |k: usize, s: &Support| {
-            let has_rails = rails.as_ref().is_some_and(|rails| rails[k].is_some());
-            let railed = has_rails && s.exclusive * s.moved >= least_of_panel;
+        let lacks = |s: &Support| {
             s.moved < least_moved
                 || s.exclusive * s.moved < settings.support.least_exclusive
                 || s.explained < settings.support.least_explained
-                || is_loose(s) && !railed
+                || s.stiffness < settings.support.least_stiffness
         };
-        let lacking = supports.iter().enumerate().filter(|(k, s)| lacks(*k, s));
+        let lacking = supports.iter().enumerate().filter(|(_, s)| lacks(s));
         let weakest = lacking.min_by(|a, b| (a.1.exclusive * a.1.moved).total_cmp(&(b.1.exclusive * b.1.moved)));
         weakest.map(|(k, _)| k)
     }

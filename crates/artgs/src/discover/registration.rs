@@ -4,7 +4,7 @@ use super::cloud::IndexedCloud;
 use super::space_grid::{NO_POINT, SpaceGrid};
 use artgs_core::{JointKind, Rigid};
 use glam::{DMat3, DVec3, Vec3};
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 use rayon::prelude::*;
 
 /// Settings of a registration.
@@ -215,36 +215,6 @@ pub(super) fn shows_other_side(points: Matching<'_>, motion: &Rigid, reach: f64)
 pub(super) fn matched(points: Matching<'_>, motion: &Rigid, reach: f64, max_points: usize, either_side: bool) -> usize {
     let options = RegistrationOptions { first_reach: reach, last_reach: reach, iterations: 1, max_points, either_side };
     collect_pairs(points, motion, reach, &options, &RobustSettings::default()).len()
-}
-
-/// Unit directions of shifts that matched surfaces do not hold after the slide `shift`: the mean squared cosine between them and the
-/// normals is below `free`. Pairs are as close as `reach`.
-pub(super) fn free_directions(
-    points: Matching<'_>,
-    shift: DVec3,
-    reach: f64,
-    max_points: usize,
-    free: f64,
-) -> Vec<DVec3> {
-    let settings = RobustSettings::default();
-    let options =
-        RegistrationOptions { first_reach: reach, last_reach: reach, iterations: 1, max_points, either_side: false };
-    let pairs = collect_pairs(points, &Rigid::shift(shift), reach, &options, &settings);
-    if pairs.len() < settings.least_pairs {
-        return Vec::new();
-    }
-    let pairs = reweighted(pairs, 0.0, &settings);
-    let total = pairs.iter().map(|p| p.weight).sum::<f64>().max(1e-300);
-    let sum: Matrix3<f64> = pairs
-        .iter()
-        .map(|p| {
-            let n = Vector3::new(p.normal.x, p.normal.y, p.normal.z);
-            p.weight / total * n * n.transpose()
-        })
-        .sum();
-    let eigen = sum.symmetric_eigen();
-    let weak = (0..3).filter(|&k| eigen.eigenvalues[k] < free);
-    weak.map(|k| DVec3::from_slice(eigen.eigenvectors.column(k).as_slice()).normalize_or(DVec3::X)).collect()
 }
 
 /// Root mean square distance between the matched surfaces per unit of displacement in the direction, among shifts and

@@ -2,7 +2,6 @@
 //! answers, which part the point is connected with.
 
 use super::cloud::{Cloud, IndexedCloud, components};
-use super::enclosure::Enclosure;
 use super::graph_cut;
 use super::known::KnownLandings;
 use super::landing::Landing;
@@ -32,9 +31,6 @@ pub(crate) struct LabelCosts {
     pub(crate) unsupported: f32,
     /// A point without evidence for any part that is given to another one than the nearest along the surface.
     pub(crate) not_nearest: f32,
-    /// A point without evidence, in the box of the evident points of a movable part, that is given to a movable part outside
-    /// of whose box it is. More than `not_nearest`: the floor of a drawer is nearer to a door below than to the drawer's front.
-    pub(crate) not_enclosed: f32,
     /// Two close, coplanar neighbours of the same colour in different parts.
     pub(crate) smooth: f32,
 }
@@ -49,7 +45,6 @@ impl Default for LabelCosts {
             color: 0.3,
             unsupported: 0.005,
             not_nearest: 0.02,
-            not_enclosed: 0.06,
             smooth: 0.4,
         }
     }
@@ -187,35 +182,6 @@ pub(super) struct Labelling<'a> {
 }
 
 impl Labelling<'_> {
-    /// Adds, for points without evidence that some movable parts enclose, a cost for the movable parts that do not.
-    fn add_enclosure_costs(&self, data: &mut [f32], own: &[f32], state: State, motions: &[Rigid]) {
-        /// A box grows by this many spacings.
-        const MARGIN: f32 = 2.0;
-        /// Fewer evident points make no box.
-        const LEAST: usize = 30;
-        let parts = motions.len() + 1;
-        let points = &self.clouds[state].cloud.points;
-        let evidence: Vec<Option<usize>> =
-            own.chunks_exact(parts).map(|row| evident(row, self.settings.lead)).collect();
-        let around = |k: usize| {
-            let evident = points.iter().zip(&evidence).filter(|(_, e)| **e == Some(k));
-            let evident: Vec<Vec3> = evident.map(|(p, _)| *p).collect();
-            let screw = motions[k - 1].screw();
-            let axis =
-                if screw.angle.abs() > TURNS { screw.axis } else { motions[k - 1].translation.normalize_or_zero() };
-            Enclosure::around(&evident, axis.as_vec3(), MARGIN * self.scene.lengths.spacing, LEAST)
-        };
-        let boxes: Vec<Option<Enclosure>> = (1..parts).map(around).collect();
-        let rows = data.par_chunks_mut(parts).zip(points).zip(&evidence).with_min_len(512);
-        rows.filter(|(_, evidence)| evidence.is_none()).for_each(|((row, point), _)| {
-            let inside = |part: &Option<Enclosure>| part.is_some_and(|b| b.contains(*point));
-            if boxes.iter().any(inside) {
-                let outside = boxes.iter().zip(&mut row[1..]).filter(|(part, _)| !inside(part));
-                outside.for_each(|(_, cost)| *cost += self.costs.not_enclosed);
-            }
-        });
-    }
-
     /// Part of every point of every state under motions from start to end.
     pub(super) fn labels(&self, motions: &[Rigid]) -> PerState<Vec<u16>> {
         let parts = motions.len() + 1;
@@ -226,7 +192,6 @@ impl Labelling<'_> {
             let mut data = own.clone();
             let Graph { edges, surface } = &self.graphs[s];
             add_distance_costs(&mut data, parts, surface, self.costs.not_nearest, self.settings.lead);
-            self.add_enclosure_costs(&mut data, &own, s, motions);
             let mut labels = cheapest(&data, parts);
             graph_cut::expand(&data, parts, edges, self.costs.smooth, &mut labels, self.settings.sweeps);
             let reach = self.settings.island_reach * self.scene.lengths.spacing;
@@ -238,9 +203,6 @@ impl Labelling<'_> {
         PerState::from_fn(|_| all.next().unwrap_or_default())
     }
 }
-
-/// Least angle of a motion that turns, radians.
-const TURNS: f64 = 0.02;
 
 /// Cost of an unsampled surface at rest, relative to seeing nothing at the place.
 const UNSAMPLED: f32 = 0.5;
