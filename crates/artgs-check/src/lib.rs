@@ -100,10 +100,7 @@ pub fn check(out: &Path, options: &CheckOptions) -> Result<CheckReport, CheckErr
             let observed = observed::all(&RunFolder::new(out), &replica, &exported, &model);
             physics(&model, &exported, &observed, options, &mut report);
         }
-        None => {
-            report.undriven = true;
-            report.notes.push("no readable URDF: no joint was driven; export one with `--to urdf`".into());
-        }
+        None => report.notes.push("no readable URDF: no joint was driven; export one with `--to urdf`".into()),
     }
     files(&RunFolder::new(out), &mut report)?;
     if let Some(driven) = opened.iter_mut().find(|o| o.finding.format == "urdf") {

@@ -27,8 +27,6 @@ pub struct CheckReport {
     pub limits: Vec<LimitFinding>,
     /// The observed states, if a format contains them.
     pub states: Vec<StateFinding>,
-    /// True if no joint was driven, because nothing could be read for it.
-    pub undriven: bool,
     /// What was not checked, and why. Notes are no failures.
     pub notes: Vec<String>,
     /// Number of problems.

@@ -216,7 +216,7 @@ impl fmt::Display for CheckReport {
             n => writeln!(f, "\n{n} warnings")?,
         }
         match self.failures {
-            0 if self.undriven => writeln!(f, "\nall checks that ran passed; no joint was driven"),
+            0 if self.links.is_empty() => writeln!(f, "\nall checks that ran passed; no joint was driven"),
             0 => writeln!(f, "\nall checks passed"),
             1 => writeln!(f, "\n1 problem"),
             n => writeln!(f, "\n{n} problems"),

@@ -562,6 +562,7 @@ fn without_a_urdf_nothing_is_driven_and_without_observations_that_is_said() {
     let report = check(dir.path(), &CheckOptions::default()).unwrap();
     assert!(report.passed() && report.joints.is_empty(), "{report}");
     assert!(report.to_string().contains("note: no readable URDF"), "{report}");
+    assert!(report.to_string().ends_with("all checks that ran passed; no joint was driven\n"), "{report}");
     let report = driven(&asset);
     assert!(report.passed() && report.notes.iter().any(|n| n.contains("observed values")), "{report}");
     std::fs::create_dir_all(dir.path().join("exports/urdf")).unwrap();

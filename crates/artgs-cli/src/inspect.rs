@@ -20,8 +20,7 @@ pub(crate) fn run(args: &Inspect, style: Style) -> Result<(), Failure> {
         all if style.json => say(format!("{:#}", json!(all)))?,
         all => all.iter().try_for_each(|one| say(format!("{}\n{one}", one.path().display())))?,
     }
-    let few = inspected.iter().filter_map(Inspected::few_depths);
-    let refusals: Vec<String> = inspected.iter().flat_map(named_refusals).chain(few.map(String::from)).collect();
+    let refusals: Vec<String> = inspected.iter().flat_map(named_refusals).collect();
     if refusals.is_empty() {
         return if style.json { Ok(()) } else { say(verdict(&inspected, args)) };
     }

@@ -171,16 +171,6 @@ pub(crate) struct View {
     pub(crate) save_box: Option<PathBuf>,
 }
 
-/// A number of at least 1.
-fn count(text: &str) -> Result<NonZeroUsize, String> {
-    text.parse().map_err(|_| "give a whole number of at least 1".into())
-}
-
-/// Bytes with or without a unit.
-fn size(text: &str) -> Result<ByteSize, String> {
-    text.parse().map_err(|_| "give a number with a unit, such as 4GiB or 800MB".into())
-}
-
 #[derive(Debug, Args)]
 pub(crate) struct Evaluate {
     /// Folder that `reconstruct` made
@@ -200,6 +190,16 @@ pub(crate) struct Evaluate {
     /// Number of threads; all cores if absent
     #[arg(long, value_name = "N", value_parser = crate::args::count)]
     pub(crate) threads: Option<NonZeroUsize>,
+}
+
+/// A number of at least 1.
+fn count(text: &str) -> Result<NonZeroUsize, String> {
+    text.parse().map_err(|_| "give a whole number of at least 1".into())
+}
+
+/// Bytes with or without a unit.
+fn size(text: &str) -> Result<ByteSize, String> {
+    text.parse().map_err(|_| "give a number with a unit, such as 4GiB or 800MB".into())
 }
 
 #[cfg(test)]

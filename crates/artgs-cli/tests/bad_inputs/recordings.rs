@@ -581,6 +581,13 @@ fn other_formats() {
             &["not a recording of a known format", "nerfstudio"],
             |f| f.write("a/b.txt", ""),
         ),
+        bad(
+            "folders of the states of a capture",
+            "tiny",
+            "reconstruct IN/start IN/end -o OUT",
+            &["is a folder of the capture", "give the capture alone: artgs reconstruct"],
+            |_| {},
+        ),
         bad("photos without poses", "", "inspect IN/a IN/a", &["contains images but no camera poses", "COLMAP"], |f| {
             f.write("a/IMG_0001.JPG", "")
         }),

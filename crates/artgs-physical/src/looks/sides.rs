@@ -1,6 +1,6 @@
 //! Sides of the object that were not recorded: their surface is missing, or what closes it is invented.
 
-use crate::geometry::topology::{corners, cross, points};
+use crate::geometry::topology::{bounds, corners, cross, points};
 use crate::settings::SideSettings;
 use artgs_core::{Asset, AssetLink, FaceEvidence};
 use glam::DVec3;
@@ -23,8 +23,7 @@ pub(crate) fn unrecorded_sides(asset: &Asset, cameras: &[DVec3], settings: &Side
 /// Number of cameras that look at a side from far enough in front of it.
 fn looking(link: &AssetLink, towards: DVec3, cameras: &[DVec3], settings: &SideSettings) -> usize {
     let mesh = &link.visual.mesh;
-    let lower = points(mesh).fold(DVec3::INFINITY, DVec3::min);
-    let upper = points(mesh).fold(DVec3::NEG_INFINITY, DVec3::max);
+    let Some([lower, upper]) = bounds(mesh) else { return 0 };
     let middle = 0.5 * (lower + upper);
     let side = middle + towards * (points(mesh).map(|p| (p - middle).dot(towards)).fold(0.0, f64::max));
     let looks = |camera: &&DVec3| (**camera - side).normalize_or_zero().dot(towards) > settings.grazing;

@@ -94,7 +94,7 @@ impl Inspected {
     }
 
     /// Why a recording, which can be shown, has too little depth to be reconstructed from, if it has.
-    pub fn few_depths(&self) -> Option<&str> {
+    fn few_depths(&self) -> Option<&str> {
         match &self.what {
             What::Capture { .. } => None,
             What::Recording { few_depths, .. } => few_depths.as_deref()?.lines().next(),
@@ -112,7 +112,7 @@ impl Inspected {
 
     /// Why a run refuses it; empty if none does.
     pub fn refusals(&self) -> Vec<String> {
-        refusals(&self.findings()).map(String::from).collect()
+        refusals(&self.findings()).chain(self.few_depths()).map(String::from).collect()
     }
 
     fn findings(&self) -> Vec<Finding> {

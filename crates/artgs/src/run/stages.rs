@@ -355,7 +355,8 @@ fn nothing_moved(scene: &Scene) -> Discovery {
 
 /// One static part, where noise or a misalignment looks like motion.
 fn nothing_explained(found: Discovery) -> Discovery {
-    let warning = "nothing moved by more than the errors of depth and poses; the replica is one part without joints; if a part moved, open it further";
+    let warning = "nothing moved by more than the errors of depth and poses; the replica is one part without joints; if a part moved, \
+                   open it further";
     Discovery { warnings: vec![warning.into()], ..found }
 }
 
