@@ -181,7 +181,13 @@ fn depths() {
         bad("missing where the file lists it", "tiny", RECONSTRUCT, &["depth_path", "add it or remove the key"], |f| {
             f.remove(DEPTH)
         }),
-        odd("missing everywhere", "tiny", "inspect IN", &["depth"], no_depth),
+        odd(
+            "missing everywhere",
+            "tiny",
+            "inspect IN",
+            &["warning", "no training view has depth", "takes longer"],
+            no_depth,
+        ),
         bad("the largest number everywhere", "tiny", RECONSTRUCT, &["depth"], |f| {
             every(f, "depth", |name| f.depth(name, |_| u16::MAX))
         }),
