@@ -125,15 +125,8 @@ pub fn summarize(capture: &Capture) -> CaptureSummary {
         shared_volume: boxes.map(|b| b[State::START].shared_volume(&b[State::END])),
         gaze_distance: gaze.map(|c| (c[State::START].point - c[State::END].point).length()),
         camera_extent: capture.camera_extent(),
-        warnings: capture.warnings.iter().cloned().chain(without_depth(capture)).collect(),
+        warnings: capture.warnings.clone(),
     }
-}
-
-/// What follows if no training view has depth.
-fn without_depth(capture: &Capture) -> Option<String> {
-    let mut views = capture.states.iter().flat_map(|state| &state.train);
-    let sentence = "no training view has depth: parts are found from depth that fitted Gaussians render, which takes longer and errs more";
-    (!views.any(|view| view.depth.is_some())).then(|| sentence.into())
 }
 
 fn range(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {

@@ -172,12 +172,18 @@ fn depths() {
             f.names("end/train/depth").iter().for_each(|name| f.depth(name, |_| 0));
         }),
         odd("zero in one frame", "tiny", "inspect IN", &["4 views"], |f| f.depth(DEPTH, |_| 0)),
-        odd("missing in one frame", "tiny", "inspect IN", &["warning", "have no depth", "0000.png"], |f| {
-            f.remove(DEPTH);
-            f.json("transforms_train_start.json", |root| {
-                root["frames"][0].as_object_mut().unwrap().remove("depth_path");
-            });
-        }),
+        odd(
+            "missing in one frame",
+            "tiny",
+            "inspect IN",
+            &["warning", "have no depth", "0000.png", "takes longer"],
+            |f| {
+                f.remove(DEPTH);
+                f.json("transforms_train_start.json", |root| {
+                    root["frames"][0].as_object_mut().unwrap().remove("depth_path");
+                });
+            },
+        ),
         bad("missing where the file lists it", "tiny", RECONSTRUCT, &["depth_path", "add it or remove the key"], |f| {
             f.remove(DEPTH)
         }),
@@ -185,7 +191,7 @@ fn depths() {
             "missing everywhere",
             "tiny",
             "inspect IN",
-            &["warning", "no training view has depth", "takes longer"],
+            &["warning", "not every training view has depth", "takes longer"],
             no_depth,
         ),
         bad("the largest number everywhere", "tiny", RECONSTRUCT, &["depth"], |f| {

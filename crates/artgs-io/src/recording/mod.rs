@@ -69,8 +69,8 @@ pub fn load_recording(path: &Path, options: &RecordingOptions) -> Result<Recordi
     options.check(path)?;
     let format = options.format.or_else(|| RecordingFormat::detect(path)).or_else(|| RecordingFormat::by_name(path));
     let folder = path.parent().filter(|_| path.is_file()).filter(|folder| RecordingFormat::detect(folder).is_some());
-    let whole = path.parent().filter(|above| crate::capture::is_capture(above));
-    let unknown = || match (whole, folder, crate::capture::has_only_images(path)) {
+    let whole = || path.parent().filter(|above| crate::capture::is_capture(above));
+    let unknown = || match (whole(), folder, crate::capture::has_only_images(path)) {
         (Some(whole), ..) => RecordingError::OneState { path: path.into(), whole: whole.into() },
         (None, Some(folder), _) => RecordingError::OneFile { path: path.into(), folder: folder.into() },
         (None, None, true) => RecordingError::NoPoses { path: path.into() },

@@ -65,7 +65,7 @@ pub fn export(
         files.extend(format.replace_with(&folder.exports(), &built.asset, &write).map_err(ExportError::Output)?);
         watch(ExportEvent::Written(i + 1, options.formats.len()));
     }
-    let decided = report(&built, &replica, options, (capture, &config.settings.looks.sides));
+    let decided = report(&built, &replica, options, capture, &config.settings.looks.sides);
     let mut report = ExportReport { options: options.requested(), files, density: config.density, ..decided };
     report.record_digests(folder, &options.formats).map_err(ExportError::Output)?;
     report.save(folder).map_err(ExportError::Output)?;

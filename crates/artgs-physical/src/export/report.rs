@@ -15,7 +15,8 @@ pub(super) fn report(
     built: &BuiltAsset,
     replica: &Replica,
     asked: &ExportOptions,
-    (capture, sides): (Option<&Capture>, &SideSettings),
+    capture: Option<&Capture>,
+    sides: &SideSettings,
 ) -> ExportReport {
     let BuiltAsset { asset, decisions, .. } = built;
     let views = capture.into_iter().flat_map(|capture| capture.states.iter().flat_map(|state| &state.train));

@@ -15,6 +15,9 @@ use serde::Serialize;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+/// What a run does with a capture of which a training view has no depth.
+pub(crate) const RENDERED_DEPTH: &str = "not every training view has depth: parts are found from depth that Gaussians render, which takes longer and errs more";
+
 /// What is said about a capture or a recording; as text and as JSON.
 #[derive(Debug, Serialize)]
 pub struct Inspected {
@@ -66,7 +69,9 @@ pub fn inspect(input: &Input) -> Result<Vec<Inspected>, PrepareError> {
 
 impl Inspected {
     fn capture(path: &Path, capture: &Capture, sizes: &ImageSizes) -> Self {
-        let (summary, consistency) = (artgs_io::summarize(capture).into(), check_capture(capture).into());
+        let (mut summary, consistency) = (Box::new(artgs_io::summarize(capture)), check_capture(capture).into());
+        let mut views = capture.states.iter().flat_map(|state| &state.train);
+        summary.warnings.extend(views.any(|view| view.depth.is_none()).then(|| RENDERED_DEPTH.into()));
         let cameras = capture.states.iter().flat_map(|state| cameras_of(&state.train));
         let viewpoints = Viewpoints::of(cameras, capture.up.map(|up| up.direction));
         let what = What::Capture { summary, consistency, viewpoints, memory_bytes: memory::unlimited(sizes) };

@@ -14,6 +14,7 @@ mod viewpoints;
 pub use agreement::load_capture;
 pub use error::PrepareError;
 pub use input::{Input, InputError, RecordingFiles};
+pub(crate) use inspect::RENDERED_DEPTH;
 pub use inspect::{Inspected, inspect};
 pub use memory::{MemoryError, Plan};
 

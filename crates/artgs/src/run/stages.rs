@@ -12,6 +12,7 @@ use crate::config::Config;
 use crate::discover::{self, DepthPicture, DiscoverError, Discovery, Scene};
 use crate::fit::{FitError, single::fit_single};
 use crate::observer::{Event, Observer, percent, within};
+use crate::prepare::RENDERED_DEPTH;
 use crate::published::{PaperConfig, paper_pipeline};
 use crate::registration::{RegistrationError, register_parts};
 use crate::start::{PartSource, StartSource};
@@ -157,7 +158,7 @@ impl<'a> Run<'a> {
             return Ok(depths);
         }
         let single = self.single()?;
-        self.observer.event(Event::note("the capture has no depth: parts are found from depth rendered by Gaussians"));
+        self.observer.event(Event::note(RENDERED_DEPTH));
         Ok(PerState::from_fn(|state| {
             let views = self.train_views()[state];
             rendered_depths(&single[state], views).iter().map(|d| Cow::Owned(DepthMap::nearest(d))).collect()
