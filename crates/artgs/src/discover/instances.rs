@@ -27,9 +27,9 @@ pub(crate) struct InstanceSettings {
     pub(crate) least_box: f32,
     /// Least extent of a box in both directions across the opening, spacings.
     pub(crate) least_extent: f32,
-    /// Least share of a box that is behind a front, seen along the opening; where depth noise spreads points.
+    /// Least share of a box that is behind a front, seen along the opening.
     pub(crate) least_covered: f32,
-    /// Least extent of a box towards the other boxes, as a share of the extent of its front; where depth noise spreads points.
+    /// Least extent of a box towards the other boxes, as a share of the extent of its front.
     pub(crate) least_width: f32,
     /// Least share of a part's points in a body that only one state shows; where depth noise spreads points.
     pub(crate) least_single: f32,
@@ -62,16 +62,6 @@ struct Body<'a> {
     /// State and index of each point.
     origin: Vec<(State, usize)>,
     cloud: Cloud,
-}
-
-/// What is asked of the extent of every box across the opening.
-#[derive(Clone, Copy)]
-enum Width {
-    Any,
-    /// Enough of the extent of its front in the direction of the next box.
-    TowardsNext,
-    /// The same, and across that direction.
-    Across,
 }
 
 /// Bodies of one part: for every point its body, 0.. , and their number.
@@ -191,13 +181,10 @@ impl InstanceSettings {
         let is_box =
             |group: &Vec<usize>| group.len() >= least.max(self.least_points) && self.is_box(body, group, opening);
         let mut boxes: Vec<Vec<usize>> = groups.into_iter().filter(is_box).collect();
-        if !body.scene.spreading {
-            return self.behind_fronts(body, opening, boxes, Width::Any);
-        }
         self.keep_behind_fronts(body, opening, &mut boxes);
         let beside = self.are_beside(body, opening, &boxes);
-        let distinct = beside.then(|| self.behind_fronts(body, opening, boxes.clone(), Width::Across)).flatten();
-        distinct.or_else(|| self.behind_fronts(body, opening, self.apart(body, boxes), Width::TowardsNext))
+        let distinct = beside.then(|| self.behind_fronts(body, opening, boxes.clone(), Some(opening))).flatten();
+        distinct.or_else(|| self.behind_fronts(body, opening, self.apart(body, boxes), None))
     }
 
     /// True if, seen along the opening, a gap separates every box from every other one: noise does not make two boxes of one there.
@@ -215,13 +202,14 @@ impl InstanceSettings {
         (0..boxes.len()).all(|a| (0..a).all(|b| gap(a, b) > least))
     }
 
-    /// Points by the box that they belong to, if every box is as wide as is needed.
+    /// Points by the box that they belong to, if every box is as wide as its front towards the next one; with `across`, the opening, also in the
+    /// direction across both.
     fn behind_fronts(
         &self,
         body: &Body<'_>,
         opening: Vec3,
         mut boxes: Vec<Vec<usize>>,
-        width: Width,
+        across: Option<Vec3>,
     ) -> Option<Bodies> {
         // Seen along the opening, so that a front is nearest to its own box.
         let mut seen = Body { cloud: body.cloud.clone(), origin: Vec::new(), ..*body };
@@ -230,11 +218,7 @@ impl InstanceSettings {
         let fronts: Vec<Vec<usize>> = (0..boxes.len())
             .map(|k| (0..of_point.len()).filter(|&i| of_point[i] == k && body.faces(i, opening)).collect())
             .collect();
-        let is_wide = match width {
-            Width::Any => true,
-            Width::TowardsNext => self.as_wide(&seen.cloud, &boxes, &fronts, None),
-            Width::Across => self.as_wide(&seen.cloud, &boxes, &fronts, Some(opening)),
-        };
+        let is_wide = self.as_wide(&seen.cloud, &boxes, &fronts, across);
         is_wide.then_some((of_point, boxes.len()))
     }
 

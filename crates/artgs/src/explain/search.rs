@@ -33,7 +33,7 @@ impl Default for SearchSettings {
         Self {
             rounds: 12,
             tried: 5,
-            part: 30.0,
+            part: 12.0,
             unhappy: 1.5,
             least_group: 12,
             groups: 8,
