@@ -427,4 +427,38 @@ mod tests {
         assert!(settings.are_beside(&body, Vec3::NEG_Y, &[left, boxes[1][..400].to_vec()]));
         assert!(!settings.are_beside(&body, Vec3::NEG_Y, &[boxes[1][..400].to_vec(), side]));
     }
+
+    #[test]
+    fn pieces_behind_one_front_are_boxes_only_if_they_are_as_wide_or_space_between_them_is_seen() {
+        let scene = crate::discover::test_scene::cabinet_scene(6, 48);
+        // Where no view looks, so that nothing is seen between the pieces.
+        let (away, unit) = (Vec3::new(0.0, 0.0, 60.0), scene.lengths.spacing / 0.02);
+        let split = |pieces: [[f32; 2]; 2]| {
+            let mut cloud = Cloud::default();
+            let mut add = |point: Vec3, normal: Vec3| {
+                cloud.points.push(unit * point + away);
+                cloud.normals.push(normal);
+                cloud.colors.push(Vec3::ONE);
+                cloud.roughness.push(0.0);
+            };
+            for (i, j) in (0..61).flat_map(|i| (0..21).map(move |j| (i as f32, j as f32))) {
+                add(Vec3::new(0.01 * i, 0.0, 0.01 * j), Vec3::NEG_Y);
+            }
+            for [from, to] in pieces {
+                for (i, j) in (0..20).flat_map(|i| (0..21).map(move |j| (i as f32, j as f32))) {
+                    for y in [0.2, 0.22] {
+                        add(Vec3::new(from + (to - from) * i / 19.0, y, 0.01 * j), Vec3::Z);
+                    }
+                }
+            }
+            let origin = (0..cloud.len()).map(|i| (State::ALL[i % 2], i)).collect();
+            let motion = Rigid::shift(glam::DVec3::NEG_Y);
+            let body = Body { scene: &scene, motion: &motion, origin, cloud };
+            let front = Front { direction: Vec3::NEG_Y, height: 0.0 };
+            InstanceSettings::default().boxes(&body, Some(front)).map(|(_, count)| count)
+        };
+        assert_eq!(split([[0.01, 0.25], [0.35, 0.59]]), Some(2));
+        assert_eq!(split([[0.01, 0.12], [0.48, 0.59]]), None, "sides of one drawer");
+        assert_eq!(split([[0.01, 0.27], [0.33, 0.59]]), None, "a narrow gap that no view shows");
+    }
 }
