@@ -183,8 +183,8 @@ impl InstanceSettings {
         let mut boxes: Vec<Vec<usize>> = groups.into_iter().filter(is_box).collect();
         self.keep_behind_fronts(body, opening, &mut boxes);
         let beside = self.are_beside(body, opening, &boxes);
-        let distinct = beside.then(|| self.behind_fronts(body, opening, boxes.clone(), Some(opening))).flatten();
-        distinct.or_else(|| self.behind_fronts(body, opening, self.apart(body, boxes), None))
+        let distinct = beside.then(|| self.behind_fronts(body, opening, boxes.clone(), true)).flatten();
+        distinct.or_else(|| self.behind_fronts(body, opening, self.apart(body, boxes), false))
     }
 
     /// True if, seen along the opening, a gap separates every box from every other one: noise does not make two boxes of one there.
@@ -202,14 +202,14 @@ impl InstanceSettings {
         (0..boxes.len()).all(|a| (0..a).all(|b| gap(a, b) > least))
     }
 
-    /// Points by the box that they belong to, if every box is as wide as its front towards the next one; with `across`, the opening, also in the
-    /// direction across both.
+    /// Points by the box that they belong to, if every box reaches behind enough of its front in the direction of the next one, and with
+    /// `across` also in the direction across that and the opening.
     fn behind_fronts(
         &self,
         body: &Body<'_>,
         opening: Vec3,
         mut boxes: Vec<Vec<usize>>,
-        across: Option<Vec3>,
+        across: bool,
     ) -> Option<Bodies> {
         // Seen along the opening, so that a front is nearest to its own box.
         let mut seen = Body { cloud: body.cloud.clone(), origin: Vec::new(), ..*body };
@@ -218,7 +218,7 @@ impl InstanceSettings {
         let fronts: Vec<Vec<usize>> = (0..boxes.len())
             .map(|k| (0..of_point.len()).filter(|&i| of_point[i] == k && body.faces(i, opening)).collect())
             .collect();
-        let is_wide = self.as_wide(&seen.cloud, &boxes, &fronts, across);
+        let is_wide = self.as_wide(&seen.cloud, &boxes, &fronts, across.then_some(opening));
         is_wide.then_some((of_point, boxes.len()))
     }
 
@@ -364,6 +364,13 @@ fn front_plate(cloud: &Cloud, opening: Vec3, spacing: f32) -> Option<f32> {
 mod tests {
     use super::*;
 
+    fn push(cloud: &mut Cloud, point: Vec3, normal: Vec3) {
+        cloud.points.push(point);
+        cloud.normals.push(normal);
+        cloud.colors.push(Vec3::ONE);
+        cloud.roughness.push(0.0);
+    }
+
     #[test]
     fn the_sides_of_one_drawer_are_not_two_drawers() {
         let settings = InstanceSettings::default();
@@ -371,10 +378,7 @@ mod tests {
         let mut add = |from: f32, to: f32, y: f32| {
             let first = cloud.points.len();
             for (i, j) in (0..40).flat_map(|i| (0..10).map(move |j| (i as f32 / 39.0, j as f32 / 9.0))) {
-                cloud.points.push(Vec3::new(from + (to - from) * i, y, 0.2 * j));
-                cloud.normals.push(Vec3::NEG_Y);
-                cloud.colors.push(Vec3::ONE);
-                cloud.roughness.push(0.0);
+                push(&mut cloud, Vec3::new(from + (to - from) * i, y, 0.2 * j), Vec3::NEG_Y);
             }
             (first..cloud.points.len()).collect::<Vec<usize>>()
         };
@@ -407,10 +411,7 @@ mod tests {
         let mut add = |from: f32, to: f32, columns: usize| {
             let first = cloud.points.len();
             for (i, j) in (0..columns).flat_map(|i| (0..20).map(move |j| (i as f32, j as f32 / 19.0))) {
-                cloud.points.push(Vec3::new(from + (to - from) * i / columns as f32, 0.0, 0.3 * j));
-                cloud.normals.push(Vec3::NEG_Y);
-                cloud.colors.push(Vec3::ONE);
-                cloud.roughness.push(0.0);
+                push(&mut cloud, Vec3::new(from + (to - from) * i / columns as f32, 0.0, 0.3 * j), Vec3::NEG_Y);
             }
             (first..cloud.points.len()).collect::<Vec<usize>>()
         };
@@ -435,12 +436,7 @@ mod tests {
         let (away, unit) = (Vec3::new(0.0, 0.0, 60.0), scene.lengths.spacing / 0.02);
         let split = |pieces: [[f32; 2]; 2]| {
             let mut cloud = Cloud::default();
-            let mut add = |point: Vec3, normal: Vec3| {
-                cloud.points.push(unit * point + away);
-                cloud.normals.push(normal);
-                cloud.colors.push(Vec3::ONE);
-                cloud.roughness.push(0.0);
-            };
+            let mut add = |point: Vec3, normal: Vec3| push(&mut cloud, unit * point + away, normal);
             for (i, j) in (0..61).flat_map(|i| (0..21).map(move |j| (i as f32, j as f32))) {
                 add(Vec3::new(0.01 * i, 0.0, 0.01 * j), Vec3::NEG_Y);
             }
