@@ -106,22 +106,41 @@ impl Preview {
     }
 }
 
-/// The view that shows most of the movable parts, and the one that shows most of them from another side.
+/// The view that shows the movable parts best, and the one from another side that adds most to it: a large part does not outweigh a small one that
+/// is hidden.
 fn best_views(posed: &Posed<'_>, views: &[View], rasterizer: &mut Rasterizer) -> Vec<usize> {
-    let movable: Vec<[f32; 3]> = posed.labels.iter().map(|l| [f32::from(u8::from(*l > 0)); 3]).collect();
-    let mut ranked: Vec<(f32, usize)> = (0..views.len())
-        .map(|i| {
-            let frame = posed.render_fixed(rasterizer, &views[i].camera, &movable);
-            (frame.rgb[..frame.alpha.len()].iter().sum::<f32>(), i)
-        })
-        .collect();
-    ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+    /// Views that are compared, evenly spaced.
+    const COMPARED: usize = 32;
+    let step = views.len().div_ceil(COMPARED).max(1);
+    let shown: Vec<(usize, Vec<f32>)> =
+        (0..views.len()).step_by(step).map(|i| (i, shown_areas(posed, &views[i].camera, rasterizer))).collect();
+    let best = |beside: &[f32], allowed: &dyn Fn(usize) -> bool| {
+        let score = |areas: &[f32]| -> f32 {
+            areas.iter().enumerate().map(|(k, a)| a.max(beside.get(k).copied().unwrap_or(0.0)).sqrt()).sum()
+        };
+        let scored = shown.iter().filter(|(i, _)| allowed(*i)).map(|(i, areas)| (score(areas), *i, areas));
+        scored.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|(_, i, areas)| (i, areas))
+    };
+    let Some((first, areas)) = best(&[], &|_| true) else { return Vec::new() };
     let eye = |i: usize| views[i].camera.position();
-    let Some(&(_, first)) = ranked.first() else { return Vec::new() };
     let centre = views.iter().map(|v| v.camera.position()).sum::<DVec3>() / views.len() as f64;
-    let apart = |i: usize| (eye(i) - eye(first)).length() > 0.5 * (eye(first) - centre).length();
-    let second = ranked.iter().map(|r| r.1).find(|&i| i != first && apart(i));
-    std::iter::once(first).chain(second).collect()
+    let apart = |i: usize| i != first && (eye(i) - eye(first)).length() > 0.5 * (eye(first) - centre).length();
+    std::iter::once(first).chain(best(areas, &apart).map(|second| second.0)).collect()
+}
+
+/// Pixels that each movable part covers in a camera, part 1 first.
+fn shown_areas(posed: &Posed<'_>, camera: &Camera, rasterizer: &mut Rasterizer) -> Vec<f32> {
+    let parts = usize::from(posed.labels.iter().copied().max().unwrap_or(0));
+    let mut areas = Vec::with_capacity(parts);
+    // Each channel shows one part.
+    for first in (1..=parts).step_by(3) {
+        let channel = |label: u16, c: usize| f32::from(u8::from(usize::from(label) == first + c));
+        let colors: Vec<[f32; 3]> = posed.labels.iter().map(|l| [0, 1, 2].map(|c| channel(*l, c))).collect();
+        let frame = posed.render_fixed(rasterizer, camera, &colors);
+        let pixels = frame.alpha.len();
+        areas.extend((0..3.min(parts + 1 - first)).map(|c| frame.rgb[c * pixels..][..pixels].iter().sum::<f32>()));
+    }
+    areas
 }
 
 fn photo(canvas: &mut Canvas, tile: (usize, usize), view: &View) {
@@ -248,5 +267,45 @@ fn axes(
             let size = DVec2::new(camera.intrinsics.width.into(), camera.intrinsics.height.into());
             canvas.line(tile, ends[0].0, ends[1].0, size, AXIS);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artgs_core::{Intrinsics, Splats};
+
+    /// A large part before a static wall, and a small one behind it.
+    #[test]
+    fn a_small_part_that_a_large_one_outweighs_is_shown_by_one_of_the_views() {
+        let mut splats = Splats::empty(0);
+        let mut labels = Vec::new();
+        let mut patch = |label: u16, y: f32, half: i16| {
+            for (i, j) in (-half..=half).flat_map(|i| (-half..=half).map(move |j| (i, j))) {
+                splats.means.push([0.05 * f32::from(i), y, 0.05 * f32::from(j)]);
+                splats.rotations.push([1.0, 0.0, 0.0, 0.0]);
+                splats.log_scales.push([0.025f32.ln(); 3]);
+                splats.logit_opacities.push(8.0);
+                splats.sh.extend([0.0; 3]);
+                labels.push(label);
+            }
+        };
+        patch(0, 0.0, 12);
+        patch(1, -0.1, 10);
+        patch(2, 0.6, 2);
+        let posed = Posed { splats, labels: &labels, world_to_part: Vec::new() };
+        let intrinsics = Intrinsics { fx: 64.0, fy: 64.0, cx: 32.0, cy: 32.0, width: 64, height: 64 };
+        let view = |x: f64, y: f64| {
+            let camera = Camera::look_at(intrinsics, DVec3::new(x, y, 0.0), DVec3::ZERO, DVec3::Z);
+            View::new("", camera, vec![[255; 4]; 64 * 64], None)
+        };
+        let views = [view(0.0, -2.0), view(1.5, -1.4), view(-1.5, -1.4), view(0.0, 3.0)];
+        let areas: Vec<Vec<f32>> =
+            views.iter().map(|v| shown_areas(&posed, &v.camera, &mut Rasterizer::new())).collect();
+        assert!(areas[..3].iter().all(|a| a[0] > 2.0 * areas[3].iter().sum::<f32>() && a[1] < 1.0), "{areas:?}");
+        assert!(areas[3][1] > 10.0, "{areas:?}");
+        let mut best = best_views(&posed, &views, &mut Rasterizer::new());
+        best.sort_unstable();
+        assert_eq!(best, [0, 3]);
     }
 }
