@@ -6,7 +6,7 @@ use super::front::Front;
 use super::registration::{
     Matching, Registration, RegistrationOptions, matched, register, register_along, shows_other_side,
 };
-use super::scene::{Lengths, Scene};
+use super::scene::{HingeBall, Lengths, Scene};
 use super::screws::{ScrewSettings, turned};
 use artgs_core::{Joint, JointEstimate, JointKind, PerState, Rigid, State};
 use glam::DVec3;
@@ -73,6 +73,8 @@ impl Default for JointSettings {
 /// Estimates joints from labelled points.
 pub(super) struct JointFit<'a> {
     pub(super) lengths: &'a Lengths,
+    /// Where hinges can be.
+    pub(super) hinges: HingeBall,
     /// Depth tolerance, scene units.
     pub(super) tolerance: f64,
     pub(super) settings: &'a JointSettings,
@@ -107,7 +109,7 @@ impl<'a> JointFit<'a> {
     ) -> Self {
         let Scene { lengths, spreading, .. } = scene;
         let opening = front.filter(|_| *spreading).map(|front| front.direction.as_dvec3());
-        Self { lengths, tolerance: scene.tolerance.into(), settings, config, spreading: *spreading, opening, last }
+        Self { lengths, hinges: scene.hinges(), tolerance: scene.tolerance.into(), settings, config, spreading: *spreading, opening, last }
     }
 
     /// Registers the points of one part, `own`, on a general motion, beginning with the estimate so far.
@@ -264,6 +266,9 @@ impl<'a> JointFit<'a> {
             return (JointKind::Prismatic, self.slide(points, free, options));
         }
         let hinge = fit(JointKind::Revolute);
+        if !self.hinges.can_turn(&hinge.motion) {
+            return (JointKind::Prismatic, self.slide(points, free, options));
+        }
         if turn > settings.sure_turn * revolute_deg {
             return (JointKind::Revolute, hinge);
         }
@@ -346,6 +351,7 @@ mod tests {
         let opening = spreading.then_some(DVec3::NEG_Y);
         let fit = JointFit {
             lengths: &lengths,
+            hinges: HingeBall { middle: DVec3::ZERO, radius: 1.6 },
             tolerance: 0.012,
             settings: &settings,
             config: &config,

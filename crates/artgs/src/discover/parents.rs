@@ -319,7 +319,7 @@ mod tests {
     use super::*;
     use crate::discover::DiscoverConfig;
     use crate::discover::joints::JointSettings;
-    use crate::discover::scene::Lengths;
+    use crate::discover::scene::{HingeBall, Lengths};
     use rand::{RngExt, SeedableRng};
 
     /// Sum of the least tree by trying all.
@@ -397,6 +397,7 @@ mod tests {
             (Lengths { spacing: 0.01, diagonal: 1.6 }, JointSettings::default(), DiscoverConfig::default());
         let fit = JointFit {
             lengths: &lengths,
+            hinges: HingeBall { middle: DVec3::ZERO, radius: 1.6 },
             tolerance: 0.012,
             settings: &settings,
             config: &config,

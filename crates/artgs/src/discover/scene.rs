@@ -9,8 +9,8 @@ use super::paired_mean::PairedMean;
 use super::visibility::{DepthLookup, Occupancy, ViewVotes};
 use super::{DiscoverConfig, DiscoverError};
 use artgs_core::capture::may_hold_object;
-use artgs_core::{Camera, DepthMap, PerState, State, View};
-use glam::{DVec2, Vec3};
+use artgs_core::{Camera, DepthMap, PerState, Rigid, State, View};
+use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -21,6 +21,25 @@ pub(crate) struct Lengths {
     pub(crate) spacing: f32,
     /// Diagonal of the object.
     pub(crate) diagonal: f32,
+}
+
+/// The ball around the middle of the object that axes of hinges pass through. Its radius is a diagonal of the object, twice that of the ball around
+/// its box.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HingeBall {
+    /// Scene frame.
+    pub(crate) middle: DVec3,
+    /// Scene units.
+    pub(crate) radius: f64,
+}
+
+impl HingeBall {
+    /// True if a hinge can turn a part so. What turns a little about an axis farther away slides: its turn is an error, or that of several parts
+    /// which slide nearly alike.
+    pub(crate) fn can_turn(&self, motion: &Rigid) -> bool {
+        let screw = motion.screw();
+        screw.angle > 0.0 && (self.middle - screw.origin).cross(screw.axis).length() < self.radius
+    }
 }
 
 /// Bounding box of some points without the outermost 0.1 % along each axis.
@@ -336,6 +355,11 @@ impl Scene {
             .map(|state| CubeVotes::new(&state.views, lower - pad, upper + pad, CUBE * spacing, tolerance));
         let lengths = Lengths { spacing, diagonal };
         Ok(Self { states, lengths, tolerance, noisy, spreading, lower, upper, cubes })
+    }
+
+    /// Where hinges of the object can be.
+    pub(crate) fn hinges(&self) -> HingeBall {
+        HingeBall { middle: (0.5 * (self.lower + self.upper)).as_dvec3(), radius: self.lengths.diagonal.into() }
     }
 
     /// Opposite corners of the box of the object.

@@ -167,9 +167,20 @@ impl Problem<'_> {
 
     /// With one more part that moves so and its first labels.
     pub(super) fn roughly_with(&mut self, now: &Explanation, motion: Rigid) -> Explanation {
-        let with = now.with(motion);
-        let fresh = with.motions.len() as u16;
-        self.grown(&with, &[fresh], Some(fresh))
+        let fresh = now.motions.len() as u16 + 1;
+        let with = self.grown(&now.with(motion), &[fresh], Some(fresh));
+        if self.can_move(&motion, &now.motions) {
+            return with;
+        }
+        let middle = self.middles(&with)[usize::from(fresh)];
+        let slide = Rigid::shift(motion.apply(middle) - middle);
+        self.grown(&now.with(slide), &[fresh], Some(fresh))
+    }
+
+    /// True if a part can move so: it turns about an axis on the object, where it is or where one of the `others` that carries it takes it.
+    pub(super) fn can_move(&self, motion: &Rigid, others: &[Rigid]) -> bool {
+        let hinges = |on: &Rigid| self.scene.hinges().can_turn(&(on.inverse() * *motion));
+        hinges(&Rigid::IDENTITY) || others.iter().any(hinges)
     }
 
     /// The energy and the price of the parts, nats.
