@@ -109,7 +109,16 @@ impl<'a> JointFit<'a> {
     ) -> Self {
         let Scene { lengths, spreading, .. } = scene;
         let opening = front.filter(|_| *spreading).map(|front| front.direction.as_dvec3());
-        Self { lengths, hinges: scene.hinges(), tolerance: scene.tolerance.into(), settings, config, spreading: *spreading, opening, last }
+        Self {
+            lengths,
+            hinges: scene.hinges(),
+            tolerance: scene.tolerance.into(),
+            settings,
+            config,
+            spreading: *spreading,
+            opening,
+            last,
+        }
     }
 
     /// Registers the points of one part, `own`, on a general motion, beginning with the estimate so far.
@@ -372,6 +381,15 @@ mod tests {
         assert_eq!(slide.kind, JointKind::Prismatic);
         let off = slide.motion.translation.angle_between(DVec3::NEG_Y).to_degrees();
         assert!(off < 2.0 && (slide.motion.translation.length() - 0.15).abs() < 0.004, "{:?}", slide.motion);
+    }
+
+    #[test]
+    fn a_small_turn_about_an_axis_far_from_the_object_is_a_slide() {
+        // 3 degrees about an axis that is 4 away.
+        let turned = decided(&Rigid::about(DVec3::Z, DVec3::new(4.0, 0.0, 0.0), 3f64.to_radians()), false);
+        assert_eq!(turned.kind, JointKind::Prismatic);
+        let door = decided(&Rigid::about(DVec3::Z, DVec3::new(0.7, 0.0, 0.0), 3f64.to_radians()), false);
+        assert_eq!(door.kind, JointKind::Revolute);
     }
 
     #[test]

@@ -9,9 +9,8 @@ impl Problem<'_> {
     /// the lowest energy with these labels; then labels cut.
     pub fn fitted(&mut self, explanation: &Explanation, part: usize) -> Explanation {
         let free = self.registered(explanation, part).motion;
-        let others: Vec<Rigid> = (0..explanation.motions.len()).filter(|k| k + 1 != part).map(|k| explanation.motions[k]).collect();
         let mut options = Vec::new();
-        if self.can_move(&free, &others) {
+        if self.can_move(&free, explanation, part) {
             options.push((free, JointKind::Revolute.numbers()));
         }
         let middles = self.middles(explanation);

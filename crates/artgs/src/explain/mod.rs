@@ -7,6 +7,7 @@
 
 mod common;
 mod cost;
+mod division;
 mod energy;
 mod evidence;
 mod fit;

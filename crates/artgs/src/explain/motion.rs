@@ -139,7 +139,7 @@ fn middle_of(clouds: &PerState<IndexedCloud<'_>>, members: &PerState<Vec<usize>>
 
 /// The normal equations with the information `given` about the places of the middle and of three points around it at a tenth of the
 /// diagonal: the given motion takes them there.
-fn with_prior(
+pub(super) fn with_prior(
     mut a: Matrix6<f64>,
     mut b: Vector6<f64>,
     before: &Rigid,

@@ -67,7 +67,7 @@ fn most_promising<T>(mut gains: Vec<(f64, T)>, least: f64, count: usize, same: i
 
 impl Explanation {
     /// With one more part that moves so and has no surfels.
-    fn with(&self, motion: Rigid) -> Self {
+    pub(super) fn with(&self, motion: Rigid) -> Self {
         let mut out = self.clone();
         out.motions.push(motion);
         out.numbers.push(numbers(&motion));
@@ -85,7 +85,7 @@ impl Problem<'_> {
             let costs = self.costs(&best);
             let contexts = self.contexts(&best);
             let additions = self.additions(&best, &costs, &contexts, pool, settings);
-            let next = self.accepted(&best, &additions, settings);
+            let next = self.accepted(&best, &additions, settings).or_else(|| self.divided(&best, settings));
             if let Some(next) = next {
                 best = next;
             } else {
@@ -169,18 +169,25 @@ impl Problem<'_> {
     pub(super) fn roughly_with(&mut self, now: &Explanation, motion: Rigid) -> Explanation {
         let fresh = now.motions.len() as u16 + 1;
         let with = self.grown(&now.with(motion), &[fresh], Some(fresh));
-        if self.can_move(&motion, &now.motions) {
-            return with;
-        }
-        let middle = self.middles(&with)[usize::from(fresh)];
-        let slide = Rigid::shift(motion.apply(middle) - middle);
-        self.grown(&now.with(slide), &[fresh], Some(fresh))
+        let possible = self.possible_motion(&with, usize::from(fresh));
+        if possible == motion { with } else { self.grown(&now.with(possible), &[fresh], Some(fresh)) }
     }
 
-    /// True if a part can move so: it turns about an axis on the object, where it is or where one of the `others` that carries it takes it.
-    pub(super) fn can_move(&self, motion: &Rigid, others: &[Rigid]) -> bool {
-        let hinges = |on: &Rigid| self.scene.hinges().can_turn(&(on.inverse() * *motion));
-        hinges(&Rigid::IDENTITY) || others.iter().any(hinges)
+    /// The motion of part `part` (from 1) if it can move so, else the slide of its middle.
+    pub(super) fn possible_motion(&self, explanation: &Explanation, part: usize) -> Rigid {
+        let motion = explanation.motions[part - 1];
+        if self.can_move(&motion, explanation, part) {
+            return motion;
+        }
+        let middle = self.middles(explanation)[part];
+        Rigid::shift(motion.apply(middle) - middle)
+    }
+
+    /// True if part `part` (from 1) can turn so about an axis on the object, where it is or where another part that carries it takes it.
+    pub(super) fn can_move(&self, motion: &Rigid, explanation: &Explanation, part: usize) -> bool {
+        let turns_on = |carrier: &Rigid| self.scene.hinges().can_turn(&(carrier.inverse() * *motion));
+        let mut others = explanation.motions.iter().enumerate().filter(|(k, _)| k + 1 != part);
+        turns_on(&Rigid::IDENTITY) || others.any(|(_, carrier)| turns_on(carrier))
     }
 
     /// The energy and the price of the parts, nats.

@@ -260,6 +260,56 @@ fn a_region_that_errors_of_poses_took_so_far_is_no_part() {
 }
 
 #[test]
+fn a_part_that_is_two_drawers_which_open_nearly_as_far_is_divided_and_a_drawer_is_not() {
+    let twins = object("twin_drawers", 0).unwrap();
+    let (first, second) = (PerState::new(0.0, 0.20), PerState::new(0.0, 0.19));
+    let twins = twins.with_values(1, first).with_values(2, second);
+    let scene = scene_off_by(&twins, DVec3::ZERO);
+    let surfels = Surfels::new(&scene, &SETTINGS);
+    let mut problem = Problem::new(&scene, &surfels, SETTINGS);
+    let search = SearchSettings::default();
+    let right = true_explanation_of(3, &twins, &problem);
+    let mut one = right.joined(1, 2);
+    one.motions[0] = Rigid::shift(0.5 * (right.motions[0].translation + right.motions[1].translation));
+    let divided = problem.divided(&one, &search).unwrap();
+    assert!(problem.total(&divided, &search) < problem.total(&one, &search));
+    assert_eq!(divided.motions.len(), 2);
+    for motion in &right.motions {
+        let off = divided.motions.iter().map(|m| m.translation.distance(motion.translation));
+        let off = off.fold(f64::INFINITY, f64::min);
+        assert!(off < 0.002, "{off}: {:?}", divided.motions);
+    }
+    let settled = problem.settled(&right, &search);
+    assert!(problem.divided(&settled, &search).is_none());
+}
+
+#[test]
+fn a_turn_about_an_axis_far_from_the_object_is_a_slide() {
+    let (object, scene) = cupboard();
+    let surfels = Surfels::new(&scene, &SETTINGS);
+    let mut problem = Problem::new(&scene, &surfels, SETTINGS);
+    let search = SearchSettings::default();
+    let right = true_explanation(&object, &problem);
+    let slides = |m: &Rigid| m.angle() < 1e-6;
+    let drawer = (1..PARTS).find(|k| slides(&right.motions[k - 1])).unwrap();
+    let middle = problem.middles(&right)[drawer];
+    // It takes the middle of the drawer to the same place.
+    let shift = right.motions[drawer - 1].translation;
+    let far = middle + 8.0 * shift.any_orthonormal_vector();
+    let axis = (middle - far).cross(shift).normalize();
+    let turn = Rigid::about(axis, far, shift.length() / 8.0);
+    assert!(turn.apply(middle).distance(middle + shift) < 0.1 * shift.length());
+    let started = problem.started(&[turn], &search);
+    assert!(started.motions.iter().all(slides), "{:?}", started.motions);
+    let mut turned = right.clone();
+    turned.motions[drawer - 1] = turn;
+    assert!(slides(&problem.fitted(&turned, drawer).motions[drawer - 1]));
+    // The door keeps its hinge.
+    let door = (1..PARTS).find(|k| *k != drawer).unwrap();
+    assert_eq!(problem.possible_motion(&right, door), right.motions[door - 1]);
+}
+
+#[test]
 fn intervals_of_a_cupboard_hold_the_truth_and_are_small() {
     let (object, scene) = cupboard();
     let found = crate::discover::discover(&scene, 2..=2, &DiscoverConfig::default()).unwrap();
