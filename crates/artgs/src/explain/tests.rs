@@ -295,7 +295,7 @@ fn a_turn_about_an_axis_far_from_the_object_is_a_slide() {
     let middle = problem.middles(&right)[drawer];
     // It takes the middle of the drawer to the same place.
     let shift = right.motions[drawer - 1].translation;
-    let far = middle + 8.0 * shift.any_orthonormal_vector();
+    let far = middle + 8.0 * shift.normalize().any_orthonormal_vector();
     let axis = (middle - far).cross(shift).normalize();
     let turn = Rigid::about(axis, far, shift.length() / 8.0);
     assert!(turn.apply(middle).distance(middle + shift) < 0.1 * shift.length());
