@@ -76,7 +76,11 @@ fn judged(folder: &Path, run: Option<RunFolder>, tries: usize) {
     }
     for (k, motion) in right.motions.iter().enumerate() {
         let [rough, fitted] = problem.change_by(found, *motion);
-        println!("  true motion {} added to what was found: {rough:+.0} nats at first, {fitted:+.0} at last", k + 1);
+        let with_surfels = problem.change_by_part(found, right, k + 1);
+        println!(
+            "  true motion {} added to what was found: {rough:+.0} nats at first, {fitted:+.0} at last, {with_surfels:+.0} with its true surfels",
+            k + 1
+        );
     }
     judgement.added.iter().for_each(|(name, saved)| println!("  the adversary added {name}: {saved:.0} nats"));
 }

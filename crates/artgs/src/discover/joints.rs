@@ -275,7 +275,7 @@ impl<'a> JointFit<'a> {
             return (JointKind::Prismatic, self.slide(points, free, options));
         }
         let hinge = fit(JointKind::Revolute);
-        if !self.hinges.can_turn(&hinge.motion) {
+        if !self.hinges.can_move(&hinge.motion) {
             return (JointKind::Prismatic, self.slide(points, free, options));
         }
         if turn > settings.sure_turn * revolute_deg {

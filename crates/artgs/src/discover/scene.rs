@@ -34,11 +34,11 @@ pub(crate) struct HingeBall {
 }
 
 impl HingeBall {
-    /// True if a hinge can turn a part so. What turns a little about an axis farther away slides: its turn is an error, or that of several parts
-    /// which slide nearly alike.
-    pub(crate) fn can_turn(&self, motion: &Rigid) -> bool {
+    /// True if a slide or a hinge can move a part so. What turns a little about an axis farther away slides: its turn is an error, or that of several
+    /// parts which slide nearly alike.
+    pub(crate) fn can_move(&self, motion: &Rigid) -> bool {
         let screw = motion.screw();
-        screw.angle > 0.0 && (self.middle - screw.origin).cross(screw.axis).length() < self.radius
+        screw.angle == 0.0 || (self.middle - screw.origin).cross(screw.axis).length() < self.radius
     }
 }
 

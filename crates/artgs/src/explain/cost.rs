@@ -158,7 +158,8 @@ pub(super) fn cost(
     }
     let full = capped(prices.hidden, settings.most);
     let least = match seen.hidden {
-        // At first a part takes only what is seen of it.
+        // At first a part takes only what is seen of it, or of its other face.
+        0 if context.fresh == Some(part) && seen.backed => settings.hidden,
         _ if context.fresh == Some(part) => full,
         0 if seen.is_hidden_by(|o| context.others[o] == part) => settings.hidden,
         0 => settings.unseen,

@@ -1,6 +1,7 @@
 //! The motion of one part: as it is, free, or of fewer numbers, whichever the energy prefers.
 
 use super::energy::{Explanation, Problem};
+use super::search::is_slide;
 use artgs_core::{JointKind, Rigid, State};
 use glam::DVec3;
 
@@ -40,7 +41,7 @@ impl Problem<'_> {
         let mut out: Vec<DVec3> = Vec::new();
         for (k, m) in explanation.motions.iter().enumerate() {
             let length = m.translation.length();
-            if k + 1 == but || m.angle() > 0.01 || length < 1e-6 {
+            if k + 1 == but || !is_slide(m) || length < 1e-6 {
                 continue;
             }
             let d = m.translation / length;

@@ -35,14 +35,33 @@ impl Problem<'_> {
     }
 
     /// Nats by which one more part that moves so changes the total of an explanation, as the search would add it: with its first labels, and
-    /// with its motion fitted, all labels cut, and parts removed that no longer pay.
+    /// with its motion fitted, all labels cut, and parts removed that no longer pay. Of both first labels the lower ones.
     pub fn change_by(&mut self, explanation: &Explanation, motion: Rigid) -> [f64; 2] {
         let search = SearchSettings::default();
         let now = self.total(explanation, &search);
-        let rough = self.roughly_with(explanation, motion);
-        let fitted = self.fitted(&rough, rough.motions.len());
-        let fewer = self.without_surplus_parts(&fitted, &search);
-        [self.total(&rough, &search) - now, self.total(&fewer, &search) - now]
+        let changes = [0.0, search.yielded].map(|yielded| {
+            let rough = self.roughly_with(explanation, motion, yielded);
+            let fitted = self.fitted(&rough, rough.motions.len());
+            let fewer = self.without_surplus_parts(&fitted, &search);
+            [self.total(&rough, &search) - now, self.total(&fewer, &search) - now]
+        });
+        let [first, other] = changes;
+        if first[1] <= other[1] { first } else { other }
+    }
+
+    /// Nats by which part `part` (from 1) of another explanation changes the total with all the surfels that it has there, once labels are cut
+    /// and parts removed that no longer pay. Where this lowers the total and [`Self::change_by`] does not, the first labels are at fault.
+    pub fn change_by_part(&mut self, explanation: &Explanation, other: &Explanation, part: usize) -> f64 {
+        let search = SearchSettings::default();
+        let mut with = explanation.with(other.motions[part - 1]);
+        let new = with.motions.len() as u16;
+        for s in State::ALL {
+            let theirs = other.labels[s].iter().map(|l| usize::from(*l));
+            with.labels[s].iter_mut().zip(theirs).filter(|(_, l)| *l == part).for_each(|(own, _)| *own = new);
+        }
+        let cut = self.relabelled(&with);
+        let fewer = self.without_surplus_parts(&cut, &search);
+        self.total(&fewer, &search) - self.total(explanation, &search)
     }
 
     /// Adds the distracting motion that lowers the total most, as long as one does; after each, parts that no longer pay go.

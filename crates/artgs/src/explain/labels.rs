@@ -49,18 +49,20 @@ impl Problem<'_> {
         best.explanation
     }
 
-    /// The same motions with the parts `grown` grown once in each state, as if the cost of a surfel did not depend on other labels; `fresh` is one
-    /// of them that has no surfels yet.
-    pub(super) fn grown(&mut self, explanation: &Explanation, grown: &[u16], fresh: Option<u16>) -> Explanation {
+    /// The same motions with the parts `grown` grown once in each state, as if the cost of a surfel did not depend on other labels. A `fresh` one of
+    /// them has no surfels yet, and takes those of other moving parts although it explains them worse by so many nats each.
+    pub(super) fn grown(&mut self, explanation: &Explanation, grown: &[u16], fresh: Option<(u16, f32)>) -> Explanation {
         let evidence = self.all(&explanation.motions);
         let parts = evidence.len();
         let mut out = explanation.clone();
         for s in State::ALL {
             let mut context = self.context(&out, &evidence, s);
-            context.fresh = fresh;
-            let of = |i: usize, k: usize| self.weights[s][i] * self.cost(&evidence, &context, s, i, k as u16).nats();
-            let surfels = 0..out.labels[s].len();
-            let data: Vec<f32> = surfels.flat_map(|i| (0..parts).map(move |k| (i, k))).map(|(i, k)| of(i, k)).collect();
+            context.fresh = fresh.map(|f| f.0);
+            let labels = &out.labels[s];
+            let yielded = |i: usize, k: u16| fresh.filter(|f| f.0 == k && labels[i] > 0).map_or(0.0, |f| f.1);
+            let nats = |i: usize, k: u16| self.cost(&evidence, &context, s, i, k).nats() - yielded(i, k);
+            let pairs = (0..labels.len()).flat_map(|i| (0..parts as u16).map(move |k| (i, k)));
+            let data: Vec<f32> = pairs.map(|(i, k)| self.weights[s][i] * nats(i, k)).collect();
             expand_only(grown, &data, parts, &self.edges[s], self.settings.border, &mut out.labels[s], 1);
         }
         out

@@ -2,7 +2,7 @@
 
 use super::cost::Context;
 use super::energy::{Explanation, Problem};
-use super::search::SearchSettings;
+use super::search::{SearchSettings, is_slide};
 use crate::discover::cloud::{IndexedCloud, components, principal_axes};
 use crate::discover::registration::{Matching, RegistrationOptions, register};
 use artgs_core::{PerState, Rigid, State};
@@ -10,7 +10,8 @@ use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
 impl Problem<'_> {
-    /// Slides in the directions of the parts, of the lengths that explain most of the unhappy surfels.
+    /// Slides in the directions of the parts, and along the axes of parts that turn, which take them along, of the lengths that explain most of the
+    /// unhappy surfels.
     pub(super) fn slides(
         &self,
         now: &Explanation,
@@ -27,19 +28,21 @@ impl Problem<'_> {
         const ASKED: usize = 400;
         let asked = unhappy.as_ref().map(|u| u.iter().copied().step_by(u.len().div_ceil(ASKED).max(1)).collect());
         let step = STEP * f64::from(self.diagonal());
-        let scan = |direction: DVec3, middle: f64, step: f64, steps: i32| {
+        let scan = |turn: &Rigid, direction: DVec3, middle: f64, step: f64, steps: i32| {
             let lengths: Vec<f64> = (-steps..=steps).map(|i| middle + f64::from(i) * step).collect();
-            let gain = |length: &f64| self.gain(costs, &asked, contexts, &Rigid::shift(direction * *length));
+            let gain = |length: &f64| self.gain(costs, &asked, contexts, &(Rigid::shift(direction * *length) * *turn));
             let gains: Vec<f64> = lengths.par_iter().map(gain).collect();
             (lengths, gains)
         };
         let mut out = Vec::new();
-        for direction in self.directions(now, 0) {
-            let (lengths, gains) = scan(direction, 0.0, step, (LONGEST / STEP) as i32);
+        let alone = self.directions(now, 0).into_iter().map(|direction| (Rigid::IDENTITY, direction));
+        let turns = now.motions.iter().filter(|m| !is_slide(m)).map(|m| (*m, m.screw().axis));
+        for (turn, direction) in alone.chain(turns) {
+            let (lengths, gains) = scan(&turn, direction, 0.0, step, (LONGEST / STEP) as i32);
             for p in peaks(&gains).into_iter().take(settings.tried) {
-                let (lengths, gains) = scan(direction, lengths[p], step / FINER, FINER as i32);
+                let (lengths, gains) = scan(&turn, direction, lengths[p], step / FINER, FINER as i32);
                 let best = (0..lengths.len()).max_by(|a, b| gains[*a].total_cmp(&gains[*b]));
-                out.extend(best.map(|b| Rigid::shift(direction * lengths[b])));
+                out.extend(best.map(|b| Rigid::shift(direction * lengths[b]) * turn));
             }
         }
         out

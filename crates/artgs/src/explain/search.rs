@@ -22,6 +22,9 @@ pub struct SearchSettings {
     pub groups: usize,
     /// Another part is fitted if the total is at most so many nats higher before. Raising it tries more.
     pub rough: f64,
+    /// Nats of a surfel of another moving part that a new part takes although it explains it worse by as many. Raising it replaces parts more
+    /// readily.
+    pub yielded: f32,
     /// Nats by which an explanation must be better than one with as many parts. Raising it keeps what was found first.
     pub better: f64,
     /// Motions that take all surfels of a part to places this close are the same, fractions of the diagonal.
@@ -38,15 +41,21 @@ impl Default for SearchSettings {
             least_group: 12,
             groups: 8,
             rough: 60.0,
+            yielded: 1.0,
             better: 3.0,
             same: 0.002,
         }
     }
 }
 
-/// Numbers that a motion needs: what hardly turns is a slide.
+/// True if a motion hardly turns.
+pub(super) fn is_slide(motion: &Rigid) -> bool {
+    motion.angle() < 0.01
+}
+
+/// Numbers that a motion needs.
 fn numbers(motion: &Rigid) -> u8 {
-    let kind = if motion.angle() < 0.01 { JointKind::Prismatic } else { JointKind::Revolute };
+    let kind = if is_slide(motion) { JointKind::Prismatic } else { JointKind::Revolute };
     kind.numbers()
 }
 
@@ -105,7 +114,7 @@ impl Problem<'_> {
     pub fn started(&mut self, motions: &[Rigid], settings: &SearchSettings) -> Explanation {
         let mut out = Explanation::without_parts(self.surfels());
         for motion in motions {
-            out = self.roughly_with(&out, *motion);
+            out = self.roughly_with(&out, *motion, 0.0);
         }
         self.settled(&out, settings)
     }
@@ -145,8 +154,11 @@ impl Problem<'_> {
         // Before the motion is fitted and all labels are cut.
         let mut roughly: Vec<(f64, Explanation)> = Vec::new();
         for motion in motions {
-            let with = self.roughly_with(now, *motion);
-            roughly.push((self.total(&with, settings), with));
+            // A right motion may have to replace a wrong one that explains the same surfels nearly as well.
+            for yielded in [0.0, settings.yielded] {
+                let with = self.roughly_with(now, *motion, yielded);
+                roughly.push((self.total(&with, settings), with));
+            }
         }
         roughly.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (_, with) in roughly.into_iter().take_while(|r| r.0 < least + settings.rough) {
@@ -165,12 +177,14 @@ impl Problem<'_> {
         None
     }
 
-    /// With one more part that moves so and its first labels.
-    pub(super) fn roughly_with(&mut self, now: &Explanation, motion: Rigid) -> Explanation {
-        let fresh = now.motions.len() as u16 + 1;
-        let with = self.grown(&now.with(motion), &[fresh], Some(fresh));
-        let possible = self.possible_motion(&with, usize::from(fresh));
-        if possible == motion { with } else { self.grown(&now.with(possible), &[fresh], Some(fresh)) }
+    /// With one more part that moves so and its first labels, for which it takes surfels of other moving parts also if it explains them worse by
+    /// `yielded` nats each.
+    pub(super) fn roughly_with(&mut self, now: &Explanation, motion: Rigid, yielded: f32) -> Explanation {
+        let part = now.motions.len() as u16 + 1;
+        let fresh = Some((part, yielded));
+        let with = self.grown(&now.with(motion), &[part], fresh);
+        let possible = self.possible_motion(&with, usize::from(part));
+        if possible == motion { with } else { self.grown(&now.with(possible), &[part], fresh) }
     }
 
     /// The motion of part `part` (from 1) if it can move so, else the slide of its middle.
@@ -185,7 +199,7 @@ impl Problem<'_> {
 
     /// True if part `part` (from 1) can turn so about an axis on the object, where it is or where another part that carries it takes it.
     pub(super) fn can_move(&self, motion: &Rigid, explanation: &Explanation, part: usize) -> bool {
-        let turns_on = |carrier: &Rigid| self.scene.hinges().can_turn(&(carrier.inverse() * *motion));
+        let turns_on = |carrier: &Rigid| self.scene.hinges().can_move(&(carrier.inverse() * *motion));
         let mut others = explanation.motions.iter().enumerate().filter(|(k, _)| k + 1 != part);
         turns_on(&Rigid::IDENTITY) || others.any(|(_, carrier)| turns_on(carrier))
     }
@@ -222,7 +236,7 @@ impl Problem<'_> {
 
     /// With one more part that moves so, and the labels that it takes.
     pub(super) fn with_part(&mut self, now: &Explanation, motion: Rigid) -> Explanation {
-        let with = self.roughly_with(now, motion);
+        let with = self.roughly_with(now, motion, 0.0);
         self.relabelled(&with)
     }
 

@@ -157,6 +157,42 @@ fn a_face_that_a_state_hides_is_founded_behind_the_other_face_of_its_part() {
 }
 
 #[test]
+fn the_first_labels_of_a_lid_have_the_face_that_one_state_hides() {
+    let closed = PerState::new(4f64.to_radians(), 95f64.to_radians());
+    let laptop = object("laptop", 0).unwrap().with_values(1, closed);
+    let scene = scene_off_by(&laptop, DVec3::ZERO);
+    let surfels = Surfels::new(&scene, &SETTINGS);
+    let mut problem = Problem::new(&scene, &surfels, SETTINGS);
+    let right = true_explanation_of(2, &laptop, &problem);
+    let first = problem.roughly_with(&without_parts(&right), right.motions[0], 0.0);
+    let seen = problem.evidence(&right.motions[0]);
+    let screen =
+        (0..seen[State::END].len()).filter(|&i| right.labels[State::END][i] == 1 && seen[State::END][i].backed);
+    let taken = screen.clone().filter(|&i| first.labels[State::END][i] == 1).count();
+    assert!(10 * taken > 9 * screen.count(), "{taken}");
+}
+
+#[test]
+fn a_new_part_replaces_a_moving_part_that_explains_as_much_and_takes_nothing_from_what_rests() {
+    let (object, scene) = cupboard();
+    let surfels = Surfels::new(&scene, &SETTINGS);
+    let mut problem = Problem::new(&scene, &surfels, SETTINGS);
+    let right = true_explanation(&object, &problem);
+    let right = problem.relabelled(&right);
+    let taken_from = |with: &Explanation, part: u16| {
+        let labels = right.labels.iter().flatten().zip(with.labels.iter().flatten());
+        let own = labels.filter(|(was, _)| **was == part).map(|(_, now)| usize::from(usize::from(*now) == PARTS));
+        own.clone().sum::<usize>() as f64 / own.count() as f64
+    };
+    let kept = problem.roughly_with(&right, right.motions[0], 0.0);
+    let replaced = problem.roughly_with(&right, right.motions[0], SearchSettings::default().yielded);
+    assert!(taken_from(&kept, 1) < 0.1 && taken_from(&replaced, 1) > 0.9);
+    for other in [0, 2] {
+        assert!(taken_from(&replaced, other) < 0.02, "{other}: {}", taken_from(&replaced, other));
+    }
+}
+
+#[test]
 fn labels_follow_from_the_motions_and_never_raise_the_energy() {
     let (object, scene) = cupboard();
     let surfels = Surfels::new(&scene, &SETTINGS);
